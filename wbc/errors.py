@@ -1,0 +1,115 @@
+"""Every exception this library raises on purpose, under one base class.
+
+Errors are raised while something is *built* (a QP, a model, a stack, a controller); a tick
+answers with a :class:`~wbc.types.Status` instead. Each message says what was wrong, where,
+and what is possible.
+
+Example:
+    >>> from wbc.errors import UnknownFrame
+    >>> print(UnknownFrame("left_foot", ["left_sole", "right_sole", "torso"]))
+    there is no frame 'left_foot'; did you mean 'left_sole'?
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class WbcError(Exception):
+    """Base class: catch this to catch everything the library refuses."""
+
+
+class InvalidInput(WbcError, ValueError):
+    """An argument has a wrong shape, value or sign; the message names it."""
+
+
+class InvalidProblem(InvalidInput):
+    """A quadratic program that no solver may see: NaN, crossed bounds, asymmetric cost, wrong shapes."""
+
+
+class NotSupported(WbcError):
+    """A combination that has no meaning, such as torque limits at the velocity level."""
+
+
+class NoClosedForm(NotSupported):
+    """The method has no closed form with these options; use ``solve``."""
+
+
+class SolverMissing(WbcError):
+    """A known solver whose package is not installed."""
+
+    def __init__(self, name: str, package: str) -> None:
+        self.name = name
+        self.package = package
+        super().__init__(f"solver {name!r} is not installed; pip install {package}")
+
+
+class ModelError(WbcError):
+    """A robot description that cannot be read, or that is not a robot."""
+
+
+class PathRefused(ModelError):
+    """A file outside the folders a model may read."""
+
+
+class SimulationError(WbcError):
+    """The physics and the model disagree, or the physics diverged."""
+
+
+class UnknownName(WbcError, LookupError):
+    """A name that does not exist, with the names that are near it."""
+
+    kind = "name"
+
+    def __init__(self, name: object, available: Iterable[str], hint: str = "") -> None:
+        self.name = name
+        self.available = sorted(set(available))
+        self.near = near_names(name, self.available)
+        super().__init__(self._sentence() + (f"; {hint}" if hint else ""))
+
+    def _sentence(self) -> str:
+        if self.near:
+            return f"there is no {self.kind} {self.name!r}; did you mean {_either(self.near)}?"
+        shown = ", ".join(self.available[:12]) + (", …" if len(self.available) > 12 else "")
+        return f"there is no {self.kind} {self.name!r}; there are: {shown or 'none'}"
+
+
+class UnknownFrame(UnknownName):
+    """No such frame in the model."""
+
+    kind = "frame"
+
+
+class UnknownJoint(UnknownName):
+    """No such joint in the model."""
+
+    kind = "joint"
+
+
+class UnknownRobot(UnknownName):
+    """No such robot, and no such file."""
+
+    kind = "robot"
+
+
+class UnknownSolver(UnknownName):
+    """No such QP solver."""
+
+    kind = "solver"
+
+
+class UnknownScenario(UnknownName):
+    """No such scenario."""
+
+    kind = "scenario"
+
+
+def near_names(name: object, names: Iterable[str]) -> list[str]:
+    """At most three of ``names`` that look like ``name``, best first."""
+    return difflib.get_close_matches(str(name), list(names), n=3, cutoff=0.55)
+
+
+def _either(names: list[str]) -> str:
+    quoted = [repr(n) for n in names]
+    return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]

@@ -1,0 +1,259 @@
+"""A quadratic program whose rows have owners, labels and units."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidProblem
+from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    import qpsolvers
+
+
+class Row(NamedTuple):
+    """Who a row belongs to, what it says, and the unit of its bounds."""
+
+    owner: str
+    label: str = ""
+    unit: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.owner}: {self.label}" if self.label else self.owner
+
+
+class Shape(NamedTuple):
+    """Sizes of a QP: variables, equality rows, two-sided rows."""
+
+    n: int
+    n_eq: int
+    n_in: int
+
+
+@dataclass(frozen=True, eq=False)
+class QP:
+    """minimise ½ xᵀHx + gᵀx  subject to  A x = b,  cl ≤ C x ≤ cu,  lb ≤ x ≤ ub.
+
+    Shapes: H (n, n) symmetric, g (n,), A (n_eq, n), C (n_in, n). Bounds may be ±inf and stay
+    bounds. ``rows`` names the equality rows, then the two-sided rows, then the variables.
+    All rows live in one block of memory, ``matrix`` = [A; C] with ``lower`` and ``upper`` =
+    [b, cl | cu]; ``A``, ``b``, ``C``, ``cl``, ``cu`` are views into it.
+
+    Raises:
+        InvalidProblem: wrong shapes, NaN, lb > ub or cl > cu, asymmetric H.
+
+    Example:
+        >>> import wbc
+        >>> qp = wbc.QP([[2.0]], [-2.0], lb=[-0.5], ub=[0.5])
+        >>> wbc.solve(qp).x
+        array([0.5])
+    """
+
+    H: Mat
+    g: Vec
+    matrix: Mat
+    lower: Vec
+    upper: Vec
+    lb: Vec
+    ub: Vec
+    n_eq: int
+    rows: tuple[Row, ...]
+
+    def __init__(
+        self,
+        H: Any,
+        g: Any,
+        *,
+        A: Any = None,
+        b: Any = None,
+        C: Any = None,
+        cl: Any = None,
+        cu: Any = None,
+        lb: Any = None,
+        ub: Any = None,
+        rows: Sequence[Row | tuple[str, str, str]] | None = None,
+    ) -> None:
+        bad = InvalidProblem
+        g = checks.array("g", g, (None,), error=bad)
+        n = g.size
+        H = checks.array("H", H, (n, n), error=bad)
+        if (A is None) != (b is None):
+            raise bad("A and b come together: one of them is missing")
+        if C is None and (cl is not None or cu is not None):
+            raise bad("cl and cu are bounds on C x: C is missing")
+        A = np.zeros((0, n)) if A is None else checks.array("A", A, (None, n), error=bad)
+        b = np.zeros(0) if b is None else checks.array("b", b, (len(A),), error=bad)
+        C = np.zeros((0, n)) if C is None else checks.array("C", C, (None, n), error=bad)
+        side = {"cl": (cl, len(C), -np.inf), "cu": (cu, len(C), np.inf), "lb": (lb, n, -np.inf), "ub": (ub, n, np.inf)}
+        sides = {
+            name: np.full(size, none) if value is None else checks.array(name, value, (size,), finite=False, error=bad)
+            for name, (value, size, none) in side.items()
+        }
+        self._set(
+            H=H, g=g, matrix=np.vstack([A, C]),
+            lower=np.concatenate([b, sides["cl"]]), upper=np.concatenate([b, sides["cu"]]),
+            lb=sides["lb"], ub=sides["ub"], n_eq=len(A), rows=_named(rows, n, len(A), len(C)),
+        )  # fmt: skip
+        self.check()
+
+    def _set(self, **fields: Any) -> None:
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def empty(cls, shape: Shape, rows: Sequence[Row] | None = None) -> QP:
+        """Memory for a QP of this shape, NaN where something has still to be written."""
+        n, n_eq, n_in = shape
+        nan, m = np.nan, n_eq + n_in
+        qp = object.__new__(cls)
+        qp._set(
+            H=np.full((n, n), nan), g=np.full(n, nan), matrix=np.full((m, n), nan),
+            lower=np.full(m, nan), upper=np.full(m, nan), lb=np.full(n, -np.inf), ub=np.full(n, np.inf),
+            n_eq=n_eq, rows=_named(rows, n, n_eq, n_in),
+        )  # fmt: skip
+        return qp
+
+    # ---- views
+    @property
+    def n(self) -> int:
+        """Number of variables."""
+        return self.g.size
+
+    @property
+    def shape(self) -> Shape:
+        """Sizes (n, n_eq, n_in)."""
+        return Shape(self.g.size, self.n_eq, len(self.lower) - self.n_eq)
+
+    @property
+    def A(self) -> Mat:
+        """Equality rows (n_eq, n)."""
+        return self.matrix[: self.n_eq]
+
+    @property
+    def b(self) -> Vec:
+        """Right side of the equality rows (n_eq,)."""
+        return self.upper[: self.n_eq]
+
+    @property
+    def C(self) -> Mat:
+        """Two-sided rows (n_in, n)."""
+        return self.matrix[self.n_eq :]
+
+    @property
+    def cl(self) -> Vec:
+        """Lower side of the two-sided rows (n_in,)."""
+        return self.lower[self.n_eq :]
+
+    @property
+    def cu(self) -> Vec:
+        """Upper side of the two-sided rows (n_in,)."""
+        return self.upper[self.n_eq :]
+
+    def cost(self, x: Vec) -> float:
+        """½ xᵀHx + gᵀx."""
+        return float(0.5 * x @ (self.H @ x) + self.g @ x)
+
+    # ---- the gate every solver stands behind
+    def check(self) -> None:
+        """Refuse what no back end may see.
+
+        Raises:
+            InvalidProblem: NaN or inf in H, g, A, b or C; NaN in a bound; crossed bounds; H not symmetric.
+        """
+        if not (np.isfinite(self.H.sum() + self.g.sum() + self.matrix.sum())):
+            self._find_non_finite()
+        if not (self.lower <= self.upper).all():
+            self._refuse_bounds(self.lower, self.upper, self.rows)
+        if not (self.lb <= self.ub).all():
+            self._refuse_bounds(self.lb, self.ub, self.rows[len(self.lower) :])
+        if (self.upper == -np.inf).any() or (self.lower == np.inf).any():
+            raise InvalidProblem("a row has an upper side of -inf or a lower side of +inf: nothing can satisfy it")
+        if (self.ub == -np.inf).any() or (self.lb == np.inf).any():
+            raise InvalidProblem("a variable has an upper bound of -inf or a lower bound of +inf")
+        if not np.isfinite(self.b).all():
+            raise InvalidProblem(f"b[{int(np.argmin(np.isfinite(self.b)))}] is not finite")
+        asymmetry = np.abs(self.H - self.H.T)
+        if asymmetry.size and asymmetry.max() > 1e-9 * (1.0 + np.abs(self.H).max()):
+            i, j = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
+            raise InvalidProblem(
+                f"H is not symmetric: H[{i}, {j}] = {self.H[i, j]:g}, H[{j}, {i}] = {self.H[j, i]:g}"
+            )
+
+    def _find_non_finite(self) -> None:
+        for name, value in (("H", self.H), ("g", self.g), ("A", self.A), ("C", self.C)):
+            checks.array(name, value, value.shape, error=InvalidProblem)
+
+    @staticmethod
+    def _refuse_bounds(lower: Vec, upper: Vec, rows: Sequence[Row]) -> None:
+        i = int(np.argmin(lower <= upper))
+        low, high, row = lower[i], upper[i], rows[i]
+        if np.isnan(low) or np.isnan(high):
+            raise InvalidProblem(f"a bound of row {row} is NaN: [{low}, {high}]")
+        raise InvalidProblem(f"the bounds of row {row} are crossed: {low:g} > {high:g} {row.unit}".rstrip())
+
+    # ---- files and other libraries
+    def save(self, path: str | Path) -> None:
+        """Write an .npz that :meth:`load` reads back to the same bits (no pickle)."""
+        names = json.dumps([list(r) for r in self.rows])
+        with open(path, "wb") as file:
+            np.savez(file, H=self.H, g=self.g, A=self.A, b=self.b, C=self.C, cl=self.cl, cu=self.cu,
+                     lb=self.lb, ub=self.ub, rows=np.array(names))  # fmt: skip
+
+    @classmethod
+    def load(cls, path: str | Path) -> QP:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            InvalidProblem: not such a file.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                data = {k: file[k] for k in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")}
+                rows = [Row(*r) for r in json.loads(str(file["rows"]))]
+        except (OSError, KeyError, ValueError, TypeError) as cause:
+            raise InvalidProblem(f"{path} is not a QP saved by this library: {cause}") from cause
+        return cls(data.pop("H"), data.pop("g"), rows=rows, **data)
+
+    def to_qpsolvers(self) -> qpsolvers.Problem:
+        """The same problem for the qpsolvers package: G x ≤ h holds each finite side as one row."""
+        import qpsolvers
+
+        up, low = np.isfinite(self.cu), np.isfinite(self.cl)
+        G = np.vstack([self.C[up], -self.C[low]])
+        h = np.concatenate([self.cu[up], -self.cl[low]])
+        bounded = np.isfinite(self.lb).any(), np.isfinite(self.ub).any()
+        return qpsolvers.Problem(
+            self.H.copy(), self.g.copy(),
+            G if len(h) else None, h if len(h) else None,
+            self.A.copy() if self.n_eq else None, self.b.copy() if self.n_eq else None,
+            self.lb.copy() if bounded[0] else None, self.ub.copy() if bounded[1] else None,
+        )  # fmt: skip
+
+    @classmethod
+    def from_qpsolvers(cls, problem: qpsolvers.Problem) -> QP:
+        """The same problem in our form; sparse matrices become dense."""
+        P, q, G, h, A, b, lb, ub = problem.unpack()
+
+        def dense(matrix: Any) -> Any:
+            return matrix.toarray() if hasattr(matrix, "toarray") else matrix
+
+        return cls(dense(P), q, A=dense(A), b=b, C=dense(G), cu=h, lb=lb, ub=ub)
+
+
+def _named(rows: Sequence[Row | tuple[str, str, str]] | None, n: int, n_eq: int, n_in: int) -> tuple[Row, ...]:
+    """Names of all rows and variables; short lists are completed with A[i], C[i], x[i]."""
+    default = [Row(f"A[{i}]") for i in range(n_eq)] + [Row(f"C[{i}]") for i in range(n_in)]
+    default += [Row(f"x[{i}]") for i in range(n)]
+    if rows is None:
+        return tuple(default)
+    given = [Row(*r) for r in rows]
+    if len(given) not in (n_eq + n_in, n_eq + n_in + n):
+        raise InvalidProblem(f"rows must name {n_eq + n_in} rows (or those and {n} variables), not {len(given)}")
+    return tuple(given + default[len(given) :])

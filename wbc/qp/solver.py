@@ -1,0 +1,140 @@
+"""Solver: frozen settings. Session: workspace and warm start. Solution: the answer and its certificate."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from time import perf_counter
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from wbc.errors import SolverMissing
+from wbc.qp.certificate import Certificate, certificate
+from wbc.qp.problem import QP, Shape
+from wbc.types import Status, Vec
+
+
+@final
+@dataclass(slots=True)
+class Answer:
+    """What a back end returns: its own word, before anything is checked."""
+
+    status: Status
+    x: Vec
+    y: Vec
+    z: Vec
+    z_box: Vec
+    iterations: int = 0
+    build_time: float = 0.0
+
+    @classmethod
+    def none(cls, shape: Shape, status: Status, iterations: int = 0) -> Answer:
+        """No answer: NaN everywhere."""
+        n, n_eq, n_in = shape
+        return cls(status, *(np.full(size, np.nan) for size in (n, n_eq, n_in, n)), iterations)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The answer to a QP: status, x (n,), multipliers y (n_eq,), z (n_in,), z_box (n,).
+
+    ``status`` is SOLVED only when our own certificate holds. Times are in seconds: ``build_time``
+    is spent on turning the QP into the back end's form, ``solve_time`` in the back end.
+    Arrays are NaN where there is no answer.
+
+    Example:
+        >>> import wbc
+        >>> answer = wbc.solve(wbc.QP([[1.0]], [-1.0]))
+        >>> answer.status.name, answer.certificate.ok
+        ('SOLVED', True)
+    """
+
+    status: Status
+    x: Vec
+    y: Vec
+    z: Vec
+    z_box: Vec
+    certificate: Certificate
+    iterations: int = 0
+    build_time: float = 0.0
+    solve_time: float = 0.0
+    solver: str = ""
+
+
+class Session(ABC):
+    """Memory of one solver for QPs of one shape: workspace and warm start."""
+
+    def __init__(self, solver: Solver, shape: Shape) -> None:
+        self.solver = solver
+        self.shape = shape
+
+    @abstractmethod
+    def _solve(self, qp: QP) -> Answer:
+        """Hand the problem to the back end. The problem has been checked; the answer will be."""
+
+    def reset(self) -> None:
+        """Forget the warm start."""
+
+    @final
+    def solve(self, qp: QP) -> Solution:
+        """Check the problem, solve it, check the answer.
+
+        Raises:
+            InvalidProblem: what :meth:`QP.check` refuses, or another shape than the session's.
+        """
+        if qp.shape != self.shape:
+            from wbc.errors import InvalidProblem
+
+            raise InvalidProblem(f"this session was opened for {self.shape}, not {qp.shape}")
+        qp.check()
+        start = perf_counter()
+        answer = self._solve(qp)
+        elapsed = perf_counter() - start
+        proof = certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
+        status = answer.status
+        if status.ok and not proof.within(self.solver.tolerance):
+            status = Status.INACCURATE
+        return Solution(
+            status, answer.x, answer.y, answer.z, answer.z_box, proof, answer.iterations,
+            answer.build_time, elapsed - answer.build_time, self.solver.name,
+        )  # fmt: skip
+
+
+class Solver(ABC):
+    """Frozen settings of a QP solver; ``open(shape)`` gives a session with memory.
+
+    ``requires`` names the modules it needs (looked up, not imported), ``package`` what to
+    install, ``tolerance`` the certificate it must reach, and ``offline`` is true for a solver that
+    cannot keep limits to 1e-6 at 1 kHz and so is refused by a controller.
+    """
+
+    name: ClassVar[str]
+    requires: ClassVar[tuple[str, ...]] = ()
+    package: ClassVar[str] = ""
+    tolerance: ClassVar[float] = 1e-6
+    offline: ClassVar[bool] = False
+
+    @abstractmethod
+    def open(self, shape: Shape) -> Session:
+        """A session for QPs of this shape.
+
+        Raises:
+            SolverMissing: the back end is not installed.
+        """
+
+    @classmethod
+    def available(cls) -> bool:
+        """Whether the back end is installed; nothing is imported to find out."""
+        return all(find_spec(module) is not None for module in cls.requires)
+
+    def require(self) -> None:
+        """Raise :class:`SolverMissing` unless the back end is installed."""
+        if not self.available():
+            raise SolverMissing(self.name, self.package)
+
+    def solve(self, qp: QP) -> Solution:
+        """Solve one QP in a fresh session."""
+        return self.open(qp.shape).solve(qp)

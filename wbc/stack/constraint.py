@@ -1,0 +1,124 @@
+"""Constraint: a law. It holds above every weight and every level of the stack.
+
+Four kinds, told apart by what they are written about:
+
+* :class:`JointInterval`     bounds on each joint's position, velocity, acceleration or torque; the plan composes them
+                             into one interval per joint that is never empty
+* :class:`Barrier`           h(q) >= 0, kept by a control barrier function at every level
+* :class:`LinearConstraint`  lo <= A y <= hi on velocities, accelerations, torques or one contact's wrench
+* ``task.exactly()``         any kinematic task as an equality (:class:`~wbc.stack.task.Exactly`)
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Literal
+
+from wbc import checks
+from wbc.models.model import RobotModel, RobotState
+from wbc.types import Mat, Vec
+
+Quantity = Literal["position", "velocity", "acceleration", "torque"]
+
+
+class Constraint(ABC):
+    """A law with a name. ``subject`` (a frame, a contact) makes the default name."""
+
+    subject: str = ""
+    _name: str | None = None
+
+    def __init__(self, *, name: str | None = None) -> None:
+        self._name = name
+
+    @property
+    def name(self) -> str:
+        """Given, or the class and its subject."""
+        if self._name:
+            return self._name
+        return f"{type(self).__name__}[{self.subject}]" if self.subject else type(self).__name__
+
+    def prepare(self, model: RobotModel) -> None:
+        """Called once when a stack is compiled: check arguments against the model and fix sizes."""
+
+    def __repr__(self) -> str:
+        return self.name
+
+
+class JointInterval(Constraint):
+    """Bounds on one quantity of every joint, (nj,) each; they belong to the settings, not to the state."""
+
+    quantity: ClassVar[Quantity]
+
+    @abstractmethod
+    def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:
+        """Lower and upper bound (nj,) each, ±inf where there is none.
+
+        Raises:
+            InvalidInput: a limit that makes no sense, by joint name.
+        """
+
+
+class BarrierRows:
+    """Where a barrier writes: h (dim,), its Jacobian J (dim, nv) and drift J̇ v (dim,)."""
+
+    __slots__ = ("J", "drift", "h")
+
+    J: Mat
+    h: Vec
+    drift: Vec
+
+
+class Barrier(Constraint):
+    """h(q) >= 0, a control barrier function. ``rate`` γ [1/s] says how fast h may approach zero.
+
+    Velocity level:      J v >= −γ h
+    Acceleration level:  J a + J̇ v >= −2 γ J v − γ² h     (relative degree 2, both poles at γ)
+
+    Subclasses set ``dim`` and ``units`` and write ``fill``. Source: Ames et al., ECC 2019; Nguyen, Sreenath, ACC 2016.
+    """
+
+    dim: int
+    units: str
+
+    def __init__(self, *, rate: float = 10.0, name: str | None = None) -> None:
+        super().__init__(name=name)
+        self.rate = checks.number(f"{self.name}.rate", rate, low=0.0, strict=True)
+
+    @abstractmethod
+    def fill(self, state: RobotState, out: BarrierRows) -> None:
+        """Write h, J and drift for this state. Pure."""
+
+    def label(self, row: int) -> str:
+        """What one row is called in reports."""
+        return "" if self.dim == 1 else str(row)
+
+
+class ConstraintRows:
+    """Where a linear constraint writes: A (dim, size of its quantity), lo and hi (dim,)."""
+
+    __slots__ = ("A", "hi", "lo")
+
+    A: Mat
+    lo: Vec
+    hi: Vec
+
+
+class LinearConstraint(Constraint):
+    """lo <= A y <= hi for y the velocities, accelerations (nv), torques (nj) or the wrench of one contact (3 or 6)."""
+
+    on: ClassVar[Literal["velocity", "acceleration", "torque", "force"]]
+    dim: int
+    units: str
+    #: For ``on = "force"``: the name or frame of the contact.
+    contact: str = ""
+
+    @abstractmethod
+    def fill(self, state: RobotState, out: ConstraintRows) -> None:
+        """Write A, lo and hi for this state. Pure."""
+
+    def label(self, row: int) -> str:
+        """What one row is called in reports."""
+        return "" if self.dim == 1 else str(row)
+
+
+Law = Any  # Constraint | Exactly: what ``subject_to`` takes

@@ -1,0 +1,109 @@
+"""Contact: one object that gives motion rows, force variables, a friction cone and the cost of its force."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.models.model import RobotModel, RobotState
+from wbc.types import Mat, Vec
+
+
+@final
+class Anchor:
+    """Where a contact was made: rotation (3, 3) of its surface and position (3,) of its point, both in the world."""
+
+    __slots__ = ("position", "rotation")
+
+    def __init__(self, rotation: Any, position: Any) -> None:
+        self.rotation: Mat = np.array(rotation, dtype=np.float64)
+        self.position: Vec = np.array(position, dtype=np.float64)
+
+
+class ContactRows:
+    """Where a contact writes its motion rows: J (dim, nv), drift (dim,), e (dim,) = anchor − actual."""
+
+    __slots__ = ("J", "drift", "e")
+
+    J: Mat
+    drift: Vec
+    e: Vec
+
+
+class Contact(ABC):
+    """A frame that must not move, and the wrench that holds it.
+
+    J a + J̇ v = kp e − kd J v keeps it where it was made; Jᵀ f enters the dynamics, so the rows of J are in the
+    axes of the contact surface (z the normal), where ``cone`` K f <= 0 is constant. The cost is ½ force_weight ‖f‖².
+
+    ``friction`` µ; ``target`` the pose the contact holds (default: where the frame is when the contact is made);
+    ``friction_model`` "outer" means |f_x|, |f_y| <= µ f_z, "inner" uses µ/√2, inside the circular cone.
+    """
+
+    dim: int
+    frame: str
+
+    def __init__(
+        self,
+        frame: str,
+        *,
+        friction: float,
+        friction_model: str = "outer",
+        kp: float = 100.0,
+        kd: float | None = None,
+        force_weight: float = 1e-6,
+        target: Any = None,
+        name: str | None = None,
+    ) -> None:
+        from wbc.errors import InvalidInput
+
+        self.frame = frame
+        self._name = name
+        self.friction = checks.number(f"{self.name}.friction", friction, low=0.0, strict=True)
+        if friction_model not in ("outer", "inner"):
+            raise InvalidInput(f"{self.name}.friction_model is {friction_model!r}; it must be 'outer' or 'inner'")
+        self.friction_model = friction_model
+        self.kp = checks.number(f"{self.name}.kp", kp, low=0.0)
+        self.kd = 2.0 * self.kp**0.5 if kd is None else checks.number(f"{self.name}.kd", kd, low=0.0)
+        self.force_weight = checks.number(f"{self.name}.force_weight", force_weight, low=0.0)
+        self.target = target
+
+    @property
+    def name(self) -> str:
+        """Given, or the frame's name: the key of ``command.f``."""
+        return self._name or self.frame
+
+    @property
+    def mu(self) -> float:
+        """The coefficient of the four-sided pyramid."""
+        return self.friction if self.friction_model == "outer" else self.friction / 2.0**0.5
+
+    def prepare(self, model: RobotModel) -> None:
+        """Called once when a stack is compiled."""
+
+    @abstractmethod
+    def anchor(self, state: RobotState) -> Anchor:
+        """Where the contact is in this state."""
+
+    @abstractmethod
+    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+        """Write J, drift and e for this state. Pure."""
+
+    @abstractmethod
+    def cone(self) -> Mat:
+        """K (k, dim) with K f <= 0 exactly the wrenches the surface can give."""
+
+    @abstractmethod
+    def cone_labels(self) -> Sequence[tuple[str, str]]:
+        """(label, unit) of each row of the cone."""
+
+    @abstractmethod
+    def motion_units(self) -> Sequence[str]:
+        """Unit of each motion row."""
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}[{self.name}](friction={self.friction})"

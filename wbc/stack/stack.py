@@ -1,0 +1,97 @@
+"""Stack: an immutable, printable value that says what a robot should do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+from wbc.errors import InvalidInput
+from wbc.stack.component import Component
+from wbc.stack.constraint import Constraint
+from wbc.stack.contact import Contact
+from wbc.stack.task import Exactly, Objective
+
+
+@final
+@dataclass(frozen=True, init=False, eq=False)
+class Stack:
+    """Tasks in levels, laws, contacts and components.
+
+    A flat list of tasks is one level; a list of lists is levels, the first wins. Laws and contacts stand above
+    every level. What the levels mean is the hierarchy's business: :class:`~wbc.stack.hierarchy.Weighted` adds all
+    tasks up with their weights.
+
+    Raises:
+        InvalidInput: something that is not a task, law, contact or component in its place; two equal names.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import JointVelocityLimits, Posture
+        >>> robot = wbc.load("arm")
+        >>> print(wbc.Stack([Posture(robot.q0)], subject_to=[JointVelocityLimits()]))
+        Stack
+          level 1: Posture(weight=1.0)
+          subject to: JointVelocityLimits
+    """
+
+    levels: tuple[tuple[Objective, ...], ...]
+    subject_to: tuple[Any, ...]
+    contacts: tuple[Contact, ...]
+    components: tuple[Component, ...]
+
+    def __init__(
+        self,
+        tasks: Sequence[Objective] | Sequence[Sequence[Objective]],
+        *,
+        subject_to: Iterable[Any] = (),
+        contacts: Iterable[Contact] = (),
+        components: Iterable[Component] = (),
+    ) -> None:
+        tasks = list(tasks)  # type: ignore[assignment]
+        nested = any(isinstance(t, list | tuple) for t in tasks)
+        if nested and not all(isinstance(t, list | tuple) for t in tasks):
+            raise InvalidInput("tasks must be one flat list, or a list of lists (levels), not a mixture")
+        levels = tuple(tuple(level) for level in tasks) if nested else (tuple(tasks),)  # type: ignore[arg-type]
+        set_field = object.__setattr__
+        set_field(self, "levels", levels)
+        set_field(self, "subject_to", tuple(subject_to))
+        set_field(self, "contacts", tuple(contacts))
+        set_field(self, "components", tuple(components))
+        _only("tasks", self.tasks, Objective)
+        _only("subject_to", self.subject_to, (Constraint, Exactly))
+        _only("contacts", self.contacts, Contact)
+        _only("components", self.components, Component)
+        self._refuse_equal_names()
+
+    @property
+    def tasks(self) -> tuple[Objective, ...]:
+        """All tasks, level after level."""
+        return tuple(task for level in self.levels for task in level)
+
+    def _refuse_equal_names(self) -> None:
+        seen: set[str] = set()
+        for member in (*self.tasks, *self.subject_to, *self.contacts, *self.components):
+            if member.name in seen:
+                raise InvalidInput(f"two members of the stack are called {member.name!r}; give one of them a name=")
+            seen.add(member.name)
+
+    def __repr__(self) -> str:
+        lines = ["Stack"]
+        for i, level in enumerate(self.levels, start=1):
+            lines.append(f"  level {i}: " + ", ".join(repr(t) for t in level))
+        for title, members in (
+            ("subject to", self.subject_to),
+            ("contacts", self.contacts),
+            ("components", self.components),
+        ):
+            if members:
+                lines.append(f"  {title}: " + ", ".join(repr(m) for m in members))
+        return "\n".join(lines)
+
+
+def _only(where: str, members: Iterable[Any], kinds: Any) -> None:
+    for i, member in enumerate(members):
+        if not isinstance(member, kinds):
+            what = member.__name__ + " itself, not an instance" if isinstance(member, type) else repr(member)
+            raise InvalidInput(f"{where}[{i}] is {what}; it does not belong there")

@@ -1,0 +1,271 @@
+"""Task: a wish. It says where it is, not what to do about it; the level it is used at lowers it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.types import Mat, Vec
+
+
+class TaskRows:
+    """Where a kinematic task writes: views into the plan's own memory, ``dim`` rows.
+
+    e (dim,)          error, target − actual
+    J (dim, nv)       Jacobian of the actual value
+    drift (dim,)      J̇ v; read at the acceleration level only
+    rate_ref (dim,)   velocity of the target, zero unless written
+    acc_ref (dim,)    acceleration of the target, zero unless written
+    ed (dim,)         rate of the error; left alone it is rate_ref − J v, which the plan computes for all tasks at once
+
+    Assign with ``out.e[:] = …``: the arrays stay, their contents change.
+    """
+
+    __slots__ = ("J", "acc_ref", "drift", "e", "ed", "rate_ref")
+
+    J: Mat
+    e: Vec
+    ed: Vec
+    drift: Vec
+    rate_ref: Vec
+    acc_ref: Vec
+
+
+class LinearRows:
+    """Where a linear task writes: A (dim, size of its quantity) and b (dim,), wished A y = b."""
+
+    __slots__ = ("A", "b")
+
+    A: Mat
+    b: Vec
+
+
+class Objective(ABC):
+    """Anything that can stand among the tasks of a stack: a name, a weight, a switch.
+
+    ``weight`` is a scalar or one number per row and multiplies the squared error: the cost is
+    ½ Σ wᵢ rᵢ². ``weight`` and ``active`` may be assigned between ticks; sizes may not change.
+    """
+
+    dim: int
+    units: str | tuple[str, ...]
+    # Defaults at class level, so that a subclass which forgets super().__init__ still works.
+    _name: str | None = None
+    _weight: float | Vec = 1.0
+    _active: bool = True
+    stamp: int = 0
+
+    def __init__(self, *, name: str | None = None, weight: Any = 1.0) -> None:
+        self._name = name
+        self.weight = weight
+
+    @property
+    def name(self) -> str:
+        """Given, or the class and what it acts on."""
+        return self._name or self._default_name()
+
+    def _default_name(self) -> str:
+        subject = getattr(self, "subject", "")
+        return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
+
+    @property
+    def weight(self) -> float | Vec:
+        """Weight of the squared error, scalar or (dim,)."""
+        return self._weight
+
+    @weight.setter
+    def weight(self, value: Any) -> None:
+        if np.ndim(value) == 0:
+            self._weight = checks.number(f"{self.name}.weight", value, low=0.0)
+        else:
+            weights = checks.array(f"{self.name}.weight", value, (getattr(self, "dim", None),))
+            if (weights < 0).any():
+                i = int(np.argmax(weights < 0))
+                raise InvalidInput(f"{self.name}.weight[{i}] is {weights[i]:g}; a weight is >= 0")
+            self._weight = weights
+        self.stamp += 1
+
+    @property
+    def active(self) -> bool:
+        """Whether the task counts at all."""
+        return self._active
+
+    @active.setter
+    def active(self, value: bool) -> None:
+        self._active = bool(value)
+        self.stamp += 1
+
+    def weights(self) -> Vec:
+        """The weight of each row (dim,), zero when inactive."""
+        return np.full(self.dim, self._weight) if self._active else np.zeros(self.dim)
+
+    def unit(self, row: int) -> str:
+        """Unit of one row of the error."""
+        return self.units if isinstance(self.units, str) else self.units[row]
+
+    def label(self, row: int) -> str:
+        """What one row is called in reports."""
+        del row
+        return ""
+
+    def prepare(self, model: RobotModel) -> None:
+        """Called once when a stack is compiled: check arguments against the model, fix ``dim``. Must not depend
+        on anything but the model, so that one task can serve several plans of the same robot."""
+
+    def __repr__(self) -> str:
+        return f"{self.name}(weight={self._weight})"
+
+
+class Task(Objective):
+    """A kinematic task: error e, Jacobian J, drift J̇ v and the target's rate and acceleration.
+
+    Velocity level:      J v = ẏ_ref + rate · e
+    Acceleration level:  J a = ÿ_ref + kd ė + kp e − J̇ v
+
+    kp [1/s²] and kd [1/s] (default critical, 2 √kp) act at the acceleration level, rate [1/s] (default
+    kp / kd; 1/dt reaches the target in one tick) at the velocity level; scalar or per row. One object
+    therefore serves all levels. Subclasses set ``dim`` and ``units`` in ``__init__`` and write one method, ``fill``.
+    """
+
+    #: True for tasks whose Jacobian is the identity on the joints, (nj,) rows: they write e, rate_ref, acc_ref only.
+    on_joints: ClassVar[bool] = False
+    _kp: float | Vec = 100.0
+    _kd: float | Vec | None = None
+    _rate: float | Vec | None = None
+
+    def __init__(
+        self, *, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0, name: str | None = None
+    ) -> None:
+        super().__init__(name=name, weight=weight)
+        self._kp = self._gain("kp", kp)
+        self._kd = None if kd is None else self._gain("kd", kd)
+        self._rate = None if rate is None else self._gain("rate", rate)
+
+    def _gain(self, what: str, value: Any) -> float | Vec:
+        if np.ndim(value) == 0:
+            return checks.number(f"{self.name}.{what}", value, low=0.0)
+        gains = checks.array(f"{self.name}.{what}", value, (getattr(self, "dim", None),))
+        if (gains < 0).any():
+            raise InvalidInput(f"{self.name}.{what}[{int(np.argmax(gains < 0))}] is negative")
+        return gains
+
+    def gains(self) -> tuple[Vec, Vec, Vec]:
+        """kp, kd and rate of each row, (dim,) each."""
+        kp = np.broadcast_to(np.asarray(self._kp, float), (self.dim,))
+        kd = 2.0 * np.sqrt(kp) if self._kd is None else np.broadcast_to(np.asarray(self._kd, float), (self.dim,))
+        if self._rate is not None:
+            rate = np.broadcast_to(np.asarray(self._rate, float), (self.dim,))
+        else:
+            rate = np.divide(kp, kd, out=np.zeros(self.dim), where=kd > 0)
+        return kp.copy(), kd.copy(), rate.copy()
+
+    @abstractmethod
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        """Write e and J (and drift, rate_ref, acc_ref) for this state. Pure: filled twice, same bits."""
+
+    def exactly(self, *, name: str | None = None) -> Exactly:
+        """The same task as a law: its rows hold exactly, above every weight."""
+        return Exactly(self, name=name)
+
+
+class Exactly:
+    """A task turned into a law (an equality); made by ``task.exactly()``, used in ``subject_to``."""
+
+    def __init__(self, task: Task, *, name: str | None = None) -> None:
+        if task.on_joints and name is None:
+            name = f"{task.name} exactly"
+        self.task = task
+        self._name = name
+
+    @property
+    def name(self) -> str:
+        """Name of the law."""
+        return self._name or f"{self.task.name} exactly"
+
+    def __repr__(self) -> str:
+        return self.name
+
+
+class LinearTask(Objective):
+    """A wish A y = b on a quantity y: joint torques (``"torque"``, nj), accelerations (``"acceleration"``, nv) or the
+    wrench of one contact (``"force"``, 3 or 6). ``fill`` writes out.A and out.b.
+
+    A weighted norm ½ |y − y₀|²_Q is one, with A = Lᵀ, b = Lᵀ y₀, Q = L Lᵀ.
+    """
+
+    on: ClassVar[str]
+    #: For ``on = "force"``: the name or frame of the contact.
+    contact: str = ""
+
+    @abstractmethod
+    def fill(self, state: RobotState, out: LinearRows) -> None:
+        """Write A (dim, size) and b (dim,) for this state. Pure."""
+
+
+class Target:
+    """A reference: a value, or a function of time giving a value or (value, rate, acceleration).
+
+    ``convert(name, value, strict)`` turns what a user gives into what a task reads. It is strict (shape, finite)
+    when a target is assigned; in a tick only types and shapes are looked at, because a robot needs a command: a
+    NaN that comes later is caught by the certificate. Rates and accelerations are (dim,).
+    """
+
+    __slots__ = ("_convert", "_dim", "_function", "_name", "rate", "second", "value")
+
+    def __init__(self, name: str, value: Any, dim: int, convert: Callable[[str, Any, bool], Any]) -> None:
+        self._name, self._dim, self._convert = name, dim, convert
+        self._function: Callable[[float], Any] | None = None
+        self.value: Any = None
+        self.rate = np.zeros(dim)
+        self.second = np.zeros(dim)
+        if callable(value):
+            self._function = value
+            self._read(0.0, strict=True)
+        else:
+            self.value = convert(name, value, True)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a function of time."""
+        return self._function is not None
+
+    def at(self, t: float) -> Target:
+        """Evaluate at time t [s]; then read ``value``, ``rate``, ``second``."""
+        if self._function is not None:
+            self._read(t, strict=False)
+        return self
+
+    def _read(self, t: float, strict: bool) -> None:
+        assert self._function is not None
+        result = self._function(t)
+        if isinstance(result, tuple):
+            if len(result) != 3:
+                raise InvalidInput(f"{self._name}(t) must give a value or (value, rate, acceleration)")
+            result, rate, second = result
+            self.rate = self._vector("rate", rate, strict)
+            self.second = self._vector("acceleration", second, strict)
+        self.value = self._convert(self._name, result, strict)
+
+    def _vector(self, what: str, value: Any, strict: bool) -> Vec:
+        vector = checks.array(f"{self._name} {what}", value, (self._dim,)) if strict else np.asarray(value, float)
+        if vector.shape != (self._dim,):
+            raise InvalidInput(f"{self._name} {what} must have shape ({self._dim},), not {vector.shape}")
+        return vector
+
+
+def vector_target(dim: int) -> Callable[[str, Any, bool], Vec]:
+    """The converter of a :class:`Target` whose values are vectors (dim,)."""
+
+    def convert(name: str, value: Any, strict: bool) -> Vec:
+        vector = checks.array(name, value, (dim,)) if strict else np.asarray(value, dtype=np.float64)
+        if vector.shape != (dim,):
+            raise InvalidInput(f"{name} must have shape ({dim},), not {vector.shape}")
+        return vector
+
+    return convert
