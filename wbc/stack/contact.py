@@ -74,8 +74,8 @@ class Contact(ABC):
 
     @property
     def name(self) -> str:
-        """Given, or the frame's name: the key of ``command.f``."""
-        return self._name or self.frame
+        """Given, or the class and the frame; ``command.f`` is read by this name or by the frame's."""
+        return self._name or f"{type(self).__name__}[{self.frame}]"
 
     @property
     def mu(self) -> float:
