@@ -1,0 +1,64 @@
+# Needs make and a python >= 3.11 with pip; everything else goes into .venv. Choose another python with PYTHON=...
+PYTHON ?= python3
+SCENARIO ?= humanoid-stand
+VENV := .venv
+VENV_PYTHON := $(VENV)/bin/python
+INSTALL := $(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --editable
+
+.PHONY: help run test lint types tests deep format clean
+.DELETE_ON_ERROR:
+
+help:
+	@echo "make run     install into .venv, run the scenario $(SCENARIO), write its report   (SCENARIO=name for another)"
+	@echo "make test    install everything permissive into .venv, then lint, types and tests"
+	@echo "make deep    the same tests and the long ones, with many more random examples"
+	@echo "make format  write the sources as the formatter wants them"
+	@echo "make clean   remove .venv and what tools left behind"
+
+run: $(VENV)/ready-to-run
+	@$(VENV)/bin/wbc run $(SCENARIO)
+
+test: lint types tests
+
+lint: $(VENV)/ready-to-test
+	$(VENV_PYTHON) -m ruff check .
+	$(VENV_PYTHON) -m ruff format --check .
+
+types: $(VENV)/ready-to-test
+	$(VENV_PYTHON) -m mypy
+
+tests: $(VENV)/ready-to-test
+	$(VENV_PYTHON) -m pytest
+
+deep: $(VENV)/ready-to-test
+	$(VENV_PYTHON) -m pytest -m "deep or not deep" --hypothesis-profile=deep
+
+format: $(VENV)/ready-to-test
+	$(VENV_PYTHON) -m ruff check --fix .
+	$(VENV_PYTHON) -m ruff format .
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+
+# One stamp per set of extras, newer than pyproject.toml: a second call finds it and downloads nothing.
+$(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
+	@echo "Installing the framework, physics, reports and robot models into $(VENV):"
+	@echo "about 450 MB to download from PyPI, 1.2 GB on disk, one to three minutes."
+	@$(INSTALL) ".[sim,report,robots]"
+	@touch $@
+
+$(VENV)/ready-to-test: pyproject.toml | $(VENV)/created
+	@echo "Installing the framework with all permissive extras, linters and test tools into $(VENV):"
+	@echo "about 650 MB to download from PyPI, 1.8 GB on disk, one to three minutes."
+	@$(INSTALL) ".[all]"
+	@touch $(VENV)/ready-to-run $@
+
+# Without ensurepip, which some distributions leave out: the pip that is there installs pip into the environment.
+# That also respects an externally managed python, since nothing outside .venv is touched.
+$(VENV)/created:
+	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11))" || \
+	  { echo "This needs Python 3.11 or newer; '$(PYTHON)' is `$(PYTHON) --version 2>&1`. Say which one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -m venv --without-pip $(VENV)
+	@$(PYTHON) -m pip --python $(VENV_PYTHON) install --disable-pip-version-check --quiet pip || \
+	  { echo "'$(PYTHON) -m pip' did not work; install pip for it, or choose another with make PYTHON=..." >&2; exit 1; }
+	@touch $@
