@@ -1,0 +1,258 @@
+"""Scenario: robot, stack, plant, disturbances and a verdict under one name, and how scenarios are found.
+
+A scenario is found by its registered name (entry point group ``wbc.scenarios``: a dict or a list of scenarios),
+or as ``module:name`` or ``file.py:name``, so that a user's own file runs without packaging.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, final
+
+from wbc import checks
+from wbc.errors import InvalidInput, UnknownName, UnknownScenario, WbcError
+
+if TYPE_CHECKING:
+    from wbc.control.recorder import Run
+    from wbc.models.model import RobotModel
+
+GROUP = "wbc.scenarios"
+Parameter = bool | int | float | str | tuple[float, ...]
+
+
+class Progress(Protocol):
+    """Called now and then by long work: ``done`` in [0, 1], ``text`` what is being done."""
+
+    def __call__(self, done: float, text: str = "") -> None: ...
+
+
+def silent(done: float, text: str = "") -> None:
+    """A :class:`Progress` that says nothing."""
+
+
+@final
+class Check(NamedTuple):
+    """One line of a verdict: what was demanded, what came out, in which unit, and whether it holds."""
+
+    text: str
+    value: float
+    bound: float
+    ok: bool
+    unit: str = ""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ScenarioResult:
+    """What a scenario hands back: the recorded run and its judgement.
+
+    ``violations`` {kind: (worst, unit)}, 0 when nothing was broken; ``tracking`` {task: {"rms", "max"}} in the
+    task's own unit; ``figures`` whatever else the scenario measures, JSON values; ``robot`` is drawn in the report.
+    """
+
+    run: Run
+    ok: bool
+    violations: Mapping[str, tuple[float, str]]
+    tracking: Mapping[str, Mapping[str, float]]
+    verdict: Sequence[Check]
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    robot: RobotModel | None = None
+
+
+class Scenario(ABC):
+    """A model, a stack, a plant, disturbances and what counts as success, runnable by name.
+
+    ``parameters`` names what ``--set key=value`` may change, with defaults that also give the type; ``plants`` and
+    ``hierarchies`` what ``--plant`` and ``--hierarchy`` may be, the default first; ``duration`` is in seconds.
+
+    Example:
+        >>> from wbc.sim.scenario import Scenario
+        >>> class Wave(Scenario):
+        ...     name, summary = "wave", "an arm waves"
+        ...     parameters = {"amplitude": 0.1, "robot": "arm"}
+        ...     def run(self, parameters, **settings):
+        ...         raise NotImplementedError
+        >>> Wave().parse(["amplitude=0.2"])
+        {'amplitude': 0.2, 'robot': 'arm'}
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    parameters: ClassVar[Mapping[str, Parameter]] = {}
+    plants: ClassVar[Sequence[str]] = ("integrator",)
+    hierarchies: ClassVar[Sequence[str]] = ("weighted",)
+    duration: ClassVar[float] = 4.0
+
+    @abstractmethod
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        """Do it. ``parameters`` is complete: the defaults and what the user set.
+
+        Raises:
+            WbcError: an unknown robot, frame or solver, or a setting without meaning here; before the first tick.
+        """
+
+    @final
+    def parse(self, settings: Iterable[str]) -> dict[str, Parameter]:
+        """The parameters with ``key=value`` texts applied, each read as its default is.
+
+        Raises:
+            InvalidInput: no "=", or a value of another type.
+            UnknownParameter: no such key.
+        """
+        result = dict(self.parameters)
+        for setting in settings:
+            key, equals, text = setting.partition("=")
+            if not equals:
+                raise InvalidInput(f"--set {setting!r} must be key=value; keys: {', '.join(self.parameters) or 'none'}")
+            if key not in self.parameters:
+                raise UnknownParameter(key, self.parameters, f"{self.name} has: {', '.join(self.parameters) or 'none'}")
+            result[key] = _read(key, text, self.parameters[key])
+        return result
+
+    @final
+    def choose(self, *, plant: str | None, hierarchy: str | None, duration: float | None) -> dict[str, Any]:
+        """The settings of :meth:`run` with the scenario's defaults where nothing is given.
+
+        Raises:
+            InvalidInput: a duration that is not positive.
+            UnknownPlant, UnknownHierarchy: not one of this scenario's.
+        """
+        if plant is not None and plant not in self.plants:
+            raise UnknownPlant(plant, self.plants, f"{self.name} runs on: {', '.join(self.plants)}")
+        if hierarchy is not None and hierarchy not in self.hierarchies:
+            raise UnknownHierarchy(hierarchy, self.hierarchies, f"{self.name} knows: {', '.join(self.hierarchies)}")
+        return {
+            "plant": plant or self.plants[0],
+            "hierarchy": hierarchy or self.hierarchies[0],
+            "duration": checks.number("duration", self.duration if duration is None else duration, low=0, strict=True),
+        }
+
+
+class UnknownParameter(UnknownName):
+    """No such parameter of the scenario."""
+
+    kind = "parameter"
+
+
+class UnknownPlant(UnknownName):
+    """The scenario does not run on such a plant."""
+
+    kind = "plant"
+
+
+class UnknownHierarchy(UnknownName):
+    """The scenario does not know such a hierarchy."""
+
+    kind = "hierarchy"
+
+
+def scenarios() -> dict[str, Scenario]:
+    """Every registered scenario by name.
+
+    Raises:
+        InvalidInput: an entry point that cannot be loaded.
+    """
+    found: dict[str, Scenario] = {}
+    for point in entry_points(group=GROUP):
+        try:
+            loaded = point.load()
+        except Exception as cause:
+            raise InvalidInput(f"the scenarios of {point.value} cannot be loaded: {_cause(cause)}") from cause
+        for scenario in loaded.values() if isinstance(loaded, Mapping) else loaded:
+            found[scenario.name] = scenario
+    return found
+
+
+def find(text: str) -> Scenario:
+    """The scenario of that name, or ``module:name``, or ``file.py:name``.
+
+    Raises:
+        UnknownScenario: no such name.
+        InvalidInput: the module or file cannot be imported, or the name in it is no scenario.
+    """
+    place, colon, name = text.rpartition(":")
+    if not colon:
+        registered = scenarios()
+        if text not in registered:
+            raise UnknownScenario(text, registered, "or give module:name or file.py:name")
+        return registered[text]
+    module = _module(place)
+    if not hasattr(module, name):
+        members = (key for key, value in vars(module).items() if _as_scenario(value) is not None)
+        raise UnknownScenario(name, members, f"in {place}")
+    scenario = _as_scenario(getattr(module, name))
+    if scenario is None:
+        raise InvalidInput(f"{text} is a {type(getattr(module, name)).__name__}, not a wbc.sim.scenario.Scenario")
+    return scenario
+
+
+def _as_scenario(value: Any) -> Scenario | None:
+    if inspect.isclass(value) and issubclass(value, Scenario) and not inspect.isabstract(value):
+        return value()
+    return value if isinstance(value, Scenario) else None
+
+
+def _module(place: str) -> Any:
+    """Import ``package.module`` or ``some/file.py``; its folder becomes importable, as for ``python file.py``."""
+    path = Path(place)
+    is_file = path.suffix == ".py"
+    if is_file and not path.is_file():
+        raise InvalidInput(f"there is no file {place!r}; a scenario is a registered name, module:name or file.py:name")
+    folder = str((path.parent if is_file else Path.cwd()).resolve())
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    try:
+        return _execute(path) if is_file else importlib.import_module(place)
+    except WbcError:
+        raise
+    except Exception as cause:
+        raise InvalidInput(f"{place!r} cannot be imported: {_cause(cause)}") from cause
+
+
+def _execute(path: Path) -> Any:
+    name = f"wbc_scenario_{path.stem}"  # never the name of a module that somebody else imports
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None, "a .py file always has a loader"
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _cause(error: BaseException) -> str:
+    return f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else 'no message'}"
+
+
+def _read(key: str, text: str, default: Parameter) -> Parameter:
+    """``text`` as the type of ``default``."""
+    if isinstance(default, bool):
+        if text.lower() not in ("true", "yes", "on", "1", "false", "no", "off", "0"):
+            raise InvalidInput(f"parameter {key!r} is {text!r}; it must be true or false")
+        return text.lower() in ("true", "yes", "on", "1")
+    if isinstance(default, str):
+        return text
+    if isinstance(default, int):
+        try:
+            return int(text)
+        except ValueError:
+            raise InvalidInput(f"parameter {key!r} is {text!r}; it must be a whole number such as {default}") from None
+    if isinstance(default, float):
+        return checks.number(f"parameter {key!r}", text)
+    return tuple(float(x) for x in checks.array(f"parameter {key!r}", text.split(","), (len(default),)))
