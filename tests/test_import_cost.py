@@ -1,0 +1,33 @@
+"""`import wbc` stays light: what is heavy is imported where it is used."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+SOLVERS = {"clarabel", "daqp", "highspy", "osqp", "piqp", "proxsuite", "qpsolvers", "quadprog", "scs"}
+TOOLS = {"dask", "distributed", "jinja2", "matplotlib", "mujoco", "numba", "rich", "sympy", "typer", "viser"}
+ROBOTS = {"example_robot_data", "pinocchio"}
+
+
+def modules_after(statement: str) -> set[str]:
+    """Top-level names of the modules that a fresh interpreter has loaded after one statement."""
+    script = f"import sys\n{statement}\nprint(*sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    return set(
+        subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout.split()
+    )
+
+
+@pytest.mark.parametrize("statement", ["import wbc", "import tasks", "import wbc; wbc.solvers()"])
+def test_imports_load_no_solver_and_no_tool(statement: str):
+    assert modules_after(statement) & (SOLVERS | TOOLS) == set()
+
+
+def test_import_wbc_loads_no_robot_library():
+    assert modules_after("import wbc") & ROBOTS == set()
+
+
+def test_a_heavy_import_would_be_seen():
+    assert "rich" in modules_after("import wbc, rich")
