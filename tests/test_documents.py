@@ -1,0 +1,177 @@
+"""What the documents show runs, and what they name exists.
+
+README: its python blocks run in order as one program. Guide: each section is a folder of its own; its files are
+written and run as scripts, its commands are run. Docstrings: their examples run as doctests.
+"""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+README, GUIDE = ROOT / "README.md", ROOT / "docs" / "guide.md"
+DOCUMENTS = [README, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+MODULES = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for package in ("wbc", "tasks")
+    for path in (ROOT / package).rglob("*.py")
+    if path.stem != "__main__"
+)
+
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+HEADING = re.compile(r"^#{1,6} (.+)$", re.MULTILINE)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+NAME = re.compile(r"`(?:import )?((?:wbc|tasks)(?:\.\w+)+)[`(]")
+FILE_NAME = re.compile(r"# (\w+\.py)\b")
+TARGET = re.compile(r"^([a-z]+):", re.MULTILINE)
+OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+
+
+class Block(NamedTuple):
+    """One fenced block of a document."""
+
+    language: str
+    text: str
+    line: int
+
+
+def blocks(text: str, language: str | None = None) -> list[Block]:
+    """The fenced blocks of a text, in order."""
+    found = [Block(m[1], m[2], text.count("\n", 0, m.start()) + 2) for m in FENCE.finditer(text)]
+    return [block for block in found if language in (None, block.language)]
+
+
+def sections(text: str) -> dict[str, list[Block]]:
+    """The blocks under each second-level heading that has some."""
+    parts = re.split(r"^## (.+)$", text, flags=re.MULTILINE)
+    return {title: found for title, body in zip(parts[1::2], parts[2::2], strict=True) if (found := blocks(body))}
+
+
+def commands(text: str) -> Iterator[list[str]]:
+    """The words of each command of the ``sh`` blocks, comments left out."""
+    for block in blocks(text, "sh"):
+        for line in block.text.splitlines():
+            if words := line.split("#")[0].split():
+                yield words
+
+
+def anchors(text: str) -> set[str]:
+    """The addresses of a document's headings, as code hosts form them."""
+    titles = HEADING.findall(FENCE.sub("", text))
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def resolve(name: str) -> Any:
+    """The object a dotted name stands for.
+
+    Raises:
+        AttributeError: there is none.
+    """
+    parts = name.split(".")
+    found: Any = importlib.import_module(parts[0])
+    for i, part in enumerate(parts[1:], start=2):
+        if not hasattr(found, part):
+            try:
+                importlib.import_module(".".join(parts[:i]))
+            except ModuleNotFoundError:
+                raise AttributeError(name) from None
+        found = getattr(found, part)
+    return found
+
+
+def run(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command of the environment the tests run in."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return subprocess.run(words, cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True)
+
+
+def test_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "readme"}
+    shown = blocks(README.read_text(), "python")
+    assert shown
+    for block in shown:
+        # Padded, so that a failure names the line of the document.
+        exec(compile("\n" * (block.line - 1) + block.text, str(README), "exec"), namespace)
+
+
+@pytest.mark.parametrize("title", sections(GUIDE.read_text()) if GUIDE.exists() else [])
+def test_the_guide_runs(title: str, tmp_path: Path):
+    for block in sections(GUIDE.read_text())[title]:
+        if block.language == "python":
+            name = FILE_NAME.match(block.text)
+            assert name, f"a file of the guide begins with its name, not with {block.text.splitlines()[0]!r}"
+            (tmp_path / name[1]).write_text(block.text)
+            result = run(["python", "-W", "error", name[1]], tmp_path)
+            assert result.returncode == 0, result.stderr
+        for words in commands(f"```sh\n{block.text}```\n" if block.language == "sh" else ""):
+            result = run(words, tmp_path)
+            assert result.returncode == 0, f"{' '.join(words)}\n{result.stdout}{result.stderr}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_the_examples_of_docstrings_run(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    said: list[str] = []
+    runner = doctest.DocTestRunner(optionflags=OPTIONS)
+    for example in doctest.DocTestFinder(exclude_empty=True).find(importlib.import_module(module)):
+        runner.run(example, out=said.append)
+    assert runner.failures == 0, "".join(said)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_between_documents_lead_somewhere(document: Path):
+    for link in LINK.findall(FENCE.sub("", document.read_text())):
+        if link.startswith(("https://", "http://")):
+            continue
+        place, _, anchor = link.partition("#")
+        target = document.parent / place if place else document
+        assert target.exists(), f"{document.name} links to {link}"
+        assert not anchor or anchor in anchors(target.read_text()), f"{document.name} links to {link}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_names_in_documents_exist(document: Path):
+    groups = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"])
+    for name in set(NAME.findall(FENCE.sub("", document.read_text()))) - groups:
+        resolve(name)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_commands_in_documents_exist(document: Path, tmp_path: Path):
+    targets = set(TARGET.findall((ROOT / "Makefile").read_text()))
+    for words in commands(document.read_text()):
+        if words[0] == "make":
+            assert [w for w in words[1:] if "=" not in w and w not in targets] == []
+        elif words[0] == "wbc":
+            options = [w.partition("=")[0] for w in words if w.startswith("--")]
+            verbs = words[1:3] if words[1] in ("report", "derive") else words[1:2]
+            answer = run(["wbc", *verbs, "--help"], tmp_path)
+            assert answer.returncode == 0, f"{document.name}: {' '.join(words)}"
+            assert [option for option in options if option not in answer.stdout] == []
+        else:
+            assert words[0] in ("git", "cd", "pip", "python3"), f"{document.name}: {' '.join(words)}"
+
+
+def test_what_is_not_there_is_found():
+    text = (
+        "# A `b`\n[x](README.md#a-b) `wbc.Nothing` and `wbc.types.Status` `wbc.load(...)`\n```sh\nmake run # now\n```\n"
+    )
+    assert anchors(text) == {"a-b"}
+    assert LINK.findall(text) == ["README.md#a-b"]
+    assert NAME.findall(text) == ["wbc.Nothing", "wbc.types.Status", "wbc.load"]
+    assert list(commands(text)) == [["make", "run"]]
+    assert resolve("wbc.types.Status.SOLVED").ok
+    with pytest.raises(AttributeError):
+        resolve("wbc.types.Nothing")
