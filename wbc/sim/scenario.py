@@ -78,8 +78,8 @@ class Scenario(ABC):
         >>> class Wave(Scenario):
         ...     name, summary = "wave", "an arm waves"
         ...     parameters = {"amplitude": 0.1, "robot": "arm"}
-        ...     def run(self, parameters, **settings):
-        ...         raise NotImplementedError
+        ...     def run(self, parameters, *, duration, **settings):
+        ...         return wave(parameters["robot"], parameters["amplitude"], duration)
         >>> Wave().parse(["amplitude=0.2"])
         {'amplitude': 0.2, 'robot': 'arm'}
     """
