@@ -1,0 +1,307 @@
+"""Recorder and Run: what happened, column by column, in memory and on disk.
+
+A :class:`Recorder` takes one row per tick and writes it into memory set aside beforehand. A :class:`Run` is the
+result: named columns that all have the same number of rows, and metadata that says what they are. On disk a run is
+a folder with ``run.npz`` (plain arrays, no pickle) and ``meta.json``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from operator import itemgetter
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO, Any, final
+from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInput, UnknownName
+from wbc.types import Mat, Vec
+
+ARRAYS_FILE = "run.npz"
+META_FILE = "meta.json"
+MISSING_INTEGER = -1
+
+Row = Mapping[str, "float | Vec"]
+Column = NDArray[Any]
+
+
+class UnknownColumn(UnknownName, KeyError):
+    """No such column in the run."""
+
+    kind = "column"
+    __str__ = Exception.__str__  # KeyError would put the sentence in quotes
+
+
+@final
+class Run(Mapping[str, Column]):
+    """A record: a mapping from column name to array (N,) or (N, k), and ``meta``.
+
+    Raises:
+        InvalidInput: columns of different lengths.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.control.recorder import Run
+        >>> run = Run({"t": np.arange(3) * 0.1, "q": np.zeros((3, 7))}, {"scenario": "arm-reach"})
+        >>> run.rows, run["q"].shape, sorted(run)
+        (3, (3, 7), ['q', 't'])
+    """
+
+    def __init__(self, columns: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> None:
+        self.columns: dict[str, Column] = {name: np.asarray(values) for name, values in columns.items()}
+        self.meta: dict[str, Any] = dict(meta or {})
+        lengths = {name: values.shape[0] if values.ndim else -1 for name, values in self.columns.items()}
+        self.rows: int = next(iter(lengths.values()), 0)
+        for name, length in lengths.items():
+            if length != self.rows or length < 0:
+                first = next(iter(lengths))
+                raise InvalidInput(f"column {name!r} has {length} rows; {first!r} has {self.rows}: they must be equal")
+
+    def column(self, name: str) -> Column:
+        """The column called ``name``; ``run[name]`` is the same.
+
+        Raises:
+            UnknownColumn: with the names that are near.
+        """
+        try:
+            return self.columns[name]
+        except KeyError:
+            raise UnknownColumn(name, self.columns) from None
+
+    def matching(self, prefix: str) -> dict[str, Column]:
+        """Columns whose names start with ``prefix``, keyed by what follows it: ``matching("error.")``."""
+        return {name[len(prefix) :]: values for name, values in self.columns.items() if name.startswith(prefix)}
+
+    def __getitem__(self, name: str) -> Column:
+        return self.column(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def __repr__(self) -> str:
+        return f"Run({self.rows} rows, {len(self.columns)} columns, scenario={self.meta.get('scenario')!r})"
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write ``run.npz`` and ``meta.json`` into ``folder`` (made if needed) and return it.
+
+        Both files are complete before either takes its name, so a reader never sees half of one. Infinite numbers
+        in ``meta`` are written as Python's json writes them (``Infinity``).
+
+        Raises:
+            InvalidInput: a column of objects, or metadata that json cannot hold.
+        """
+        for name, values in self.columns.items():
+            if values.dtype.hasobject:
+                raise InvalidInput(f"column {name!r} holds Python objects; a run holds numbers")
+        text = json.dumps(_plain("meta", self.meta), indent=1, ensure_ascii=False).encode()
+        target = Path(folder)
+        if target.exists() and not target.is_dir():
+            raise InvalidInput(f"{target} is a file; a run is saved into a folder")
+        target.mkdir(parents=True, exist_ok=True)
+        names = (ARRAYS_FILE, META_FILE)
+        aside = [target / f".{name}.{uuid4().hex}.part" for name in names]
+        try:
+            with aside[0].open("xb") as file:
+                _write_arrays(file, self.columns)
+            aside[1].write_bytes(text)
+            for written, name in zip(aside, names, strict=True):
+                written.replace(target / name)
+        finally:
+            for written in aside:
+                written.unlink(missing_ok=True)
+        return target
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Run:
+        """Read what :meth:`save` wrote. Never unpickles.
+
+        Raises:
+            InvalidInput: the folder or a file is not there, or is not a run; the message names it.
+        """
+        source = Path(folder)
+        for file in (ARRAYS_FILE, META_FILE):
+            if not (source / file).is_file():
+                raise InvalidInput(f"{source} is not the folder of a run: it has no {file}")
+        try:
+            columns = _read_arrays(source / ARRAYS_FILE)
+        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as cause:
+            raise InvalidInput(f"{source / ARRAYS_FILE} cannot be read: {cause}") from cause
+        try:
+            meta = json.loads((source / META_FILE).read_text(encoding="utf-8"))
+        except ValueError as cause:
+            raise InvalidInput(f"{source / META_FILE} is not json: {cause}") from cause
+        if not isinstance(meta, dict):
+            raise InvalidInput(f"{source / META_FILE} must hold an object, not a {type(meta).__name__}")
+        return cls(columns, meta)
+
+
+@final
+class Recorder:
+    """Columns in memory set aside for ``capacity`` rows; the first row decides their names and shapes.
+
+    A value is a number or an array (k,). A column that a later row leaves out is NaN there (-1 for integers). More
+    rows than ``capacity`` are kept too, at the cost of a copy that ``grown`` counts.
+
+    Example:
+        >>> from wbc.control.recorder import Recorder
+        >>> recorder = Recorder(100)
+        >>> recorder.append({"t": 0.0, "status": 0, "q": [1.0, 2.0]})
+        >>> recorder.append({"t": 0.1, "status": 0})
+        >>> recorder.run({})["q"].tolist()
+        [[1.0, 2.0], [nan, nan]]
+    """
+
+    def __init__(self, capacity: int) -> None:
+        if int(capacity) != capacity or capacity < 1:
+            raise InvalidInput(f"capacity is {capacity!r}; it must be a whole number of rows, at least 1")
+        self.capacity = int(capacity)
+        self.rows = 0
+        self.grown = 0
+        # All numbers of a row lie side by side, so that an ordinary row is two copies, not one for each column.
+        self._numbers: Mat = np.empty((self.capacity, 0))
+        self._vectors: Mat = np.empty((self.capacity, 0))
+        self._number_names: list[str] = []
+        self._vector_names: list[str] = []
+        self._integers: frozenset[str] = frozenset()
+        self._sizes: list[int] = []
+        self._place: dict[str, tuple[bool, slice]] = {}
+        self._pick_numbers: Callable[[Row], tuple[float, ...]] = _nothing
+        self._pick_vectors: Callable[[Row], tuple[Vec, ...]] = _nothing
+
+    def append(self, row: Row) -> None:
+        """Keep one row.
+
+        Raises:
+            UnknownColumn: a column that the first row did not have.
+            InvalidInput: another shape than in the first row, or not a number.
+        """
+        i = self.rows
+        if i == 0:
+            self._lay_out(row)
+        elif i == self._numbers.shape[0]:
+            self._grow()
+        try:
+            vectors = self._pick_vectors(row)
+            if len(row) == len(self._place) and list(map(len, vectors)) == self._sizes:
+                self._numbers[i] = self._pick_numbers(row)
+                if vectors:
+                    np.concatenate(vectors, out=self._vectors[i])
+                self.rows = i + 1
+                return
+        except (KeyError, TypeError, ValueError):
+            pass
+        self._append_slowly(i, row)
+
+    def run(self, meta: Mapping[str, Any] | None = None) -> Run:
+        """The rows so far as a :class:`Run`; the recorder may go on."""
+        n = self.rows
+        columns: dict[str, Column] = {}
+        for name, (scalar, where) in self._place.items():
+            if not scalar:
+                columns[name] = self._vectors[:n, where].copy()
+                continue
+            values = self._numbers[:n, where.start].copy()
+            if name in self._integers:
+                columns[name] = np.where(np.isnan(values), MISSING_INTEGER, values).astype(np.int64)
+            else:
+                columns[name] = values
+        return Run(columns, meta)
+
+    def _lay_out(self, row: Row) -> None:
+        self._number_names = [name for name, value in row.items() if np.ndim(value) == 0]
+        self._vector_names = [name for name, value in row.items() if np.ndim(value) == 1]
+        odd = [name for name, value in row.items() if np.ndim(value) > 1]
+        if odd:
+            raise InvalidInput(f"column {odd[0]!r} has shape {np.shape(row[odd[0]])}; a value is a number or (k,)")
+        self._integers = frozenset(n for n in self._number_names if isinstance(row[n], int | np.integer))
+        self._sizes = [len(np.asarray(row[name])) for name in self._vector_names]
+        ends = np.cumsum(self._sizes, dtype=int)
+        slices = {n: slice(int(e) - s, int(e)) for n, e, s in zip(self._vector_names, ends, self._sizes, strict=True)}
+        numbers = {n: slice(k, k + 1) for k, n in enumerate(self._number_names)}
+        self._place = {n: (n in numbers, numbers[n] if n in numbers else slices[n]) for n in row}
+        self._numbers = np.full((self.capacity, len(numbers)), np.nan)
+        self._vectors = np.full((self.capacity, sum(self._sizes)), np.nan)
+        self._pick_numbers = _getter(self._number_names)
+        self._pick_vectors = _getter(self._vector_names)
+
+    def _append_slowly(self, i: int, row: Row) -> None:
+        values = {name: self._checked(name, value) for name, value in row.items()}
+        for name, value in values.items():
+            scalar, where = self._place[name]
+            (self._numbers if scalar else self._vectors)[i, where] = value
+        self.rows = i + 1
+
+    def _checked(self, name: str, value: float | Vec) -> Vec:
+        if name not in self._place:
+            raise UnknownColumn(name, self._place, "columns are fixed by the first row")
+        scalar, where = self._place[name]
+        wanted = () if scalar else (where.stop - where.start,)
+        try:
+            result = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError) as cause:
+            raise InvalidInput(f"column {name!r} must hold numbers, not {value!r}") from cause
+        if result.shape != wanted:
+            raise InvalidInput(f"column {name!r} has shape {wanted}, fixed by the first row; not {result.shape}")
+        return result
+
+    def _grow(self) -> None:
+        self.grown += 1
+        self._numbers = np.concatenate([self._numbers, np.full_like(self._numbers, np.nan)])
+        self._vectors = np.concatenate([self._vectors, np.full_like(self._vectors, np.nan)])
+
+
+def _nothing(row: Row) -> tuple[Any, ...]:
+    del row
+    return ()
+
+
+def _getter(names: list[str]) -> Callable[[Row], tuple[Any, ...]]:
+    """itemgetter that answers with a tuple for any number of names."""
+    if not names:
+        return _nothing
+    if len(names) == 1:
+        only = names[0]
+        return lambda row: (row[only],)
+    return itemgetter(*names)
+
+
+def _write_arrays(file: IO[bytes], columns: Mapping[str, Column]) -> None:
+    """An .npz by hand: np.savez would take columns called ``file`` or ``allow_pickle`` for its own arguments."""
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, values in columns.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, values, allow_pickle=False)
+
+
+def _read_arrays(path: Path) -> dict[str, Column]:
+    with zipfile.ZipFile(path) as archive:
+        columns = {}
+        for name in archive.namelist():
+            with archive.open(name) as entry:
+                columns[name.removesuffix(".npy")] = np.lib.format.read_array(entry, allow_pickle=False)
+        return columns
+
+
+def _plain(where: str, value: Any) -> Any:
+    """``value`` in json's own types."""
+    if isinstance(value, Mapping | MappingProxyType):
+        return {str(key): _plain(f"{where}[{key!r}]", item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(f"{where}[{k}]", item) for k, item in enumerate(value)]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(where, value.tolist())
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise InvalidInput(f"{where} is a {type(value).__name__}; metadata is numbers, text, lists and mappings")
