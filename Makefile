@@ -43,13 +43,13 @@ clean:
 # One stamp per set of extras, newer than pyproject.toml: a second call finds it and downloads nothing.
 $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
 	@echo "Installing the framework, physics, reports and robot models into $(VENV):"
-	@echo "about 450 MB to download from PyPI, 1.2 GB on disk, one to three minutes."
+	@echo "about 350 MB to download from PyPI, 1.4 GB on disk, a minute or two."
 	@$(INSTALL) ".[sim,report,robots]"
 	@touch $@
 
 $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created
 	@echo "Installing the framework with all permissive extras, linters and test tools into $(VENV):"
-	@echo "about 650 MB to download from PyPI, 1.8 GB on disk, one to three minutes."
+	@echo "about 500 MB to download from PyPI, 1.9 GB on disk, a minute or two."
 	@$(INSTALL) ".[all]"
 	@touch $(VENV)/ready-to-run $@
 
@@ -57,8 +57,8 @@ $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created
 # That also respects an externally managed python, since nothing outside .venv is touched.
 $(VENV)/created:
 	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11))" || \
-	  { echo "This needs Python 3.11 or newer; '$(PYTHON)' is `$(PYTHON) --version 2>&1`. Say which one: make PYTHON=python3.12" >&2; exit 1; }
+	  { echo "This needs Python 3.11 or newer; '$(PYTHON)' is $$($(PYTHON) --version 2>/dev/null || echo missing). Say which one: make PYTHON=python3.12" >&2; exit 1; }
 	@$(PYTHON) -m venv --without-pip $(VENV)
-	@$(PYTHON) -m pip --python $(VENV_PYTHON) install --disable-pip-version-check --quiet pip || \
+	@$(PYTHON) -m pip --python $(VENV_PYTHON) install --disable-pip-version-check --quiet pip || $(VENV_PYTHON) -m ensurepip || \
 	  { echo "'$(PYTHON) -m pip' did not work; install pip for it, or choose another with make PYTHON=..." >&2; exit 1; }
 	@touch $@
