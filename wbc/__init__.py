@@ -1,5 +1,90 @@
-"""A QP-first whole-body control framework: stacks of tasks, limits, contacts and components, solved and certified."""
+"""A QP-first whole-body control framework: stacks of tasks, limits, contacts and components, solved and certified.
+
+Names are loaded when they are first used, so that ``import wbc`` costs nothing.
+
+Example:
+    >>> import wbc
+    >>> wbc.load("arm").nj
+    7
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from wbc import errors as errors
+    from wbc import models as models
+    from wbc import testing as testing
+    from wbc.control.command import Command as Command
+    from wbc.control.controller import Controller as Controller
+    from wbc.control.recorder import Recorder as Recorder
+    from wbc.control.recorder import Run as Run
+    from wbc.models import load as load
+    from wbc.qp import QP as QP
+    from wbc.qp import Certificate as Certificate
+    from wbc.qp import Row as Row
+    from wbc.qp import Solution as Solution
+    from wbc.qp import solve as solve
+    from wbc.qp.solvers import usable as solvers
+    from wbc.stack.component import Component as Component
+    from wbc.stack.constraint import Barrier as Barrier
+    from wbc.stack.constraint import Constraint as Constraint
+    from wbc.stack.constraint import LinearConstraint as LinearConstraint
+    from wbc.stack.contact import Contact as Contact
+    from wbc.stack.formulation import AccelerationLevel as AccelerationLevel
+    from wbc.stack.formulation import InverseDynamics as InverseDynamics
+    from wbc.stack.formulation import VelocityLevel as VelocityLevel
+    from wbc.stack.hierarchy import Weighted as Weighted
+    from wbc.stack.stack import Stack as Stack
+    from wbc.stack.task import LinearTask as LinearTask
+    from wbc.stack.task import Task as Task
+    from wbc.types import Status as Status
+
+_HOME = {
+    "AccelerationLevel": "wbc.stack.formulation",
+    "Barrier": "wbc.stack.constraint",
+    "Certificate": "wbc.qp",
+    "Command": "wbc.control.command",
+    "Component": "wbc.stack.component",
+    "Constraint": "wbc.stack.constraint",
+    "Contact": "wbc.stack.contact",
+    "Controller": "wbc.control.controller",
+    "InverseDynamics": "wbc.stack.formulation",
+    "LinearConstraint": "wbc.stack.constraint",
+    "LinearTask": "wbc.stack.task",
+    "QP": "wbc.qp",
+    "Recorder": "wbc.control.recorder",
+    "Row": "wbc.qp",
+    "Run": "wbc.control.recorder",
+    "Solution": "wbc.qp",
+    "Stack": "wbc.stack.stack",
+    "Status": "wbc.types",
+    "Task": "wbc.stack.task",
+    "VelocityLevel": "wbc.stack.formulation",
+    "Weighted": "wbc.stack.hierarchy",
+    "load": "wbc.models",
+    "solve": "wbc.qp",
+}
+_PACKAGES = ("errors", "models", "qp", "sim", "stack", "testing")
+
+__all__ = [*_HOME, *_PACKAGES, "solvers"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PACKAGES:
+        return import_module(f"wbc.{name}")
+    if name == "solvers":
+        return import_module("wbc.qp.solvers").usable
+    if name in _HOME:
+        value = getattr(import_module(_HOME[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'wbc' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -70,7 +70,7 @@ class Contact(ABC):
         self.kp = checks.number(f"{self.name}.kp", kp, low=0.0)
         self.kd = 2.0 * self.kp**0.5 if kd is None else checks.number(f"{self.name}.kd", kd, low=0.0)
         self.force_weight = checks.number(f"{self.name}.force_weight", force_weight, low=0.0)
-        self.target = target
+        self.target: Anchor | None = None if target is None else _as_anchor(f"{self.name}.target", target)
 
     @property
     def name(self) -> str:
@@ -107,3 +107,13 @@ class Contact(ABC):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}[{self.name}](friction={self.friction})"
+
+
+def _as_anchor(name: str, target: Any) -> Anchor:
+    """From a pinocchio.SE3, a 4x4 pose, or for a point a position (3,)."""
+    if isinstance(target, Anchor):
+        return target
+    if np.shape(target) == (3,):
+        return Anchor(np.eye(3), checks.array(name, target, (3,)))
+    pose = checks.array(name, getattr(target, "homogeneous", target), (4, 4))
+    return Anchor(pose[:3, :3], pose[:3, 3])

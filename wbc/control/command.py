@@ -1,0 +1,118 @@
+"""Command: what a tick decided, with its status and its proof."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from wbc.errors import WbcError
+from wbc.qp.certificate import Certificate
+from wbc.types import Status, Vec
+
+if TYPE_CHECKING:
+    from wbc.control.controller import Controller
+    from wbc.qp.solver import Solution
+
+
+@final
+class Forces(dict[str, Vec]):
+    """Contact wrenches by the contact's name or by its frame, force before moment, axes of the surface (z normal)."""
+
+    def __init__(self, wrenches: dict[str, Vec], frames: dict[str, str]) -> None:
+        super().__init__(wrenches)
+        self._frames = frames
+
+    def __missing__(self, key: str) -> Vec:
+        if key in self._frames:
+            return self[self._frames[key]]
+        raise KeyError(f"no contact {key!r}; there are {', '.join(self)}")
+
+
+@final
+class Command:
+    """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
+
+    tau (nj,) [N m], a (nv,), v (nv,) the velocity reached at the end of the tick, q (nq,) the configuration there, f by contact.
+    What the level does not decide is NaN. ``status`` says how the tick ended, ``rung`` which step of the fallback ladder
+    spoke ("solved", "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the
+    command's own and stay valid.
+    """
+
+    __slots__ = ("_a", "_controller", "_f", "_forces", "_q", "_q_before", "_solution", "_tau", "_tick", "_v", "_v_before",
+                 "certificate", "rung", "status")  # fmt: skip
+
+    def __init__(
+        self,
+        controller: Controller,
+        status: Status,
+        rung: str,
+        certificate: Certificate,
+        *,
+        q: Vec,
+        v_before: Vec,
+        v: Vec | None = None,
+        a: Vec | None = None,
+        tau: Vec | None = None,
+        forces: Vec | None = None,
+    ) -> None:
+        self._controller, self._tick = controller, controller.ticks
+        self.status, self.rung, self.certificate = status, rung, certificate
+        self._q_before, self._v_before = q, v_before
+        self._v, self._a, self._tau, self._forces = v, a, tau, forces
+        self._q: Vec | None = None
+        self._f: Forces | None = None
+        self._solution: Solution | None = None
+
+    @property
+    def tau(self) -> Vec:
+        """Joint torques (nj,) [N m; N on prismatic joints]; NaN at levels without dynamics."""
+        if self._tau is None:
+            self._tau = np.full(self._controller.model.nj, np.nan)
+        return self._tau
+
+    @property
+    def a(self) -> Vec:
+        """Acceleration (nv,); NaN at the velocity level."""
+        if self._a is None:
+            self._a = np.full(self._controller.model.nv, np.nan)
+        return self._a
+
+    @property
+    def v(self) -> Vec:
+        """Velocity (nv,) at the end of the tick: commanded, or v + a dt."""
+        if self._v is None:
+            self._v = self._v_before + self._controller.dt * self.a
+        return self._v
+
+    @property
+    def q(self) -> Vec:
+        """Configuration (nq,) at the end of the tick: q ⊕ dt (v + ½ a dt), or q ⊕ dt v at the velocity level."""
+        if self._q is None:
+            dt = self._controller.dt
+            mean = self.v if self._a is None else self._v_before + 0.5 * dt * self._a
+            self._q = self._controller.model.integrate(self._q_before, dt * mean)
+        return self._q
+
+    @property
+    def f(self) -> Forces:
+        """Wrench of each contact, by its name or frame; NaN where none was decided."""
+        if self._f is None:
+            self._f = self._controller.split_forces(self._forces)
+        return self._f
+
+    @property
+    def solution(self) -> Solution:
+        """The QP's solution with multipliers and the full certificate; made on request.
+
+        Raises:
+            WbcError: the controller has ticked since; read it before the next tick.
+        """
+        if self._solution is None:
+            if self._controller.ticks != self._tick:
+                raise WbcError("the controller has ticked since this command; read command.solution before the next tick")
+            self._solution = self._controller.solution()
+        return self._solution
+
+    def __repr__(self) -> str:
+        return f"Command({self.status}, {self.rung}, {self.certificate})"

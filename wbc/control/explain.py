@@ -1,0 +1,82 @@
+"""What a tick decided, in words and units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.control.controller import Controller
+
+_SHOWN = 1e-7  # multipliers below this, relative to the largest, are rounding
+
+
+def explain(controller: Controller) -> str:
+    """Text of :meth:`Controller.explain`.
+
+    Every task: the error it sees, the residual ‖wanted − got‖ of its rows and its share of the cost ½ Σ wᵢ rᵢ².
+    Every active row: on which side it holds, and the multiplier, the cost per unit of its bound.
+    """
+    if controller.ticks == 0:
+        return "no tick yet"
+    head = f"tick {controller.ticks} at t = {controller.state.t:.3f} s: {controller.status}"
+    if not controller.status.ok:
+        return f"{head}\n  {controller.status.value}"
+    lines = [f"{head} ({controller.form} form, {controller.iterations} iterations)"]
+    return "\n".join(lines + _tasks(controller) + _active_rows(controller) + _regularisation(controller))
+
+
+def _tasks(controller: Controller) -> list[str]:
+    plan, p = controller.plan, controller.plan.problem
+    layout, errors = plan.layout, plan.errors()
+    rows = p.G @ p.x1
+    found: list[tuple[str, float, str, Vec, Vec]] = []
+    for task, first in zip((*layout.linear, *layout.kinematic), (*layout.linear_rows, *layout.kinematic_rows), strict=True):
+        residual = rows[first : first + task.dim]
+        found.append((task.name, _size(errors.get(task.name)), task.unit(0), residual, task.weights()))
+    joints = p.x[controller.model.nb : controller.model.nv]
+    behind = layout.n_rows - layout.motion_row
+    nj = controller.model.nj
+    for i, joint_task in enumerate(layout.on_joints):
+        wanted = plan.motion.wanted[behind + i * nj : behind + (i + 1) * nj]
+        found.append((joint_task.name, _size(errors[joint_task.name]), joint_task.unit(0), joints - wanted,
+                      joint_task.weights()))  # fmt: skip
+    costs = [0.5 * float((weights * residual**2).sum()) for *_, residual, weights in found]
+    total = sum(costs) or 1.0
+    suffix = "/s" if controller.level.order == 1 else "/s²"
+    lines = ["tasks:"]
+    for (name, error, unit, residual, _), cost in zip(found, costs, strict=True):
+        ending = suffix if name in errors else ""
+        seen = f"error {error:.3g} {unit}, " if name in errors else ""
+        lines.append(f"  {name}: {seen}residual {_size(residual):.3g} {unit}{ending}, {100 * cost / total:.1f} % of the cost")
+    return lines
+
+
+def _active_rows(controller: Controller) -> list[str]:
+    solution, qp = controller.solution(), controller.qp
+    pushing = np.concatenate([solution.z, solution.z_box])
+    names = qp.rows[qp.n_eq :]
+    lower, upper = np.concatenate([qp.cl, qp.lb]), np.concatenate([qp.cu, qp.ub])
+    active = np.flatnonzero(np.abs(pushing) > _SHOWN * max(1e-3, np.abs(pushing).max(initial=0.0)))
+    if not len(active):
+        return ["active rows: none"]
+    lines = ["active rows:"]
+    for i in active[np.argsort(-np.abs(pushing[active]))]:
+        row, up = names[i], pushing[i] > 0
+        bound = upper[i] if up else lower[i]
+        lines.append(
+            f"  {row} at its {'upper' if up else 'lower'} bound {bound:.4g} {row.unit}; "
+            f"multiplier {abs(pushing[i]):.3g} per {row.unit or 'unit'}"
+        )
+    return lines
+
+
+def _regularisation(controller: Controller) -> list[str]:
+    return [f"regularisation: {controller.level.regularisation:g} on every unknown"]
+
+
+def _size(values: Vec | None) -> float:
+    return float("nan") if values is None else float(np.linalg.norm(values))

@@ -1,0 +1,41 @@
+"""QPs given by their rows, and the solvers that need no products to be made first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.qp.certificate import certificate
+from wbc.qp.problem import QP
+from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.solver import Counts, RowSolver
+from wbc.qp.solver import Solution, Solver
+from wbc.types import Status
+
+__all__ = ["Counts", "RowProblem", "RowSolver", "open_rows", "solution_of"]
+
+
+def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:
+    """The way this problem is solved, decided once.
+
+    The default solver works on the rows: in the dual form where that fits, by DAQP's box solver where there are only
+    bounds. Any other solver, and any other problem, gets the standard form.
+    """
+    from wbc.qp.rows.standard import StandardSolver
+
+    if solver.name == "pdas":
+        from wbc.qp.rows.box import BoxSolver
+        from wbc.qp.rows.dual import DualSolver, fits_dual
+
+        if not (problem.n_u or problem.n_range or problem.n_law):
+            return BoxSolver(problem)
+        if fits_dual(problem):
+            return DualSolver(problem)
+    return StandardSolver(problem, solver)
+
+
+def solution_of(solver: RowSolver, qp: QP, status: Status) -> Solution:
+    """The solution of the standard form ``qp``, with the full certificate recomputed from its data."""
+    x = solver.answer() if status.ok else np.full(qp.n, np.nan)
+    y, z, z_box = solver.multipliers()
+    proof = certificate(qp, x, y, z, z_box)
+    return Solution(status, x, y, z, z_box, proof, solver.iterations, solver=solver.form)

@@ -1,0 +1,128 @@
+"""A QP given by its rows: the form in which a stack of tasks arrives, before any product is made.
+
+Unknowns x = [u | y], and a trailing 1 so that every affine map is one row times x̂ = [u | y | 1]:
+
+    minimise   ½ (y − c)ᵀ D (y − c) + ½ Σ wᵢ (Sᵢ x̂)²        D diagonal, c the centre
+    subject to B x̂ = 0          n_u rows, B_u symmetric positive definite: they determine u (the base's dynamics)
+               lower ≤ R x̂ ≤ upper
+               L x̂ = 0          laws
+               lb ≤ y ≤ ub
+
+All rows live in one C-ordered array G = [B; R; S; L; slots], so that one product G x̂ gives torques, residuals
+and margins. One vector of *items* [x | 1 | rows] holds every value that has a bound, and one comparison checks all.
+
+Forces are stored scaled, f = scale · f̃, so that their metric equals the joints' and D is uniform where it can be;
+``scale`` is 1 on everything else.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from wbc.qp.problem import QP, Row, Shape
+from wbc.types import Vec
+
+
+@final
+class RowProblem:
+    """Memory of one row problem. Sizes are fixed; whoever owns it writes rows, bounds, weights and centre."""
+
+    def __init__(
+        self, n_u: int, n_y: int, *, n_range: int, n_soft: int, n_law: int, rows: list[Row], regularisation: float
+    ) -> None:
+        self.n_u, self.n_y, self.n = n_u, n_y, n_u + n_y
+        self.n_range, self.n_soft, self.n_law = n_range, n_soft, n_law
+        self.n_rows = n_u + n_range + n_soft + n_law
+        self.n_slots = min(n_range, n_y)
+        #: Names of [B; R; S; L], then of the variables.
+        self.rows = rows
+        self.regularisation = regularisation
+        n, m = self.n, self.n_rows
+
+        self.G = np.zeros((m + self.n_slots, n + 1))
+        self.base = slice(0, n_u)
+        self.range = slice(n_u, n_u + n_range)
+        self.soft = slice(n_u + n_range, n_u + n_range + n_soft)
+        self.law = slice(n_u + n_range + n_soft, m)
+
+        # Items: the unknowns, the constant 1, the rows, the slots.
+        self.first_row = n + 1
+        items = n + 1 + m + self.n_slots
+        self.value = np.zeros(items)
+        self.value[n] = 1.0
+        self.lower = np.full(items, -np.inf)
+        self.upper = np.full(items, np.inf)
+        for fixed in (self.base, self.soft, self.law):
+            self.lower[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
+            self.upper[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
+        self.lower[n + 1 + m :] = self.upper[n + 1 + m :] = 0.0
+        self.x = self.value[:n]
+        self.x1 = self.value[: n + 1]
+
+        self.metric = np.ones(n_y)  #: D, in units of ``unit``: the cost is divided by it
+        self.centre = np.zeros(n_y)
+        self.weights = np.ones(n_soft)
+        self.unit = 1.0
+        self.scale = np.ones(n)
+        #: Counts changes of metric, weights or unit, so that a solver knows when to read them again.
+        self.version = 0
+
+    # ---- named parts of the items
+    def item(self, row: int) -> int:
+        """Position of a row of G among the items."""
+        return self.first_row + row
+
+    @property
+    def lb(self) -> Vec:
+        """Lower bounds of the unknowns (n,), a view."""
+        return self.lower[: self.n]
+
+    @property
+    def ub(self) -> Vec:
+        """Upper bounds of the unknowns (n,), a view."""
+        return self.upper[: self.n]
+
+    def range_bounds(self) -> tuple[Vec, Vec]:
+        """Lower and upper sides of the range rows, views."""
+        first, last = self.item(self.range.start), self.item(self.range.stop)
+        return self.lower[first:last], self.upper[first:last]
+
+    # ---- the same problem in standard form
+    @property
+    def qp_shape(self) -> Shape:
+        """Shape of the standard form: u and y are variables, B and L equalities."""
+        return Shape(self.n, self.n_u + self.n_law, self.n_range)
+
+    def empty_qp(self) -> QP:
+        """Memory for :meth:`write_qp`."""
+        order = [*range(self.n_u), *range(self.law.start, self.law.stop), *range(self.range.start, self.range.stop)]
+        names = [self.rows[i] for i in order] + self.rows[self.n_rows :]
+        return QP.empty(self.qp_shape, names)
+
+    def write_qp(self, qp: QP) -> None:
+        """Write the standard form, in physical units: forces unscaled, cost not divided."""
+        n, n_u = self.n, self.n_u
+        unscale = 1.0 / self.scale
+        rows, right = self.G[: self.n_rows, :n] * unscale, self.G[: self.n_rows, n]
+        soft = rows[self.soft]
+        weighted = soft * self.weights[:, None]
+        np.matmul(soft.T, weighted, out=qp.H)
+        np.matmul(right[self.soft], weighted, out=qp.g)
+        diagonal = np.empty(n)
+        diagonal[:n_u] = self.regularisation
+        diagonal[n_u:] = self.unit * self.metric * unscale[n_u:] ** 2
+        qp.H.flat[:: n + 1] += diagonal
+        qp.g[n_u:] -= diagonal[n_u:] * self.centre * self.scale[n_u:]
+        qp.H[:] = 0.5 * (qp.H + qp.H.T)
+        equal = qp.matrix[: qp.n_eq]
+        equal[:n_u], equal[n_u:] = rows[self.base], rows[self.law]
+        qp.lower[:n_u] = qp.upper[:n_u] = -right[self.base]
+        qp.lower[n_u : qp.n_eq] = qp.upper[n_u : qp.n_eq] = -right[self.law]
+        qp.matrix[qp.n_eq :] = rows[self.range]
+        low, high = self.range_bounds()
+        np.subtract(low, right[self.range], out=qp.lower[qp.n_eq :])
+        np.subtract(high, right[self.range], out=qp.upper[qp.n_eq :])
+        np.multiply(self.lb, self.scale, out=qp.lb)
+        np.multiply(self.ub, self.scale, out=qp.ub)

@@ -1,0 +1,94 @@
+"""Formulation: at which level a stack is solved, and so what the unknowns are."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, final
+
+from wbc import checks
+from wbc.models.model import RobotModel
+from wbc.stack.stack import Stack
+
+if TYPE_CHECKING:
+    from wbc.stack.plan import Plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Formulation(ABC):
+    """A level. ``regularisation`` ½ ε ‖x‖² is on every unknown, and printed, never hidden."""
+
+    regularisation: float = 1e-8
+
+    #: Differentiation order of the unknown: 1 velocities, 2 accelerations.
+    order: ClassVar[int]
+    #: Whether torques and contact forces exist at this level.
+    dynamics: ClassVar[bool]
+    #: What the level is called in messages.
+    name: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        checks.number("regularisation", self.regularisation, low=0.0, strict=True)
+
+    @property
+    @abstractmethod
+    def carries(self) -> frozenset[str]:
+        """Quantities that laws and linear tasks may be written on at this level."""
+
+    @final
+    def compile(self, model: RobotModel, stack: Stack, *, dt: float) -> Plan:
+        """Decide names, sizes, views and constant rows; see :class:`~wbc.stack.plan.Plan`.
+
+        Raises:
+            NotSupported: a task or law this level cannot carry, by name.
+            UnknownFrame, InvalidInput: an argument the model contradicts.
+        """
+        from wbc.stack.plan import Plan
+
+        return Plan(model, stack, self, dt)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class VelocityLevel(Formulation):
+    """Unknown v (nv,). Kinematic tasks as J v = ẏ_ref + rate · e; contacts do not move; no forces."""
+
+    order: ClassVar[int] = 1
+    dynamics: ClassVar[bool] = False
+    name: ClassVar[str] = "velocity level"
+
+    @property
+    def carries(self) -> frozenset[str]:
+        return frozenset({"position", "velocity"})
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class AccelerationLevel(Formulation):
+    """Unknown a (nv,). Kinematic tasks as J a = ÿ_ref + kd ė + kp e − J̇ v; no dynamics, no forces."""
+
+    order: ClassVar[int] = 2
+    dynamics: ClassVar[bool] = False
+    name: ClassVar[str] = "acceleration level"
+
+    @property
+    def carries(self) -> frozenset[str]:
+        return frozenset({"position", "velocity", "acceleration"})
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class InverseDynamics(Formulation):
+    """Unknowns a (nv,) and the contact forces f (nf,). Torques are never unknowns: τ = S (M a + h − Jᵀ f) is a row.
+
+    The six rows of a floating base, M_b a + h_b − J_bᵀ f = 0, determine the base acceleration and are eliminated by
+    the default solver. Source: Herzog et al., Autonomous Robots 2016; Del Prete et al., RA-L 2018.
+    """
+
+    order: ClassVar[int] = 2
+    dynamics: ClassVar[bool] = True
+    name: ClassVar[str] = "inverse dynamics"
+
+    @property
+    def carries(self) -> frozenset[str]:
+        return frozenset({"position", "velocity", "acceleration", "torque", "force"})

@@ -1,0 +1,151 @@
+"""Layout: which rows and unknowns a stack has at a level, in which order, and what each is called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, TypeVar, final
+
+from wbc.errors import NotSupported
+from wbc.models.model import RobotModel
+from wbc.qp.problem import Row
+from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
+from wbc.stack.contact import Contact
+from wbc.stack.formulation import Formulation
+from wbc.stack.stack import Stack
+from wbc.stack.task import Exactly, LinearTask, Task
+
+_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+_Member = TypeVar("_Member")
+
+
+@final
+class Layout:
+    """Members of a stack sorted by what they write, with the row each starts at.
+
+    Rows of G: base (6 or none) | range: torques, cones, barriers, linear constraints | soft: linear, kinematic tasks |
+    laws: exact tasks, contacts. Unknowns: base and joints (u first where it is eliminated), then contact forces.
+
+    Raises:
+        NotSupported: a member the level cannot carry, by name.
+    """
+
+    def __init__(self, model: RobotModel, stack: Stack, level: Formulation) -> None:
+        self.model, self.level = model, level
+        self.contacts: list[Contact] = list(stack.contacts)
+        self.linear = _of(stack.tasks, LinearTask)
+        self.kinematic = [t for t in _of(stack.tasks, Task) if not t.on_joints]
+        self.on_joints = [t for t in _of(stack.tasks, Task) if t.on_joints]
+        self.exact = _of(stack.subject_to, Exactly)
+        self.barriers = _of(stack.subject_to, Barrier)
+        self.constraints = _of(stack.subject_to, LinearConstraint)
+        intervals = _of(stack.subject_to, JointInterval)
+        self.motion_limits = [law for law in intervals if law.quantity != "torque"]
+        self.torque_limits = [law for law in intervals if law.quantity == "torque"]
+        for member in (*stack.tasks, *stack.subject_to, *stack.contacts, *stack.components):
+            (member.task if isinstance(member, Exactly) else member).prepare(model)
+        self._refuse_what_the_level_cannot_carry()
+
+        dynamics = level.dynamics
+        self.n_u = model.nb if dynamics else 0
+        self.nf = sum(c.dim for c in self.contacts) if dynamics else 0
+        self.n = model.nv + self.nf
+        self.n_torque = model.nj if dynamics else 0
+        self.n_cone = sum(len(c.cone()) for c in self.contacts) if dynamics else 0
+
+        row = self.n_u
+        self.torque_row = row
+        row += self.n_torque
+        self.cone_row = row
+        row += self.n_cone
+        self.barrier_rows, row = _starts(self.barriers, row)
+        self.constraint_rows, row = _starts(self.constraints, row)
+        self.n_range = row - self.n_u
+        self.linear_rows, row = _starts(self.linear, row)
+        self.motion_row = row
+        self.kinematic_rows, row = _starts(self.kinematic, row)
+        self.n_soft = row - self.n_u - self.n_range
+        self.exact_rows, row = _starts([law.task for law in self.exact], row)
+        self.contact_row = row
+        self.contact_rows, row = _starts(self.contacts, row)
+        self.n_law = row - self.n_u - self.n_range - self.n_soft
+        self.force_columns, _ = _starts(self.contacts, model.nv)
+        self.n_rows = row
+
+    def _refuse_what_the_level_cannot_carry(self) -> None:
+        level, carried = self.level, self.level.carries
+        wanted: list[tuple[str, str]] = [(law.name, law.quantity) for law in self.motion_limits + self.torque_limits]
+        wanted += [(task.name, task.on) for task in self.linear]
+        wanted += [(law.name, law.on) for law in self.constraints]
+        for name, quantity in wanted:
+            if quantity not in carried:
+                raise NotSupported(
+                    f"{name} is about {quantity}, which the {level.name} does not decide; "
+                    f"it carries {', '.join(sorted(carried))}"
+                )
+
+    def contact(self, member: LinearTask | LinearConstraint) -> int:
+        """Index of the contact a member on "force" speaks of.
+
+        Raises:
+            UnknownName: no contact of that name or frame.
+        """
+        from wbc.errors import UnknownName
+
+        for i, contact in enumerate(self.contacts):
+            if member.contact in (contact.name, contact.frame):
+                return i
+        raise UnknownName(member.contact, [c.frame for c in self.contacts], f"{member.name} needs a contact")
+
+    # ---- names
+    def names(self) -> list[Row]:
+        """Owner, label and unit of every row of G, then of every unknown."""
+        model, level = self.model, self.level
+        suffix = "/s" if level.order == 1 else "/s²"
+        rows = [Row("base dynamics", label, "N" if i < 3 else "N m") for i, label in enumerate(_WRENCH[: self.n_u])]
+        if self.n_torque:
+            owner = self.torque_limits[0].name if self.torque_limits else "torque"
+            effort = ["N" if unit == "m" else "N m" for unit in model.joint_units]
+            rows += [Row(owner, joint, unit) for joint, unit in zip(model.joint_names, effort, strict=True)]
+        if level.dynamics:
+            for contact in self.contacts:
+                rows += [Row(f"friction[{contact.frame}]", label, unit) for label, unit in contact.cone_labels()]
+        for barrier in self.barriers:
+            rows += [Row(barrier.name, barrier.label(i), barrier.units + suffix) for i in range(barrier.dim)]
+        for law in self.constraints:
+            rows += [Row(law.name, law.label(i), law.units) for i in range(law.dim)]
+        for linear in self.linear:
+            rows += [Row(linear.name, linear.label(i), linear.unit(i)) for i in range(linear.dim)]
+        for task in self.kinematic:
+            rows += [Row(task.name, task.label(i), task.unit(i) + suffix) for i in range(task.dim)]
+        for exact in self.exact:
+            rows += [Row(exact.name, exact.task.label(i), exact.task.unit(i) + suffix) for i in range(exact.task.dim)]
+        for contact in self.contacts:
+            labels = zip(_AXES, contact.motion_units(), strict=False)
+            rows += [Row(f"contact[{contact.frame}]", label, unit + suffix) for label, unit in labels]
+        return rows + list(self._unknowns(suffix))
+
+    def _unknowns(self, suffix: str) -> Iterator[Row]:
+        model = self.model
+        for i in range(model.nb):
+            yield Row("base", _AXES[i], ("m" if i < 3 else "rad") + suffix)
+        owner = self.motion_limits[0].name if len(self.motion_limits) == 1 else "joint limits"
+        for joint, unit in zip(model.joint_names, model.joint_units, strict=True):
+            yield Row(owner if self.motion_limits else "joint", joint, unit + suffix)
+        if self.level.dynamics:
+            for contact in self.contacts:
+                for i in range(contact.dim):
+                    yield Row(f"force[{contact.frame}]", _WRENCH[i], "N" if i < 3 else "N m")
+
+
+def _of(members: Any, kind: type[_Member]) -> list[_Member]:
+    return [m for m in members if isinstance(m, kind)]
+
+
+def _starts(members: Any, first: int) -> tuple[list[int], int]:
+    """First row of each member, and the row behind the last."""
+    starts = []
+    for member in members:
+        starts.append(first)
+        first += member.dim
+    return starts, first
