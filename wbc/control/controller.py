@@ -197,12 +197,18 @@ class Controller:
         a = -v / _BRAKE_TIME
         if not self.level.dynamics:
             return Command(self, status, "damped", _NO_PROOF, q=q, v_before=v, a=a)
-        nb = self.model.nb
         if known:
             self.state.update(self.state.t, q, v)
-        tau = self.state.g[nb:] + (self.state.M @ a)[nb:]
+        return Command(self, status, "damped", _NO_PROOF, q=q, v_before=v, a=a, tau=self._damped_torque(v))
+
+    def _damped_torque(self, v: Vec) -> Vec:
+        """τ_ref − D v with D = diag(M)/T: gravity on a fixed base; on legs the last certified torque, which carries them."""
+        nb, good = self.model.nb, self._good
+        reference = self.state.g if nb == 0 or good is None or good._tau is None else np.r_[np.zeros(nb), good._tau]
+        damping = self.state.M.diagonal()[nb:] / _BRAKE_TIME
         low, high = self.plan.torque_bounds
-        return Command(self, status, "damped", _NO_PROOF, q=q, v_before=v, a=a, tau=np.clip(tau, low, high))
+        torque: Vec = np.clip(reference[nb:] - damping * v[nb:], low, high)
+        return torque
 
     # ---- what others read
     @property
