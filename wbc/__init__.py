@@ -71,8 +71,6 @@ _HOME = {
 }
 _PACKAGES = ("errors", "models", "qp", "sim", "stack", "testing")
 
-__all__ = [*_HOME, *_PACKAGES, "solvers"]
-
 
 def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
@@ -87,4 +85,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted([*globals(), *_HOME, *_PACKAGES, "solvers"])

@@ -29,9 +29,7 @@ def array(
     except (TypeError, ValueError) as cause:
         raise error(f"{name} must be an array of numbers, not {type(value).__name__}") from cause
     wanted = tuple(shape)
-    if result.ndim != len(wanted) or any(
-        w is not None and w != s for w, s in zip(wanted, result.shape, strict=True)
-    ):
+    if result.ndim != len(wanted) or any(w is not None and w != s for w, s in zip(wanted, result.shape, strict=True)):
         text = "(" + ", ".join("any" if w is None else str(w) for w in wanted) + ("," if len(wanted) == 1 else "") + ")"
         raise error(f"{name} must have shape {text}, not {result.shape}")
     bad = np.isnan(result) if not finite else ~np.isfinite(result)

@@ -33,14 +33,16 @@ class Forces(dict[str, Vec]):
 class Command:
     """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
 
-    tau (nj,) [N m], a (nv,), v (nv,) the velocity reached at the end of the tick, q (nq,) the configuration there, f by contact.
-    What the level does not decide is NaN. ``status`` says how the tick ended, ``rung`` which step of the fallback ladder
-    spoke ("solved", "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the
-    command's own and stay valid.
+    tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
+    decide is NaN. ``status`` says how the tick ended, ``rung`` which step of the fallback ladder spoke ("solved", "hold",
+    "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the command's own and stay
+    valid.
     """
 
-    __slots__ = ("_a", "_controller", "_f", "_forces", "_q", "_q_before", "_solution", "_tau", "_tick", "_v", "_v_before",
-                 "certificate", "rung", "status")  # fmt: skip
+    __slots__ = (
+        "_a", "_controller", "_f", "_forces", "_q", "_q_before", "_solution", "_tau", "_tick", "_v", "_v_before",
+        "certificate", "rung", "status",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -110,7 +112,7 @@ class Command:
         """
         if self._solution is None:
             if self._controller.ticks != self._tick:
-                raise WbcError("the controller has ticked since this command; read command.solution before the next tick")
+                raise WbcError("the controller has ticked since; read command.solution before the next tick")
             self._solution = self._controller.solution()
         return self._solution
 

@@ -2,8 +2,8 @@
 
     state → components.before → plan.fill → solve → certificate → command → components.after
 
-A tick raises only for programming errors (a wrong type or shape). Numbers that are not finite and solves that fail give a
-bounded command all the same, from the next rung of a short ladder:
+A tick raises only for programming errors (a wrong type or shape). Numbers that are not finite and solves that fail give
+a bounded command all the same, from the next rung of a short ladder:
 
     solved   certified by the solver asked for, or by DAQP where that one failed
     hold     the last certified command, for at most ``hold_ticks`` ticks
@@ -202,7 +202,7 @@ class Controller:
         return Command(self, status, "damped", _NO_PROOF, q=q, v_before=v, a=a, tau=self._damped_torque(v))
 
     def _damped_torque(self, v: Vec) -> Vec:
-        """τ_ref − D v with D = diag(M)/T: gravity on a fixed base; on legs the last certified torque, which carries them."""
+        """τ_ref − D v, D = diag(M)/T. τ_ref is gravity on a fixed base, the last certified torque on legs."""
         nb, good = self.model.nb, self._good
         reference = self.state.g if nb == 0 or good is None or good._tau is None else np.r_[np.zeros(nb), good._tau]
         damping = self.state.M.diagonal()[nb:] / _BRAKE_TIME

@@ -34,7 +34,8 @@ def _tasks(controller: Controller) -> list[str]:
     layout, errors = plan.layout, plan.errors()
     rows = p.G @ p.x1
     found: list[tuple[str, float, str, Vec, Vec]] = []
-    for task, first in zip((*layout.linear, *layout.kinematic), (*layout.linear_rows, *layout.kinematic_rows), strict=True):
+    tasks = (*layout.linear, *layout.kinematic)
+    for task, first in zip(tasks, (*layout.linear_rows, *layout.kinematic_rows), strict=True):
         residual = rows[first : first + task.dim]
         found.append((task.name, _size(errors.get(task.name)), task.unit(0), residual, task.weights()))
     joints = p.x[controller.model.nb : controller.model.nv]
@@ -51,7 +52,8 @@ def _tasks(controller: Controller) -> list[str]:
     for (name, error, unit, residual, _), cost in zip(found, costs, strict=True):
         ending = suffix if name in errors else ""
         seen = f"error {error:.3g} {unit}, " if name in errors else ""
-        lines.append(f"  {name}: {seen}residual {_size(residual):.3g} {unit}{ending}, {100 * cost / total:.1f} % of the cost")
+        share = 100.0 * cost / total
+        lines.append(f"  {name}: {seen}residual {_size(residual):.3g} {unit}{ending}, {share:.1f} % of the cost")
     return lines
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, TypeVar, final
+from typing import Any, final
 
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
@@ -16,7 +16,6 @@ from wbc.stack.task import Exactly, LinearTask, Task
 
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
-_Member = TypeVar("_Member")
 
 
 @final
@@ -33,13 +32,13 @@ class Layout:
     def __init__(self, model: RobotModel, stack: Stack, level: Formulation) -> None:
         self.model, self.level = model, level
         self.contacts: list[Contact] = list(stack.contacts)
-        self.linear = _of(stack.tasks, LinearTask)
-        self.kinematic = [t for t in _of(stack.tasks, Task) if not t.on_joints]
-        self.on_joints = [t for t in _of(stack.tasks, Task) if t.on_joints]
-        self.exact = _of(stack.subject_to, Exactly)
-        self.barriers = _of(stack.subject_to, Barrier)
-        self.constraints = _of(stack.subject_to, LinearConstraint)
-        intervals = _of(stack.subject_to, JointInterval)
+        self.linear: list[LinearTask] = _of(stack.tasks, LinearTask)
+        self.kinematic: list[Task] = [t for t in _of(stack.tasks, Task) if not t.on_joints]
+        self.on_joints: list[Task] = [t for t in _of(stack.tasks, Task) if t.on_joints]
+        self.exact: list[Exactly] = _of(stack.subject_to, Exactly)
+        self.barriers: list[Barrier] = _of(stack.subject_to, Barrier)
+        self.constraints: list[LinearConstraint] = _of(stack.subject_to, LinearConstraint)
+        intervals: list[JointInterval] = _of(stack.subject_to, JointInterval)
         self.motion_limits = [law for law in intervals if law.quantity != "torque"]
         self.torque_limits = [law for law in intervals if law.quantity == "torque"]
         for member in (*stack.tasks, *stack.subject_to, *stack.contacts, *stack.components):
@@ -138,7 +137,7 @@ class Layout:
                     yield Row(f"force[{contact.frame}]", _WRENCH[i], "N" if i < 3 else "N m")
 
 
-def _of(members: Any, kind: type[_Member]) -> list[_Member]:
+def _of(members: Any, kind: type[Any]) -> list[Any]:
     return [m for m in members if isinstance(m, kind)]
 
 

@@ -1,8 +1,8 @@
 """Plan: a stack compiled for one model at one level. ``fill`` is the hot path.
 
-Everything that has a name, a size or a constant value is decided in ``__init__``: the layout of the rows, the views each
-task writes into, the friction cones, the bounds that do not move. ``fill`` lets every task write its rows, applies
-all gains at once and completes the row problem (:mod:`wbc.qp.rows.problem`); it branches on nothing but what was decided.
+Everything that has a name, a size or a constant value is decided in ``__init__``: the layout of the rows, the views
+each task writes into, the friction cones, the bounds that do not move. ``fill`` lets every task write its rows,
+applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.problem`).
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ class Plan:
         for fill, out in self._fills:
             fill(state, *out)
         first = layout.motion_row
-        members = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts]
+        members: list[Any] = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts]
         starts = [*layout.kinematic_rows, *layout.exact_rows, *layout.contact_rows]
         for member, row in zip(members, starts, strict=True):
             motion.check_written(row - first, member.dim, member.name)
@@ -334,4 +334,3 @@ class Plan:
             f"Plan({self.model.name}, {self.level.name}: {n} unknowns, {n_eq} equalities, {n_in} two-sided rows, "
             f"{self.problem.n_soft} soft rows)"
         )
-

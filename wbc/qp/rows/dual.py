@@ -298,10 +298,10 @@ class DualSolver(RowSolver):
             gradient = p.metric[pins] * (self._y[pins] - p.centre[pins]) - self._Er[pins] @ self._lam
             z_box[pins + p.n_u] = -p.unit * gradient / p.scale[pins + p.n_u]
         # Stationarity in u determines the multipliers of the rows that were eliminated.
-        z_base = np.zeros(0)
+        z_base: Vec = np.zeros(0)
         if p.n_u:
             force = p.unit * (self._now.Eu_T @ self._lam) - p.regularisation * self._u
-            z_base = np.linalg.solve(self._Bu.T, force)
+            z_base = np.linalg.solve(self._Bu.T, force).astype(np.float64)
         return np.concatenate([z_base, z_law]), z, z_box
 
 
