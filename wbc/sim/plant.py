@@ -1,0 +1,239 @@
+"""Plant: what a command is done to. An exact integrator, rigid-body dynamics without contacts, or physics."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, Protocol, final
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from wbc import checks
+from wbc.errors import InvalidInput, NotSupported, SimulationError
+from wbc.models.model import RobotModel
+from wbc.types import Vec
+
+
+class Drive(Protocol):
+    """What a plant reads of a command: torques (nj,), accelerations (nv,), velocities (nv,)."""
+
+    @property
+    def tau(self) -> Vec:
+        """Joint torques (nj,) [N m, N]."""
+
+    @property
+    def a(self) -> Vec:
+        """Accelerations (nv,) [rad/s², m/s²]."""
+
+    @property
+    def v(self) -> Vec:
+        """Velocities (nv,) [rad/s, m/s]."""
+
+
+class Plant(ABC):
+    """A robot that moves: a true state (t, q, v), and ``step``, which lets it move for ``dt`` seconds.
+
+    ``q`` and ``v`` are ordered as :mod:`wbc.types` says and are read-only; every step makes new ones. Time is
+    start + k dt, so it does not drift.
+    """
+
+    def __init__(self, model: RobotModel, dt: float) -> None:
+        self.model = model
+        self.dt = checks.number("dt", dt, low=0.0, strict=True)
+        self._start, self._steps = 0.0, 0
+        self._q = _frozen(model.q0.copy())
+        self._v = _frozen(np.zeros(model.nv))
+        self._pushed = np.zeros(3)
+
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+        return self._start + self._steps * self.dt
+
+    @property
+    def q(self) -> Vec:
+        """True configuration (nq,)."""
+        return self._q
+
+    @property
+    def v(self) -> Vec:
+        """True velocity (nv,)."""
+        return self._v
+
+    @property
+    def pushed(self) -> Vec:
+        """Sum (3,) of the forces that act in the next step [N], world axes."""
+        return self._pushed
+
+    @property
+    def fallen(self) -> bool:
+        """Whether a floating-base robot lies, or is about to; always False where nothing can fall."""
+        return False
+
+    def reset(self, q: Vec, v: Vec | None = None, *, t: float = 0.0) -> None:
+        """Start again at configuration q (nq,), velocity v (nv,) (default: at rest), time t [s].
+
+        Raises:
+            InvalidInput: wrong shape, not finite, or a quaternion that is not of length 1 within 1e-6.
+        """
+        q = checks.array("q", q, (self.model.nq,))
+        v = np.zeros(self.model.nv) if v is None else checks.array("v", v, (self.model.nv,))
+        if self.model.nb:
+            length = float(np.linalg.norm(q[3:7]))
+            if abs(length - 1.0) > 1e-6:
+                raise InvalidInput(f"q[3:7] is a quaternion of length {length:g}; it must be 1")
+        self._start, self._steps = checks.number("t", t), 0
+        self._pushed = np.zeros(3)
+        self._place(q, v)
+        self._q, self._v = _frozen(q), _frozen(v)
+
+    def step(self, command: Drive) -> None:
+        """Apply ``command`` for dt seconds. Pushes act during this one step.
+
+        Raises:
+            SimulationError: a command that is not finite, or a state that is not after the step.
+        """
+        self._q, self._v = (_frozen(x) for x in self._advance(command))
+        self._steps += 1
+        self._pushed = np.zeros(3)
+        if not (np.isfinite(self._q).all() and np.isfinite(self._v).all()):
+            raise SimulationError(f"the plant diverged at t = {self.t:.4f} s: its state is not finite")
+
+    def push(self, frame: str, force: Vec) -> None:
+        """Let ``force`` (3,) [N, world axes] act on a link during the next step, at its centre of mass; forces add up.
+
+        Raises:
+            NotSupported: a plant without forces.
+            UnknownFrame: no such frame.
+        """
+        raise NotSupported(f"{type(self).__name__} knows no forces, so nothing can push {frame!r}")
+
+    def load(self, frame: str, mass: float) -> None:
+        """Fix a point mass [kg] to the origin of ``frame`` from now until the next ``reset``.
+
+        Raises:
+            NotSupported: a plant whose masses cannot change.
+            UnknownFrame: no such frame.
+        """
+        raise NotSupported(f"{type(self).__name__} carries no payload, so none can be put on {frame!r}")
+
+    def truth(self) -> Mapping[str, Vec | float]:
+        """What only the plant knows about the step just made, by column name."""
+        return {}
+
+    def settings(self) -> dict[str, Any]:
+        """Everything that decides how the plant moves, for a report."""
+        return {"plant": type(self).__name__, "dt": self.dt}
+
+    @abstractmethod
+    def _place(self, q: Vec, v: Vec) -> None:
+        """Put the robot there; the arguments have been checked."""
+
+    @abstractmethod
+    def _advance(self, command: Drive) -> tuple[Vec, Vec]:
+        """(q, v) after dt seconds, in new arrays."""
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.model.name}, t={self.t:.4f})"
+
+
+@final
+class IntegratorPlant(Plant):
+    """A robot that does exactly what it is told: no forces, no contacts.
+
+        velocity        v' = command.v          q' = q ⊕ dt v'
+        acceleration    v' = v + dt command.a   q' = q ⊕ dt (v + dt command.a / 2)
+
+    Both are exact when the command is constant over the step (fixed base; on a floating base q' is exact to O(dt³)).
+
+    Raises:
+        InvalidInput: a level that is neither of the two.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.sim.plant import IntegratorPlant
+        >>> plant = IntegratorPlant(wbc.load("arm"), dt=1e-3, level="velocity")
+        >>> plant.reset(plant.model.q0)
+    """
+
+    def __init__(self, model: RobotModel, *, dt: float = 1e-3, level: str = "acceleration") -> None:
+        super().__init__(model, dt)
+        if level not in ("velocity", "acceleration"):
+            raise InvalidInput(f"level is {level!r}; an integrator follows 'velocity' or 'acceleration'")
+        self.level = level
+
+    def _place(self, q: Vec, v: Vec) -> None:
+        """An integrator has no other memory than q and v."""
+
+    def _advance(self, command: Drive) -> tuple[Vec, Vec]:
+        if self.level == "velocity":
+            v = _finite("command.v", command.v, self.t)
+            return self.model.integrate(self._q, self.dt * v), v.copy()
+        a = _finite("command.a", command.a, self.t)
+        step = self.dt * self._v + 0.5 * self.dt**2 * a
+        return self.model.integrate(self._q, step), self._v + self.dt * a
+
+    def settings(self) -> dict[str, Any]:
+        return {**super().settings(), "level": self.level}
+
+
+@final
+class ForwardDynamicsPlant(Plant):
+    """Rigid-body dynamics without contacts, from the model's own M and h: for arms and for robots in free flight.
+
+        M a = Sᵀ tau − h        v' = v + dt a        q' = q ⊕ dt (v + v')/2
+
+    integrated with ``substeps`` equal steps, torques held constant. Torque limits, joint stops, friction and pushes
+    do not exist here.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.sim.plant import ForwardDynamicsPlant
+        >>> plant = ForwardDynamicsPlant(wbc.load("arm"), dt=1e-3)
+    """
+
+    def __init__(self, model: RobotModel, *, dt: float = 1e-3, substeps: int = 1) -> None:
+        super().__init__(model, dt)
+        self.substeps = whole("substeps", substeps)
+        self._state = model.state()
+
+    def _place(self, q: Vec, v: Vec) -> None:
+        """The dynamics have no other memory than q and v."""
+
+    def _advance(self, command: Drive) -> tuple[Vec, Vec]:
+        model, state, h = self.model, self._state, self.dt / self.substeps
+        q, v = self._q, self._v
+        torque = np.zeros(model.nv)
+        torque[model.nb :] = _finite("command.tau", command.tau, self.t)
+        for _ in range(self.substeps):
+            state.update(self.t, q, v)
+            a = cho_solve(cho_factor(state.M), torque - state.h)
+            q, v = model.integrate(q, h * v + 0.5 * h**2 * a), v + h * a
+        return q, v
+
+    def settings(self) -> dict[str, Any]:
+        return {**super().settings(), "substeps": self.substeps}
+
+
+def whole(name: str, value: Any) -> int:
+    """``value`` as a whole number of at least 1.
+
+    Raises:
+        InvalidInput: anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InvalidInput(f"{name} is {value!r}; it must be a whole number, at least 1")
+    return int(value)
+
+
+def _finite(name: str, values: Vec, t: float) -> Vec:
+    if not np.isfinite(values).all():
+        i = int(np.argmin(np.isfinite(values)))
+        raise SimulationError(f"{name}[{i}] is {values[i]} at t = {t:.4f} s; a plant moves on finite numbers only")
+    return values
+
+
+def _frozen(values: Vec) -> Vec:
+    values.setflags(write=False)
+    return values
