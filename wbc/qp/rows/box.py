@@ -101,7 +101,7 @@ class BoxSolver(RowSolver):
         return Status.SOLVED if good else Status.INACCURATE
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        return np.zeros(0), np.zeros(0), self._z_box * self.problem.unit
+        return np.zeros(0), np.zeros(0), self._z_box * self.problem.unit / self.problem.scale
 
     @property
     def active_count(self) -> int:

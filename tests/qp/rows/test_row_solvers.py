@@ -1,0 +1,152 @@
+"""A row problem has one answer, whichever way it is solved; the certificate of the standard form says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wbc.qp.problem import Row
+from wbc.qp.rows import RowProblem, solution_of
+from wbc.qp.rows.box import BoxSolver
+from wbc.qp.rows.dual import DualSolver, fits_dual
+from wbc.qp.rows.standard import StandardSolver
+from wbc.qp.solvers import by_name
+from wbc.types import Status
+
+
+def row_problem(seed: int, *, n_u: int = 3, n_y: int = 12, n_range: int = 8, n_soft: int = 4, n_law: int = 3,
+                tight: float = 1.0, weights: tuple[float, float] = (1e-2, 1e2)) -> RowProblem:  # fmt: skip
+    """A feasible random problem: bounds and ranges hold at a random point, more tightly the smaller ``tight``."""
+    rng = np.random.default_rng(seed)
+    n, m = n_u + n_y, n_u + n_range + n_soft + n_law
+    p = RowProblem(
+        n_u, n_y, n_range=n_range, n_soft=n_soft, n_law=n_law,
+        rows=[Row(f"row {i}") for i in range(m)] + [Row(f"x{i}") for i in range(n)], regularisation=1e-9,
+    )  # fmt: skip
+    p.G[:m] = rng.normal(size=(m, n + 1))
+    if n_u:
+        root = rng.normal(size=(n_u, n_u))
+        p.G[:n_u, :n_u] = root @ root.T + np.eye(n_u)
+    p.scale[n_u + n_y // 2 :] = rng.uniform(0.5, 2.0)
+    p.metric[:] = rng.uniform(0.5, 2.0, n_y)
+    p.weights[:] = np.exp(rng.uniform(*np.log(weights), n_soft))
+    p.centre[:] = rng.normal(size=n_y)
+    p.unit = 0.1
+    # A point that satisfies everything: u from the base rows, the laws shifted to hold there.
+    y = rng.normal(size=n_y)
+    u = -np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:n] @ y + p.G[:n_u, n]) if n_u else np.zeros(0)
+    x = np.concatenate([u, y])
+    p.G[p.law, n] = -p.G[p.law, :n] @ x
+    lower, upper = p.range_bounds()
+    at = p.G[p.range] @ np.r_[x, 1.0]
+    lower[:] = np.where(rng.random(n_range) < 0.3, -np.inf, at - tight * rng.random(n_range))
+    upper[:] = np.where(rng.random(n_range) < 0.3, np.inf, at + tight * rng.random(n_range))
+    p.lb[n_u:] = np.where(rng.random(n_y) < 0.4, -np.inf, y - tight * rng.random(n_y))
+    p.ub[n_u:] = np.where(rng.random(n_y) < 0.4, np.inf, y + tight * rng.random(n_y))
+    p.version += 1
+    return p
+
+
+@given(seed=st.integers(0, 10**6), tight=st.sampled_from([10.0, 1.0, 0.1, 0.01]), n_u=st.sampled_from([0, 3]))
+def test_the_dual_form_gives_the_certified_answer_of_the_standard_form(seed: int, tight: float, n_u: int) -> None:
+    p = row_problem(seed, tight=tight, n_u=n_u)
+    dual = DualSolver(p)
+    assert dual.solve() is Status.SOLVED
+    qp = p.empty_qp()
+    p.write_qp(qp)
+    mine = solution_of(dual, qp, Status.SOLVED)
+    assert mine.certificate.within(1e-7), mine.certificate
+    assert dual.certificate.primal <= 1e-8
+    other = by_name("daqp").solve(qp)
+    np.testing.assert_allclose(mine.x, other.x, atol=1e-6 * (1 + np.abs(other.x).max()))
+
+
+@given(seed=st.integers(0, 10**6))
+def test_a_warm_start_changes_the_work_and_not_the_answer(seed: int) -> None:
+    p = row_problem(seed, tight=0.1)
+    warm = DualSolver(p)
+    warm.solve()
+    p.centre += 0.01
+    assert warm.solve() is Status.SOLVED
+    x = p.x.copy()
+    assert DualSolver(p).solve() is Status.SOLVED
+    np.testing.assert_allclose(x, p.x, atol=1e-8)
+
+
+def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits() -> None:
+    p = row_problem(5, tight=0.05)
+    solver = DualSolver(p)
+    solver.solve()
+    assert solver.active_count > 0
+    solver.solve()
+    once = p.x.copy()
+    before = solver.counts.first
+    solver.solve()
+    assert solver.counts.first == before + 1
+    assert solver.iterations == 1
+    np.testing.assert_array_equal(once, p.x)
+
+
+@given(seed=st.integers(0, 10**6))
+def test_bounds_alone_are_answered_by_the_box_solver(seed: int) -> None:
+    p = row_problem(seed, n_u=0, n_range=0, n_law=0, tight=0.3)
+    box = BoxSolver(p)
+    assert box.solve() is Status.SOLVED
+    qp = p.empty_qp()
+    p.write_qp(qp)
+    assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
+
+
+def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved() -> None:
+    p = row_problem(3)
+    good = p.G.copy()
+    solver = DualSolver(p)
+    p.G[p.law.start] = p.G[p.law.start + 1]
+    p.G[p.law.start, -1] += 1.0
+    assert solver.solve() is Status.INFEASIBLE
+    p.G[:] = good
+    assert solver.solve() is Status.SOLVED
+
+
+def test_a_law_given_twice_is_met_all_the_same() -> None:
+    p = row_problem(4)
+    p.G[p.law.start] = p.G[p.law.start + 1]
+    assert DualSolver(p).solve() is Status.SOLVED
+
+
+def test_nan_in_a_row_is_a_failure_and_never_an_answer() -> None:
+    for row in ("soft", "law", "range"):
+        p = row_problem(6)
+        p.G[getattr(p, row).start, 4] = np.nan
+        assert not DualSolver(p).solve().ok
+        assert not StandardSolver(p, by_name("daqp")).solve().ok
+
+
+def test_a_soft_row_of_weight_zero_counts_for_nothing() -> None:
+    p = row_problem(7, tight=10.0)
+    p.weights[0] = 0.0
+    p.version += 1
+    DualSolver(p).solve()
+    with_row = p.x.copy()
+    p.G[p.soft.start] = 0.0
+    DualSolver(p).solve()
+    np.testing.assert_allclose(with_row, p.x, atol=1e-7)
+
+
+def test_the_dual_form_is_refused_where_the_cost_is_only_regularisation() -> None:
+    p = row_problem(8)
+    assert fits_dual(p)
+    p.scale[:] = 1.0
+    p.metric[0] = 1e-9
+    assert not fits_dual(p)
+
+
+@pytest.mark.parametrize("name", ["daqp", "proxqp", "clarabel", "osqp", "pdas"])
+def test_any_solver_answers_the_standard_form(name: str) -> None:
+    p = row_problem(9, tight=0.2)
+    assert DualSolver(p).solve() is Status.SOLVED
+    x = p.x.copy()
+    assert StandardSolver(p, by_name(name)).solve() is Status.SOLVED
+    np.testing.assert_allclose(p.x, x, atol=1e-4)
