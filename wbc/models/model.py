@@ -11,7 +11,7 @@ from typing import Any, Protocol, final
 
 import numpy as np
 
-from wbc.errors import UnknownJoint
+from wbc.errors import UnknownFrame, UnknownJoint
 from wbc.types import Mat, Vec
 
 
@@ -173,3 +173,12 @@ class RobotModel(ABC):
             return self.joint_names.index(name)
         except ValueError:
             raise UnknownJoint(name, self.joint_names) from None
+
+    def check_frame(self, name: str) -> None:
+        """That there is a frame called ``name``.
+
+        Raises:
+            UnknownFrame: with the names that are near.
+        """
+        if name not in self.frame_names:
+            raise UnknownFrame(name, self.frame_names)
