@@ -198,22 +198,12 @@ class Delay(Disturbance):
 
 
 @final
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """A command on its way: copies, since a controller may write its next command into the same memory."""
-
-    tau: Vec
-    a: Vec
-    v: Vec
-
-
-@final
 class _Late(Effect):
     def __init__(self, steps: int) -> None:
-        self._on_the_way: deque[_Kept] = deque(maxlen=steps + 1)
+        self._on_the_way: deque[Drive] = deque(maxlen=steps + 1)
 
     def deliver(self, command: Drive) -> Drive:
-        self._on_the_way.append(_Kept(command.tau.copy(), command.a.copy(), command.v.copy()))
+        self._on_the_way.append(command)
         return self._on_the_way[0]
 
 
@@ -240,7 +230,7 @@ class Payload(Disturbance):
         checks.number("start", self.start, low=0.0)
 
     def begin(self, plant: Plant) -> Effect:
-        plant.load(self.frame, 0.0)  # refuses here what it would refuse later
+        plant.add_mass(self.frame, 0.0)  # refuses here what it would refuse later
         return _Carrying(self, plant)
 
     def __str__(self) -> str:
@@ -254,5 +244,5 @@ class _Carrying(Effect):
 
     def push(self, t: float) -> None:
         if self._waiting and t >= self._payload.start - 0.5 * self._plant.dt:
-            self._plant.load(self._payload.frame, self._payload.mass)
+            self._plant.add_mass(self._payload.frame, self._payload.mass)
             self._waiting = False

@@ -16,7 +16,7 @@ from wbc.types import Vec
 
 
 class Drive(Protocol):
-    """What a plant reads of a command: torques (nj,), accelerations (nv,), velocities (nv,)."""
+    """What a plant reads of a command. Arrays are the command's own and stay valid: it may be delivered late."""
 
     @property
     def tau(self) -> Vec:
@@ -109,14 +109,14 @@ class Plant(ABC):
         """
         raise NotSupported(f"{type(self).__name__} knows no forces, so nothing can push {frame!r}")
 
-    def load(self, frame: str, mass: float) -> None:
+    def add_mass(self, frame: str, mass: float) -> None:
         """Fix a point mass [kg] to the origin of ``frame`` from now until the next ``reset``.
 
         Raises:
             NotSupported: a plant whose masses cannot change.
             UnknownFrame: no such frame.
         """
-        raise NotSupported(f"{type(self).__name__} carries no payload, so none can be put on {frame!r}")
+        raise NotSupported(f"{type(self).__name__} cannot change its masses, so none can be put on {frame!r}")
 
     def truth(self) -> Mapping[str, Vec | float]:
         """What only the plant knows about the step just made, by column name."""
@@ -168,9 +168,9 @@ class IntegratorPlant(Plant):
 
     def _advance(self, command: Drive) -> tuple[Vec, Vec]:
         if self.level == "velocity":
-            v = _finite("command.v", command.v, self.t)
+            v = finite("command.v", command.v, self.t)
             return self.model.integrate(self._q, self.dt * v), v.copy()
-        a = _finite("command.a", command.a, self.t)
+        a = finite("command.a", command.a, self.t)
         step = self.dt * self._v + 0.5 * self.dt**2 * a
         return self.model.integrate(self._q, step), self._v + self.dt * a
 
@@ -205,7 +205,7 @@ class ForwardDynamicsPlant(Plant):
         model, state, h = self.model, self._state, self.dt / self.substeps
         q, v = self._q, self._v
         torque = np.zeros(model.nv)
-        torque[model.nb :] = _finite("command.tau", command.tau, self.t)
+        torque[model.nb :] = finite("command.tau", command.tau, self.t)
         for _ in range(self.substeps):
             state.update(self.t, q, v)
             a = cho_solve(cho_factor(state.M), torque - state.h)
@@ -227,7 +227,12 @@ def whole(name: str, value: Any) -> int:
     return int(value)
 
 
-def _finite(name: str, values: Vec, t: float) -> Vec:
+def finite(name: str, values: Vec, t: float) -> Vec:
+    """``values`` themselves.
+
+    Raises:
+        SimulationError: one of them is not finite.
+    """
     if not np.isfinite(values).all():
         i = int(np.argmin(np.isfinite(values)))
         raise SimulationError(f"{name}[{i}] is {values[i]} at t = {t:.4f} s; a plant moves on finite numbers only")

@@ -1,0 +1,115 @@
+"""From a robot's URDF to a physics model: free joint, floor, feet, torque actuators. No meshes, no pictures.
+
+Masses and inertias are the file's, to the bit: links that do not move are not fused (fusing drops the mass of a
+floating base's root), inertias are not balanced, feet weigh nothing. Only the feet touch the floor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import SimulationError, UnknownFrame
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.sim.engine import PhysicsSettings, mujoco
+from wbc.sim.footprint import SOLE_HALF_THICKNESS, Footprint
+
+_COMPILER = (
+    '<mujoco><compiler fusestatic="false" balanceinertia="false" discardvisual="false" strippath="false"/></mujoco>'
+)
+FLOOR = "floor"
+
+#: Position limits beyond this [rad, m] are no limits.
+_ENDLESS = 1e20
+
+
+def build_model(
+    robot: PinocchioModel, feet: Sequence[Footprint], settings: PhysicsSettings, *, timestep: float, floor: float
+) -> Any:
+    """The compiled ``mujoco.MjModel``; each foot is a geometry group named ``<contact>/<k>``.
+
+    Raises:
+        SimulationError: MuJoCo refuses the robot, or a joint has no torque limit that an actuator could have.
+        UnknownFrame: a contact on a frame that is not a link.
+    """
+    mj = mujoco()
+    text = robot.urdf.text(continuous="revolute").replace("</robot>", _COMPILER + "</robot>")
+    try:
+        spec = mj.MjSpec.from_string(text)
+    except ValueError as cause:
+        raise SimulationError(f"MuJoCo cannot read {robot.name}: {cause}") from cause
+    if robot.nb:
+        spec.worldbody.first_body().add_freejoint()
+    _set_options(mj, spec.option, settings, timestep)
+    _add_floor_and_feet(mj, spec, feet, settings, floor)
+    _set_joints(mj, spec, robot, settings)
+    try:
+        return spec.compile()
+    except ValueError as cause:
+        raise SimulationError(f"MuJoCo cannot build {robot.name}: {cause}") from cause
+
+
+def _set_options(mj: Any, option: Any, settings: PhysicsSettings, timestep: float) -> None:
+    option.timestep = timestep
+    option.integrator = getattr(mj.mjtIntegrator, "mjINT_" + settings.integrator.upper())
+    option.cone = mj.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = settings.impratio
+    option.iterations = settings.solver_iterations
+    # A state that runs away is an error here, not a silent new beginning at the reference pose.
+    option.disableflags |= mj.mjtDisableBit.mjDSBL_AUTORESET
+
+
+def _add_floor_and_feet(mj: Any, spec: Any, feet: Sequence[Footprint], settings: PhysicsSettings, floor: float) -> None:
+    contact = {"condim": 3, "solref": list(settings.solref), "solimp": list(settings.solimp)}
+    spec.worldbody.add_geom(
+        name=FLOOR, type=mj.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], pos=[0, 0, floor], contype=1, conaffinity=2, **contact
+    )
+    for foot in feet:
+        body = spec.body(foot.link)
+        if body is None:
+            raise UnknownFrame(foot.link, [b.name for b in spec.bodies[1:]], "a contact must be on a link")
+        # Priority: the friction of a foot is the foot's, whatever the floor's default says.
+        common = {"contype": 2, "conaffinity": 1, "mass": 0.0, "priority": 1, "friction": [foot.friction, 0, 0]}
+        for k, (centre, radius) in enumerate(foot.balls):
+            body.add_geom(
+                name=f"{foot.name}/{k}",
+                type=mj.mjtGeom.mjGEOM_SPHERE,
+                pos=centre,
+                size=[radius, 0, 0],
+                **common,
+                **contact,
+            )
+        if not foot.balls:
+            assert foot.half_size is not None, "a footprint is a rectangle or has balls"
+            centre = foot.origin + foot.rotation @ [0.0, 0.0, SOLE_HALF_THICKNESS]
+            quaternion = np.zeros(4)
+            mj.mju_mat2Quat(quaternion, foot.rotation.ravel())
+            body.add_geom(
+                name=f"{foot.name}/0", type=mj.mjtGeom.mjGEOM_BOX, pos=centre, quat=quaternion,
+                size=[*foot.half_size, SOLE_HALF_THICKNESS], **common, **contact,
+            )  # fmt: skip
+
+
+def _set_joints(mj: Any, spec: Any, robot: PinocchioModel, settings: PhysicsSettings) -> None:
+    limits = robot.limits
+    for i, name in enumerate(robot.joint_names):
+        joint, effort = spec.joint(name), float(limits.tau_max[i])
+        if joint is None:
+            raise SimulationError(f"MuJoCo has no joint {name!r}, which {robot.name} has")
+        if not effort > 0:
+            raise SimulationError(f"joint {name!r} has a torque limit of {effort:g}: no actuator can move it")
+        stops = settings.joint_stops and -_ENDLESS < limits.q_min[i] < limits.q_max[i] < _ENDLESS
+        joint.limited = stops
+        joint.range = [limits.q_min[i], limits.q_max[i]] if stops else [0.0, 0.0]
+        joint.actfrclimited = False  # the actuator has the limit, once
+        joint.armature = settings.armature
+        if settings.joint_friction != "urdf":
+            joint.frictionloss = settings.joint_friction
+        if settings.joint_damping != "urdf":
+            joint.damping = settings.joint_damping * np.eye(1, 3)[0]
+        motor = spec.add_actuator(name=name, target=name, trntype=mj.mjtTrn.mjTRN_JOINT)
+        motor.set_to_motor()
+        motor.ctrllimited = effort < _ENDLESS
+        motor.ctrlrange = [-effort, effort] if effort < _ENDLESS else [0.0, 0.0]

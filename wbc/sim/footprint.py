@@ -1,0 +1,105 @@
+"""Footprint: a declared contact as physics builds it, a box or balls fixed to a link."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Protocol, final, runtime_checkable
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput, NotSupported
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.stack.contact import Contact
+from wbc.types import Mat, Vec
+
+#: Half the thickness of a sole's box, the radius of the balls at its corners, the least radius of a point [m].
+SOLE_HALF_THICKNESS = 0.01
+CORNER_RADIUS = 0.005
+POINT_RADIUS = 0.001
+
+Ball = tuple[Vec, float]
+
+
+@runtime_checkable
+class _Rectangle(Protocol):
+    """A contact with a rectangular surface."""
+
+    half_size: Any
+
+
+@runtime_checkable
+class _Round(Protocol):
+    """A contact that is one point of a ball about its frame's origin."""
+
+    radius: Any
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """What touches the floor for one contact, in the axes of the link it is fixed to.
+
+    A rectangle of ``half_size`` (2,) [m] in the plane z = 0 of ``rotation`` (3, 3) and ``origin`` (3,); or, with
+    ``half_size`` None, a ball about ``origin``. ``balls`` are (centre (3,), radius) [m]: the ball itself, or what
+    stands for the rectangle; none means a box. ``friction`` is the plant's coefficient.
+    """
+
+    name: str
+    link: str
+    friction: float
+    rotation: Mat
+    origin: Vec
+    half_size: Vec | None
+    balls: tuple[Ball, ...]
+
+    def lowest(self, rotation: Mat, position: Vec) -> float:
+        """Height [m] of the lowest point when the link is at (rotation, position) in the world."""
+        if self.balls or self.half_size is None:
+            return min(float((position + rotation @ centre)[2] - radius) for centre, radius in self.balls)
+        slope = (rotation @ self.rotation)[2, :2]
+        return float((position + rotation @ self.origin)[2] - np.abs(slope) @ self.half_size)
+
+
+def footprints(
+    contacts: Iterable[Contact], robot: PinocchioModel, *, friction: float | None, balls: bool
+) -> list[Footprint]:
+    """The footprints of a stack's contacts, with ``friction`` for all or each contact's own.
+
+    ``balls``: a sole stands on the balls that the robot's description gives it, or on one at each corner.
+
+    Raises:
+        NotSupported: a contact that is neither a rectangle nor a ball.
+        InvalidInput: a friction that is not positive, or two contacts of one name.
+    """
+    state = robot.state()
+    state.update(0.0, robot.q0, np.zeros(robot.nv))
+    found: dict[str, Footprint] = {}
+    for contact in contacts:
+        name, link = contact.name, contact.frame
+        if name in found:
+            raise InvalidInput(f"two contacts are called {name!r}; give one of them a name of its own")
+        mu = contact.friction if friction is None else checks.number("friction", friction, low=0.0, strict=True)
+        frame, anchor = state.frame(link), contact.anchor(state)
+        if isinstance(contact, _Rectangle):
+            rotation = frame.rotation.T @ anchor.rotation
+            origin = frame.rotation.T @ (anchor.position - frame.position)
+            half_size = np.array(contact.half_size, dtype=np.float64)
+            standing = _standing_on(robot, link, rotation, origin, half_size) if balls else ()
+            found[name] = Footprint(name, link, mu, rotation, origin, half_size, standing)
+        elif isinstance(contact, _Round):
+            ball = (np.zeros(3), max(float(contact.radius), POINT_RADIUS))
+            found[name] = Footprint(name, link, mu, np.eye(3), np.zeros(3), None, (ball,))
+        else:
+            raise NotSupported(f"contact {name!r} has neither half_size nor radius: physics cannot build it")
+    return list(found.values())
+
+
+def _standing_on(robot: PinocchioModel, link: str, rotation: Mat, origin: Vec, half_size: Vec) -> tuple[Ball, ...]:
+    foot = robot.feet.get(link)
+    if foot is not None and foot.balls:
+        return tuple((np.array(centre), foot.radius) for centre in foot.balls)
+    corners = [np.array([x, y, 0.0]) for x in (-half_size[0], half_size[0]) for y in (-half_size[1], half_size[1])]
+    lift = np.array([0.0, 0.0, CORNER_RADIUS])
+    return tuple((origin + rotation @ (corner + lift), CORNER_RADIUS) for corner in corners)
