@@ -12,6 +12,7 @@ a bounded command all the same, from the next rung of a short ladder:
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any, final
 
 import numpy as np
@@ -113,7 +114,7 @@ class Controller:
         """
         q, v = self._copied("q", q, self.model.nq), self._copied("v", v, self.model.nv)
         self.ticks += 1
-        if not np.isfinite(q.dot(q) + v.dot(v) + t):
+        if not isfinite(q.dot(q) + v.dot(v) + t):
             return self._fall_back(Status.INVALID_STATE, q, v)
         state, plan = self.state, self.plan
         state.update(t, q, v)

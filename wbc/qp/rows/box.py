@@ -5,6 +5,7 @@ Boxes change often when joints run into their speed limits, so that guessing the
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import final
 
 import daqp
@@ -33,7 +34,9 @@ class BoxSolver(RowSolver):
         self._S = p.G[p.soft, :n]
         self._right = p.G[p.soft, n]
         self._weighted = np.zeros((m, n))
+        self._soft = p.G[p.soft]
         self._rows = p.value[p.item(p.soft.start) : p.item(p.soft.stop)]
+        self._lb, self._ub = p.lb, p.ub
         self._roots = np.zeros((m, n))
         self._root = np.zeros(m)
         self._b = np.zeros(m)
@@ -41,7 +44,7 @@ class BoxSolver(RowSolver):
         self._A = np.zeros((0, n))
         self._low, self._high = np.full(n, -_INFINITY), np.full(n, _INFINITY)
         self._sense = np.zeros(n, np.int32)
-        self._gradient, self._over = np.zeros(n), np.zeros(n)
+        self._gradient, self._over, self._pull = np.zeros(n), np.zeros(n), np.zeros(n)
         self._z_box = np.zeros(n)
         self._version = -1
 
@@ -63,10 +66,11 @@ class BoxSolver(RowSolver):
         H = dgemm(1.0, W.T, W.T, 1.0, self._D, 0, 1)
         np.multiply(self._right, self._root, self._b)
         g = dgemv(1.0, W.T, self._b)
-        g -= p.metric * p.centre
-        np.maximum(p.lb, -_INFINITY, out=self._low)
-        np.minimum(p.ub, _INFINITY, out=self._high)
-        if not np.isfinite(g.dot(g) + self._low.dot(self._high)):
+        np.multiply(p.metric, p.centre, self._pull)
+        g -= self._pull
+        np.maximum(self._lb, -_INFINITY, out=self._low)
+        np.minimum(self._ub, _INFINITY, out=self._high)
+        if not isfinite(g.dot(g) + self._low.dot(self._high)):
             return Status.FAILED
         x, _, flag, info = daqp.solve(H, g, self._A, self._high, self._low, self._sense, primal_tol=1e-10)
         self.iterations = int(info["iterations"])
@@ -74,28 +78,26 @@ class BoxSolver(RowSolver):
         if flag <= 0:
             return _STATUS.get(flag, Status.FAILED)
         p.x[:] = x
-        np.dot(p.G[p.soft], p.x1, out=self._rows)
+        np.dot(self._soft, p.x1, out=self._rows)
         return self._certify(H, g, info["lam"])
 
     def _certify(self, H: Mat, g: Vec, multiplier: Vec) -> Status:
         """Stationarity H x + g + z = 0 and the bounds, from the data."""
         p, x = self.problem, self.problem.x
-        z = self._z_box = np.array(multiplier)
+        z = self._z_box = multiplier  # DAQP makes a new array for each answer
         gradient, over = self._gradient, self._over
         np.dot(H, x, out=gradient)
         gradient += g
         gradient += z
-        dual = max(float(gradient.max()), -float(gradient.min()))
+        dual = max(gradient[gradient.argmax()], -gradient[gradient.argmin()])
         np.subtract(x, self._high, out=over)
-        primal = float(over.max())
+        primal = over[over.argmax()]
         np.subtract(self._low, x, out=over)
-        primal = max(primal, float(over.max()), 0.0)
-        active = z.nonzero()[0]
+        primal = max(primal, over[over.argmax()], 0.0)
         gap = 0.0
-        if len(active):
-            za = z[active]
-            gap = float(np.abs(za * (np.where(za > 0, self._high[active], self._low[active]) - x[active])).sum())
-        size = 1.0 + float(np.abs(g).max())
+        if z.any():
+            gap = float(np.abs(z * (np.where(z > 0, self._high, self._low) - x)).sum())
+        size = 1.0 + max(g[g.argmax()], -g[g.argmin()])
         self.certificate = Certificate(primal, dual * p.unit, gap * p.unit, size * p.unit, size * p.unit)
         good = primal <= self.tolerance and dual <= self.tolerance * size and gap <= self.tolerance * size
         return Status.SOLVED if good else Status.INACCURATE
