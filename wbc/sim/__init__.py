@@ -1,0 +1,1 @@
+"""Plants, disturbances, scenarios, and the loop that runs a controller on them."""

@@ -23,7 +23,7 @@ Ball = tuple[Vec, float]
 
 
 @runtime_checkable
-class _Rectangle(Protocol):
+class Rectangular(Protocol):
     """A contact with a rectangular surface."""
 
     half_size: Any
@@ -82,7 +82,7 @@ def footprints(
             raise InvalidInput(f"two contacts are called {name!r}; give one of them a name of its own")
         mu = contact.friction if friction is None else checks.number("friction", friction, low=0.0, strict=True)
         frame, anchor = state.frame(link), contact.anchor(state)
-        if isinstance(contact, _Rectangle):
+        if isinstance(contact, Rectangular):
             rotation = frame.rotation.T @ anchor.rotation
             origin = frame.rotation.T @ (anchor.position - frame.position)
             half_size = np.array(contact.half_size, dtype=np.float64)

@@ -1,0 +1,219 @@
+"""The loop: measure, tick, deliver, step, record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from time import perf_counter_ns
+from typing import Any, final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from wbc import checks
+from wbc.control.command import Command
+from wbc.control.controller import Controller
+from wbc.control.recorder import Recorder, Run
+from wbc.errors import InvalidInput, SimulationError
+from wbc.sim.disturbance import Disturbance, Effect, SensorNoise
+from wbc.sim.footprint import Rectangular
+from wbc.sim.plant import Plant
+from wbc.sim.provenance import machine, versions
+from wbc.stack.contact import Contact
+from wbc.types import Status, Vec
+
+
+def simulate(
+    controller: Controller,
+    plant: Plant,
+    *,
+    duration: float,
+    disturbances: Iterable[Disturbance] = (),
+    recorder: bool = True,
+    before_tick: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop_when_fallen: bool = True,
+    meta: Mapping[str, Any] | None = None,
+) -> Run:
+    """Let ``controller`` drive ``plant`` from its present state for ``duration`` seconds.
+
+    The controller starts anew; the plant does not: ``plant.reset(q, v)`` is yours to call. Ticks are timed one by one
+    with one BLAS thread. ``before_tick(t)`` runs first in each tick and may assign targets and weights.
+    ``progress(done)`` is called with a number in [0, 1], a hundred times. With ``recorder`` False only ``t``,
+    ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop knows, and wins.
+
+    The run ends early when the robot has fallen, or when the plant diverges or is given a command that is not finite:
+    ``run.meta["ended"]`` says which ("complete" otherwise).
+
+    Raises:
+        InvalidInput: different periods or joints of controller and plant, or a duration shorter than one tick.
+        UnknownFrame, NotSupported: a disturbance this plant cannot have.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import JointVelocityLimits, Position
+        >>> from wbc.sim.plant import IntegratorPlant
+        >>> from wbc.sim.simulate import simulate
+        >>> robot = wbc.load("arm")
+        >>> stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[JointVelocityLimits()])
+        >>> controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel())
+        >>> run = simulate(controller, IntegratorPlant(robot, level="velocity"), duration=0.1)
+        >>> run.rows, run.meta["ended"]
+        (100, 'complete')
+    """
+    ticks = _ticks(controller, plant, duration)
+    disturbances = list(disturbances)
+    effects = [disturbance.begin(plant) for disturbance in disturbances]
+    columns = _Columns(controller, plant) if recorder else _FewColumns()
+    record = Recorder(ticks)
+    every = max(1, ticks // 100)
+    ended = "complete"
+    controller.reset()
+    with threadpool_limits(1):
+        for k in range(ticks):
+            if progress is not None and k % every == 0:
+                progress(k / ticks)
+            row, problem = _tick(controller, plant, effects, before_tick, columns)
+            record.append(row)
+            if problem is not None:
+                ended = problem
+                break
+            if stop_when_fallen and plant.fallen:
+                ended = f"fallen at t = {plant.t:.3f} s"
+                break
+    if progress is not None:
+        progress(1.0)
+    about = _about(controller, plant, disturbances, duration)
+    return record.run({**about, "ended": ended, "fallen": plant.fallen, **(meta or {})})
+
+
+def _tick(
+    controller: Controller,
+    plant: Plant,
+    effects: list[Effect],
+    before_tick: Callable[[float], None] | None,
+    columns: _FewColumns,
+) -> tuple[dict[str, Any], str | None]:
+    """One turn of the loop: the row to record, and why there can be no other one."""
+    t = plant.t
+    if before_tick is not None:
+        before_tick(t)
+    q, v = plant.q, plant.v
+    for effect in effects:
+        effect.push(t)
+        q, v = effect.measure(q, v)
+    start = perf_counter_ns()
+    command = controller.tick(t, q, v)
+    microseconds = (perf_counter_ns() - start) * 1e-3
+    row = columns.row(t, q, v, command, microseconds)
+    delivered: Any = command
+    for effect in effects:
+        delivered = effect.deliver(delivered)
+    try:
+        plant.step(delivered)
+    except SimulationError as error:
+        return row, str(error)
+    columns.add_truth(row)
+    return row, None
+
+
+class _FewColumns:
+    """What is kept when nothing is to be recorded."""
+
+    def __init__(self) -> None:
+        self._status = {status: i for i, status in enumerate(Status)}
+
+    def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
+        del q, v
+        return {"t": t, "status": self._status[command.status], "tick_us": microseconds}
+
+    def add_truth(self, row: dict[str, Any]) -> None:
+        """Nothing of the plant is kept."""
+
+
+@final
+class _Columns(_FewColumns):
+    """Everything: what the controller was told, decided and saw, and what the plant knows."""
+
+    def __init__(self, controller: Controller, plant: Plant) -> None:
+        super().__init__()
+        self._controller, self._plant = controller, plant
+        self._order, self._dynamics = controller.level.order, controller.level.dynamics
+
+    def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
+        controller, plant, proof = self._controller, self._plant, command.certificate
+        row = super().row(t, q, v, command, microseconds)
+        row |= {
+            "q": q,
+            "v": v,
+            "v_cmd": command.v,
+            "certificate": np.array([proof.primal, proof.dual, proof.gap]),
+            "iterations": controller.iterations,
+            "active": controller.active_count,
+            "plant.q": plant.q,
+            "plant.v": plant.v,
+            "push": plant.pushed,
+        }
+        if self._order == 2:
+            row["a"] = command.a
+        if self._dynamics:
+            row["tau"] = command.tau
+            for name, wrench in command.f.items():
+                row[f"f.{name}"] = wrench
+        for name, error in controller.plan.errors().items():
+            row[f"error.{name}"] = error
+        for component in controller.components:
+            for name, signal in component.signals().items():
+                row[f"signal.{component.name}.{name}"] = np.array(signal, dtype=np.float64)
+        return row
+
+    def add_truth(self, row: dict[str, Any]) -> None:
+        row |= self._plant.truth()
+
+
+def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
+    checks.number("duration", duration, low=0.0, strict=True)
+    if abs(controller.dt - plant.dt) > 1e-12:
+        raise InvalidInput(f"the controller ticks every {controller.dt:g} s, the plant steps {plant.dt:g} s")
+    if controller.model.joint_names != plant.model.joint_names or controller.model.nb != plant.model.nb:
+        raise InvalidInput(f"the controller drives {controller.model.name}, the plant is {plant.model.name}")
+    ticks = round(duration / plant.dt)
+    if ticks < 1:
+        raise InvalidInput(f"duration is {duration:g} s, shorter than one tick of {plant.dt:g} s")
+    return ticks
+
+
+def _about(controller: Controller, plant: Plant, disturbances: list[Disturbance], duration: float) -> dict[str, Any]:
+    """Metadata that the loop knows by itself."""
+    model, stack = controller.model, controller.stack
+    objectives = {task.name: task for task in stack.tasks}
+    objectives |= {law.name: law.task for law in controller.plan.layout.exact}
+    return {
+        "robot": model.name,
+        "level": controller.level.name,
+        "hierarchy": str(controller.hierarchy),
+        "solver": controller.solver.name,
+        "dt": controller.dt,
+        "duration": duration,
+        "joint_names": list(model.joint_names),
+        "joint_units": list(model.joint_units),
+        "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
+        "statuses": [str(status) for status in Status],
+        "tasks": {name: {"units": [task.unit(k) for k in range(task.dim)]} for name, task in objectives.items()},
+        "contacts": {contact.name: _contact(contact) for contact in stack.contacts},
+        "stack": str(stack),
+        "plant": plant.settings(),
+        "disturbances": [str(disturbance) for disturbance in disturbances],
+        "seed": next((d.seed for d in disturbances if isinstance(d, SensorNoise)), None),
+        "versions": versions(),
+        "machine": machine(),
+    }
+
+
+def _contact(contact: Contact) -> dict[str, Any]:
+    return {
+        "kind": "point" if contact.dim == 3 else "sole",
+        "frame": contact.frame,
+        "friction": contact.friction,
+        "half_size": [float(x) for x in contact.half_size] if isinstance(contact, Rectangular) else None,
+        "cone": contact.cone().tolist(),
+    }
