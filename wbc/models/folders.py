@@ -1,0 +1,73 @@
+"""Where the files of a robot may lie. Whatever a robot description refers to is looked up here, and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+from urllib.parse import unquote, urlsplit
+
+from wbc.errors import PathRefused
+
+
+@final
+@dataclass(frozen=True)
+class Folders:
+    """``home``, the folder of the URDF, and ``packages``, the folders that ``package://`` stands for.
+
+    A package folder is a package itself (its own name is the package's) or holds packages. Files are read inside
+    these folders only, links resolved: a description is a file from somewhere, and must not reach the rest of a disk.
+
+    Example:
+        >>> from wbc.models.folders import Folders
+        >>> folders = Folders.around("robots/my_arm")
+        >>> print(folders.find("meshes/base.stl"))
+        None
+        >>> folders.find("../../secret.stl")
+        Traceback (most recent call last):
+        wbc.errors.PathRefused: '../../secret.stl' is outside the folders that may be read: ...
+    """
+
+    home: Path
+    packages: tuple[Path, ...] = ()
+
+    @classmethod
+    def around(cls, home: str | Path, packages: Iterable[str | Path] = ()) -> Folders:
+        """The folder of a URDF, its ROS package (the nearest folder with a package.xml), and those given."""
+        home = Path(home).resolve()
+        given = [Path(folder).resolve() for folder in packages]
+        own = next((folder for folder in (home, *home.parents) if (folder / "package.xml").is_file()), None)
+        return cls(home, tuple(given if own is None else [*given, own]))
+
+    def find(self, reference: str) -> Path | None:
+        """The file that a URDF calls ``reference``; None if there is none.
+
+        Raises:
+            PathRefused: it is outside the folders, or is not a file reference at all.
+        """
+        try:
+            for candidate in self._candidates(reference):
+                path = candidate.resolve()
+                if not any(path.is_relative_to(folder) for folder in (self.home, *self.packages)):
+                    raise PathRefused(
+                        f"{reference!r} is outside the folders that may be read: "
+                        f"{', '.join(map(str, (self.home, *self.packages)))}; load(..., packages=[folder]) adds one"
+                    )
+                if path.is_file():
+                    return path
+        except (OSError, ValueError, RuntimeError) as cause:  # too long, a NUL byte, links in a circle
+            raise PathRefused(f"{reference[:100]!r} is not a path: {cause}") from None
+        return None
+
+    def _candidates(self, reference: str) -> list[Path]:
+        scheme, host, rest = urlsplit(reference)[:3] if "://" in reference else ("", "", reference)
+        if scheme == "":
+            return [self.home / rest]
+        if scheme == "file":
+            return [self.home / unquote(rest)]
+        if scheme != "package":
+            raise PathRefused(f"{reference!r} is not a file; meshes are read from paths, file:// and package://")
+        package, _, rest = f"{host}/{rest.lstrip('/')}".lstrip("/").partition("/")
+        inside = [folder / rest for folder in self.packages if folder.name == package]
+        return inside + [folder / package / rest for folder in self.packages]

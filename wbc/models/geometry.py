@@ -1,0 +1,96 @@
+"""What a robot looks like: primitive shapes and meshes fixed to its links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, sin
+from pathlib import Path
+from typing import final
+
+import numpy as np
+
+from wbc.types import Mat
+
+Triple = tuple[float, float, float]
+Color = tuple[float, float, float, float]
+
+
+@final
+@dataclass(frozen=True)
+class Origin:
+    """A pose as URDF writes it: ``xyz`` [m] and fixed-axis roll, pitch, yaw ``rpy`` [rad], in the parent's frame."""
+
+    xyz: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple = (0.0, 0.0, 0.0)
+
+    @property
+    def rotation(self) -> Mat:
+        """Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
+        (cr, cp, cy), (sr, sp, sy) = map(cos, self.rpy), map(sin, self.rpy)
+        return np.array(
+            [
+                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+                [-sp, cp * sr, cp * cr],
+            ]
+        )
+
+    @property
+    def matrix(self) -> Mat:
+        """The homogeneous transform (4, 4) from these coordinates to the parent's."""
+        result = np.eye(4)
+        result[:3, :3] = self.rotation
+        result[:3, 3] = self.xyz
+        return result
+
+
+#: No offset.
+IDENTITY = Origin()
+
+
+@final
+@dataclass(frozen=True)
+class Box:
+    """A box with edges ``size`` [m] along x, y, z, centred."""
+
+    size: Triple
+
+
+@final
+@dataclass(frozen=True)
+class Sphere:
+    """A ball of ``radius`` [m], centred."""
+
+    radius: float
+
+
+@final
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder of ``radius`` and ``length`` [m] along z, centred."""
+
+    radius: float
+    length: float
+
+
+@final
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh file, each axis multiplied by ``scale``. The file exists and lies in the folders the model may read."""
+
+    path: Path
+    scale: Triple = (1.0, 1.0, 1.0)
+
+
+Shape = Box | Sphere | Cylinder | Mesh
+
+
+@final
+@dataclass(frozen=True)
+class Geometry:
+    """A shape fixed to a link at ``origin``; ``color`` is red, green, blue, opacity in 0…1, None if not said."""
+
+    link: str
+    shape: Shape
+    origin: Origin = IDENTITY
+    color: Color | None = None

@@ -1,0 +1,105 @@
+"""``load``: a robot by its name, or from a URDF file."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from wbc.errors import ModelError, UnknownRobot
+from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots, read_pose
+from wbc.models.urdf_reader import read_urdf
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.models.pinocchio_ import PinocchioModel
+
+
+def load(
+    name_or_path: str | os.PathLike[str],
+    *,
+    base: Literal["fixed", "floating"] | None = None,
+    packages: Iterable[str | os.PathLike[str]] = (),
+) -> PinocchioModel:
+    """A robot by its name, or from a URDF file.
+
+    Our own robots are "arm", "quadruped" and "humanoid"; "panda", "go2", "g1", "talos" and others need the package
+    example-robot-data. ``base`` is what moves with the robot's first link: nothing ("fixed", the default for arms and
+    files) or six velocities ("floating", the default for robots with legs). ``packages`` are further folders that
+    ``package://`` and ``../`` in a file may lead to; meshes are taken from the file's own folder, its ROS package and
+    these, never from elsewhere. Meshes that are missing, limits that make no sense and mimic joints are warned about.
+
+    Raises:
+        UnknownRobot: no such name and no such file; with the names that are near.
+        ModelError: the file is not a robot, or the package with the robot is not installed.
+        PathRefused: a mesh outside the allowed folders.
+        InvalidInput: ``base`` is something else.
+
+    Example:
+        >>> from wbc.models import load
+        >>> load("humanoid")
+        humanoid (30 joints, floating base, 63.1 kg)
+        >>> load("humanoyd")
+        Traceback (most recent call last):
+        wbc.errors.UnknownRobot: there is no robot 'humanoyd'; did you mean 'humanoid'...
+    """
+    name = os.fspath(name_or_path)
+    folders = [Path(folder) for folder in packages]
+    if name in OWN:
+        return _named(name, OWN[name], OWN_ROBOTS, base, folders)
+    if name in EXAMPLES:
+        try:
+            folder = example_robots()
+        except ModelError as missing:
+            raise ModelError(f"robot {name!r}: {missing}") from None
+        return _named(name, EXAMPLES[name], folder / "robots", base, [folder, *folders])
+    if not isinstance(name_or_path, os.PathLike) and not _looks_like_a_path(name):
+        raise UnknownRobot(name, [*OWN, *EXAMPLES], "or give the path of a URDF file")
+    return _named(None, Entry(name), Path(), base, folders)
+
+
+def _named(
+    name: str | None, entry: Entry, folder: Path, base: Literal["fixed", "floating"] | None, packages: list[Path]
+) -> PinocchioModel:
+    from wbc.models.pinocchio_ import PinocchioModel
+
+    urdf = read_urdf(folder / entry.urdf, packages=packages).with_rigid(entry.rigid)
+    robot = PinocchioModel(urdf, base=entry.base if base is None else base, name=name, feet=entry.feet(urdf))
+    robot = robot.replace(q0=_stance(robot, entry, folder))
+    oddities = urdf.oddities()
+    if not _has_inertia(robot):
+        oddities.append("a moving link has no mass, so there is kinematics and no dynamics")
+    if oddities:
+        more = f"; and {len(oddities) - 5} more" if len(oddities) > 5 else ""
+        warnings.warn(f"{robot.name}: {'; '.join(oddities[:5])}{more}", stacklevel=3)
+    return robot
+
+
+def _stance(robot: PinocchioModel, entry: Entry, folder: Path) -> Vec:
+    """The reference configuration: the feet on the ground, or the base where the file with the stance puts it."""
+    stance = dict(entry.stance)
+    base: list[float] = []
+    if entry.pose is not None:
+        file, state = entry.pose
+        pose = read_pose(folder / file, state)
+        base = pose.pop("root_joint", [])
+        stance |= {joint: position[0] for joint, position in pose.items() if joint in robot.joint_names}
+    q0 = robot.configuration(stance)
+    if robot.nb and not robot.feet and len(base) == 7:
+        q0[:7] = base
+        q0[3:7] /= np.linalg.norm(q0[3:7])
+    return q0
+
+
+def _has_inertia(robot: PinocchioModel) -> bool:
+    M = robot.state().M
+    scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] > 1e-10)
+
+
+def _looks_like_a_path(name: str) -> bool:
+    return os.sep in name or "." in name

@@ -1,0 +1,81 @@
+"""Reading XML that came from anywhere: bounded in size, depth and number of elements, without entities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import cast
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from wbc.errors import ModelError
+
+MAX_BYTES = 50_000_000
+MAX_ELEMENTS = 500_000
+MAX_DEPTH = 50
+_CHUNK = 1 << 16
+
+
+def read_xml(path: Path, root: str) -> Element:
+    """The root element of an XML file, which must be called ``root``.
+
+    Raises:
+        ModelError: no such file, not a plain file, too large, not UTF-8, not well formed, with a document type or
+            entities, nested too deep, or another root.
+    """
+    if not path.is_file():
+        raise ModelError("there is no such file" if not path.exists() else "this is not a file")
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as cause:
+        raise ModelError(f"the file cannot be read: {cause.strerror}") from None
+    if len(content) > MAX_BYTES:
+        raise ModelError(f"the file is larger than {MAX_BYTES // 1_000_000} MB")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as cause:
+        raise ModelError(f"the file is not UTF-8 text: byte {cause.start} is {content[cause.start]:#04x}") from None
+    found = parse_xml(text)
+    if found.tag != root:
+        raise ModelError(f"the file begins with <{str(found.tag)[:40]}>; it must be <{root}>{_advice(found.tag)}")
+    return found
+
+
+def parse_xml(text: str) -> Element:
+    """The root element of a text.
+
+    Raises:
+        ModelError: as :func:`read_xml`.
+    """
+    # Entities are declared in a document type and nowhere else: without it, nothing expands and nothing is fetched.
+    if "<!DOCTYPE" in text:
+        raise ModelError("the file declares a document type (<!DOCTYPE); none is accepted")
+    parser: ElementTree.XMLPullParser[Element] = ElementTree.XMLPullParser(("start", "end"))
+    root: Element | None = None
+    elements = depth = 0
+    try:
+        for start in range(0, len(text), _CHUNK):
+            parser.feed(text[start : start + _CHUNK])
+            for event, element in cast("Iterator[tuple[str, Element]]", parser.read_events()):
+                if event == "end":
+                    depth -= 1
+                    continue
+                root = element if root is None else root
+                depth += 1
+                elements += 1
+                if depth > MAX_DEPTH:
+                    raise ModelError(f"elements are nested more than {MAX_DEPTH} deep")
+                if elements > MAX_ELEMENTS:
+                    raise ModelError(f"there are more than {MAX_ELEMENTS} elements")
+        parser.close()
+    except ElementTree.ParseError as cause:
+        raise ModelError(f"not well-formed XML: {cause}") from None
+    if root is None:
+        raise ModelError("the file is empty")
+    return root
+
+
+def _advice(tag: str) -> str:
+    known = {"mujoco": " (this is MJCF; give a URDF)", "sdf": " (this is SDF; give a URDF)"}
+    return known.get(tag, "")

@@ -1,0 +1,230 @@
+"""A URDF becomes checked, frozen data; only that data, written anew, goes on to other libraries.
+
+Whoever loads a robot from somewhere gets one sentence about what is wrong with it, not a crash in a parser.
+Reading is in :mod:`wbc.models.urdf_reader`. Source: the URDF specification, http://wiki.ros.org/urdf/XML.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite, isnan
+from pathlib import Path
+from typing import Literal, final
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from wbc.errors import ModelError, UnknownJoint
+from wbc.models.folders import Folders
+from wbc.models.geometry import IDENTITY, Box, Cylinder, Geometry, Mesh, Origin, Sphere, Triple
+
+JointKind = Literal["fixed", "revolute", "continuous", "prismatic"]
+
+#: What stands in a written URDF where a limit is infinite; parsers do not read "inf".
+_HUGE = 1e30
+
+
+@final
+@dataclass(frozen=True)
+class Inertial:
+    """Mass [kg], and inertia (xx, xy, xz, yy, yz, zz) [kg m²] about the centre of mass, in the axes of ``origin``."""
+
+    mass: float
+    inertia: tuple[float, float, float, float, float, float]
+    origin: Origin = IDENTITY
+
+
+@final
+@dataclass(frozen=True)
+class Link:
+    """A rigid body."""
+
+    name: str
+    inertial: Inertial | None = None
+
+
+@final
+@dataclass(frozen=True)
+class Joint:
+    """``child`` moves against ``parent`` about or along ``axis``; ``origin`` is the joint in the parent.
+
+    Limits in rad or m, per s, N m or N; ±inf: none. They are the file's own, even where they make no sense.
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    origin: Origin = IDENTITY
+    axis: Triple = (1.0, 0.0, 0.0)
+    lower: float = -inf
+    upper: float = inf
+    velocity: float = inf
+    effort: float = inf
+    damping: float = 0.0
+    friction: float = 0.0
+    mimics: str | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a joint of the robot, and not a rivet."""
+        return self.kind != "fixed"
+
+
+@final
+@dataclass(frozen=True)
+class Urdf:
+    """A robot: links and joints that form one tree, and what it looks like.
+
+    Raises:
+        ModelError: names given twice, unknown links, a link with two parents, a loop, two trees, nothing that moves.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    visuals: tuple[Geometry, ...] = ()
+    collisions: tuple[Geometry, ...] = ()
+    path: Path | None = None
+    folders: Folders | None = None
+    missing_meshes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        _refuse_twice("links", [link.name for link in self.links])
+        _refuse_twice("joints", [joint.name for joint in self.joints])
+        _check_tree([link.name for link in self.links], self.joints)
+        if not any(joint.moves for joint in self.joints):
+            raise ModelError("no joint moves; a robot has at least one")
+
+    def with_rigid(self, joints: Iterable[str]) -> Urdf:
+        """The same robot with some joints fixed at zero.
+
+        Raises:
+            UnknownJoint: one of them does not exist.
+        """
+        names = set(joints)
+        known = {joint.name for joint in self.joints}
+        for name in sorted(names - known):
+            raise UnknownJoint(name, known)
+        return replace(self, joints=tuple(replace(j, kind="fixed") if j.name in names else j for j in self.joints))
+
+    def oddities(self) -> list[str]:
+        """What is not wrong enough to refuse the robot: limits that nobody can keep, mimic joints, missing meshes."""
+        found = []
+        for joint in filter(lambda j: j.moves, self.joints):
+            if not joint.lower < joint.upper:
+                found.append(f"the position limits of joint {joint.name!r} are [{joint.lower:g}, {joint.upper:g}]")
+            for what, value in (("velocity", joint.velocity), ("effort", joint.effort)):
+                if not value > 0:
+                    found.append(f"the {what} limit of joint {joint.name!r} is {value:g}")
+            if joint.mimics is not None:
+                found.append(f"joint {joint.name!r} mimics {joint.mimics!r}, here it moves by itself")
+        return found + [f"there is no mesh {reference!r}" for reference in self.missing_meshes]
+
+    def text(self, *, continuous: Literal["continuous", "revolute"] = "continuous", with_shapes: bool = False) -> str:
+        """The robot as URDF: its links, joints, inertias, limits, damping and friction (and shapes), and nothing else.
+
+        Numbers are written in full, so that reading gives the same bits. ``continuous="revolute"`` writes joints
+        without end as revolute ones with limits of ±1e30 rad, which have one position instead of a sine and a cosine.
+        """
+        robot = Element("robot", name=self.name)
+        for link in self.links:
+            element = SubElement(robot, "link", name=link.name)
+            _write_inertial(element, link.inertial)
+            if with_shapes:
+                for role, shapes in (("visual", self.visuals), ("collision", self.collisions)):
+                    for geometry in shapes:
+                        if geometry.link == link.name:
+                            _write_shape(SubElement(element, role), geometry)
+        for joint in self.joints:
+            kind = continuous if joint.kind == "continuous" else joint.kind
+            _write_joint(SubElement(robot, "joint", name=joint.name, type=kind), joint, bounded=kind != "continuous")
+        ElementTree.indent(robot)
+        return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _refuse_twice(what: str, names: Sequence[str]) -> None:
+    name, count = Counter(names).most_common(1)[0] if names else ("", 0)
+    if count > 1:
+        raise ModelError(f"{count} {what} are called {name!r}")
+
+
+def _check_tree(links: Sequence[str], joints: Sequence[Joint]) -> None:
+    """One root, one parent for every other link, no loop."""
+    known = set(links)
+    children: dict[str, list[str]] = {}
+    parents: dict[str, str] = {}
+    for joint in joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in known:
+                raise ModelError(f"joint {joint.name!r} has the {role} {link!r}, which is not a link")
+        if joint.child in parents:
+            raise ModelError(f"link {joint.child!r} has two parents: {parents[joint.child]!r} and {joint.parent!r}")
+        parents[joint.child] = joint.parent
+        children.setdefault(joint.parent, []).append(joint.child)
+    roots = [link for link in links if link not in parents]
+    if len(roots) > 1:
+        raise ModelError(f"links {roots[0]!r} and {roots[1]!r} both have no parent; a robot is one tree")
+    reached, frontier = set(roots), list(roots)
+    while frontier:
+        below = children.get(frontier.pop(), [])
+        reached.update(below)
+        frontier.extend(below)
+    if reached != known:
+        raise ModelError(f"link {min(known - reached)!r} is its own ancestor; a robot has no loops")
+
+
+def _write_inertial(link: Element, inertial: Inertial | None) -> None:
+    if inertial is None:
+        return
+    element = SubElement(link, "inertial")
+    _write_origin(element, inertial.origin)
+    SubElement(element, "mass", value=repr(inertial.mass))
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    SubElement(element, "inertia", {key: repr(x) for key, x in zip(keys, inertial.inertia, strict=True)})
+
+
+def _write_joint(element: Element, joint: Joint, *, bounded: bool) -> None:
+    _write_origin(element, joint.origin)
+    SubElement(element, "parent", link=joint.parent)
+    SubElement(element, "child", link=joint.child)
+    if not joint.moves:
+        return
+    SubElement(element, "axis", xyz=_numbers(joint.axis))
+    limit = {"effort": _limit(joint.effort), "velocity": _limit(joint.velocity)}
+    if bounded:
+        limit = {"lower": _limit(joint.lower), "upper": _limit(joint.upper), **limit}
+    SubElement(element, "limit", limit)
+    SubElement(element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction))
+
+
+def _write_shape(element: Element, geometry: Geometry) -> None:
+    _write_origin(element, geometry.origin)
+    inside = SubElement(element, "geometry")
+    match geometry.shape:
+        case Box(size):
+            SubElement(inside, "box", size=_numbers(size))
+        case Sphere(radius):
+            SubElement(inside, "sphere", radius=repr(radius))
+        case Cylinder(radius, length):
+            SubElement(inside, "cylinder", radius=repr(radius), length=repr(length))
+        case Mesh(path, scale):
+            SubElement(inside, "mesh", filename=str(path), scale=_numbers(scale))
+    if geometry.color is not None:
+        name = "#" + "".join(f"{round(255 * x):02x}" for x in geometry.color)
+        SubElement(SubElement(element, "material", name=name), "color", rgba=_numbers(geometry.color))
+
+
+def _write_origin(element: Element, origin: Origin) -> None:
+    SubElement(element, "origin", xyz=_numbers(origin.xyz), rpy=_numbers(origin.rpy))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(map(repr, values))
+
+
+def _limit(value: float) -> str:
+    if isnan(value):
+        return "0.0"
+    return repr(value if isfinite(value) else _HUGE if value > 0 else -_HUGE)

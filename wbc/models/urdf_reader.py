@@ -1,0 +1,222 @@
+"""From a URDF file to a :class:`~wbc.models.urdf.Urdf`: every element and number looked at once, here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, cast, final
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from wbc.errors import ModelError
+from wbc.models.folders import Folders
+from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
+from wbc.models.safe_xml import read_xml
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
+
+_KINDS = ("fixed", "revolute", "continuous", "prismatic")
+
+
+def read_urdf(path: str | Path, *, packages: Iterable[str | Path] = ()) -> Urdf:
+    """Read a URDF file. ``packages``: folders that ``package://`` and ``../`` may lead to, beside the file's own.
+
+    Raises:
+        ModelError: the file cannot be read or is not a robot; the message names the file and says what is wrong.
+        PathRefused: a mesh outside the folders.
+    """
+    path = Path(path)
+    try:
+        return _Reader(Folders.around(path.parent, packages)).robot(read_xml(path, "robot"), path)
+    except ModelError as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+@final
+@dataclass
+class _Reader:
+    """The pass over one file: where its meshes may lie, its named colours, and the meshes that were not found."""
+
+    folders: Folders
+    colors: dict[str, Color] = field(default_factory=dict)
+    missing: dict[str, None] = field(default_factory=dict)
+
+    def robot(self, root: Element, path: Path) -> Urdf:
+        for material in root.findall("material"):
+            color = _color(material)
+            if color is not None:
+                self.colors[material.get("name", "")] = color
+        elements = root.findall("link")
+        visuals, collisions = (
+            tuple(shape for element in elements for shape in self.shapes(element, role))
+            for role in ("visual", "collision")
+        )
+        return Urdf(
+            name=root.get("name", path.stem),
+            links=tuple(_link(element) for element in elements),
+            joints=tuple(_joint(element) for element in root.findall("joint")),
+            visuals=visuals,
+            collisions=collisions,
+            path=path.resolve(),
+            folders=self.folders,
+            missing_meshes=tuple(self.missing),
+        )
+
+    def shapes(self, link: Element, role: str) -> Iterable[Geometry]:
+        name = _name(link)
+        for element in link.findall(role):
+            where = f"a {role} of link {name!r}"
+            geometry = element.find("geometry")
+            shape = None if geometry is None else self.shape(geometry, where)
+            if shape is not None:
+                yield Geometry(name, shape, _origin(element, where), self.color(element))
+
+    def shape(self, geometry: Element, where: str) -> Shape | None:
+        """None for a mesh that is missing and for kinds that URDF does not define."""
+        for element in geometry:
+            if element.tag == "box":
+                return Box(cast("Triple", _positive(element, "size", 3, where)))
+            if element.tag == "sphere":
+                return Sphere(*_positive(element, "radius", 1, where))
+            if element.tag == "cylinder":
+                return Cylinder(*_positive(element, "radius", 1, where), *_positive(element, "length", 1, where))
+            if element.tag == "mesh":
+                reference = _attribute(element, "filename", where)
+                path = self.folders.find(reference)
+                if path is not None:
+                    return Mesh(path, _triple(element, "scale", where, (1.0, 1.0, 1.0)))
+                self.missing[reference] = None
+        return None
+
+    def color(self, visual: Element) -> Color | None:
+        material = visual.find("material")
+        if material is None:
+            return None
+        color = _color(material)
+        return self.colors.get(material.get("name", "")) if color is None else color
+
+
+def _link(element: Element) -> Link:
+    name = _name(element)
+    inertial = element.find("inertial")
+    return Link(name, None if inertial is None else _inertial(inertial, f"link {name!r}"))
+
+
+def _inertial(element: Element, where: str) -> Inertial:
+    mass_element, inertia_element = element.find("mass"), element.find("inertia")
+    if mass_element is None or inertia_element is None:
+        raise ModelError(f"{where} has an <inertial> without <mass> or <inertia>")
+    mass = _number(mass_element, "value", f"the mass of {where}")
+    xx, xy, xz, yy, yz, zz = inertia = tuple(
+        _number(inertia_element, key, f"the inertia of {where}") for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    if mass < 0:
+        raise ModelError(f"{where} has a mass of {mass:g} kg; it must not be negative")
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if moments[0] < -1e-3 * moments[2] - 1e-6:  # less is rounding in the file
+        raise ModelError(f"{where} has a principal inertia of {moments[0]:g} kg m²; it must not be negative")
+    return Inertial(mass, cast("Any", inertia), _origin(element, where))
+
+
+def _joint(element: Element) -> Joint:
+    name = _name(element)
+    where = f"joint {name!r}"
+    kind = _attribute(element, "type", where)
+    if kind not in _KINDS:
+        raise ModelError(f"{where} is {kind!r}; joints may be {', '.join(_KINDS)}")
+    parent, child = (_attribute(_only(element, role, where), "link", where) for role in ("parent", "child"))
+    axis, limit, dynamics, mimic = map(element.find, ("axis", "limit", "dynamics", "mimic"))
+    direction = (1.0, 0.0, 0.0) if axis is None else _triple(axis, "xyz", f"the axis of {where}", (1.0, 0.0, 0.0))
+    if kind != "fixed" and np.linalg.norm(direction) < 1e-6:
+        raise ModelError(f"the axis of {where} is zero; it must be a direction")
+    if limit is None and kind in ("revolute", "prismatic"):
+        raise ModelError(f"{where} is {kind} and has no <limit>")
+    return Joint(
+        name,
+        cast("JointKind", kind),
+        parent,
+        child,
+        _origin(element, where),
+        direction,
+        **_limits(limit, kind, where),
+        damping=0.0 if dynamics is None else _number(dynamics, "damping", where, 0.0),
+        friction=0.0 if dynamics is None else _number(dynamics, "friction", where, 0.0),
+        mimics=None if mimic is None else mimic.get("joint", ""),
+    )
+
+
+def _limits(element: Element | None, kind: str, where: str) -> Mapping[str, float]:
+    """The limits as they stand there: 0 for a missing position, as URDF has it; NaN and inf may be."""
+    if element is None or kind == "fixed":
+        return {}
+    where = f"the limit of {where}"
+    limits = {key: _number(element, key, where, inf, finite=False) for key in ("velocity", "effort")}
+    if kind != "continuous":
+        limits |= {key: _number(element, key, where, 0.0, finite=False) for key in ("lower", "upper")}
+    return limits
+
+
+def _origin(element: Element, where: str) -> Origin:
+    origin = element.find("origin")
+    if origin is None:
+        return IDENTITY
+    zero = (0.0, 0.0, 0.0)
+    return Origin(*(_triple(origin, key, f"an origin of {where}", zero) for key in ("xyz", "rpy")))
+
+
+def _color(material: Element) -> Color | None:
+    color = material.find("color")
+    if color is None:
+        return None
+    rgba = _floats(color, "rgba", 4, f"material {material.get('name')!r}")
+    return cast("Color", tuple(min(max(x, 0.0), 1.0) for x in rgba))
+
+
+# ---- attributes
+def _name(element: Element) -> str:
+    return _attribute(element, "name", f"a <{element.tag}>")
+
+
+def _attribute(element: Element, key: str, where: str) -> str:
+    value = element.get(key, "").strip()
+    if not value:
+        raise ModelError(f"{where} has no {key}")
+    return value
+
+
+def _only(element: Element, tag: str, where: str) -> Element:
+    found = element.find(tag)
+    if found is None:
+        raise ModelError(f"{where} has no <{tag}>")
+    return found
+
+
+def _floats(element: Element, key: str, size: int, where: str, *, finite: bool = True) -> tuple[float, ...]:
+    text = _attribute(element, key, where)
+    try:
+        values = tuple(map(float, text.split()))
+    except ValueError:
+        values = ()
+    if len(values) != size or (finite and not all(map(isfinite, values))):
+        kind = "finite number" if finite else "number"
+        raise ModelError(f"{where}: {key} is {text[:60]!r}; it must be {size} {kind}{'s' if size > 1 else ''}")
+    return values
+
+
+def _number(element: Element, key: str, where: str, default: float | None = None, *, finite: bool = True) -> float:
+    if default is not None and key not in element.attrib:
+        return default
+    return _floats(element, key, 1, where, finite=finite)[0]
+
+
+def _triple(element: Element, key: str, where: str, default: Triple) -> Triple:
+    return default if key not in element.attrib else cast("Triple", _floats(element, key, 3, where))
+
+
+def _positive(element: Element, key: str, size: int, where: str) -> tuple[float, ...]:
+    values = _floats(element, key, size, where)
+    if min(values) < 0:
+        raise ModelError(f"{where}: {key} is {element.get(key)!r}; it must not be negative")
+    return values
