@@ -1,0 +1,13 @@
+"""Reports: data first (:mod:`wbc.report.document`), and two writers that own the formats, HTML and Markdown."""
+
+from __future__ import annotations
+
+from wbc.report.document import Figure as Figure
+from wbc.report.document import Page as Page
+from wbc.report.document import Report as Report
+from wbc.report.document import Section as Section
+from wbc.report.document import Table as Table
+from wbc.report.document import Text as Text
+from wbc.report.folder import replaced as replaced
+from wbc.report.folder import write as write
+from wbc.report.run_report import run_report as run_report

@@ -1,0 +1,73 @@
+"""A report on disk: a folder that is there whole, or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from wbc.errors import InvalidInput
+from wbc.report.document import Report
+from wbc.report.html import html
+from wbc.report.markdown import markdown, picture_path
+
+HTML, MARKDOWN = "report.html", "report.md"
+
+
+def write(report: Report, folder: Path) -> None:
+    """Write ``report.html``, ``report.md``, ``figures/`` and the report's pages into an existing folder."""
+    for figure in report.figures:
+        path = folder / picture_path(figure)
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(figure.data)
+    for page in report.pages:
+        (folder / page.name).write_text(page.html, encoding="utf-8")
+    (folder / MARKDOWN).write_text(markdown(report), encoding="utf-8")
+    (folder / HTML).write_text(html(report), encoding="utf-8")
+
+
+@contextmanager
+def replaced(folder: Path) -> Iterator[Path]:
+    """A new folder beside ``folder`` to write into; it takes the name when the block ends well, and vanishes if not.
+
+    A report that already stands there is replaced.
+
+    Raises:
+        InvalidInput: something else stands there, or the place cannot be written.
+    """
+    check_free(folder)
+    folder = folder.resolve()
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        pending = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as cause:
+        raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
+    try:
+        yield pending
+        pending.chmod(0o755)  # mkdtemp makes folders that nobody else may read
+        if folder.exists():
+            old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
+            os.replace(folder, old)
+            os.replace(pending, folder)
+            shutil.rmtree(old)
+        else:
+            os.replace(pending, folder)
+    finally:
+        shutil.rmtree(pending, ignore_errors=True)
+
+
+def check_free(folder: Path) -> None:
+    """Refuse to write over anything but an empty folder or an older report.
+
+    Raises:
+        InvalidInput: something else stands there.
+    """
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise InvalidInput(f"{folder} is a file; a report is a folder")
+    if any(folder.iterdir()) and not (folder / HTML).is_file():
+        raise InvalidInput(f"{folder} holds something else than a report; give an empty or a new folder")

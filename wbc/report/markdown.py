@@ -1,0 +1,51 @@
+"""A report as Markdown: the same tables and pictures as files, one row per line, so that two reports can be compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wbc.report.document import Cell, Figure, Page, Report, Table, Text, formatted
+
+FIGURES = "figures"
+
+
+def markdown(report: Report) -> str:
+    """The text of ``report.md``; pictures are expected in ``figures/`` beside it."""
+    lines = [f"# {report.title}", "", f"**{'passed' if report.ok else 'failed'}**: {report.summary}", ""]
+    if report.highlights:
+        lines += [*table(Table(("", "value"), report.highlights)), ""]
+    for section in report.sections:
+        lines += [f"## {section.title}", ""]
+        for item in section.items:
+            lines += [*_item(item), ""]
+    return "\n".join(lines)
+
+
+def picture_path(figure: Figure) -> str:
+    """Where a picture lies, relative to the report."""
+    return f"{FIGURES}/{figure.name}.{figure.kind}"
+
+
+def table(data: Table) -> list[str]:
+    """A pipe table; numbers are set to the right."""
+    numeric = [
+        all(isinstance(row[i], (int, float)) or row[i] is None for row in data.rows) for i in range(len(data.columns))
+    ]
+    lines = [_row(data.columns), _row(["--:" if right else ":--" for right in numeric])]
+    return lines + [_row([formatted(cell) for cell in row]) for row in data.rows]
+
+
+def _item(item: Text | Table | Figure | Page) -> list[str]:
+    match item:
+        case Text(text):
+            return [text]
+        case Table():
+            return [*([item.caption, ""] if item.caption else []), *table(item)]
+        case Figure():
+            return [f"![{item.caption}]({picture_path(item)})", "", f"*{item.caption}*"]
+        case Page():
+            return [f"[{item.name}]({item.name}): {item.caption}"]
+
+
+def _row(cells: Sequence[Cell]) -> str:
+    return "| " + " | ".join(str(cell).replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"

@@ -1,0 +1,202 @@
+"""Numbers read from a recorded run: tracking errors, broken limits, use of limits, contact forces, tick times.
+
+Columns and metadata are those of :mod:`wbc.control.recorder`. Every function answers for runs that lack a column
+(a kinematic run has no torques) with an empty result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.control.recorder import Run
+
+Mask = NDArray[np.bool_]
+
+
+class TickTimes(NamedTuple):
+    """Time of one tick [µs]."""
+
+    median: float
+    p99: float
+    max: float
+
+
+class ContactTrack(NamedTuple):
+    """The force at a contact over the run: f_z (N,) [N], tangential ratio (N,), CoP (N, 2) [m] or None for a point."""
+
+    normal: Vec
+    ratio: Vec
+    cop: Vec | None
+
+
+def times(run: Run) -> Vec:
+    """Time of each row (N,) [s], from 0."""
+    t = np.asarray(run.columns["t"], dtype=np.float64)
+    return t - t[0] if t.size else t
+
+
+def seconds(run: Run) -> float:
+    """Simulated time, N dt [s]."""
+    return len(run.columns["t"]) * float(run.meta["dt"])
+
+
+def tick_times(run: Run) -> TickTimes:
+    """Median, 99th percentile and maximum of the controller's tick."""
+    tick = np.asarray(run.columns["tick_us"], dtype=np.float64)
+    if tick.size == 0:
+        return TickTimes(np.nan, np.nan, np.nan)
+    return TickTimes(float(np.median(tick)), float(np.percentile(tick, 99)), float(tick.max()))
+
+
+def statuses(run: Run) -> dict[str, int]:
+    """How often each status came, by name."""
+    names = run.meta["statuses"]
+    found, counts = np.unique(np.asarray(run.columns["status"], dtype=int), return_counts=True)
+    return {str(names[i]): int(n) for i, n in zip(found, counts, strict=True)}
+
+
+def outside(run: Run, intervals: Iterable[tuple[float, float]]) -> Mask:
+    """Rows (N,) that lie in none of the intervals (start, end) [s]."""
+    t = times(run)
+    keep = np.ones(t.size, dtype=bool)
+    for start, end in intervals:
+        keep &= ~((t >= start) & (t <= end))
+    return keep
+
+
+def pushes(run: Run) -> list[tuple[float, float]]:
+    """Intervals (start, end) [s] in which a force pushed the robot."""
+    if "push" not in run.columns:
+        return []
+    on = np.concatenate([[False], np.linalg.norm(run.columns["push"], axis=1) > 0, [False]])
+    edges = np.flatnonzero(on[1:] != on[:-1])
+    t = np.append(times(run), seconds(run))
+    return [(float(t[i]), float(t[j])) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def tasks(run: Run) -> list[str]:
+    """Names of the tasks whose error was recorded."""
+    return [name.removeprefix("error.") for name in run.columns if name.startswith("error.")]
+
+
+def errors(run: Run, task: str) -> dict[str, Vec]:
+    """The error of a task by unit: {"m": (N, 3), "rad": (N, 3)} for a frame."""
+    error = np.asarray(run.columns[f"error.{task}"], dtype=np.float64).reshape(len(run.columns["t"]), -1)
+    units = run.meta.get("tasks", {}).get(task, {}).get("units") or [""] * error.shape[1]
+    return {unit: error[:, [i for i, u in enumerate(units) if u == unit]] for unit in dict.fromkeys(units)}
+
+
+def tracking(run: Run, *, keep: Mask | None = None) -> dict[str, dict[str, float]]:
+    """{task: {"rms", "max"}} of the Euclidean norm of the error, over the rows ``keep`` (N,).
+
+    A task with two units gives two entries, the second named "task [unit]".
+    """
+    result: dict[str, dict[str, float]] = {}
+    for task in tasks(run):
+        for unit, error in errors(run, task).items():
+            norm = np.linalg.norm(error if keep is None else error[keep], axis=1)
+            name = f"{task} [{unit}]" if task in result else task
+            rms = float(np.sqrt(np.mean(norm**2))) if norm.size else float("nan")
+            result[name] = {"rms": rms, "max": float(norm.max(initial=0.0))}
+    return result
+
+
+def joint_state(run: Run) -> tuple[Vec, Vec]:
+    """Joint positions and velocities (N, nj) each: the plant's own where it was recorded."""
+    q = np.asarray(run.columns.get("plant.q", run.columns["q"]), dtype=np.float64)
+    v = np.asarray(run.columns.get("plant.v", run.columns["v"]), dtype=np.float64)
+    nj = len(run.meta["joint_names"])
+    return q[:, q.shape[1] - nj :], v[:, v.shape[1] - nj :]
+
+
+def limits(run: Run) -> dict[str, Vec]:
+    """The robot's limits (nj,) each: q_min, q_max, v_max, tau_max; ±inf where there is none."""
+    nj = len(run.meta["joint_names"])
+    none = {"q_min": -np.inf, "q_max": np.inf, "v_max": np.inf, "tau_max": np.inf}
+    given: Mapping[str, Any] = run.meta.get("limits", {})
+    result = {}
+    for name, default in none.items():
+        values = given.get(name) or [None] * nj
+        result[name] = np.array([default if x is None else float(x) for x in values])
+    return result
+
+
+def use(run: Run) -> dict[str, Vec]:
+    """Share of each limit in use (N, nj): torque |τ|/τ_max, velocity |v|/v_max, position |q − centre|/half range."""
+    bound, (q, v) = limits(run), joint_state(run)
+    result = {}
+    if "tau" in run.columns:
+        result["torque"] = np.abs(run.columns["tau"]) / _positive(bound["tau_max"])
+    result["velocity"] = np.abs(v) / _positive(bound["v_max"])
+    bounded = np.isfinite(bound["q_min"]) & np.isfinite(bound["q_max"])
+    centre = np.where(bounded, 0.5 * (bound["q_min"] + bound["q_max"]), 0.0)
+    half = np.where(bounded, 0.5 * (bound["q_max"] - bound["q_min"]), np.inf)
+    result["position"] = np.abs(q - centre) / _positive(half)
+    return result
+
+
+def violations(run: Run) -> dict[str, tuple[float, str]]:
+    """{kind: (worst, unit)}: by how much torque, velocity, position and contact cone were exceeded at worst.
+
+    Position and velocity are the true state's, torque is the command's; "cone" is of the commanded contact
+    wrenches, "cone (true)" of those the plant measured, in N (its moment rows in N m).
+    """
+    bound, (q, v) = limits(run), joint_state(run)
+    rows: dict[str, list[Vec]] = {}
+    if "tau" in run.columns:
+        rows["torque"] = [np.abs(run.columns["tau"]) - bound["tau_max"]]
+    rows["velocity"] = [np.abs(v) - bound["v_max"]]
+    rows["position"] = [q - bound["q_max"], bound["q_min"] - q]
+    for name, contact in run.meta.get("contacts", {}).items():
+        cone = np.array(contact.get("cone") or [], dtype=np.float64)
+        for kind, column in (("cone", f"f.{name}"), ("cone (true)", f"plant.f.{name}")):
+            if cone.size and column in run.columns:
+                rows.setdefault(kind, []).append(_forces(run, column, cone.shape[1]) @ cone.T)
+    units = dict(
+        zip(("torque", "velocity", "position", "cone", "cone (true)"), ("N m", "rad/s", "rad", "N", "N"), strict=True)
+    )
+    return {kind: (max(0.0, *(_worst(block) for block in blocks)), units[kind]) for kind, blocks in rows.items()}
+
+
+def contact_track(run: Run, name: str, *, true: bool) -> ContactTrack | None:
+    """Normal force, tangential ratio and centre of pressure of a contact; None where it was not recorded.
+
+    The ratio of a command is max(|f_x|, |f_y|) / f_z, that of a true force √(f_x² + f_y²) / f_z; both are NaN
+    while the contact carries less than 1 % of its largest load. CoP = (−m_y, m_x) / f_z.
+    """
+    column = f"plant.f.{name}" if true else f"f.{name}"
+    if column not in run.columns:
+        return None
+    f = np.asarray(run.columns[column], dtype=np.float64)
+    loaded = f[:, 2] > 0.01 * max(float(np.nanmax(f[:, 2], initial=0.0)), 1e-9)
+    normal = np.where(loaded, f[:, 2], np.nan)
+    tangential = np.hypot(f[:, 0], f[:, 1]) if true else np.maximum(np.abs(f[:, 0]), np.abs(f[:, 1]))
+    sole = f.shape[1] == 6 and bool(run.meta.get("contacts", {}).get(name, {}).get("half_size"))
+    cop = np.column_stack([-f[:, 4], f[:, 3]]) / normal[:, None] if sole else None
+    return ContactTrack(f[:, 2], tangential / normal, cop)
+
+
+def slip(run: Run, name: str) -> float | None:
+    """Largest tangential way of the contact's material point [m]; None where the plant did not record it."""
+    column = run.columns.get(f"plant.slip.{name}")
+    return None if column is None else float(np.linalg.norm(column, axis=1).max(initial=0.0))
+
+
+def _forces(run: Run, column: str, dim: int) -> Vec:
+    return np.asarray(run.columns[column], dtype=np.float64)[:, :dim]
+
+
+def _worst(values: Vec) -> float:
+    return float(np.nanmax(values, initial=-np.inf))
+
+
+def _positive(values: Vec) -> Vec:
+    """A limit of 0 in a model is no limit anybody kept: it counts as none."""
+    return np.where(values > 0, values, np.inf)

@@ -1,0 +1,96 @@
+"""The motion of a run in the world: where every link and every force arrow is, at a few moments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from wbc.types import Index, Mat, Vec
+
+if TYPE_CHECKING:
+    from wbc.control.recorder import Run
+    from wbc.models.model import RobotModel, RobotState
+
+WEIGHT_LENGTH = 0.5  # an arrow as long as this [m] is the robot's weight
+PUSH_LENGTH = 0.5  # the largest push is as long as this [m]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """k moments of a run: ``times`` (k,) [s]; per link positions (k, 3) [m] and rotations (k, 3, 3).
+
+    ``forces`` (k, contacts, 2, 3): an arrow for the force on the robot at each contact, its tip at the contact;
+    ``pushes`` (k, 2, 3): the same for the push, of length 0 while there is none.
+    """
+
+    times: Vec
+    links: dict[str, tuple[Mat, Mat]]
+    forces: Mat
+    pushes: Mat
+
+    @property
+    def extent(self) -> tuple[Vec, float]:
+        """Middle of all places the links go to (3,) [m], and how large that room is [m]."""
+        points = np.vstack([position for position, _ in self.links.values()])
+        low, high = points.min(axis=0), points.max(axis=0)
+        return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 0.5)
+
+
+def motion(run: Run, robot: RobotModel, rows: Index, links: Iterable[str]) -> Motion:
+    """Place the links of ``robot`` at the given rows of the run, with its contact forces and pushes."""
+    q = np.asarray(run.columns.get("plant.q", run["q"]), dtype=np.float64)
+    state, rest = robot.state(), np.zeros(robot.nv)
+    places = {link: (np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for link in links}
+    contacts = _contacts(run, robot)
+    forces = np.zeros((len(rows), len(contacts), 2, 3))
+    pushes, pushed, longest = np.zeros((len(rows), 2, 3)), _pushed_frame(run, robot), _largest_push(run)
+    per_newton = WEIGHT_LENGTH / max(robot.mass * float(np.linalg.norm(robot.gravity)), 1e-9)
+    for i, row in enumerate(rows):
+        state.update(0.0, q[row], rest)
+        for link, (position, rotation) in places.items():
+            frame = state.frame(link)
+            position[i], rotation[i] = frame.position, frame.rotation
+        for k, (name, column) in enumerate(contacts):
+            tip = state.frame(name).position
+            forces[i, k] = tip - per_newton * np.nan_to_num(run[column][row, :3]), tip
+        if longest > 0.0:
+            tip = _pushed_point(state, pushed)
+            pushes[i] = tip - (PUSH_LENGTH / longest) * run["push"][row], tip
+    t = np.asarray(run["t"], dtype=np.float64)[rows]
+    return Motion(t, places, forces, pushes)
+
+
+def quaternions(rotations: Mat) -> Mat:
+    """Unit quaternions w x y z (k, 4) of rotations (k, 3, 3), w >= 0."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotations).as_quat().T
+    return np.asarray(np.where(w < 0, -1.0, 1.0)[:, None] * np.column_stack([w, x, y, z]))
+
+
+def _contacts(run: Run, robot: RobotModel) -> list[tuple[str, str]]:
+    """(frame, column of its force) of every contact whose frame the run names; the surface is taken as level."""
+    found = []
+    for name, contact in run.meta.get("contacts", {}).items():
+        column = f"plant.f.{name}" if f"plant.f.{name}" in run else f"f.{name}"
+        if column in run and contact.get("frame") in robot.frame_names:
+            found.append((contact["frame"], column))
+    return found
+
+
+def _largest_push(run: Run) -> float:
+    return float(np.linalg.norm(run["push"], axis=1).max(initial=0.0)) if "push" in run else 0.0
+
+
+def _pushed_frame(run: Run, robot: RobotModel) -> str | None:
+    """The frame that a disturbance of the run says is pushed: it stands there in quotes."""
+    lines = [str(line) for line in run.meta.get("disturbances", []) if str(line).startswith("push")]
+    return next((name for name in robot.frame_names if any(f"'{name}'" in line for line in lines)), None)
+
+
+def _pushed_point(state: RobotState, frame: str | None) -> Vec:
+    return np.array(state.com if frame is None else state.frame(frame).position)

@@ -1,0 +1,69 @@
+"""The report of one run: what happened in a sentence, the figures to see first, and every section."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.report import measure
+from wbc.report.document import Report, formatted
+from wbc.report.sections import SECTIONS
+from wbc.sim.scenario import Progress, ScenarioResult, silent
+
+
+def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report:
+    """Everything worth saying about a run, as data; :func:`wbc.report.folder.write` writes it down.
+
+    Raises:
+        NotSupported: matplotlib or viser is not installed; the message says what to install.
+    """
+    sections = []
+    for i, section in enumerate(SECTIONS):
+        progress(i / len(SECTIONS), "drawing the report")
+        made = section(result)
+        if made is not None:
+            sections.append(made)
+    progress(1.0, "drawing the report")
+    meta = result.run.meta
+    title = f"{meta.get('scenario', 'run')} · {meta.get('robot', 'robot')}"
+    return Report(title, summary(result), result.ok, sections, highlights(result))
+
+
+def summary(result: ScenarioResult) -> str:
+    """One sentence: who did what for how long under which disturbances, and how it ended."""
+    run, meta = result.run, result.run.meta
+    solved = measure.statuses(run).get("SOLVED", 0)
+    ticks = "every tick" if solved == run.rows else f"{solved} of {run.rows} ticks"
+    disturbances = meta.get("disturbances", [])
+    under = f" under {len(disturbances)} disturbance{'s' if len(disturbances) > 1 else ''}" if disturbances else ""
+    failed = [check.text for check in result.verdict if not check.ok]
+    end = "every demand was met" if result.ok else "not met: " + ("; ".join(failed) or "the scenario's own verdict")
+    how = ", ".join(str(meta[key]) for key in ("level", "hierarchy", "solver") if key in meta)
+    return (
+        f"{str(meta.get('robot', 'the robot')).capitalize()} ran {meta.get('scenario', 'a scenario')} for "
+        f"{measure.seconds(run):g} s at {1.0 / float(meta['dt']):g} Hz ({how}){under}; {ticks} solved and certified; {end}."
+    )
+
+
+def highlights(result: ScenarioResult) -> list[tuple[str, str]]:
+    """The few figures to see first."""
+    run = result.run
+    times, use = measure.tick_times(run), measure.use(run)
+    tiles: list[tuple[str, str]] = [
+        ("simulated", f"{measure.seconds(run):g} s"),
+        ("ticks", str(formatted(run.rows))),
+        ("tick, median", f"{times.median:.0f} µs"),
+        ("tick, p99", f"{times.p99:.0f} µs"),
+    ]
+    if "torque" in use:
+        tiles.append(("largest torque", _percent(use["torque"])))
+    tiles.append(("largest speed", _percent(use["velocity"])))
+    slips = [slip for name in run.meta.get("contacts", {}) if (slip := measure.slip(run, name)) is not None]
+    if slips:
+        tiles.append(("largest slip", f"{1e3 * max(slips):.2g} mm"))
+    return tiles
+
+
+def _percent(share: Any) -> str:
+    return f"{100 * float(np.max(share, initial=0.0)):.0f} %"

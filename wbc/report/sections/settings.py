@@ -1,0 +1,52 @@
+"""Everything that would be needed to do the run again: parameters, plant, robot, versions, machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from wbc.report.document import Cell, Item, Section, Table
+from wbc.sim.scenario import ScenarioResult
+
+CONTROLLER = ("scenario", "robot", "level", "hierarchy", "solver", "dt", "duration", "seed")
+
+
+def section(result: ScenarioResult) -> Section:
+    """Tables of the settings, disturbances, contacts, plant, versions and machine."""
+    meta = result.run.meta
+    settings = [(key, shown(meta[key])) for key in CONTROLLER if key in meta]
+    settings += [(f"parameter {key}", shown(value)) for key, value in meta.get("parameters", {}).items()]
+    items: list[Item] = [Table(("setting", "value"), settings, "Controller and scenario (dt and duration in s).")]
+    disturbances = [(i + 1, text) for i, text in enumerate(meta.get("disturbances", []))]
+    if disturbances:
+        items.append(Table(("", "disturbance"), disturbances))
+    for key, caption in (("plant", "Plant."), ("versions", "Versions."), ("machine", "Machine.")):
+        rows = [(name, shown(value)) for name, value in _flat(meta.get(key) or {})]
+        if rows:
+            items.append(Table((key, "value"), rows, caption))
+    robot = result.robot
+    if robot is not None:
+        rows_robot: list[tuple[str, Cell]] = [
+            ("mass [kg]", robot.mass),
+            ("joints", robot.nj),
+            ("base", "floating" if robot.nb else "fixed"),
+            ("velocities", robot.nv),
+            ("gravity [m/s²]", shown([float(x) for x in robot.gravity])),
+        ]
+        items.append(Table(("robot", "value"), rows_robot, f"Robot {robot.name}."))
+    return Section("Settings", items)
+
+
+def shown(value: Any) -> Cell:
+    """A setting as a cell: lists in brackets."""
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in value) + "]"
+    return value if value is None or isinstance(value, (str, bool, int, float)) else str(value)
+
+
+def _flat(mapping: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """Nested mappings as dotted names."""
+    rows: list[tuple[str, Any]] = []
+    for key, value in mapping.items():
+        rows += _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else [(f"{prefix}{key}", value)]
+    return rows

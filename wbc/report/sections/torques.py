@@ -1,0 +1,23 @@
+"""Torques against their limits."""
+
+from __future__ import annotations
+
+from wbc.report import measure
+from wbc.report.document import Section
+from wbc.report.sections.use import use_figure, use_table
+from wbc.sim.scenario import ScenarioResult
+
+
+def section(result: ScenarioResult) -> Section | None:
+    """Share of the torque limit over time and per joint."""
+    run = result.run
+    share = measure.use(run).get("torque")
+    if share is None or not share.size:
+        return None
+    caption = (
+        "Left: the hardest worked joints over time, all others in grey. Right: largest and rms share of every joint."
+    )
+    bound = measure.limits(run)["tau_max"]
+    units = ["N m" if unit == "rad" else "N" for unit in run.meta.get("joint_units", [])]
+    table = use_table(run, run.columns["tau"], share, bound, units, "torque")
+    return Section("Torques against limits", [use_figure(run, share, "torques", "|τ| / τ_max", caption), table])

@@ -1,0 +1,174 @@
+"""The robot as triangles: every visual shape of a model read, thinned to a budget, and coloured.
+
+Mesh files are read by coal, which comes with pinocchio; primitives are made here. A robot that shows nothing gets
+capsules from joint to joint, so that a report always has somebody to look at.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Sphere
+from wbc.models.model import RobotModel
+from wbc.types import Mat
+
+Faces = NDArray[np.int64]
+Color = tuple[int, int, int]
+
+LIGHT: Color = (214, 219, 226)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles that move with the frame ``link``: vertices (k, 3) [m] in its axes, faces (m, 3), one colour 0…255."""
+
+    link: str
+    vertices: Mat
+    faces: Faces
+    color: Color
+
+
+def parts(robot: RobotModel) -> list[Part]:
+    """The whole robot, one part per link and colour; its skeleton if the model shows nothing."""
+    grouped: dict[tuple[str, Color], list[tuple[Mat, Faces]]] = defaultdict(list)
+    for visual in robot.visuals:
+        vertices, faces = _triangles(visual)
+        if len(faces):
+            grouped[visual.link, _color(visual)].append(_moved(vertices, faces, visual.origin.matrix))
+    return [Part(link, *_joined(pieces), color) for (link, color), pieces in grouped.items()] or skeleton(robot)
+
+
+def thinned(solid: Sequence[Part], budget: int) -> list[Part]:
+    """At most ``budget`` triangles: vertices are merged in ever larger cells of one grid until they fit."""
+    cell, coarse = 1e-3, list(solid)
+    while sum(len(part.faces) for part in coarse) > budget:
+        coarse = [Part(part.link, *clustered(part.vertices, part.faces, cell), part.color) for part in solid]
+        cell *= 1.3
+    return coarse
+
+
+def skeleton(robot: RobotModel) -> list[Part]:
+    """A robot without shapes: at its reference configuration, a capsule from every joint to each next one."""
+    state = robot.state()
+    state.update(0.0, robot.q0, np.zeros(robot.nv))
+    frames = [state.frame(name) for name in robot.frame_names]
+    places = [(f.name, f.position.copy(), f.rotation.copy()) for f in frames]
+    reach = max((float(np.linalg.norm(p - places[0][1])) for _, p, _ in places), default=1.0) or 1.0
+    result = []
+    for before, after in zip(places[:-1], places[1:], strict=True):
+        along = before[2].T @ (after[1] - before[1])
+        length = float(np.linalg.norm(along))
+        if 1e-3 < length < 0.7 * reach:
+            vertices, faces = capsule(0.03 * reach, length)
+            result.append(Part(before[0], vertices @ _turn_z_to(along / length).T + along / 2, faces, LIGHT))
+    return result
+
+
+# ---- primitives
+def box(size: tuple[float, float, float]) -> tuple[Mat, Faces]:
+    """A box centred at the origin, twelve triangles."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
+
+
+def revolved(profile: Mat, sides: int = 24) -> tuple[Mat, Faces]:
+    """The surface that a profile (k, 2) of radius and height, from bottom to top, sweeps around z."""
+    angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    vertices = np.vstack([np.column_stack([r * ring, np.full(sides, z)]) for r, z in profile])
+    faces = []
+    for level in range(len(profile) - 1):
+        for i in range(sides):
+            a, b = level * sides + i, level * sides + (i + 1) % sides
+            faces += [(a, b, b + sides), (a, b + sides, a + sides)]
+    return vertices, np.array(faces)
+
+
+def cylinder(radius: float, length: float) -> tuple[Mat, Faces]:
+    """A closed cylinder along z, centred."""
+    h = length / 2
+    return revolved(np.array([(0, -h), (radius, -h), (radius, h), (0, h)]))
+
+
+def capsule(radius: float, length: float) -> tuple[Mat, Faces]:
+    """A cylinder along z with half spheres at its ends; ``length`` is between their centres."""
+    bow = np.linspace(0.0, np.pi / 2, 6)
+    top = np.column_stack([radius * np.cos(bow), length / 2 + radius * np.sin(bow)])
+    return revolved(np.vstack([top[::-1] * [1, -1], top]))
+
+
+def sphere(radius: float) -> tuple[Mat, Faces]:
+    """A ball centred at the origin."""
+    return capsule(radius, 0.0)
+
+
+# ---- files, colours, thinning
+def _triangles(visual: Geometry) -> tuple[Mat, Faces]:
+    match visual.shape:
+        case Box(size):
+            return box(size)
+        case Sphere(radius):
+            return sphere(radius)
+        case Cylinder(radius, length):
+            return cylinder(radius, length)
+        case Mesh(path, scale):
+            return _read(path, scale)
+
+
+def _read(path: Path, scale: tuple[float, float, float]) -> tuple[Mat, Faces]:
+    """A mesh file as coal (assimp) reads it; nothing where it cannot be read, since a picture may lack a part."""
+    import coal
+
+    try:
+        model: Any = coal.MeshLoader().load(str(path), np.array(scale, dtype=np.float64))
+    except (ValueError, RuntimeError):
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    triangles = (model.tri_indices(i) for i in range(model.num_tris))
+    return np.array(model.vertices()), np.array([(t[0], t[1], t[2]) for t in triangles]).reshape(-1, 3)
+
+
+def _color(visual: Geometry) -> Color:
+    if visual.color is None:
+        return LIGHT
+    red, green, blue = (round(255 * min(max(float(c), 0.0), 1.0)) for c in visual.color[:3])
+    return red, green, blue
+
+
+def _moved(vertices: Mat, faces: Faces, transform: Mat) -> tuple[Mat, Faces]:
+    mirrored = np.linalg.det(transform[:3, :3]) < 0
+    return vertices @ transform[:3, :3].T + transform[:3, 3], faces[:, ::-1] if mirrored else faces
+
+
+def _joined(pieces: list[tuple[Mat, Faces]]) -> tuple[Mat, Faces]:
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    faces = [faces + start for (_, faces), start in zip(pieces, starts[:-1], strict=True)]
+    return np.vstack([vertices for vertices, _ in pieces]), np.vstack(faces)
+
+
+def clustered(vertices: Mat, faces: Faces, cell: float) -> tuple[Mat, Faces]:
+    """All vertices in one cell of a grid [m] become their mean; triangles that collapse or repeat are dropped."""
+    _, index = np.unique(np.floor(vertices / cell).astype(np.int64), axis=0, return_inverse=True)
+    index = index.ravel()
+    count = np.bincount(index).astype(float)
+    means = np.column_stack([np.bincount(index, weights=vertices[:, k]) / count for k in range(3)])
+    merged = index[faces]
+    merged = merged[(merged[:, 0] != merged[:, 1]) & (merged[:, 1] != merged[:, 2]) & (merged[:, 2] != merged[:, 0])]
+    _, first = np.unique(np.sort(merged, axis=1), axis=0, return_index=True)
+    return means, merged[np.sort(first)]
+
+
+def _turn_z_to(direction: Mat) -> Mat:
+    """A rotation (3, 3) that takes z to the unit vector ``direction``."""
+    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    x = np.cross(helper, direction)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(direction, x), direction])

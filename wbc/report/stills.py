@@ -1,0 +1,101 @@
+"""A few moments of the motion side by side, drawn without any 3-D engine: for print and for plain text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.report import style
+from wbc.report.document import Figure
+from wbc.report.motion import Motion, motion
+from wbc.report.shapes import Part, thinned
+from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from wbc.control.recorder import Run
+    from wbc.models.model import RobotModel
+
+MOMENTS = 5
+BUDGET = 20_000  # triangles of the robot in a still
+VIEW = np.array([1.15, -0.92, 0.42])  # towards the viewer
+LIGHT = np.array([0.35, -0.5, 0.8])
+
+
+def stills(run: Run, robot: RobotModel, solid: Sequence[Part], *, moments: int = MOMENTS) -> Figure:
+    """The robot, drawn as ``solid``, at ``moments`` evenly spaced times, seen from its front right."""
+    solid = thinned(solid, BUDGET)
+    rows = np.unique(np.linspace(0, run.rows - 1, moments).astype(int))
+    moving = motion(run, robot, rows, sorted({part.link for part in solid}))
+    right, up, towards = _camera()
+    scene = [_projected(solid, moving, i, np.array([right, up, towards])) for i in range(len(rows))]
+    arrows = np.concatenate([moving.forces.reshape(-1, 3), moving.pushes.reshape(-1, 3)]) @ np.array([right, up]).T
+    drawn = [points[..., :2].reshape(-1, 2) for points, _ in scene] + [arrows[np.any(arrows != 0, axis=1)]]
+    low = np.min([points.min(axis=0) for points in drawn if len(points)], axis=0)
+    high = np.max([points.max(axis=0) for points in drawn if len(points)], axis=0)
+    width, height = np.maximum(high - low, 0.2) * 1.08
+    tall = min(4.6, style.WIDTH / len(rows) * height / width)
+    with style.Canvas(1, len(rows), height=tall + 0.3) as canvas:
+        for i, (axes, (points, colours)) in enumerate(zip(canvas.axes, scene, strict=True)):
+            _floor(axes, right, up, moving)
+            _draw(axes, points, colours)
+            _force_lines(axes, moving, i, np.array([right, up]))
+            middle = 0.5 * (low + high)
+            axes.set_xlim(middle[0] - width / 2, middle[0] + width / 2)
+            axes.set_ylim(middle[1] - height / 2, middle[1] + height / 2)
+            axes.set_aspect("equal")
+            axes.axis("off")
+            axes.set_title(f"{moving.times[i]:.1f} s", loc="center", fontweight="normal", fontsize=8.5)
+        return canvas.figure("motion", "The robot at evenly spaced moments.", kind="png", dpi=170)
+
+
+def _camera() -> tuple[Vec, Vec, Vec]:
+    towards = VIEW / np.linalg.norm(VIEW)
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    return right, np.cross(towards, right), towards
+
+
+def _projected(solid: list[Part], moving: Motion, i: int, axes: Mat) -> tuple[Mat, Mat]:
+    """All triangles (m, 3, 3) in the camera's axes, the farthest first, and their shaded colours (m, 3)."""
+    triangles, colours = [], []
+    light = LIGHT / np.linalg.norm(LIGHT)
+    for part in solid:
+        position, rotation = (values[i] for values in moving.links[part.link])
+        corners = (part.vertices @ rotation.T + position)[part.faces]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        bright = 0.45 + 0.55 * np.abs(normal @ light)[:, None] / np.maximum(length, 1e-12)
+        triangles.append(corners @ axes.T)
+        colours.append(np.clip(bright * (0.25 + 0.75 * np.array(part.color) / 255.0), 0.0, 1.0))
+    points, shade = np.concatenate(triangles), np.concatenate(colours)
+    order = np.argsort(points[..., 2].mean(axis=1), kind="stable")
+    return points[order], shade[order]
+
+
+def _draw(axes: Axes, points: Mat, colours: Mat) -> None:
+    from matplotlib.collections import PolyCollection
+
+    axes.add_collection(PolyCollection(list(points[..., :2]), facecolors=colours, edgecolors=colours, linewidths=0.25))
+
+
+def _floor(axes: Axes, right: Vec, up: Vec, moving: Motion) -> None:
+    """A few lines of a floor of half a metre."""
+    centre, size = moving.extent
+    reach = np.ceil(size) + 0.5
+    for s in np.arange(-reach, reach + 0.1, 0.5):
+        for ends in (([s, -reach], [s, reach]), ([-reach, s], [reach, s])):
+            line = np.array([[x + round(centre[0]), y + round(centre[1]), 0.0] for x, y in ends])
+            axes.plot(line @ right, line @ up, color="#e3e7eb", linewidth=0.6, zorder=0)
+
+
+def _force_lines(axes: Axes, moving: Motion, i: int, camera: Mat) -> None:
+    """Contact forces in green, pushes in red."""
+    for arrows, colour in ((moving.forces[i], style.GREEN), (moving.pushes[i : i + 1], style.RED)):
+        for tail, tip in arrows @ camera.T:
+            if np.linalg.norm(tip - tail) > 1e-6:
+                arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.1, "mutation_scale": 7}
+                axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow)
