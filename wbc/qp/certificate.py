@@ -3,7 +3,7 @@
 With the Lagrangian's sign convention of :mod:`wbc.types`,
 
     primal  largest violation of a row or a bound, in that row's own unit
-    dual    ‖H x + g + Aᵀy + Cᵀz + z_box‖∞, and any multiplier of the wrong sign
+    dual    ‖H x + g + Aᵀy + Cᵀz + z_box‖∞, and any multiplier that pushes on a side that is not there
     gap     Σ |multiplier × distance to the bound it pushes on|
 
 An answer is *certified* (``ok``) when primal ≤ tol, dual ≤ tol (1 + ‖g‖∞) and
@@ -17,7 +17,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.problem import QP
+from wbc.qp.problem import HUGE, QP
 from wbc.types import Vec
 
 TOLERANCE = 1e-6
@@ -26,7 +26,10 @@ TOLERANCE = 1e-6
 @final
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Primal residual [unit of the worst row], dual residual and complementarity gap [unit of the cost]."""
+    """Primal residual [unit of the worst row], dual residual and complementarity gap [unit of the cost].
+
+    ``worst_row`` is the index in ``qp.rows`` of the row that is violated most, −1 when none is.
+    """
 
     primal: float
     dual: float
@@ -65,29 +68,50 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec) -> Certificate:
         >>> certificate(qp, np.array([2.0]), np.zeros(0), np.zeros(0), np.array([-2.0])).ok
         True
     """
-    multipliers = np.concatenate([y, z, z_box])
-    if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
+    forces = np.concatenate([y, z])
+    if not x.dot(x) + forces.dot(forces) + z_box.dot(z_box) < HUGE:
         return Certificate(np.inf, np.inf, np.inf)
-    values = np.concatenate([qp.matrix @ x, x])
-    lower = np.concatenate([qp.lower, qp.lb])
-    upper = np.concatenate([qp.upper, qp.ub])
-    violation = np.maximum(np.maximum(values - upper, lower - values), 0.0)
-    worst = int(violation.argmax()) if violation.size else -1
-    stationarity = qp.H @ x + qp.g + qp.A.T @ y + qp.C.T @ z + z_box
-    # A multiplier with no bound on its side pushes on nothing: that is a dual residual.
-    pushed = np.where(multipliers > 0, upper, lower)
-    missing = ~np.isfinite(pushed) & (multipliers != 0)
-    dual = max(_largest(stationarity), _largest(multipliers[missing]))
-    slack = np.where(missing | (multipliers == 0), 0.0, np.abs(np.where(np.isfinite(pushed), pushed, 0.0) - values))
+    curvature = qp.H.dot(x)
+    stationarity = curvature + qp.g
+    stationarity += forces.dot(qp.matrix)
+    stationarity += z_box
+    primal, worst, stray, gap = _side(qp.matrix.dot(x), qp.lower, qp.upper, forces)
+    primal_box, worst_box, stray_box, gap_box = _side(x, qp.lb, qp.ub, z_box)
+    if primal_box > primal:
+        primal, worst = primal_box, worst_box + len(forces)
     return Certificate(
-        primal=float(violation[worst]) if worst >= 0 else 0.0,
-        dual=dual,
-        gap=float(np.abs(multipliers * slack).sum()),
-        scale_dual=1.0 + _largest(qp.g),
-        scale_gap=1.0 + abs(qp.cost(x)),
-        worst_row=worst,
+        primal,
+        max(_largest(stationarity), stray, stray_box),
+        gap + gap_box,
+        1.0 + _largest(qp.g),
+        1.0 + abs(float(0.5 * x.dot(curvature) + qp.g.dot(x))),
+        worst if primal > 0.0 else -1,
     )
 
 
+def _side(values: Vec, lower: Vec, upper: Vec, forces: Vec) -> tuple[float, int, float, float]:
+    """Largest violation and its index, largest multiplier that has no bound to push on, gap."""
+    if not len(values):
+        return 0.0, -1, 0.0, 0.0
+    over, under = values - upper, lower - values
+    violation = np.maximum(over, under)
+    worst = int(violation.argmax())
+    primal = max(float(violation[worst]), 0.0)
+    pushing = forces.nonzero()[0]
+    if not len(pushing):
+        return primal, worst, 0.0, 0.0
+    force = forces[pushing]
+    slack = np.where(force > 0.0, over[pushing], under[pushing])
+    products = np.abs(force * slack)
+    gap = float(products.sum())
+    if gap < np.inf:
+        return primal, worst, 0.0, gap
+    missing = np.isinf(slack)
+    return primal, worst, _largest(force[missing]), float(products[~missing].sum())
+
+
 def _largest(values: Vec) -> float:
-    return float(np.abs(values).max()) if values.size else 0.0
+    if not len(values):
+        return 0.0
+    magnitude = np.abs(values)
+    return float(magnitude[magnitude.argmax()])

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from time import perf_counter
-from typing import Any, ClassVar, final
+from typing import final
 
 import numpy as np
 
-from wbc.errors import SolverMissing
-from wbc.qp.certificate import Certificate, certificate
+from wbc.errors import InvalidProblem, SolverMissing
+from wbc.qp.certificate import TOLERANCE, Certificate, certificate
 from wbc.qp.problem import QP, Shape
 from wbc.types import Status, Vec
 
@@ -32,8 +32,8 @@ class Answer:
     @classmethod
     def none(cls, shape: Shape, status: Status, iterations: int = 0) -> Answer:
         """No answer: NaN everywhere."""
-        n, n_eq, n_in = shape
-        return cls(status, *(np.full(size, np.nan) for size in (n, n_eq, n_in, n)), iterations)
+        x, y, z, z_box = (np.full(size, np.nan) for size in (shape.n, shape.n_eq, shape.n_in, shape.n))
+        return cls(status, x, y, z, z_box, iterations)
 
 
 @final
@@ -41,9 +41,9 @@ class Answer:
 class Solution:
     """The answer to a QP: status, x (n,), multipliers y (n_eq,), z (n_in,), z_box (n,).
 
-    ``status`` is SOLVED only when our own certificate holds. Times are in seconds: ``build_time``
+    ``status`` is SOLVED exactly when our own certificate holds. Times are in seconds: ``build_time``
     is spent on turning the QP into the back end's form, ``solve_time`` in the back end.
-    Arrays are NaN where there is no answer.
+    Arrays are NaN where there is no answer, and the best the back end has where it gave up.
 
     Example:
         >>> import wbc
@@ -75,6 +75,10 @@ class Session(ABC):
     def _solve(self, qp: QP) -> Answer:
         """Hand the problem to the back end. The problem has been checked; the answer will be."""
 
+    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+        """A second answer for a session that can do better than the first; ``None`` keeps that."""
+        return None
+
     def reset(self) -> None:
         """Forget the warm start."""
 
@@ -82,20 +86,29 @@ class Session(ABC):
     def solve(self, qp: QP) -> Solution:
         """Check the problem, solve it, check the answer.
 
+        The certificate decides, not the back end's word: SOLVED means that it holds, an answer that was called
+        solved and fails it is INACCURATE, and one that came with a warning and passes is SOLVED.
+
         Raises:
             InvalidProblem: what :meth:`QP.check` refuses, or another shape than the session's.
         """
         if qp.shape != self.shape:
-            from wbc.errors import InvalidProblem
-
             raise InvalidProblem(f"this session was opened for {self.shape}, not {qp.shape}")
         qp.check()
         start = perf_counter()
         answer = self._solve(qp)
         elapsed = perf_counter() - start
         proof = certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
+        start = perf_counter()
+        second = self._improve(qp, answer, proof)
+        if second is not None:
+            elapsed += perf_counter() - start
+            answer = second
+            proof = certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
         status = answer.status
-        if status.ok and not proof.within(self.solver.tolerance):
+        if proof.within(self.solver.tolerance):
+            status = Status.SOLVED
+        elif status.ok:
             status = Status.INACCURATE
         return Solution(
             status, answer.x, answer.y, answer.z, answer.z_box, proof, answer.iterations,
@@ -106,16 +119,19 @@ class Session(ABC):
 class Solver(ABC):
     """Frozen settings of a QP solver; ``open(shape)`` gives a session with memory.
 
-    ``requires`` names the modules it needs (looked up, not imported), ``package`` what to
-    install, ``tolerance`` the certificate it must reach, and ``offline`` is true for a solver that
-    cannot keep limits to 1e-6 at 1 kHz and so is refused by a controller.
+    ``name`` is what users type, ``requires`` the modules it needs (looked up, not imported),
+    ``package`` what to install. ``tolerance`` is the certificate without which no answer is SOLVED;
+    ``semidefinite`` says whether H may be singular (a linear program, a task without posture), and
+    ``offline`` is true for a solver that is not shown to keep limits to 1e-6 at 1 kHz and so is
+    refused by a controller.
     """
 
-    name: ClassVar[str]
-    requires: ClassVar[tuple[str, ...]] = ()
-    package: ClassVar[str] = ""
-    tolerance: ClassVar[float] = 1e-6
-    offline: ClassVar[bool] = False
+    name: str
+    requires: tuple[str, ...] = ()
+    package: str = ""
+    tolerance: float = TOLERANCE
+    semidefinite: bool = True
+    offline: bool = False
 
     @abstractmethod
     def open(self, shape: Shape) -> Session:
@@ -125,10 +141,9 @@ class Solver(ABC):
             SolverMissing: the back end is not installed.
         """
 
-    @classmethod
-    def available(cls) -> bool:
+    def available(self) -> bool:
         """Whether the back end is installed; nothing is imported to find out."""
-        return all(find_spec(module) is not None for module in cls.requires)
+        return all(find_spec(module) is not None for module in self.requires)
 
     def require(self) -> None:
         """Raise :class:`SolverMissing` unless the back end is installed."""

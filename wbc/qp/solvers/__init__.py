@@ -1,0 +1,64 @@
+"""The solvers, by name. A new one is a file beside this and a line in ``SOLVERS``.
+
+Example:
+    >>> from wbc.qp.solvers import by_name
+    >>> by_name("daqp")
+    Daqp(primal_tol=1e-10, max_iter=10000)
+"""
+
+from __future__ import annotations
+
+from wbc.errors import UnknownSolver
+from wbc.qp.solver import Solver
+from wbc.qp.solvers.clarabel_ import Clarabel
+from wbc.qp.solvers.daqp_ import Daqp
+from wbc.qp.solvers.osqp_ import Osqp
+from wbc.qp.solvers.pdas import Pdas
+from wbc.qp.solvers.piqp_ import Piqp
+from wbc.qp.solvers.proxqp_ import ProxQp
+from wbc.qp.solvers.qpsolvers_ import BACKENDS, QpSolvers
+from wbc.qp.solvers.quadprog_ import Quadprog
+
+__all__ = [
+    "SOLVERS", "Clarabel", "Daqp", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
+    "by_name", "names", "usable",
+]  # fmt: skip
+
+#: Every known solver with the settings that a name stands for.
+SOLVERS: tuple[Solver, ...] = (
+    Pdas(),
+    Daqp(),
+    ProxQp(),
+    Piqp(),
+    Osqp(),
+    Clarabel(),
+    Quadprog(),
+    *(QpSolvers(name) for name in BACKENDS),
+)
+
+
+def names() -> list[str]:
+    """All names, installed or not; the default solver first."""
+    return [solver.name for solver in SOLVERS]
+
+
+def usable() -> list[str]:
+    """The names whose packages are installed. Nothing is imported to find out."""
+    return [solver.name for solver in SOLVERS if solver.available()]
+
+
+def by_name(name_or_solver: str | Solver) -> Solver:
+    """The solver of this name with its default settings; a :class:`Solver` is returned as it is.
+
+    Raises:
+        UnknownSolver: there is no such name.
+        SolverMissing: its package is not installed.
+    """
+    found = name_or_solver if isinstance(name_or_solver, Solver) else None
+    for solver in SOLVERS:
+        if solver.name == name_or_solver:
+            found = solver
+    if found is None:
+        raise UnknownSolver(name_or_solver, names())
+    found.require()
+    return found

@@ -1,0 +1,103 @@
+"""Clarabel: an interior-point method for conic programs; no warm start, the workspace is kept.
+
+Goulart, Chen: Clarabel: an interior-point solver for conic programs with quadratic objectives, 2024.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.qp.problem import QP, Shape
+from wbc.qp.solver import Answer, Solver
+from wbc.qp.solvers.kept import KeptSession, OneSided, Pattern
+from wbc.types import Mat, Status, Vec
+
+STATUS = {
+    "Solved": Status.SOLVED,
+    "AlmostSolved": Status.SOLVED,
+    "MaxIterations": Status.MAX_ITERATIONS,
+    "PrimalInfeasible": Status.INFEASIBLE,
+    "AlmostPrimalInfeasible": Status.INFEASIBLE,
+    "DualInfeasible": Status.UNBOUNDED,
+    "AlmostDualInfeasible": Status.UNBOUNDED,
+}
+
+
+@final
+@dataclass(frozen=True)
+class Clarabel(Solver):
+    """Settings of Clarabel.
+
+    Args:
+        tol: feasibility and gap at which it stops, absolute and relative.
+        max_iter: iterations before it gives up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+    """
+
+    name = "clarabel"
+    requires = ("clarabel",)
+    package = "clarabel"
+
+    tol: float = 1e-9
+    max_iter: int = 200
+
+    def __post_init__(self) -> None:
+        checks.number("tol", self.tol, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)
+
+    def open(self, shape: Shape) -> ClarabelSession:
+        self.require()
+        return ClarabelSession(self, shape)
+
+
+@final
+class ClarabelSession(KeptSession):
+    """A Clarabel solver, made anew when a side becomes finite or infinite, or a zero something else."""
+
+    def __init__(self, solver: Clarabel, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        self._tol, self._max_iter = solver.tol, solver.max_iter
+        self._cost, self._rows = Pattern(shape.n, shape.n), Pattern(0, 0)
+        self._form: OneSided | None = None
+        self._data: tuple[Mat, Vec, Mat, Vec] = np.empty((0, 0)), np.empty(0), np.empty((0, 0)), np.empty(0)
+
+    def _write(self, qp: QP) -> bool:
+        same_sides = self._form is not None and self._form.fits(qp)
+        if self._form is None or not same_sides:
+            self._form = OneSided(qp)
+            self._rows = Pattern(len(self._form.item), qp.n)
+        H, G = np.triu(qp.H), self._form.matrix(qp)
+        self._data = (H, qp.g, G, self._form.right_side(qp))
+        same_cost, same_rows = self._cost.covers(H), self._rows.covers(G)
+        return same_sides and same_cost and same_rows
+
+    def _make(self, qp: QP) -> Any:
+        import clarabel
+
+        assert self._form is not None
+        settings = clarabel.DefaultSettings()
+        settings.verbose, settings.presolve_enable, settings.max_threads = False, False, 1
+        settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = self._tol
+        settings.max_iter = self._max_iter
+        H, g, G, h = self._data
+        n_equal = self._form.n_equal
+        cones = [clarabel.ZeroConeT(n_equal), clarabel.NonnegativeConeT(len(h) - n_equal)]
+        return clarabel.DefaultSolver(self._cost.sparse(H), g, self._rows.sparse(G), h, cones, settings)
+
+    def _update(self, qp: QP, workspace: Any) -> None:
+        H, g, G, h = self._data
+        workspace.update(P=self._cost.entries(H), q=g, A=self._rows.entries(G), b=h)
+
+    def _run(self, qp: QP, workspace: Any) -> Answer:
+        assert self._form is not None
+        result = workspace.solve()
+        status, iterations = STATUS.get(str(result.status), Status.FAILED), int(result.iterations)
+        if status in (Status.INFEASIBLE, Status.UNBOUNDED):
+            return Answer.none(qp.shape, status, iterations)
+        return Answer(status, np.array(result.x), *self._form.multipliers(np.array(result.z)), iterations)

@@ -1,0 +1,109 @@
+"""DAQP: a dual active-set method in C, warm-started from the last active set.
+
+Arnström, Bemporad, Axehill: A dual active-set solver for embedded quadratic programming using recursive LDLᵀ
+updates, IEEE Transactions on Automatic Control 67(8), 2022.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.qp.problem import QP, Shape
+from wbc.qp.solver import Answer, Solver
+from wbc.qp.solvers.kept import KeptSession
+from wbc.types import Status
+
+INFINITY = 1e30
+EQUALITY = 5
+
+STATUS = {
+    1: Status.SOLVED,
+    -1: Status.INFEASIBLE,
+    -3: Status.UNBOUNDED,
+    -4: Status.MAX_ITERATIONS,
+    -6: Status.INFEASIBLE,  # the equalities alone contradict each other
+}
+
+
+@final
+@dataclass(frozen=True)
+class Daqp(Solver):
+    """Settings of DAQP.
+
+    Args:
+        primal_tol: how far a row may be violated [unit of the row]. Far below what is asked: it costs nothing.
+        max_iter: changes of the active set before it gives up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+
+    Example:
+        >>> from wbc.qp import QP
+        >>> Daqp(max_iter=200).solve(QP([[1.0]], [-3.0], ub=[2.0])).x
+        array([2.])
+    """
+
+    name = "daqp"
+    requires = ("daqp",)
+    package = "daqp"
+
+    primal_tol: float = 1e-10
+    max_iter: int = 10_000
+
+    def __post_init__(self) -> None:
+        checks.number("primal_tol", self.primal_tol, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)
+
+    def open(self, shape: Shape) -> DaqpSession:
+        self.require()
+        return DaqpSession(self, shape)
+
+
+@final
+class DaqpSession(KeptSession):
+    """A kept model, which remembers its active set. Its items: the bounds on x, then the rows [A; C]."""
+
+    def __init__(self, solver: Daqp, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        n, n_eq, n_in = shape
+        self._lower, self._upper = np.empty(n + n_eq + n_in), np.empty(n + n_eq + n_in)
+        self._sense = np.zeros(n + n_eq + n_in, np.intc)
+        self._sense[n : n + n_eq] = EQUALITY
+        # Equalities are eliminated first; left to choose, DAQP does not do so from a warm start.
+        self._settings = {"primal_tol": solver.primal_tol, "iter_limit": solver.max_iter, "eq_reduction": 1}
+        self._flag = 0
+
+    def _write(self, qp: QP) -> bool:
+        n, lower, upper = qp.n, self._lower, self._upper
+        np.maximum(qp.lb, -INFINITY, out=lower[:n])
+        np.maximum(qp.lower, -INFINITY, out=lower[n:])
+        np.minimum(qp.ub, INFINITY, out=upper[:n])
+        np.minimum(qp.upper, INFINITY, out=upper[n:])
+        return True
+
+    def _make(self, qp: QP) -> Any:
+        import daqp
+
+        model = daqp.Model()
+        model.settings = self._settings
+        self._flag, _ = model.setup(qp.H, qp.g, qp.matrix, self._upper, self._lower, self._sense)
+        return model
+
+    def _update(self, qp: QP, workspace: Any) -> None:
+        rows = qp.matrix if len(qp.matrix) else None  # an empty array is not understood here
+        self._flag = workspace.update(qp.H, qp.g, rows, self._upper, self._lower)
+
+    def _run(self, qp: QP, workspace: Any) -> Answer:
+        if self._flag < 0:  # refused before the first step
+            return Answer.none(qp.shape, STATUS.get(self._flag, Status.FAILED))
+        x, _, flag, info = workspace.solve()
+        status, iterations = STATUS.get(flag, Status.FAILED), int(info["iterations"])
+        if status not in (Status.SOLVED, Status.MAX_ITERATIONS):
+            return Answer.none(qp.shape, status, iterations)
+        n, n_eq, _ = qp.shape
+        force = np.array(info["lam"])
+        return Answer(status, np.array(x), force[n : n + n_eq], force[n + n_eq :], force[:n], iterations)

@@ -1,0 +1,115 @@
+"""OSQP: an operator-splitting (ADMM) method, warm-started from the last answer and polished.
+
+Stellato, Banjac, Goulart, Bemporad, Boyd: OSQP: an operator splitting solver for quadratic programs, Mathematical
+Programming Computation 12, 2020.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.qp.problem import QP, Shape
+from wbc.qp.solver import Answer, Solver
+from wbc.qp.solvers.kept import KeptSession, Pattern
+from wbc.types import Status
+
+INFINITY = 1e30
+
+STATUS = {
+    "OSQP_SOLVED": Status.SOLVED,
+    "OSQP_SOLVED_INACCURATE": Status.SOLVED,
+    "OSQP_MAX_ITER_REACHED": Status.MAX_ITERATIONS,
+    "OSQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
+    "OSQP_PRIMAL_INFEASIBLE_INACCURATE": Status.INFEASIBLE,
+    "OSQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
+    "OSQP_DUAL_INFEASIBLE_INACCURATE": Status.UNBOUNDED,
+}
+
+
+@final
+@dataclass(frozen=True)
+class Osqp(Solver):
+    """Settings of OSQP. Its own defaults (1e-3) break limits visibly.
+
+    Args:
+        eps_abs: residuals at which it stops.
+        max_iter: iterations before it gives up.
+        polishing: solve once more with the rows that came out active held exactly.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+    """
+
+    name = "osqp"
+    requires = ("osqp",)
+    package = "osqp"
+
+    eps_abs: float = 1e-9
+    max_iter: int = 20_000
+    polishing: bool = True
+
+    def __post_init__(self) -> None:
+        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)
+
+    def open(self, shape: Shape) -> OsqpSession:
+        self.require()
+        return OsqpSession(self, shape)
+
+
+@final
+class OsqpSession(KeptSession):
+    """An OSQP object, made anew when a zero becomes something else. Its rows: [A; C], then the bounds on x."""
+
+    def __init__(self, solver: Osqp, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        n, m = shape.n, shape.n_eq + shape.n_in
+        self._settings = {
+            "eps_abs": solver.eps_abs, "eps_rel": 0.0, "max_iter": solver.max_iter, "polishing": solver.polishing,
+            "check_dualgap": True, "verbose": False,
+        }  # fmt: skip
+        self._cost, self._rows = Pattern(n, n), Pattern(m + n, n)
+        self._upper_H = np.zeros((n, n))
+        self._matrix = np.concatenate([np.zeros((m, n)), np.eye(n)])
+        self._lower, self._upper = np.empty(m + n), np.empty(m + n)
+
+    def _write(self, qp: QP) -> bool:
+        m, lower, upper = len(qp.lower), self._lower, self._upper
+        self._upper_H = np.triu(qp.H)
+        self._matrix[:m] = qp.matrix
+        np.maximum(qp.lower, -INFINITY, out=lower[:m])
+        np.maximum(qp.lb, -INFINITY, out=lower[m:])
+        np.minimum(qp.upper, INFINITY, out=upper[:m])
+        np.minimum(qp.ub, INFINITY, out=upper[m:])
+        same_cost, same_rows = self._cost.covers(self._upper_H), self._rows.covers(self._matrix)
+        return same_cost and same_rows
+
+    def _make(self, qp: QP) -> Any:
+        import osqp
+
+        workspace = osqp.OSQP()
+        cost, rows = self._cost.sparse(self._upper_H), self._rows.sparse(self._matrix)
+        # OSQP keeps what it is given: nothing of it may be the caller's, or ours.
+        workspace.setup(cost, qp.g.copy(), rows, self._lower.copy(), self._upper.copy(), **self._settings)
+        return workspace
+
+    def _update(self, qp: QP, workspace: Any) -> None:
+        workspace.update(
+            q=qp.g.copy(), l=self._lower.copy(), u=self._upper.copy(),
+            Px=self._cost.entries(self._upper_H), Ax=self._rows.entries(self._matrix),
+        )  # fmt: skip
+
+    def _run(self, qp: QP, workspace: Any) -> Answer:
+        from osqp import SolverStatus
+
+        result = workspace.solve(raise_error=False)
+        status = STATUS.get(SolverStatus(result.info.status_val).name, Status.FAILED)
+        iterations = int(result.info.iter)
+        if status not in (Status.SOLVED, Status.MAX_ITERATIONS):
+            return Answer.none(qp.shape, status, iterations)
+        m, n_eq, force = len(qp.lower), qp.n_eq, np.array(result.y)
+        return Answer(status, np.array(result.x), force[:n_eq], force[n_eq:m], force[m:], iterations)

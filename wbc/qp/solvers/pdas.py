@@ -1,0 +1,270 @@
+"""Primal-dual active set: guess which rows hold with equality, solve once, let the certificate verify.
+
+With the rows E of a guessed set and the pinned variables removed, the optimality conditions are linear:
+
+    [H  Eᵀ] [x]   [−g]          H = L Lᵀ,  V = L⁻¹Eᵀ,  VᵀV λ = −(e + VᵀL⁻¹g),
+    [E  0 ] [λ] = [ e]          x = −L⁻ᵀ(L⁻¹g + V λ)
+
+From one tick of a controller to the next the active set rarely changes, so the last one is nearly always right and
+a solve is one Cholesky factorisation. If the certificate refuses the answer, every violated row enters the set and
+every row with a multiplier of the wrong sign leaves it (block principal pivoting), a few times while that helps;
+after that DAQP answers, and its active set is the next guess.
+
+Bergounioux, Ito, Kunisch: Primal-dual strategy for constrained optimal control problems, SIAM J. Control and
+Optimization 37(4), 1999. Júdice, Pires: A block principal pivoting algorithm for large-scale strictly monotone
+linear complementarity problems, Computers & Operations Research 21(5), 1994.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
+from scipy.linalg.lapack import dpotrf, dpotrs
+
+from wbc import checks
+from wbc.qp.certificate import Certificate, certificate
+from wbc.qp.problem import QP, Shape
+from wbc.qp.rows.solver import Counts
+from wbc.qp.solver import Answer, Session, Solver
+from wbc.qp.solvers.daqp_ import Daqp
+from wbc.types import Index, Mat, Status, Vec
+
+
+@final
+@dataclass(frozen=True)
+class Pdas(Solver):
+    """Settings of the default solver.
+
+    Args:
+        tries: guesses before DAQP is asked, the first included.
+        accuracy: the certificate a guess must reach; ten or a hundred times finer than what is asked of an answer.
+        refinements: steps of iterative refinement a guess may take.
+        fallback: DAQP's settings.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+
+    Example:
+        >>> from wbc.qp import QP
+        >>> qp = QP([[1.0]], [-3.0], ub=[2.0])
+        >>> session = Pdas().open(qp.shape)
+        >>> session.solve(qp).x, session.solve(qp).x, session.counts
+        (array([2.]), array([2.]), Counts(first=1, repaired=1, fallback=0))
+    """
+
+    name = "pdas"
+    requires = ("daqp",)
+    package = "daqp"
+
+    tries: int = 3
+    accuracy: float = 1e-8
+    refinements: int = 3
+    fallback: Daqp = field(default_factory=Daqp)
+
+    def __post_init__(self) -> None:
+        checks.number("tries", self.tries, low=1)
+        checks.number("accuracy", self.accuracy, low=0.0, high=self.tolerance, strict=True)
+        checks.number("refinements", self.refinements, low=0)
+
+    def open(self, shape: Shape) -> PdasSession:
+        self.require()
+        return PdasSession(self, shape)
+
+
+@final
+class PdasSession(Session):
+    """The active set between solves, and what came of the guesses in ``counts``."""
+
+    def __init__(self, solver: Pdas, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        self.counts = Counts()
+        self._settings = solver
+        self._daqp = solver.fallback.open(shape)
+        self._guessed = False
+        self._kkt = _Kkt(shape)
+        self.reset()
+
+    def reset(self) -> None:
+        self._hold(np.zeros(self.shape.n_in + self.shape.n))
+        self._misses = 0  # wrong first guesses in a row
+        self._daqp.reset()
+
+    def _hold(self, side: Vec) -> None:
+        """Take as active the two-sided rows and the variables whose ``side`` is −1 (lower) or 1 (upper)."""
+        self._side = side
+        self._kkt.hold(side)
+
+    def _solve(self, qp: QP) -> Answer:
+        # An active set that keeps changing is not worth a guess; DAQP notices when it has settled.
+        answer = self._guess(qp) if self._misses < 2 else None
+        self._guessed = answer is not None
+        return answer if answer is not None else self._ask_daqp(qp)
+
+    def _guess(self, qp: QP) -> Answer | None:
+        """The minimum with the active rows and variables held; ``None`` where that is not one point."""
+        return self._kkt.solve(qp, self._settings.refinements, 1e-2 * self._settings.accuracy)
+
+    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+        if proof.within(self._settings.accuracy):
+            if self._guessed:
+                self.counts.first += 1
+                self._misses = 0
+            return None
+        if self._guessed:
+            self._misses += 1
+            before = self._side
+            repaired = self._repair(qp, answer)
+            if repaired is not None:
+                self.counts.repaired += 1
+                return repaired
+            self._hold(before)
+            answer = self._ask_daqp(qp)
+            if self._verified(qp, answer):
+                return answer
+        return self._polished(qp, answer)
+
+    def _repair(self, qp: QP, answer: Answer) -> Answer | None:
+        """Exchange all rows that are wrong, as long as they become fewer."""
+        fewest = len(self._side) + 1
+        for done in range(1, self._settings.tries + 1):
+            side = self._exchange(qp, answer)
+            wrong = int(np.count_nonzero(side != self._side))
+            if not wrong:
+                return answer if self._verified(qp, answer) else None
+            if wrong >= fewest or done == self._settings.tries:
+                return None
+            fewest = wrong
+            self._hold(side)
+            guess = self._guess(qp)
+            if guess is None:
+                return None
+            answer = guess
+            answer.iterations = done + 1
+        return None
+
+    def _verified(self, qp: QP, answer: Answer) -> bool:
+        return certificate(qp, answer.x, answer.y, answer.z, answer.z_box).within(self._settings.accuracy)
+
+    def _exchange(self, qp: QP, answer: Answer) -> Vec:
+        """The active set with what this answer violates, and without the rows that it pulls instead of pushes."""
+        side = self._side
+        values = np.concatenate([qp.C.dot(answer.x), answer.x])
+        forces = np.concatenate([answer.z, answer.z_box])
+        lower, upper = np.concatenate([qp.cl, qp.lb]), np.concatenate([qp.cu, qp.ub])
+        over, under = values - upper, lower - values
+        tolerance = 0.5 * self._settings.accuracy
+        pulls = (side * forces < -tolerance * (1.0 + np.abs(qp.g).max(initial=0.0))) & (lower < upper)
+        enters = (side == 0.0) & (np.maximum(over, under) > tolerance)
+        # A multiplier that is zero but for rounding is zero.
+        small = (side * forces < 0.0) & ~pulls & (lower < upper)
+        n_in = self.shape.n_in
+        answer.z[small[:n_in]] = 0.0
+        answer.z_box[small[n_in:]] = 0.0
+        return np.where(pulls, 0.0, np.where(enters, np.where(over > under, 1.0, -1.0), side))
+
+    def _ask_daqp(self, qp: QP) -> Answer:
+        """DAQP's answer; its active set is the next guess."""
+        self.counts.fallback += 1
+        answer = self._daqp._solve(qp)
+        if answer.status.ok:
+            side = np.sign(np.concatenate([answer.z, answer.z_box]))
+            if (side == self._side).all():
+                self._misses = 0
+            self._hold(side)
+        return answer
+
+    def _polished(self, qp: QP, answer: Answer) -> Answer:
+        """The same active set solved by ourselves, where that is more accurate than DAQP's answer."""
+        if answer.status.ok:
+            polished = self._guess(qp)
+            if polished is not None and self._verified(qp, polished):
+                return polished
+        return answer
+
+
+@final
+class _Kkt:
+    """The linear optimality conditions of an active set: indices kept between ticks, factors of this one."""
+
+    def __init__(self, shape: Shape) -> None:
+        self.shape = shape
+
+    def hold(self, side: Vec) -> None:
+        _, n_eq, n_in = self.shape
+        self.rows: Index = side[:n_in].nonzero()[0]
+        self.index: Index = np.concatenate([np.arange(n_eq), n_eq + self.rows])
+        self.at_upper = np.concatenate([np.ones(n_eq), side[self.rows]]) > 0.0
+        self.pins: Index = side[n_in:].nonzero()[0]
+        self.pinned_high = side[n_in + self.pins] > 0.0
+        self.gram: Mat = np.zeros((len(self.index), len(self.index)), order="F")
+
+    def solve(self, qp: QP, refinements: int, precision: float) -> Answer | None:
+        """The answer with everything held, ``None`` if H (its free part) or the rows do not determine it."""
+        n, n_eq, n_in = self.shape
+        # H is symmetric: its transpose is the same matrix in the order LAPACK wants.
+        H, g, rows = qp.H.T, qp.g, self.rows
+        if len(rows):
+            E = qp.matrix.take(self.index, 0)
+            e = np.where(self.at_upper, qp.upper.take(self.index), qp.lower.take(self.index))
+        else:
+            E, e = qp.matrix[:n_eq], qp.upper[:n_eq]
+        if len(self.pins):
+            H, g, E, e = self._pinned(qp, E, e)
+        if not self._factorise(H, E):
+            return None
+        x, force = self._step(g, e)
+        for _ in range(refinements if len(e) else 0):
+            missing = e - E.dot(x)
+            if missing.dot(missing) <= precision * precision:
+                break
+            dx, df = self._step(H.dot(x) + g + force.dot(E), missing)
+            x += dx
+            force += df
+        z, z_box = np.zeros(n_in), np.zeros(n)
+        if len(rows):
+            z[rows] = force[n_eq:]
+        if len(self.pins):
+            gradient = qp.H.dot(x) + qp.g + force.dot(qp.matrix.take(self.index, 0))
+            z_box[self.pins] = -gradient[self.pins]
+        return Answer(Status.SOLVED, x, force[:n_eq], z, z_box, 1)
+
+    def _pinned(self, qp: QP, E: Mat, e: Vec) -> tuple[Mat, Vec, Mat, Vec]:
+        """The system without the pinned variables: they get a row and column of the identity, so sizes stay."""
+        pins = self.pins
+        value = np.zeros(qp.n)
+        value[pins] = np.where(self.pinned_high, qp.ub[pins], qp.lb[pins])
+        g = qp.g + qp.H.dot(value)
+        g[pins] = -value[pins]
+        e = e - E.dot(value)
+        E = E.copy()
+        E[:, pins] = 0.0
+        H = qp.H.T.copy(order="F")
+        H[pins] = 0.0
+        H[:, pins] = 0.0
+        H[pins, pins] = 1.0
+        return H, g, E, e
+
+    def _factorise(self, H: Mat, E: Mat) -> bool:
+        self.L, info = dpotrf(H, 1, 0)
+        if info or not len(E):
+            return not info
+        self.V = dtrsm(1.0, self.L, E.T, 0, 1)
+        gram = dsyrk(1.0, self.V, 0.0, self.gram, 1, 1, 1)
+        self.R, info = dpotrf(gram, 1, 0)
+        if info:
+            # Dependent rows: a trace of compliance decides between equal multipliers, refinement takes its effect away.
+            np.fill_diagonal(gram, (1.0 + 1e-11) * gram.diagonal() + 1e-300)
+            self.R, info = dpotrf(gram, 1, 0)
+        return not info
+
+    def _step(self, g: Vec, e: Vec) -> tuple[Vec, Vec]:
+        """x and λ of  H x + Eᵀλ = −g,  E x = e."""
+        y = dtrsv(self.L, g, 1, 0, 1)
+        if not len(e):
+            return -dtrsv(self.L, y, 1, 0, 1, 1), np.zeros(0)
+        force, _ = dpotrs(self.R, -e - y.dot(self.V), 1)
+        y += self.V.dot(force)
+        return -dtrsv(self.L, y, 1, 0, 1, 1), force

@@ -1,0 +1,94 @@
+"""PIQP: a proximal interior-point method; no warm start, the workspace is kept.
+
+Schwan, Jiang, Kuhn, Jones: PIQP: a proximal interior-point quadratic programming solver, IEEE CDC 2023.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.qp.problem import QP, Shape
+from wbc.qp.solver import Answer, Solver
+from wbc.qp.solvers.kept import KeptSession
+from wbc.types import Status
+
+STATUS = {
+    "PIQP_SOLVED": Status.SOLVED,
+    "PIQP_MAX_ITER_REACHED": Status.MAX_ITERATIONS,
+    "PIQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
+    "PIQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
+}
+
+
+@final
+@dataclass(frozen=True)
+class Piqp(Solver):
+    """Settings of PIQP.
+
+    Args:
+        eps_abs: residuals at which it stops, and the duality gap.
+        max_iter: iterations before it gives up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+    """
+
+    name = "piqp"
+    requires = ("piqp",)
+    package = "piqp"
+
+    eps_abs: float = 1e-9
+    max_iter: int = 250
+
+    def __post_init__(self) -> None:
+        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)
+
+    def open(self, shape: Shape) -> PiqpSession:
+        self.require()
+        return PiqpSession(self, shape)
+
+
+@final
+class PiqpSession(KeptSession):
+    """A dense PIQP object; matrices are handed over in Fortran order, which it needs."""
+
+    def __init__(self, solver: Piqp, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        self._eps, self._max_iter = solver.eps_abs, solver.max_iter
+        self._data: tuple[Any, ...] = ()
+
+    def _write(self, qp: QP) -> bool:
+        A, b = (np.asfortranarray(qp.A), qp.b) if qp.n_eq else (None, None)
+        C, cl, cu = (np.asfortranarray(qp.C), qp.cl, qp.cu) if self.shape.n_in else (None, None, None)
+        self._data = (qp.H.T, qp.g, A, b, C, cl, cu, qp.lb, qp.ub)
+        return True
+
+    def _make(self, qp: QP) -> Any:
+        import piqp
+
+        workspace = piqp.DenseSolver()
+        settings = workspace.settings
+        settings.eps_abs, settings.eps_rel = self._eps, 0.0
+        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = self._eps, self._eps
+        settings.max_iter = self._max_iter
+        workspace.setup(*self._data)
+        return workspace
+
+    def _update(self, qp: QP, workspace: Any) -> None:
+        workspace.update(*self._data)
+
+    def _run(self, qp: QP, workspace: Any) -> Answer:
+        status = STATUS.get(workspace.solve().name, Status.FAILED)
+        result = workspace.result
+        iterations = int(result.info.iter)
+        if status in (Status.INFEASIBLE, Status.UNBOUNDED):
+            return Answer.none(qp.shape, status, iterations)
+        z, z_box = np.array(result.z_u), np.array(result.z_bu)
+        z -= result.z_l
+        z_box -= result.z_bl
+        return Answer(status, np.array(result.x), np.array(result.y), z, z_box, iterations)

@@ -1,0 +1,108 @@
+"""ProxQP: a primal-dual augmented Lagrangian method, warm-started from the last answer.
+
+Bambade, Schramm, El Kazdadi, Caron, Taylor, Carpentier: ProxQP: an efficient and versatile quadratic programming solver
+for real-time robotics applications and beyond, 2023.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.qp.problem import QP, Shape
+from wbc.qp.solver import Answer, Solver
+from wbc.qp.solvers.kept import KeptSession
+from wbc.types import Status, Vec
+
+INFINITY = 1e20
+
+STATUS = {
+    "PROXQP_SOLVED": Status.SOLVED,
+    "PROXQP_MAX_ITER_REACHED": Status.MAX_ITERATIONS,
+    "PROXQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
+    "PROXQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
+}
+
+
+@final
+@dataclass(frozen=True)
+class ProxQp(Solver):
+    """Settings of ProxQP. Its own defaults (1e-5) are too coarse for torques.
+
+    Args:
+        eps_abs: residuals at which it stops.
+        max_iter: outer iterations before it gives up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+
+    Example:
+        >>> from wbc.qp import QP
+        >>> ProxQp().solve(QP([[1.0]], [-3.0], ub=[2.0])).status.name
+        'SOLVED'
+    """
+
+    name = "proxqp"
+    requires = ("proxsuite",)
+    package = "proxsuite"
+
+    eps_abs: float = 1e-9
+    max_iter: int = 1000
+
+    def __post_init__(self) -> None:
+        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)
+
+    def open(self, shape: Shape) -> ProxQpSession:
+        self.require()
+        return ProxQpSession(self, shape)
+
+
+@final
+class ProxQpSession(KeptSession):
+    """A dense ProxQP object with box constraints."""
+
+    def __init__(self, solver: ProxQp, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        self._eps, self._max_iter = solver.eps_abs, solver.max_iter
+        self._data: tuple[Vec | None, ...] = ()
+
+    def _write(self, qp: QP) -> bool:
+        A, b = (qp.A, qp.b) if qp.n_eq else (None, None)
+        C, cl, cu = (qp.C, _bounded(qp.cl), _bounded(qp.cu)) if self.shape.n_in else (None, None, None)
+        self._data = (qp.H, qp.g, A, b, C, cl, cu, _bounded(qp.lb), _bounded(qp.ub))
+        return True
+
+    def _make(self, qp: QP) -> Any:
+        from proxsuite import proxqp
+
+        workspace = proxqp.dense.QP(*self.shape, True)
+        settings = workspace.settings
+        settings.eps_abs, settings.eps_rel, settings.max_iter = self._eps, 0.0, self._max_iter
+        settings.check_duality_gap = True
+        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = self._eps, self._eps
+        workspace.init(*self._data)
+        settings.initial_guess = proxqp.InitialGuess.EQUALITY_CONSTRAINED_INITIAL_GUESS
+        return workspace
+
+    def _update(self, qp: QP, workspace: Any) -> None:
+        from proxsuite import proxqp
+
+        workspace.settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+        workspace.update(*self._data)
+
+    def _run(self, qp: QP, workspace: Any) -> Answer:
+        workspace.solve()
+        results = workspace.results
+        status, iterations = STATUS.get(results.info.status.name, Status.FAILED), int(results.info.iter)
+        if status not in (Status.SOLVED, Status.MAX_ITERATIONS):
+            return Answer.none(qp.shape, status, iterations)
+        n_in, z = self.shape.n_in, np.array(results.z)
+        return Answer(status, np.array(results.x), np.array(results.y), z[:n_in], z[n_in:], iterations)
+
+
+def _bounded(values: Vec) -> Vec:
+    return np.clip(values, -INFINITY, INFINITY)

@@ -1,0 +1,58 @@
+"""quadprog: the dual active-set method of Goldfarb and Idnani. GPL: used where it is installed and named.
+
+Goldfarb, Idnani: A numerically stable dual method for solving strictly convex quadratic programs, Mathematical
+Programming 27, 1983.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import final
+
+import numpy as np
+
+from wbc.qp.problem import QP, Shape
+from wbc.qp.solver import Answer, Session, Solver
+from wbc.qp.solvers.kept import OneSided
+from wbc.types import Status
+
+
+@final
+@dataclass(frozen=True)
+class Quadprog(Solver):
+    """quadprog has no settings and keeps nothing; it needs a positive definite H."""
+
+    name = "quadprog"
+    requires = ("quadprog",)
+    package = "quadprog"
+    semidefinite = False
+
+    def open(self, shape: Shape) -> QuadprogSession:
+        self.require()
+        return QuadprogSession(self, shape)
+
+
+@final
+class QuadprogSession(Session):
+    """Nothing is kept but the list of finite sides."""
+
+    def __init__(self, solver: Quadprog, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        self._form: OneSided | None = None
+
+    def _solve(self, qp: QP) -> Answer:
+        import quadprog
+
+        start = perf_counter()
+        if self._form is None or not self._form.fits(qp):
+            self._form = OneSided(qp)
+        form = self._form
+        rows, right = -form.matrix(qp).T, -form.right_side(qp)
+        build_time = perf_counter() - start
+        try:
+            x, _, _, iterations, dual, _ = quadprog.solve_qp(qp.H, -qp.g, rows, right, form.n_equal)
+        except ValueError as cause:
+            status = Status.INFEASIBLE if "inconsistent" in str(cause) else Status.FAILED
+            return Answer.none(qp.shape, status)
+        return Answer(Status.SOLVED, x, *form.multipliers(np.array(dual)), int(iterations[0]), build_time)
