@@ -12,7 +12,7 @@ Four kinds, told apart by what they are written about:
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
@@ -40,6 +40,12 @@ class Constraint(ABC):
     def prepare(self, model: RobotModel) -> None:
         """Called once when a stack is compiled: check arguments against the model and fix sizes."""
 
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        """Instances that make sense on ``model``; the contract tests check them. Write one where arguments are needed."""
+        del model
+        return [cls()]
+
     def __repr__(self) -> str:
         return self.name
 
@@ -48,6 +54,8 @@ class JointInterval(Constraint):
     """Bounds on one quantity of every joint, (nj,) each; they belong to the settings, not to the state."""
 
     quantity: ClassVar[Quantity]
+    #: Deceleration [rad/s², m/s²] a law on positions counts on; None leaves it to the composition.
+    braking: float | None = None
 
     @abstractmethod
     def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:

@@ -1,0 +1,231 @@
+"""JointIntervals: position, velocity and acceleration limits as one interval per joint that is never empty."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Self, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
+from wbc.stack.constraint import JointInterval
+from wbc.types import Vec
+
+#: Deceleration counted on where no acceleration limit says otherwise [rad/s², m/s²]: a joint at 2 rad/s stops within
+#: 0.1 s and 0.1 rad, which drives of arms and legs can do with their load; small enough not to fight contacts.
+BRAKING = 20.0
+#: Speed of the way back into position limits at the velocity level, for joints without a velocity limit [rad/s, m/s].
+RETURN_SPEED = 1.0
+_QUANTITIES = ("position", "velocity", "acceleration")
+
+
+@final
+class JointIntervals:
+    """What a joint may do next so that all its limits hold now and can hold for ever after.
+
+    Position limits need room to brake. With d the distance to a limit, u the speed towards it and B the deceleration
+    counted on (the acceleration limit, at most ``braking`` of the law on positions; 20 where nothing is said), a joint
+    can keep all its limits if d >= u² / 2B + u dt / 2: it then either brakes with B or stops within the tick, and
+    the same holds at the next tick. The bounds are the largest step that ends there:
+
+    ``acceleration``: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.  v⁺ <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt
+    ``velocity``:     q⁺ = q + v dt.  v <= d / dt, and with an acceleration limit v <= −½ B dt + √((½ B dt)² + 2 B d)
+
+    each with the velocity and acceleration limits. Inside, the interval holds 0 or full braking, so it is never empty.
+    Outside (noise, a push, limits that shrank) it asks for the way back and stays non-empty: back inside at once if
+    one step can do it, else with at most B (``acceleration``), the velocity limit (``velocity``; 1 where there is
+    none) and never faster than the opposite limit allows. An acceleration bound thus never asks for more than B.
+
+    With velocity limits alone the acceleration bounds are (±v_max − v) / dt as long as |v| <= v_max.
+
+    Raises:
+        InvalidInput: two laws that leave a joint nothing, by joint name; velocity or acceleration bounds without 0.
+
+    Source: Del Prete, IEEE RA-L 2018 (viability in continuous time; here stopping within a tick needs no reversal).
+
+    Example:
+        >>> import numpy as np, wbc
+        >>> from tasks import JointVelocityLimits
+        >>> from wbc.stack.interval import JointIntervals
+        >>> robot = wbc.load("arm")
+        >>> intervals = JointIntervals.compose([JointVelocityLimits(2.0)], robot, dt=0.01)
+        >>> lower, upper = np.empty(robot.nj), np.empty(robot.nj)
+        >>> intervals.acceleration(np.zeros(robot.nj), np.full(robot.nj, 1.5), lower, upper)
+        >>> lower[0].round(6), upper[0].round(6)
+        (np.float64(-350.0), np.float64(50.0))
+    """
+
+    # Arrays have two rows, one per side: the upper limit, and the lower one seen in a mirror, so that one formula does
+    # for both: limit − value >= 0 on either row.
+
+    def __init__(self, joint_names: tuple[str, ...], dt: float, *, braking: float | None = None) -> None:
+        self.dt = checks.number("dt", dt, low=0.0, strict=True)
+        self.joint_names = joint_names
+        self._braking = braking
+        shape = (2, len(joint_names))
+        self._limits = {quantity: np.full(shape, np.inf) for quantity in _QUANTITIES}
+        self._composed = {quantity: limit.copy() for quantity, limit in self._limits.items()}
+        self._owners = dict.fromkeys(_QUANTITIES, "joint limits")
+        self._per_dt, self._two_per_dt, self._half_dt = 1.0 / self.dt, 2.0 / self.dt, 0.5 * self.dt
+        self._zero = np.zeros(shape)
+        self._room, self._reach, self._back, self._wanted, self._free = (np.zeros(shape) for _ in range(5))
+        self._value, self._bound = np.zeros(shape), np.zeros(shape)
+        self._plain, self._mirrored = self._value
+        self._bound_above, self._bound_below = self._bound
+        self._opposite_reach, self._opposite_back = self._reach[::-1], self._back[::-1]
+        self._derive()
+
+    @classmethod
+    def compose(cls, laws: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
+        """The intervals of some laws on positions, velocities and accelerations; laws on one quantity intersect."""
+        laws = list(laws)
+        asked = [law.braking for law in laws if law.braking is not None]
+        intervals = cls(model.joint_names, dt, braking=min(asked, default=None))
+        for law in laws:
+            lower, upper = law.bounds(model)
+            limit = intervals._limits[law.quantity]
+            np.minimum(limit, (upper, -lower), out=limit)
+            intervals._check(law.quantity, law.name)
+            intervals._owners[law.quantity] = law.name
+        intervals._composed = {quantity: limit.copy() for quantity, limit in intervals._limits.items()}
+        intervals._derive()
+        return intervals
+
+    def replace(self, quantity: str, lower: Any, upper: Any) -> None:
+        """New bounds on ``quantity``, scalar or (nj,), from the next tick on, until ``reset``.
+
+        Raises:
+            InvalidInput: no such quantity, NaN, lower > upper, or no 0 in bounds on velocity or acceleration.
+        """
+        if quantity not in _QUANTITIES:
+            raise InvalidInput(f"there are no bounds on {quantity!r}; there are: {', '.join(_QUANTITIES)}")
+        nj, former = len(self.joint_names), self._limits[quantity].copy()
+        for side, (name, value) in enumerate((("upper", upper), ("lower", lower))):
+            given = np.full(nj, value) if np.ndim(value) == 0 else value
+            bound = checks.array(f"{quantity}.{name}", given, (nj,), finite=False)
+            self._limits[quantity][side] = -bound if side else bound
+        try:
+            self._check(quantity, "replace")
+        except InvalidInput:
+            self._limits[quantity][:] = former
+            raise
+        self._derive()
+
+    def reset(self) -> None:
+        """Back to the bounds of the laws."""
+        for quantity, limit in self._composed.items():
+            self._limits[quantity][:] = limit
+        self._derive()
+
+    def _check(self, quantity: str, who: str) -> None:
+        upper, lower = self._limits[quantity][0], -self._limits[quantity][1]
+        for joint, low, high in zip(self.joint_names, lower, upper, strict=True):
+            if not low <= high:
+                raise InvalidInput(f"{who}: joint {joint!r} is left no {quantity}: lower {low:g} > upper {high:g}")
+            if quantity != "position" and not low <= 0.0 <= high:
+                raise InvalidInput(f"{who}: joint {joint!r} must be allowed a {quantity} of 0, not [{low:g}, {high:g}]")
+
+    def owner(self, joint: int, *, upper: bool) -> str:
+        """Which law gave a bound that was computed last, for reports."""
+        side = 0 if upper else 1
+        if self._only_velocity:
+            return self._owners["velocity"]
+        if self._bound[side, joint] < self._free[side, joint]:
+            return self._owners["acceleration"]
+        limited = self._wanted[side, joint] == self._v[side, joint]
+        return self._owners["velocity" if limited else "position"]
+
+    def _derive(self) -> None:
+        """All constants of the two formulas."""
+        dt = self.dt
+        self._q, self._v, self._a = (self._limits[quantity] for quantity in _QUANTITIES)
+        self._has_acceleration = bool(np.isfinite(self._a).any())
+        self._only_velocity = not (self._has_acceleration or np.isfinite(self._q).any())
+        # Towards one limit a joint brakes with the acceleration it has towards the other.
+        opposite = self._a[::-1]
+        B = np.where(np.isfinite(opposite), opposite, BRAKING) if self._braking is None else opposite
+        B = np.clip(B, np.finfo(float).tiny, self._braking)
+        self._minus_B, self._two_B = -B, 2.0 * B
+        self._B_dt, self._B_dt_squared = B * dt, (B * dt) ** 2
+        self._half_B_dt, self._half_B_dt_squared = 0.5 * B * dt, (0.5 * B * dt) ** 2
+        self._a_dt = self._a * dt
+        self._v_per_dt = self._v / dt
+        self._minus_return = -np.where(np.isfinite(self._v), self._v, RETURN_SPEED)
+
+    def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
+        """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
+        if self._only_velocity:
+            self._acceleration_by_velocity(v, lower, upper)
+            return
+        room, reach, back, bound = self._room, self._reach, self._back, self._bound
+        np.multiply(v, self._half_dt, self._plain)
+        self._plain += q
+        np.negative(self._plain, self._mirrored)
+        np.subtract(self._q, self._value, room)
+        np.maximum(room, self._zero, out=reach)
+        reach *= self._two_B
+        reach += self._B_dt_squared
+        np.sqrt(reach, reach)
+        reach -= self._B_dt
+        np.minimum(reach, self._v, out=reach)
+        np.minimum(room, self._zero, out=room)
+        room *= self._two_per_dt
+        np.negative(self._opposite_reach, back)
+        np.maximum(room, back, out=back)
+        np.add(reach, back, self._wanted)
+        self._plain[:] = v
+        np.negative(v, self._mirrored)
+        np.subtract(self._wanted, self._value, bound)
+        bound *= self._per_dt
+        np.maximum(bound, self._minus_B, out=self._free)
+        np.minimum(self._free, self._a, out=bound)
+        upper[:] = self._bound_above
+        np.negative(self._bound_below, lower)
+
+    def _acceleration_by_velocity(self, v: Vec, lower: Vec, upper: Vec) -> None:
+        """The same where nothing but velocities is limited."""
+        np.multiply(v, self._per_dt, self._plain)
+        np.subtract(self._v_per_dt[0], self._plain, upper)
+        np.maximum(upper, self._minus_B[0], out=upper)
+        np.add(self._v_per_dt[1], self._plain, lower)
+        np.maximum(lower, self._minus_B[1], out=lower)
+        np.negative(lower, lower)
+
+    def velocity(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
+        """Write bounds (nj,) on the joint velocities of the next tick; v (nj,) is read with acceleration limits only."""
+        room, reach, back, bound = self._room, self._reach, self._back, self._bound
+        self._plain[:] = q
+        np.negative(q, self._mirrored)
+        np.subtract(self._q, self._value, room)
+        np.maximum(room, self._zero, out=reach)
+        np.minimum(room, self._zero, out=room)
+        room *= self._per_dt
+        if self._has_acceleration:
+            np.multiply(reach, self._two_B, self._free)
+            self._free += self._half_B_dt_squared
+            np.sqrt(self._free, self._free)
+            self._free -= self._half_B_dt
+            np.minimum(self._free, self._v, out=self._free)
+            reach *= self._per_dt
+            np.minimum(reach, self._free, out=reach)
+        else:
+            reach *= self._per_dt
+            np.minimum(reach, self._v, out=reach)
+        np.negative(reach, back)
+        np.maximum(back, self._minus_return, out=back)
+        np.maximum(room, self._opposite_back, out=room)
+        np.add(reach, room, self._wanted)
+        np.copyto(self._free, self._wanted)
+        if self._has_acceleration:
+            self._plain[:] = v
+            np.negative(v, self._mirrored)
+            np.subtract(self._value, self._B_dt, room)
+            np.maximum(self._free, room, out=self._free)
+            self._value += self._a_dt
+            np.minimum(self._free, self._value, out=bound)
+        else:
+            np.copyto(bound, self._free)
+        upper[:] = self._bound_above
+        np.negative(self._bound_below, lower)
