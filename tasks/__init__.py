@@ -1,0 +1,29 @@
+"""The library: tasks, limits, contacts and components for stacks. One file a member, one line here.
+
+Example:
+    >>> import wbc
+    >>> from tasks import Frame, JointVelocityLimits, Posture
+    >>> robot = wbc.load("arm")
+    >>> tool = robot.frame_names[-1]
+    >>> stack = wbc.Stack(
+    ...     [Frame(tool, target=robot.state().frame(tool).placement), Posture(robot.q0, weight=1e-3)],
+    ...     subject_to=[JointVelocityLimits()],
+    ... )
+"""
+
+from tasks.com import CenterOfMass as CenterOfMass
+from tasks.contact_force import ContactForce as ContactForce
+from tasks.damping import Damping as Damping
+from tasks.frame import Frame as Frame
+from tasks.joint_velocity import JointVelocity as JointVelocity
+from tasks.limits.joint_acceleration import JointAccelerationLimits as JointAccelerationLimits
+from tasks.limits.joint_position import JointPositionLimits as JointPositionLimits
+from tasks.limits.joint_velocity import JointVelocityLimits as JointVelocityLimits
+from tasks.limits.torque import TorqueLimits as TorqueLimits
+from tasks.orientation import Orientation as Orientation
+from tasks.point import Point as Point
+from tasks.position import Position as Position
+from tasks.posture import Posture as Posture
+from tasks.sole import Sole as Sole
+from tasks.torque import Torque as Torque
+from tasks.trajectories import Sinusoid as Sinusoid

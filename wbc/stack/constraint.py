@@ -42,7 +42,7 @@ class Constraint(ABC):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        """Instances that make sense on ``model``; the contract tests check them. Write one where arguments are needed."""
+        """Instances that make sense on ``model``, for the contract tests; to be written where arguments are needed."""
         del model
         return [cls()]
 

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
+import pinocchio
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.tracking import pose_target
 from wbc.types import Mat, Vec
 
 
 @final
 class Anchor:
-    """Where a contact was made: rotation (3, 3) of its surface and position (3,) of its point, both in the world."""
+    """Where a contact was made: rotation (3, 3) of its surface and position (3,) of its point, both in the world.
 
-    __slots__ = ("position", "rotation")
+    ``pose`` is the same as a pinocchio.SE3 whose memory the two arrays are: write into them and it follows.
+    """
+
+    __slots__ = ("pose", "position", "rotation")
 
     def __init__(self, rotation: Any, position: Any) -> None:
-        self.rotation: Mat = np.array(rotation, dtype=np.float64)
-        self.position: Vec = np.array(position, dtype=np.float64)
+        self.pose = pinocchio.SE3(np.asarray(rotation, dtype=np.float64), np.asarray(position, dtype=np.float64))
+        self.rotation: Mat = self.pose.rotation
+        self.position: Vec = self.pose.translation
 
 
 class ContactRows:
@@ -83,7 +89,13 @@ class Contact(ABC):
         return self.friction if self.friction_model == "outer" else self.friction / 2.0**0.5
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once when a stack is compiled."""
+        """Called once when a stack is compiled: check arguments against the model."""
+        model.check_frame(self.frame)
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        """Instances that make sense on ``model``; the contract tests check them."""
+        return [cls(model.frame_names[-1], friction=0.5)]
 
     @abstractmethod
     def anchor(self, state: RobotState) -> Anchor:
@@ -106,7 +118,7 @@ class Contact(ABC):
         """Unit of each motion row."""
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}[{self.name}](friction={self.friction})"
+        return f"{self.name}(friction={self.friction})"
 
 
 def _as_anchor(name: str, target: Any) -> Anchor:
@@ -115,5 +127,4 @@ def _as_anchor(name: str, target: Any) -> Anchor:
         return target
     if np.shape(target) == (3,):
         return Anchor(np.eye(3), checks.array(name, target, (3,)))
-    pose = checks.array(name, getattr(target, "homogeneous", target), (4, 4))
-    return Anchor(pose[:3, :3], pose[:3, 3])
+    return Anchor(*pose_target(name, target, True))

@@ -194,7 +194,7 @@ class JointIntervals:
         np.negative(lower, lower)
 
     def velocity(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Write bounds (nj,) on the joint velocities of the next tick; v (nj,) is read with acceleration limits only."""
+        """Write bounds (nj,) on the joint velocities of the next tick; v is read with acceleration limits only."""
         room, reach, back, bound = self._room, self._reach, self._back, self._bound
         self._plain[:] = q
         np.negative(q, self._mirrored)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -103,7 +103,14 @@ class Objective(ABC):
 
     def weights(self) -> Vec:
         """The weight of each row (dim,), zero when inactive."""
-        return np.full(self.dim, self._weight) if self._active else np.zeros(self.dim)
+        weights = self._rows("weight", self._weight)
+        return weights if self._active else np.zeros(self.dim)
+
+    def _rows(self, what: str, value: float | Vec) -> Vec:
+        """``value`` for each row (dim,), a copy. A vector given before ``dim`` was known is checked here."""
+        if np.ndim(value) == 0:
+            return np.full(self.dim, value)
+        return checks.array(f"{self.name}.{what}", value, (self.dim,))
 
     def unit(self, row: int) -> str:
         """Unit of one row of the error."""
@@ -117,6 +124,12 @@ class Objective(ABC):
     def prepare(self, model: RobotModel) -> None:
         """Called once when a stack is compiled: check arguments against the model, fix ``dim``. Must not depend
         on anything but the model, so that one task can serve several plans of the same robot."""
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        """Instances that make sense on ``model``, for the contract tests; to be written where arguments are needed."""
+        del model
+        return [cls()]
 
     def __repr__(self) -> str:
         return f"{self.name}(weight={self._weight})"
@@ -157,13 +170,13 @@ class Task(Objective):
 
     def gains(self) -> tuple[Vec, Vec, Vec]:
         """kp, kd and rate of each row, (dim,) each."""
-        kp = np.broadcast_to(np.asarray(self._kp, float), (self.dim,))
-        kd = 2.0 * np.sqrt(kp) if self._kd is None else np.broadcast_to(np.asarray(self._kd, float), (self.dim,))
+        kp = self._rows("kp", self._kp)
+        kd = 2.0 * np.sqrt(kp) if self._kd is None else self._rows("kd", self._kd)
         if self._rate is not None:
-            rate = np.broadcast_to(np.asarray(self._rate, float), (self.dim,))
+            rate = self._rows("rate", self._rate)
         else:
             rate = np.divide(kp, kd, out=np.zeros(self.dim), where=kd > 0)
-        return kp.copy(), kd.copy(), rate.copy()
+        return kp, kd, rate
 
     @abstractmethod
     def fill(self, state: RobotState, out: TaskRows) -> None:

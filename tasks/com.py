@@ -1,0 +1,52 @@
+"""CenterOfMass: where the robot's mass is."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.trajectories import Sinusoid
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.tracking import Tracking
+
+
+@final
+class CenterOfMass(Tracking, Task):
+    """e = c_target − c [m]: three rows, world axes.
+
+    ``target``: (3,), or a function of time giving it or (position, velocity, acceleration).
+
+    Raises:
+        InvalidInput: a target of another shape.
+
+    Example:
+        >>> from tasks import CenterOfMass, Sinusoid
+        >>> sway = Sinusoid([0.0, 0.0, 0.8], amplitude=[0.0, 0.05, 0.0], frequency=0.4)
+        >>> CenterOfMass(target=sway, kp=100)
+        CenterOfMass(weight=1.0)
+    """
+
+    dim, units, convert = 3, "m", staticmethod(vector_target(3))
+
+    def __init__(
+        self, *, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.target = target
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        target = self.reference(state.t)
+        out.J[:] = state.com_jacobian
+        np.subtract(target.value, state.com, out.e)
+        out.drift[:] = state.com_drift
+        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def label(self, row: int) -> str:
+        return "xyz"[row]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        return [cls(target=Sinusoid([0.0, 0.0, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9]))]

@@ -1,0 +1,65 @@
+"""ContactForce: which wrench a contact should give."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.trajectories import Sinusoid
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.tracking import Tracking
+
+_ROWS = np.arange(6)
+
+
+@final
+class ContactForce(Tracking, LinearTask):
+    """f = f_target: force [N], then moment [N m] about the contact point, in the axes of the surface (z the normal).
+
+    ``contact``: its name or its frame. ``target``: (3,), the force alone, or (6,), the wrench of a sole; or a function
+    of time giving it.
+
+    Raises:
+        InvalidInput: a target of another shape. UnknownName: no such contact, when a stack is compiled.
+
+    Example:
+        >>> from tasks import ContactForce
+        >>> ContactForce("left_sole", target=[0.0, 0.0, 400.0], weight=1e-4).dim
+        3
+    """
+
+    on = "force"
+
+    def __init__(self, contact: str, *, target: Any, weight: Any = 1.0, name: str | None = None) -> None:
+        self.contact = self.subject = contact
+        value = _value_at_zero(target)
+        if np.shape(value) not in ((3,), (6,)):
+            raise InvalidInput(f"{self.name}.target must have shape (3,) or (6,), not {np.shape(value)}")
+        self.dim = len(value)
+        self.units = ("N", "N", "N", "N m", "N m", "N m")[: self.dim]
+        self.convert = vector_target(self.dim)
+        super().__init__(weight=weight, name=name)
+        self.target = target
+
+    def fill(self, state: RobotState, out: LinearRows) -> None:
+        out.A[:] = 0.0
+        out.A[_ROWS[: self.dim], _ROWS[: self.dim]] = 1.0
+        out.b[:] = self.reference(state.t).value
+
+    def label(self, row: int) -> str:
+        return ("fx", "fy", "fz", "mx", "my", "mz")[row]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame, wave = model.frame_names[-1], Sinusoid([0.0] * 6, amplitude=10.0, frequency=0.5)
+        return [cls(frame, target=[0.0, 0.0, 50.0]), cls(frame, target=wave)]
+
+
+def _value_at_zero(target: Any) -> Any:
+    if not callable(target):
+        return target
+    value = target(0.0)
+    return value[0] if isinstance(value, tuple) else value

@@ -1,0 +1,44 @@
+"""What a limit may be given as: one number, one per joint, or some joints by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
+from wbc.types import Vec
+
+
+def per_joint(what: str, value: Any, model: RobotModel, default: Vec) -> Vec:
+    """``value`` for each joint (nj,): a scalar, (nj,), or {joint name: value}. None, and joints left out: ``default``.
+
+    Raises:
+        UnknownJoint: with the names that are near. InvalidInput: another shape, NaN.
+    """
+    if value is None:
+        return default.copy()
+    if isinstance(value, Mapping):
+        result = default.copy()
+        for joint, entry in value.items():
+            result[model.joint(joint)] = checks.array(f"{what}[{joint!r}]", entry, (), finite=False)
+        return result
+    return checks.array(what, np.full(model.nj, value) if np.ndim(value) == 0 else value, (model.nj,), finite=False)
+
+
+def positive(what: str, values: Vec, model: RobotModel) -> Vec:
+    """``values`` (nj,), all above zero (inf: no limit).
+
+    Raises:
+        InvalidInput: zero, negative or NaN, by joint name.
+    """
+    for joint, value in zip(model.joint_names, values, strict=True):
+        if not value > 0.0:
+            raise InvalidInput(
+                f"{what} of joint {joint!r} is {value:g}; a limit is positive (inf: none). "
+                f"Pass {what.rpartition('.')[2]}={{{joint!r}: value}} to overrule the model"
+            )
+    return values

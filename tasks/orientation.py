@@ -1,0 +1,57 @@
+"""Orientation: which way a frame of the robot points."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.motions import swing
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows
+from wbc.stack.tracking import Tracking, rotation_error, rotation_target
+
+
+@final
+class Orientation(Tracking, Task):
+    """e = log(R_target Rᵀ) [rad]: three rows, world axes.
+
+    ``target``: rotation (3, 3), by default the identity (the frame's axes along the world's: upright), or a function
+    of time giving it or (rotation, angular velocity, angular acceleration), world axes.
+
+    Raises:
+        InvalidInput: a target that is no rotation. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import Orientation
+        >>> Orientation("torso", kp=100, weight=0.1)
+        Orientation[torso](weight=0.1)
+    """
+
+    dim, units, convert = 3, "rad", staticmethod(rotation_target)
+
+    def __init__(
+        self, frame: str, *, target: Any = ((1, 0, 0), (0, 1, 0), (0, 0, 1)), kp: Any = 100.0, kd: Any = None,
+        rate: Any = None, weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame = self.subject = frame
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        frame, target = state.frame(self.frame), self.reference(state.t)
+        out.J[:] = frame.jacobian()[3:]
+        out.e[:] = rotation_error(target.value, frame.rotation)
+        out.drift[:] = frame.drift()[3:]
+        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def label(self, row: int) -> str:
+        return ("roll", "pitch", "yaw")[row]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        motion = swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6)
+        return [cls(model.frame_names[-1]), cls(model.frame_names[-1], target=motion)]

@@ -1,0 +1,81 @@
+"""Point: a contact in one point, or of a ball-shaped foot."""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.models.model import RobotState
+from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.tracking import rotation_target
+from wbc.types import Mat
+
+
+@final
+class Point(Contact):
+    """Three rows and a force f = (fx, fy, fz) [N] in the axes of a surface that stays where it is, z its normal.
+
+    J v is the velocity of the material point p − radius·n, where p is the frame's origin and n the normal:
+    Rᵀ (J_linear − [o]ₓ J_angular) with o = −radius·n. A ball rolls, so where it touches is not fixed along the surface:
+    with a radius only the normal row has an error e, the others hold their velocity at zero. ``axes`` (3, 3) are the
+    surface's in the world, columns x y z (default: level ground). Friction pyramid: |fx| <= µ fz, |fy| <= µ fz, which
+    implies fz >= 0. Other arguments: :class:`~wbc.stack.contact.Contact`.
+
+    Raises:
+        InvalidInput: axes that are no rotation, a negative radius. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import Point
+        >>> Point("foot", friction=0.5, radius=0.02).cone()
+        array([[ 1. ,  0. , -0.5],
+               [-1. ,  0. , -0.5],
+               [ 0. ,  1. , -0.5],
+               [ 0. , -1. , -0.5]])
+    """
+
+    dim = 3
+
+    def __init__(
+        self, frame: str, *, friction: float, radius: float = 0.0, axes: Any = None, friction_model: str = "outer",
+        kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, target: Any = None,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(
+            frame, friction=friction, friction_model=friction_model, kp=kp, kd=kd, force_weight=force_weight,
+            target=target, name=name,
+        )  # fmt: skip
+        self.radius = checks.number(f"{self.name}.radius", radius, low=0.0)
+        self.axes = np.eye(3) if axes is None else rotation_target(f"{self.name}.axes", axes, True)
+        self._offset = -self.radius * self.axes[:, 2]
+        x, y, z = self._offset
+        arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        self._rows = np.hstack([self.axes.T, -self.axes.T @ arm])
+        self._plain = axes is None and self.radius == 0.0
+
+    def anchor(self, state: RobotState) -> Anchor:
+        return Anchor(self.axes, state.frame(self.frame).position + self._offset)
+
+    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+        frame = state.frame(self.frame)
+        np.subtract(anchor.position, frame.position, out.e)
+        if self._plain:
+            out.J[:] = frame.jacobian()[:3]
+            out.drift[:] = frame.drift()[:3]
+            return
+        out.J[:] = np.dot(self._rows, frame.jacobian())
+        out.drift[:] = np.dot(self._rows, frame.drift())
+        out.e[:] = np.dot(self.axes.T, out.e - self._offset)
+        if self.radius > 0.0:
+            out.e[:2] = 0.0
+
+    def cone(self) -> Mat:
+        mu = self.mu
+        return np.array([[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu]])
+
+    def cone_labels(self) -> list[tuple[str, str]]:
+        return [(f"{force} <= mu fz", "N") for force in ("fx", "-fx", "fy", "-fy")]
+
+    def motion_units(self) -> tuple[str, str, str]:
+        return ("m", "m", "m")

@@ -1,0 +1,57 @@
+"""Posture: where every joint is."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.trajectories import Sinusoid
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows
+from wbc.stack.tracking import Tracking, joints_target
+
+
+@final
+class Posture(Tracking, Task):
+    """e = q_target − q: one row a joint [rad, m].
+
+    ``target``: joint positions (nj,) or a configuration (nq,) whose base is not read, or a function of time giving
+    one or (positions, velocities, accelerations), the last two (nj,). Weight and gains: scalar or (nj,).
+
+    Raises:
+        InvalidInput: when a stack is compiled: a target, weight or gain of another size.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import Posture
+        >>> Posture(wbc.load("arm").q0, kp=10, weight=1e-3)
+        Posture(weight=0.001)
+    """
+
+    on_joints = True
+
+    def __init__(
+        self, target: Any, *, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        self.dim, self.units, self.names = model.nj, model.joint_units, model.joint_names
+        self.convert = joints_target(model, model.nq)
+        self.target = self.target
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        target = self.reference(state.t)
+        np.subtract(target.value, state.q_joints, out.e)
+        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def label(self, row: int) -> str:
+        return self.names[row]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        joints = model.q0[-model.nj :]
+        return [cls(model.q0), cls(joints), cls(Sinusoid(joints, amplitude=0.1, frequency=0.5))]

@@ -1,0 +1,95 @@
+"""Sole: a flat rectangle in contact, as one wrench with its exact cone."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+import pinocchio
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.types import Mat
+
+
+@final
+class Sole(Contact):
+    """Six rows and a wrench f = (fx, fy, fz, mx, my, mz) [N, N m] about the rectangle's centre, in the frame's axes.
+
+    ``half_size`` = (X, Y) [m] along the frame's x and y; its z is the normal, away from the ground. ``origin`` (3,) is
+    the centre of the rectangle in the frame. e = log6(actual⁻¹ anchor), J and J̇ v are the body twist's, moved there.
+
+    The 16 rows of the cone are exactly the wrenches that friction pyramids at the four corners can add up to:
+    |fx|, |fy| <= µ fz; |mx| <= Y fz; |my| <= X fz; and mz between ∓µ (X + Y) fz ± (|Y fx ∓ µ mx| + |X fy ∓ µ my|). They
+    imply fz >= 0. Source: Caron, Pham, Nakamura, ICRA 2015. Other arguments: :class:`~wbc.stack.contact.Contact`.
+
+    Raises:
+        InvalidInput: sizes that are not positive. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import Sole
+        >>> Sole("left_sole", half_size=(0.10, 0.065), friction=0.3).cone().shape
+        (16, 6)
+    """
+
+    dim = 6
+
+    def __init__(
+        self, frame: str, *, half_size: Any, friction: float, origin: Any = (0.0, 0.0, 0.0),
+        friction_model: str = "outer", kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6,
+        target: Any = None, name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(
+            frame, friction=friction, friction_model=friction_model, kp=kp, kd=kd, force_weight=force_weight,
+            target=target, name=name,
+        )  # fmt: skip
+        self.half_size = checks.array(f"{self.name}.half_size", half_size, (2,))
+        if (self.half_size <= 0).any():
+            raise InvalidInput(f"{self.name}.half_size is {tuple(self.half_size.tolist())}; both must be > 0 [m]")
+        self.origin = checks.array(f"{self.name}.origin", origin, (3,))
+        self._origin = pinocchio.SE3(np.eye(3), self.origin)
+        self._twist = self._origin.actionInverse
+        self._moved = bool(self.origin.any())
+
+    def anchor(self, state: RobotState) -> Anchor:
+        pose = state.frame(self.frame).placement * self._origin
+        return Anchor(pose.rotation, pose.translation)
+
+    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+        frame = state.frame(self.frame)
+        ahead = frame.placement.actInv(anchor.pose)
+        if self._moved:
+            out.J[:] = np.dot(self._twist, frame.jacobian_local())
+            out.drift[:] = np.dot(self._twist, frame.drift_local())
+            ahead = self._origin.actInv(ahead)
+        else:
+            out.J[:] = frame.jacobian_local()
+            out.drift[:] = frame.drift_local()
+        out.e[:] = pinocchio.log6(ahead).vector
+
+    def cone(self) -> Mat:
+        mu, (X, Y) = self.mu, self.half_size
+        rows = [[s, 0, -mu, 0, 0, 0] for s in (1, -1)] + [[0, s, -mu, 0, 0, 0] for s in (1, -1)]
+        rows += [[0, 0, -Y, s, 0, 0] for s in (1, -1)] + [[0, 0, -X, 0, s, 0] for s in (1, -1)]
+        for turn in (1, -1):
+            rows += [
+                [i * Y, j * X, -mu * (X + Y), turn * i * mu, turn * j * mu, turn] for i in (1, -1) for j in (1, -1)
+            ]
+        return np.array(rows, dtype=np.float64)
+
+    def cone_labels(self) -> list[tuple[str, str]]:
+        labels = [(f"{force} <= mu fz", "N") for force in ("fx", "-fx", "fy", "-fy")]
+        labels += [(moment, "N m") for moment in ("mx <= Y fz", "-mx <= Y fz", "my <= X fz", "-my <= X fz")]
+        corners = [f"fx {'+-'[i]} fy {'+-'[j]}" for i in (0, 1) for j in (0, 1)]
+        return labels + [(f"{turn} <= yaw limit ({corner})", "N m") for turn in ("mz", "-mz") for corner in corners]
+
+    def motion_units(self) -> tuple[str, ...]:
+        return ("m", "m", "m", "rad", "rad", "rad")
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame = model.frame_names[-1]
+        moved = cls(frame, half_size=(0.1, 0.05), friction=0.8, friction_model="inner", origin=(0.02, 0.01, -0.03))
+        return [cls(frame, half_size=(0.1, 0.065), friction=0.3), moved]

@@ -1,0 +1,72 @@
+"""Torque: which joint torques to prefer."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+from scipy.linalg import lapack
+
+from tasks.trajectories import Sinusoid
+from wbc.errors import InvalidInput, NotSupported
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.tracking import Tracking
+from wbc.types import Vec
+
+
+@final
+class Torque(Tracking, LinearTask):
+    """τ = τ₀, one row a joint [N m, N]; the cost is ½ w ‖τ − τ₀‖², or ½ ‖τ − τ₀‖²_{M⁻¹} with weight="inverse_inertia".
+
+    The second is written as A = L⁻¹, b = L⁻¹ τ₀ with M = L Lᵀ, and needs a fixed base. ``tau_0`` (also ``target``):
+    scalar or (nj,), or a function of time giving it. Source: Khatib, IEEE J. Robotics and Automation 1987.
+
+    Raises:
+        InvalidInput: a weight that is neither, a target of another size.
+        NotSupported: "inverse_inertia" on a floating base, when a stack is compiled.
+
+    Example:
+        >>> from tasks import Torque
+        >>> Torque(weight="inverse_inertia")
+        Torque(weight=1.0)
+    """
+
+    on = "torque"
+
+    def __init__(self, tau_0: Any = 0.0, *, weight: Any = 1.0, name: str | None = None) -> None:
+        self._by_inertia = isinstance(weight, str)
+        if self._by_inertia and weight != "inverse_inertia":
+            raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers or 'inverse_inertia'")
+        super().__init__(weight=1.0 if self._by_inertia else weight, name=name)
+        self.target = tau_0
+
+    def prepare(self, model: RobotModel) -> None:
+        if self._by_inertia and model.nb:
+            raise NotSupported(f"{self.name} by inverse inertia needs a fixed base; {model.name} has a floating one")
+        self.dim, self.names = model.nj, model.joint_names
+        self.units = tuple("N" if unit == "m" else "N m" for unit in model.joint_units)
+        self._identity, self._vector = np.eye(model.nj), vector_target(model.nj)
+        self.target = self.target
+
+    def convert(self, name: str, value: Any, strict: bool) -> Vec:
+        return self._vector(name, np.full(self.dim, value) if np.ndim(value) == 0 else value, strict)
+
+    def fill(self, state: RobotState, out: LinearRows) -> None:
+        tau_0 = self.reference(state.t).value
+        if self._by_inertia:
+            factor, _ = lapack.dpotrf(state.M, 1)
+            out.A[:] = lapack.dtrtri(factor, 1)[0]
+            np.dot(out.A, tau_0, out.b)
+        else:
+            out.A[:] = self._identity
+            out.b[:] = tau_0
+
+    def label(self, row: int) -> str:
+        return self.names[row]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        wave = Sinusoid([1.0] * model.nj, amplitude=2.0, frequency=0.5)
+        by_inertia = [cls(1.0, weight="inverse_inertia")] if model.nb == 0 else []
+        return [cls(), cls(wave, weight=1e-4), *by_inertia]

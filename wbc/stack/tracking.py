@@ -1,0 +1,118 @@
+"""What has a target: the property, and the readers that turn what a user gives into what a task reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
+from wbc.stack.task import Objective, Target
+from wbc.types import Mat, Vec
+
+#: ``convert(name, value, strict)``: strict when assigned, shapes only in a tick; see :class:`~wbc.stack.task.Target`.
+Convert = Callable[[str, Any, bool], Any]
+
+
+class Tracking(Objective):
+    """A task with a ``target``: a value, or a function of time [s] giving a value or (value, rate, acceleration).
+
+    It may be assigned between ticks and is checked there. Mixed in before the kind of task, with a ``convert``::
+
+        class Position(Tracking, Task):
+            dim, units, convert = 3, "m", staticmethod(vector_target(3))
+
+    ``fill`` then reads ``self.reference(state)``: its ``value``, ``rate`` (dim,) and ``second`` (dim,).
+    A task whose ``dim`` is only known in ``prepare`` assigns ``self.target = self.target`` there.
+
+    Raises:
+        InvalidInput: no target, or one of another shape, or not finite.
+    """
+
+    convert: Convert
+    _given: Any = None
+    _reference: Target
+
+    @property
+    def target(self) -> Any:
+        """What was given."""
+        return self._given
+
+    @target.setter
+    def target(self, value: Any) -> None:
+        if value is None:
+            raise InvalidInput(f"{self.name}.target is None; give a value or a function of time (tasks keep no memory)")
+        dim = getattr(self, "dim", None)
+        if dim is not None:
+            self._reference = Target(f"{self.name}.target", value, dim, self.convert)
+        self._given = value
+
+    def reference(self, t: float) -> Target:
+        """The target at time t [s]."""
+        return self._reference.at(t)
+
+
+def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
+    """Rotation (3, 3) and position (3,) of a pinocchio.SE3 or a 4x4 matrix.
+
+    Raises:
+        InvalidInput: another shape; strict: not finite, not a rotation, last row not 0 0 0 1.
+    """
+    if isinstance(value, pinocchio.SE3):
+        if not strict:
+            return value.rotation, value.translation
+        value = value.homogeneous
+    matrix = checks.array(name, value, (4, 4)) if strict else np.asarray(value, dtype=np.float64)
+    if matrix.shape != (4, 4):
+        raise InvalidInput(f"{name} must be a pinocchio.SE3 or a 4x4 matrix, not of shape {matrix.shape}")
+    if strict:
+        if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+            raise InvalidInput(f"{name}: the last row of a pose is 0 0 0 1, not {matrix[3]}")
+        _check_rotation(name, matrix[:3, :3])
+    return matrix[:3, :3], matrix[:3, 3]
+
+
+def rotation_target(name: str, value: Any, strict: bool) -> Mat:
+    """A rotation (3, 3).
+
+    Raises:
+        InvalidInput: another shape; strict: not finite, not a rotation.
+    """
+    matrix = checks.array(name, value, (3, 3)) if strict else np.asarray(value, dtype=np.float64)
+    if matrix.shape != (3, 3):
+        raise InvalidInput(f"{name} must have shape (3, 3), not {matrix.shape}")
+    if strict:
+        _check_rotation(name, matrix)
+    return matrix
+
+
+def joints_target(model: RobotModel, full: int) -> Convert:
+    """Reader of joint vectors: (nj,), or (full,) with the joints last, as q (nq,) and v (nv,) have them."""
+    nj = model.nj
+
+    def convert(name: str, value: Any, strict: bool) -> Vec:
+        vector = checks.array(name, value, (None,)) if strict else np.asarray(value, dtype=np.float64)
+        if vector.shape not in ((nj,), (full,)):
+            sizes = f"({nj},)" if full == nj else f"({nj},) or ({full},)"
+            raise InvalidInput(f"{name} must have shape {sizes} on {model.name}, not {vector.shape}")
+        return vector[-nj:]
+
+    return convert
+
+
+def rotation_error(target: Mat, actual: Mat) -> Vec:
+    """log(target actualᵀ): the rotation vector [rad], world axes, that turns ``actual`` into ``target``."""
+    error: Vec = pinocchio.log3(np.dot(target, actual.T))
+    return error
+
+
+def _check_rotation(name: str, matrix: Mat) -> None:
+    off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    if off > 1e-6:
+        raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is 1e-6")
+    if np.linalg.det(matrix) < 0:
+        raise InvalidInput(f"{name} is not a rotation: its determinant is -1 (a mirror image)")
