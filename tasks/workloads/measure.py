@@ -1,0 +1,219 @@
+"""Running and timing a workload, and the row of figures that comes out.
+
+What is timed in a tick: from references and state in arrays (or in poses already made) to the answer in arrays. A
+second closed loop, driven by hand through the controller's own parts with clocks between them, says where the time
+goes; it does not disturb the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter_ns as now
+from typing import Any, final
+
+import numpy as np
+import pinocchio as pin
+from threadpoolctl import threadpool_limits
+
+import wbc
+from tasks.workloads.robots import MadeRobot
+from tasks.workloads.workload import Problem, Progress, Record, Workload
+from wbc.control.controller import Controller
+from wbc.qp.problem import QP
+from wbc.qp.solvers import by_name
+from wbc.stack.hierarchy import Weighted
+from wbc.types import Vec
+
+WARM_UP = 100
+_REPORT_EVERY = 250
+_PARTS = ("update", "fill", "solve", "decode")
+
+
+def measure(workload: Workload, ticks: int, repeats: int, progress: Progress | None, solver: str) -> dict[str, Any]:
+    """The row of one workload: time, where it goes, what came out of it."""
+    steps = _Steps(progress, 3 * repeats * ticks)
+    with workload.recipe.made() as made, threadpool_limits(1):
+        setting = _Setting(workload, made, workload.problem(made, ticks), ticks, solver)
+        timed = []
+        for _ in range(repeats):
+            controller = setting.controller()
+            timed.append(_closed_loop(setting, controller, steps))
+        record = timed[-1]
+        splits = [_split_loop(setting, record, steps) for _ in range(repeats)]
+        bare = [_bare_pinocchio(setting, record, steps) for _ in range(repeats)]
+
+    total = _microseconds([run.nanoseconds for run in timed])
+    raw = min((_microseconds([run.nanoseconds]) for run in timed), key=np.median)
+    split = {part: _median(_microseconds([run[:, i] for run in splits])) for i, part in enumerate(_PARTS)}
+    pinocchio_us = _median(_microseconds(bare))
+    return {
+        "peer": "wbc",
+        "version": f"{wbc.__version__}/pin{pin.__version__}",
+        "variant": f"{workload.level.name}, weighted, {controller.solver.name}, {controller.form}",
+        "workload": workload.name,
+        "ticks": ticks,
+        "repeats": repeats,
+        "total_us": _statistics(total),
+        "raw_us": _statistics(raw),
+        "split_us": split | {"rest": round(_median(total) - sum(split.values()), 2)},
+        "pinocchio_us": pinocchio_us,
+        "total_over_pinocchio": round(_median(total) / pinocchio_us, 2),
+        "qp": _sizes(controller.qp),
+        "solver_failures": ticks - int(record.solved.sum()),
+        "certified": float(record.solved.mean()),
+        "counts": {
+            "first": controller.counts.first,
+            "repaired": controller.counts.repaired,
+            "fallback": controller.counts.fallback,
+        },
+        "quality": setting.problem.judge(record),
+    }
+
+
+@final
+@dataclass(frozen=True)
+class _Setting:
+    """Everything a run is made of but its memory."""
+
+    workload: Workload
+    made: MadeRobot
+    problem: Problem
+    ticks: int
+    solver: str
+
+    def controller(self) -> Controller:
+        workload = self.workload
+        return Controller(self.made.robot, self.problem.stack, level=workload.level, solver=self.solver, dt=workload.dt)
+
+
+def _closed_loop(setting: _Setting, controller: Controller, steps: _Steps) -> Record:
+    contacts, ticks = setting.problem.stack.contacts, setting.ticks
+    record = Record.empty(setting.made, ticks, len(contacts), max((c.dim for c in contacts), default=0))
+    tick, dt, order, dynamics = controller.tick, controller.dt, controller.level.order, controller.level.dynamics
+    for k in range(ticks):
+        t, q, v = k * dt, record.q[k], record.v[k]
+        if order == 1:
+            start = now()
+            command = tick(t, q, v)
+            answer = command.v
+            end = now()
+        else:
+            start = now()
+            command = tick(t, q, v)
+            answer, torque = command.a, command.tau
+            end = now()
+            record.a[k] = answer
+            record.tau[k] = torque
+        record.nanoseconds[k] = end - start
+        record.solved[k] = command.status.ok
+        record.q[k + 1], record.v[k + 1] = command.q, command.v
+        if dynamics:
+            for i, contact in enumerate(contacts):
+                record.forces[k, i] = command.f[contact.name]
+        steps.done()
+    return record
+
+
+def _split_loop(setting: _Setting, record: Record, steps: _Steps) -> Any:
+    """The same ticks through the parts of a controller: nanoseconds (ticks, parts)."""
+    robot, dt = setting.made.robot, setting.workload.dt
+    plan = setting.workload.level.compile(robot, setting.problem.stack, dt=dt)
+    rows = Weighted().open(plan.problem, by_name(setting.solver))
+    state = robot.state()
+    first = plan.problem.first_row + robot.nb
+    nanoseconds = np.zeros((record.ticks, len(_PARTS)), np.int64)
+    for k in range(record.ticks):
+        t, q, v = k * dt, record.q[k], record.v[k]
+        start = now()
+        state.update(t, q, v)
+        if k == 0:
+            plan.start(state)
+        updated = now()
+        plan.fill(state)
+        filled = now()
+        rows.solve()
+        solved = now()
+        value = plan.problem.value.copy()
+        _ = value[: robot.nv], value[first : first + robot.nj]
+        end = now()
+        nanoseconds[k] = updated - start, filled - updated, solved - filled, end - solved
+        steps.done()
+    return nanoseconds
+
+
+def _bare_pinocchio(setting: _Setting, record: Record, steps: _Steps) -> Any:
+    """What any controller has to ask of Pinocchio, on the states of the run: nanoseconds (ticks,)."""
+    model, floating = setting.made.reference, setting.made.robot.nb > 0
+    data, still = model.createData(), np.zeros(model.nv)
+    frames = [model.getFrameId(frame) for frame in setting.problem.frames]
+    world = pin.LOCAL_WORLD_ALIGNED
+
+    def velocities(q: Vec, v: Vec) -> None:
+        del v
+        if floating:
+            pin.jacobianCenterOfMass(model, data, q, False)
+        else:
+            pin.computeJointJacobians(model, data, q)
+        for frame in frames:
+            pin.updateFramePlacement(model, data, frame)
+            pin.getFrameJacobian(model, data, frame, world)
+
+    def dynamics(q: Vec, v: Vec) -> None:
+        pin.crba(model, data, q, pin.Convention.WORLD)
+        pin.nonLinearEffects(model, data, q, v)
+        if floating:
+            pin.centerOfMass(model, data, q, v, still)
+        else:
+            pin.forwardKinematics(model, data, q, v, still)
+        for frame in frames:
+            pin.updateFramePlacement(model, data, frame)
+            pin.getFrameJacobian(model, data, frame, world)
+            pin.getFrameClassicalAcceleration(model, data, frame, world)
+
+    ask = dynamics if setting.workload.level.dynamics else velocities
+    nanoseconds = np.zeros(record.ticks, np.int64)
+    for k in range(record.ticks):
+        q, v = record.q[k], record.v[k]
+        start = now()
+        ask(q, v)
+        nanoseconds[k] = now() - start
+        steps.done()
+    return nanoseconds
+
+
+def _sizes(qp: QP) -> dict[str, int]:
+    bounded = np.isfinite(qp.lb) | np.isfinite(qp.ub)
+    return {"nvar": qp.shape.n, "neq": qp.shape.n_eq, "nin_two_sided": qp.shape.n_in + int(bounded.sum())}
+
+
+def _microseconds(runs: Sequence[Any]) -> Vec:
+    """The least time of each tick over the runs, without the first ticks, which find cold memory."""
+    least = np.min(np.stack(runs), axis=0) / 1e3
+    return np.asarray(least[WARM_UP:] if len(least) > WARM_UP else least)
+
+
+def _median(microseconds: Vec) -> float:
+    return round(float(np.median(microseconds)), 2)
+
+
+def _statistics(microseconds: Vec) -> dict[str, float]:
+    return {
+        "median": _median(microseconds),
+        "mean": round(float(microseconds.mean()), 2),
+        "p99": round(float(np.percentile(microseconds, 99)), 2),
+        "max": round(float(microseconds.max()), 2),
+    }
+
+
+@final
+class _Steps:
+    """Counts ticks, and tells about it now and then."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress, self._total, self._count = progress, total, 0
+
+    def done(self) -> None:
+        self._count += 1
+        if self._progress is not None and (self._count % _REPORT_EVERY == 0 or self._count == self._total):
+            self._progress(self._count, self._total)

@@ -1,0 +1,65 @@
+"""W1: inverse kinematics of a fixed arm with seven joints; a step makes its speed limits bind for a while."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, final
+
+import numpy as np
+import pinocchio as pin
+
+from tasks import Frame, JointPositionLimits, JointVelocityLimits, Posture
+from tasks.workloads.quality import angle, distance, tracking_of_velocities
+from tasks.workloads.references import Track, ramp, step, sway, times
+from tasks.workloads.robots import PANDA, MadeRobot
+from tasks.workloads.workload import Problem, Record, Workload
+from wbc.stack.formulation import VelocityLevel
+from wbc.stack.stack import Stack
+
+_TOOL = "panda_hand_tcp"
+_STEP_TIME = 1.5
+
+
+@final
+class PandaInverseKinematics(Workload):
+    """The hand follows a path and turns about its own z axis; everything deadbeat, in one tick."""
+
+    name: ClassVar = "W1"
+    title: ClassVar = "panda-ik"
+    recipe: ClassVar = PANDA
+    level: ClassVar = VelocityLevel(regularisation=1e-8)
+    dt: ClassVar = 1e-3
+    ticks: ClassVar = 4000
+
+    def problem(self, made: MadeRobot, ticks: int) -> Problem:
+        t = times(ticks, self.dt)
+        start = made.placement(_TOOL)
+        path = sway(t, [0.06, 0.10, 0.08], [0.5, 0.4, 0.6]).moved(start.translation + step(t, _STEP_TIME, [0, 0.15, 0]))
+        turns = 0.3 * ramp(t)[0] * np.sin(2.0 * np.pi * 0.3 * t)
+        poses = [
+            pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.0, turn])), position)
+            for turn, position in zip(turns, path.position, strict=True)
+        ]
+        deadbeat = 1.0 / self.dt
+        stack = Stack(
+            [
+                Frame(_TOOL, target=Track(self.dt, poses), rate=deadbeat),
+                Posture(made.q0, rate=deadbeat, weight=1e-4),
+            ],
+            subject_to=[JointPositionLimits(), JointVelocityLimits()],
+        )
+        tool = made.reference.getFrameId(_TOOL)
+
+        def errors(data: Any, k: int) -> tuple[float, float]:
+            actual = data.oMf[tool]
+            return distance(poses[k].translation, actual.translation), angle(poses[k].rotation, actual.rotation)
+
+        def judge(record: Record) -> dict[str, Any]:
+            every = 10
+            figures, found = tracking_of_velocities(
+                made, record, errors, names=["ee_pos_m", "ee_ori_rad"], dt=self.dt, step_time=_STEP_TIME, every=every
+            )
+            behind = np.flatnonzero(found[int(_STEP_TIME / self.dt / every) :, 0] < 0.01)
+            figures["ms_after_step_to_1cm"] = int(behind[0] * every * self.dt * 1e3) if len(behind) else None
+            return figures
+
+        return Problem(stack, [_TOOL], judge)

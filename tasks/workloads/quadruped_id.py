@@ -1,0 +1,52 @@
+"""W4: inverse dynamics of a quadruped on four points, asked for more sideways acceleration than friction allows."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, final
+
+from tasks import CenterOfMass, JointVelocityLimits, Orientation, Point, Posture, TorqueLimits
+from tasks.workloads.quality import PointSupport, angle, distance, tracking_of_accelerations
+from tasks.workloads.references import Track, sway, times, with_derivatives
+from tasks.workloads.robots import GO2, MadeRobot
+from tasks.workloads.workload import Problem, Record, Workload
+from wbc.stack.formulation import InverseDynamics
+from wbc.stack.stack import Stack
+
+_FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
+_BASE = "base"
+_FRICTION = 0.5
+
+
+@final
+class QuadrupedInverseDynamics(Workload):
+    """The centre of mass sways, the base keeps its orientation, the feet stand."""
+
+    name: ClassVar = "W4"
+    title: ClassVar = "quadruped-id"
+    recipe: ClassVar = GO2
+    level: ClassVar = InverseDynamics(regularisation=1e-8)
+    dt: ClassVar = 1e-3
+    ticks: ClassVar = 4000
+
+    def problem(self, made: MadeRobot, ticks: int) -> Problem:
+        com = sway(times(ticks, self.dt), [0.02, 0.03, 0.03], [0.7, 2.0, 1.0]).moved(made.com())
+        upright = made.placement(_BASE).rotation
+        stack = Stack(
+            [
+                CenterOfMass(target=Track(self.dt, with_derivatives(com)), kp=100.0),
+                Orientation(_BASE, target=upright, kp=100.0),
+                Posture(made.q0, kp=10.0, weight=1e-4),
+            ],
+            subject_to=[TorqueLimits(), JointVelocityLimits()],
+            contacts=[Point(foot, friction=_FRICTION, kp=100.0, kd=20.0, force_weight=1e-6) for foot in _FEET],
+        )
+        base = made.reference.getFrameId(_BASE)
+        supports = [PointSupport(foot, _FRICTION) for foot in _FEET]
+
+        def errors(data: Any, k: int) -> tuple[float, float]:
+            return distance(com.position[k], data.com[0]), angle(upright, data.oMf[base].rotation)
+
+        def judge(record: Record) -> dict[str, Any]:
+            return tracking_of_accelerations(made, record, supports, errors)
+
+        return Problem(stack, [_BASE, *_FEET], judge)

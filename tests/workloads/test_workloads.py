@@ -1,0 +1,97 @@
+"""Workloads: what the controller answers is certified, keeps every limit and obeys the equations of motion."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tasks.workloads import WORKLOADS
+from wbc.errors import InvalidInput
+
+LIMITS = ("tau_viol_max_Nm", "vel_viol_max", "pos_viol_max", "friction_viol_max_N")
+FIELDS = {
+    "peer", "version", "variant", "workload", "ticks", "repeats", "total_us", "raw_us", "split_us", "qp",
+    "solver_failures", "counts", "certified", "pinocchio_us", "total_over_pinocchio", "quality",
+}  # fmt: skip
+
+each_workload = pytest.mark.parametrize("name", WORKLOADS)
+
+
+@cache
+def short(name: str) -> dict[str, Any]:
+    return WORKLOADS[name](ticks=80, repeats=1)
+
+
+@each_workload
+def test_every_tick_is_certified(name: str):
+    row = short(name)
+    assert row["certified"] == 1.0 and row["solver_failures"] == 0
+
+
+@each_workload
+def test_limits_and_cones_hold_at_every_tick(name: str):
+    quality = short(name)["quality"]
+    assert {key: quality[key] for key in LIMITS if quality.get(key, 0.0) > 1e-6} == {}
+
+
+@each_workload
+def test_the_answer_obeys_the_equations_of_motion(name: str):
+    assert short(name)["quality"].get("dyn_residual_max", 0.0) <= 1e-8
+
+
+@each_workload
+def test_a_row_can_be_written_and_has_every_field(name: str):
+    row = short(name)
+    assert json.loads(json.dumps(row)) == row
+    assert set(row) == FIELDS
+    assert set(row["total_us"]) == set(row["raw_us"]) == {"median", "mean", "p99", "max"}
+    assert set(row["split_us"]) == {"update", "fill", "solve", "decode", "rest"}
+    assert sum(row["counts"].values()) == row["ticks"] == 80
+
+
+def test_sizes_are_those_of_the_problems():
+    sizes = {name: tuple(short(name)["qp"].values()) for name in WORKLOADS}
+    assert sizes == {"W1": (7, 0, 7), "W2": (35, 0, 29), "W3": (7, 0, 14), "W4": (30, 18, 40), "W5": (50, 18, 96)}
+
+
+def test_progress_ends_at_the_total():
+    seen: list[tuple[int, int]] = []
+    WORKLOADS["W1"](ticks=130, repeats=1, progress=lambda done, total: seen.append((done, total)))
+    assert [done for done, _ in seen] == sorted({done for done, _ in seen})
+    assert seen[-1] == (390, 390)
+
+
+@pytest.mark.parametrize("argument", ["ticks", "repeats"])
+def test_nothing_to_run_is_refused(argument: str):
+    with pytest.raises(InvalidInput, match=argument):
+        WORKLOADS["W1"](**{argument: 0})
+
+
+@pytest.mark.slow
+@each_workload
+def test_full_runs_end_where_other_libraries_do(name: str, peers: Path):
+    rows = [r for r in json.loads((peers / "results.json").read_text(encoding="utf-8")) if trustworthy(r, name)]
+    assert rows
+    row = WORKLOADS[name](repeats=1)
+    assert row["certified"] == 1.0
+    keys = [key for key in row["quality"] if "rms" in key]
+    assert keys
+    for key in keys:
+        low, high = min(r["quality"][key] for r in rows), max(r["quality"][key] for r in rows)
+        assert 0.98 * low <= row["quality"][key] <= 1.02 * high, key
+    assert set(rows[0]["quality"]) <= set(row["quality"])
+
+
+def trustworthy(row: dict[str, Any], name: str) -> bool:
+    """A full run of the same workload that kept its limits; some solvers of others do not."""
+    quality = row.get("quality")
+    return (
+        row.get("workload") == name
+        and quality is not None
+        and not row.get("solver_failures")
+        and all(quality.get(key, 0.0) <= 1e-6 for key in LIMITS)
+    )
