@@ -117,4 +117,4 @@ def number(value: float) -> str:
         return "0"
     if 1e-3 <= abs(value) < 1e5:
         return f"{value:.4g}"
-    return f"{value:.2e}"
+    return f"{value:.3g}"

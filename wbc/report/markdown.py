@@ -1,4 +1,4 @@
-"""A report as Markdown: the same tables and pictures as files, one row per line, so that two reports can be compared."""
+"""A report as Markdown: the same tables, one row a line, so that two reports can be compared; pictures are files."""
 
 from __future__ import annotations
 

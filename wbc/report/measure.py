@@ -56,10 +56,10 @@ def tick_times(run: Run) -> TickTimes:
 
 
 def statuses(run: Run) -> dict[str, int]:
-    """How often each status came, by name."""
-    names = run.meta["statuses"]
+    """How often each status came, by the name of the :class:`~wbc.types.Status`."""
+    names = [str(name).upper().replace(" ", "_") for name in run.meta["statuses"]]
     found, counts = np.unique(np.asarray(run.columns["status"], dtype=int), return_counts=True)
-    return {str(names[i]): int(n) for i, n in zip(found, counts, strict=True)}
+    return {names[i]: int(n) for i, n in zip(found, counts, strict=True)}
 
 
 def outside(run: Run, intervals: Iterable[tuple[float, float]]) -> Mask:
@@ -128,11 +128,16 @@ def limits(run: Run) -> dict[str, Vec]:
     return result
 
 
+def has_torques(run: Run) -> bool:
+    """Whether the run's level decides torques."""
+    return "tau" in run.columns and bool(np.isfinite(run.columns["tau"]).any())
+
+
 def use(run: Run) -> dict[str, Vec]:
     """Share of each limit in use (N, nj): torque |τ|/τ_max, velocity |v|/v_max, position |q − centre|/half range."""
     bound, (q, v) = limits(run), joint_state(run)
     result = {}
-    if "tau" in run.columns:
+    if has_torques(run):
         result["torque"] = np.abs(run.columns["tau"]) / _positive(bound["tau_max"])
     result["velocity"] = np.abs(v) / _positive(bound["v_max"])
     bounded = np.isfinite(bound["q_min"]) & np.isfinite(bound["q_max"])
@@ -150,7 +155,7 @@ def violations(run: Run) -> dict[str, tuple[float, str]]:
     """
     bound, (q, v) = limits(run), joint_state(run)
     rows: dict[str, list[Vec]] = {}
-    if "tau" in run.columns:
+    if has_torques(run):
         rows["torque"] = [np.abs(run.columns["tau"]) - bound["tau_max"]]
     rows["velocity"] = [np.abs(v) - bound["v_max"]]
     rows["position"] = [q - bound["q_max"], bound["q_min"] - q]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from wbc.models.pinocchio_ import PinocchioModel
 from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
@@ -54,8 +55,8 @@ def motion(run: Run, robot: RobotModel, rows: Index, links: Iterable[str]) -> Mo
         for link, (position, rotation) in places.items():
             frame = state.frame(link)
             position[i], rotation[i] = frame.position, frame.rotation
-        for k, (name, column) in enumerate(contacts):
-            tip = state.frame(name).position
+        for k, (point, column) in enumerate(contacts):
+            tip = point.at(state)
             forces[i, k] = tip - per_newton * np.nan_to_num(run[column][row, :3]), tip
         if longest > 0.0:
             tip = _pushed_point(state, pushed)
@@ -72,13 +73,36 @@ def quaternions(rotations: Mat) -> Mat:
     return np.asarray(np.where(w < 0, -1.0, 1.0)[:, None] * np.column_stack([w, x, y, z]))
 
 
-def _contacts(run: Run, robot: RobotModel) -> list[tuple[str, str]]:
-    """(frame, column of its force) of every contact whose frame the run names; the surface is taken as level."""
+@final
+@dataclass(frozen=True, eq=False)
+class ContactPoint:
+    """Where a foot touches level ground: ``origin`` (3,) in the axes of ``frame``, and ``below`` it by so much [m]."""
+
+    frame: str
+    origin: Vec
+    below: float
+
+    @classmethod
+    def of(cls, robot: RobotModel, frame: str) -> ContactPoint:
+        """The point that the robot's own description of its feet gives; the frame's origin if it says nothing."""
+        foot = robot.feet.get(frame) if isinstance(robot, PinocchioModel) else None
+        if foot is None:
+            return cls(frame, np.zeros(3), 0.0)
+        return cls(frame, np.array(foot.origin), foot.radius if foot.kind == "point" else 0.0)
+
+    def at(self, state: RobotState) -> Vec:
+        """The point in the world (3,)."""
+        frame = state.frame(self.frame)
+        return np.asarray(frame.position + frame.rotation @ self.origin - [0.0, 0.0, self.below])
+
+
+def _contacts(run: Run, robot: RobotModel) -> list[tuple[ContactPoint, str]]:
+    """Point and force column of every contact whose frame the run names; the ground is taken as level."""
     found = []
     for name, contact in run.meta.get("contacts", {}).items():
         column = f"plant.f.{name}" if f"plant.f.{name}" in run else f"f.{name}"
         if column in run and contact.get("frame") in robot.frame_names:
-            found.append((contact["frame"], column))
+            found.append((ContactPoint.of(robot, contact["frame"]), column))
     return found
 
 

@@ -38,11 +38,14 @@ def summary(result: ScenarioResult) -> str:
     disturbances = meta.get("disturbances", [])
     under = f" under {len(disturbances)} disturbance{'s' if len(disturbances) > 1 else ''}" if disturbances else ""
     failed = [check.text for check in result.verdict if not check.ok]
+    early = meta.get("ended", "complete")
+    stopped = "" if early == "complete" else f" and ended early ({early})"
     end = "every demand was met" if result.ok else "not met: " + ("; ".join(failed) or "the scenario's own verdict")
     how = ", ".join(str(meta[key]) for key in ("level", "hierarchy", "solver") if key in meta)
     return (
         f"{str(meta.get('robot', 'the robot')).capitalize()} ran {meta.get('scenario', 'a scenario')} for "
-        f"{measure.seconds(run):g} s at {1.0 / float(meta['dt']):g} Hz ({how}){under}; {ticks} solved and certified; {end}."
+        f"{measure.seconds(run):g} s at {1.0 / float(meta['dt']):g} Hz ({how}){under}{stopped}; "
+        f"{ticks} solved and certified; {end}."
     )
 
 
@@ -53,15 +56,15 @@ def highlights(result: ScenarioResult) -> list[tuple[str, str]]:
     tiles: list[tuple[str, str]] = [
         ("simulated", f"{measure.seconds(run):g} s"),
         ("ticks", str(formatted(run.rows))),
-        ("tick, median", f"{times.median:.0f} µs"),
-        ("tick, p99", f"{times.p99:.0f} µs"),
+        ("median tick", f"{times.median:.0f} µs"),
+        ("p99 tick", f"{times.p99:.0f} µs"),
     ]
     if "torque" in use:
-        tiles.append(("largest torque", _percent(use["torque"])))
-    tiles.append(("largest speed", _percent(use["velocity"])))
+        tiles.append(("peak torque", _percent(use["torque"])))
+    tiles.append(("peak speed", _percent(use["velocity"])))
     slips = [slip for name in run.meta.get("contacts", {}) if (slip := measure.slip(run, name)) is not None]
     if slips:
-        tiles.append(("largest slip", f"{1e3 * max(slips):.2g} mm"))
+        tiles.append(("slip", f"{1e3 * max(slips):.2g} mm"))
     return tiles
 
 

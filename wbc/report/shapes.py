@@ -1,6 +1,6 @@
-"""The robot as triangles: every visual shape of a model read, thinned to a budget, and coloured.
+"""The robot as triangles: every shape of a model read, coloured, and thinned to a budget.
 
-Mesh files are read by coal, which comes with pinocchio; primitives are made here. A robot that shows nothing gets
+Mesh files are read by coal, which comes with pinocchio; primitives are made here. A robot without any shape gets
 capsules from joint to joint, so that a report always has somebody to look at.
 """
 
@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Sphere
 from wbc.models.model import RobotModel
+from wbc.models.pinocchio_ import PinocchioModel
 from wbc.types import Mat
 
 Faces = NDArray[np.int64]
 Color = tuple[int, int, int]
 
 LIGHT: Color = (214, 219, 226)
+DARK: Color = (74, 85, 104)
 
 
 @final
@@ -37,13 +39,13 @@ class Part:
 
 
 def parts(robot: RobotModel) -> list[Part]:
-    """The whole robot, one part per link and colour; its skeleton if the model shows nothing."""
-    grouped: dict[tuple[str, Color], list[tuple[Mat, Faces]]] = defaultdict(list)
-    for visual in robot.visuals:
-        vertices, faces = _triangles(visual)
-        if len(faces):
-            grouped[visual.link, _color(visual)].append(_moved(vertices, faces, visual.origin.matrix))
-    return [Part(link, *_joined(pieces), color) for (link, color), pieces in grouped.items()] or skeleton(robot)
+    """The whole robot, one part per link and colour: what it shows, else what it collides with, else its skeleton.
+
+    Empty for a robot that is not made of links in space, such as a planar one given by its equations.
+    """
+    if not isinstance(robot, PinocchioModel):
+        return []
+    return _read_all(robot.visuals) or _read_all(robot.collisions) or skeleton(robot)
 
 
 def thinned(solid: Sequence[Part], budget: int) -> list[Part]:
@@ -55,21 +57,22 @@ def thinned(solid: Sequence[Part], budget: int) -> list[Part]:
     return coarse
 
 
-def skeleton(robot: RobotModel) -> list[Part]:
-    """A robot without shapes: at its reference configuration, a capsule from every joint to each next one."""
-    state = robot.state()
-    state.update(0.0, robot.q0, np.zeros(robot.nv))
-    frames = [state.frame(name) for name in robot.frame_names]
-    places = [(f.name, f.position.copy(), f.rotation.copy()) for f in frames]
-    reach = max((float(np.linalg.norm(p - places[0][1])) for _, p, _ in places), default=1.0) or 1.0
-    result = []
-    for before, after in zip(places[:-1], places[1:], strict=True):
-        along = before[2].T @ (after[1] - before[1])
+def skeleton(robot: PinocchioModel) -> list[Part]:
+    """A robot without shapes: in every link a capsule from its own joint to each of the next, and a box for a sole."""
+    reach = sum(float(np.linalg.norm(joint.origin.xyz)) for joint in robot.urdf.joints) / 10.0
+    radius = min(max(0.12 * reach, 0.01), 0.05)
+    bones = []
+    for joint in robot.urdf.joints:
+        along = np.array(joint.origin.xyz)
         length = float(np.linalg.norm(along))
-        if 1e-3 < length < 0.7 * reach:
-            vertices, faces = capsule(0.03 * reach, length)
-            result.append(Part(before[0], vertices @ _turn_z_to(along / length).T + along / 2, faces, LIGHT))
-    return result
+        if length > 0.5 * radius:
+            vertices, faces = capsule(radius, length)
+            bones.append(Part(joint.parent, vertices @ _turn_z_to(along / length).T + along / 2, faces, LIGHT))
+    for frame, foot in robot.feet.items():
+        if foot.half_size is not None:
+            vertices, faces = box((2 * foot.half_size[0], 2 * foot.half_size[1], 0.02))
+            bones.append(Part(frame, vertices + np.array(foot.origin) + [0.0, 0.0, 0.01], faces, DARK))
+    return bones
 
 
 # ---- primitives
@@ -112,6 +115,15 @@ def sphere(radius: float) -> tuple[Mat, Faces]:
 
 
 # ---- files, colours, thinning
+def _read_all(geometries: Sequence[Geometry]) -> list[Part]:
+    grouped: dict[tuple[str, Color], list[tuple[Mat, Faces]]] = defaultdict(list)
+    for geometry in geometries:
+        vertices, faces = _triangles(geometry)
+        if len(faces):
+            grouped[geometry.link, _color(geometry)].append(_moved(vertices, faces, geometry.origin.matrix))
+    return [Part(link, *_joined(pieces), color) for (link, color), pieces in grouped.items()]
+
+
 def _triangles(visual: Geometry) -> tuple[Mat, Faces]:
     match visual.shape:
         case Box(size):

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from io import BytesIO
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wbc.errors import NotSupported
 from wbc.report.document import Figure
+from wbc.report.measure import pushes, seconds
 from wbc.types import Vec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from wbc.control.recorder import Run
 
 INK, FAINT, PAPER = "#1f2a37", "#9aa5b1", "#eef1f4"
 BLUE, ORANGE, GREEN, RED, PURPLE, TEAL = "#2b6cb0", "#dd7a1f", "#2f8f5b", "#c53d3d", "#7a5bb5", "#1f9aa0"
@@ -21,7 +25,7 @@ CYCLE = (BLUE, ORANGE, GREEN, PURPLE, TEAL, "#8c6d46")
 WIDTH = 8.4
 POINTS = 1200
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {  # matplotlib's own names
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9,
@@ -40,6 +44,7 @@ _STYLE: dict[str, Any] = {
     "grid.color": "#e3e7eb",
     "grid.linewidth": 0.6,
     "text.color": INK,
+    "text.parse_math": False,
     "xtick.color": INK,
     "ytick.color": INK,
     "xtick.labelsize": 8,
@@ -124,7 +129,7 @@ def thinned(t: Vec, y: Vec, points: int = POINTS) -> tuple[Vec, Vec]:
     edges = np.linspace(0, n, stretches + 1).astype(int)
     filled = np.where(np.isnan(y), np.inf, y), np.where(np.isnan(y), -np.inf, y)
     keep = set()
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         keep.add(start + int(filled[0][start:end].argmin()))
         keep.add(start + int(filled[1][start:end].argmax()))
     index = np.array(sorted(keep | {0, n - 1}))
@@ -142,10 +147,24 @@ def curves(axes: Axes, t: Vec, values: Vec, labels: Iterable[str]) -> None:
         curve(axes, t, values[:, i], color=CYCLE[i % len(CYCLE)], label=label)
 
 
-def shade(axes: Axes, intervals: Iterable[tuple[float, float]], label: str = "") -> None:
-    """Mark intervals of time behind the curves; the first one carries the label."""
-    for i, (start, end) in enumerate(intervals):
-        axes.axvspan(start, end, color="#f3d9b1", alpha=0.7, linewidth=0, zorder=0, label=label if i == 0 else None)
+def legend(axes: Axes) -> None:
+    """The legend on the line of the title, so that it never lies on a curve."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.01, 0.985), ncols=6, columnspacing=1.0, handletextpad=0.5)
+
+
+def over_time(axes: Axes, run: Run, title: str, label: str) -> None:
+    """A time axis from 0 to the end of the run, its pushes shaded."""
+    shade(axes, pushes(run))
+    axes.set_xlim(0.0, max(seconds(run), 1e-9))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(label)
+    axes.set_title(title)
+
+
+def shade(axes: Axes, intervals: Iterable[tuple[float, float]]) -> None:
+    """Mark intervals of time behind the curves."""
+    for start, end in intervals:
+        axes.axvspan(start, end, color="#f3d9b1", alpha=0.7, linewidth=0, zorder=0)
 
 
 def bound(axes: Axes, value: float, text: str = "", *, vertical: bool = False) -> None:

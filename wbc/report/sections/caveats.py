@@ -21,7 +21,7 @@ def _evidence(result: ScenarioResult) -> list[str]:
     return [
         "One run" + (f" with seed {seed}" if seed is not None else "") + ": it shows that this happened, not how often "
         "it happens. Nothing here was measured on hardware.",
-        "An answer counts as solved when its own certificate holds: primal residual at most 1e-6 in the unit of the row, "
+        "An answer counts as solved when its own certificate holds: primal residual at most 1e-6 in the row's unit, "
         "stationarity and complementarity to 1e-6 relative to the cost. The largest residuals stand under Solver.",
     ]
 
@@ -30,8 +30,10 @@ def _model(result: ScenarioResult) -> list[str]:
     run = result.run
     plant = run.meta.get("plant") or {}
     kind = plant.get("plant", "the plant")
-    sentences = [f"The plant is {kind}; controller and plant were built from the same robot description, so the model is "
-                 "exact unless a disturbance above says otherwise."]  # fmt: skip
+    sentences = [
+        f"The plant is {kind}; controller and plant were built from the same robot description, so the model is exact "
+        "unless a disturbance says otherwise."
+    ]
     if not any("noise" in str(text) for text in run.meta.get("disturbances", [])):
         sentences.append("The controller was given the true state, base included: no sensor noise, no estimator.")
     if "plant.v" not in run:

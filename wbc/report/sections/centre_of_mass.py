@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.report import measure, style
 from wbc.report.document import Section
+from wbc.report.motion import ContactPoint
 from wbc.sim.scenario import ScenarioResult
 from wbc.types import Mat, Vec
 
@@ -38,7 +39,7 @@ def section(result: ScenarioResult) -> Section | None:
         time.set_xlabel("time [s]")
         time.set_ylabel("displacement [mm]")
         time.set_xlim(t[0], max(t[-1], t[0] + 1e-9))
-        time.legend(loc="upper right", ncols=3)
+        style.legend(time)
         caption = (
             "Left: the centre of mass seen from above, over the contacts as they were at the start and their hull. "
             "Right: its displacement. Shaded: a push."
@@ -65,11 +66,11 @@ def _soles(result: ScenarioResult) -> list[Mat]:
     for contact in run.meta.get("contacts", {}).values():
         if contact.get("frame") not in robot.frame_names:
             continue
-        frame = state.frame(contact["frame"])
+        rotation, point = state.frame(contact["frame"]).rotation, ContactPoint.of(robot, contact["frame"]).at(state)
         x, y = contact.get("half_size") or (0.0, 0.0)
         signs = ((1, 1), (1, -1), (-1, -1), (-1, 1)) if x else ((0, 0),)
-        corners = [frame.position + frame.rotation @ np.array([sx * x, sy * y, 0.0]) for sx, sy in signs]
-        soles.append(np.array(corners)[:, :2].copy())
+        corners = [point + rotation @ np.array([sx * x, sy * y, 0.0]) for sx, sy in signs]
+        soles.append(np.array(corners)[:, :2])
     return soles
 
 
@@ -92,4 +93,4 @@ def _seen_from_above(axes: Axes, com: Mat, soles: list[Mat]) -> None:
     axes.set_title("Seen from above")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.legend(loc="upper right", ncols=2)
+    style.legend(axes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -25,57 +25,50 @@ def section(result: ScenarioResult) -> Section | None:
     if not names or not run.rows:
         return None
     rows = [_row(run, name) for name in names]
-    columns = ("contact", "friction", "smallest f_z [N]", "largest f_z [N]", "largest ratio, commanded",
-               "largest ratio, true", "CoP margin, true [mm]", "slip [mm]")  # fmt: skip
+    columns = ("contact", "friction", "ratio, commanded", "ratio, true", "f_z min [N]", "f_z max [N]",
+               "CoP margin [mm]", "slip [mm]")  # fmt: skip
     note = (
-        "Ratio: tangential over normal force, to be compared with the friction coefficient. CoP margin: smallest "
-        "distance of the true centre of pressure to the edge of the sole. Slip: way of the material point of contact."
+        "Ratio: tangential over normal force at worst, to be compared with the friction coefficient the controller "
+        "counts on. CoP margin: smallest distance of the true centre of pressure to the edge of the sole. Slip: "
+        "largest way of the material point of contact. A dash: not measured."
     )
     return Section("Contact forces in their cones", [_figure(run, names), Table(columns, rows, note)])
 
 
 def _figure(run: Run, names: list[str]) -> Figure:
-    pushes = measure.pushes(run)
-    with style.Canvas(len(names), 3, height=0.5 + 2.05 * len(names), widths=(1.25, 1.25, 1)) as canvas:
+    soles = any(run.meta["contacts"][name].get("half_size") for name in names)
+    columns, widths = (3, (1.25, 1.25, 1.0)) if soles else (2, (1.0, 1.0))
+    with style.Canvas(len(names), columns, height=0.4 + (2.0 if soles else 1.6) * len(names), widths=widths) as canvas:
         for i, name in enumerate(names):
-            normal, ratio, cop = canvas.axes[3 * i : 3 * i + 3]
-            _normal(normal, run, name)
-            _ratio(ratio, run, name)
-            _cop(cop, run, name)
-            for axes in (normal, ratio):
-                style.shade(axes, pushes)
-                axes.set_xlim(0, max(measure.seconds(run), 1e-9))
-                if i == len(names) - 1:
-                    axes.set_xlabel("time [s]")
+            normal, ratio, *rest = canvas.axes[columns * i : columns * (i + 1)]
+            _curves(normal, run, name, "normal")
+            style.over_time(normal, run, name, "normal force [N]")
+            normal.set_ylim(bottom=min(0.0, normal.get_ylim()[0]))
+            _curves(ratio, run, name, "ratio")
+            style.over_time(ratio, run, "", "tangential / normal")
+            style.legend(ratio)
+            _friction(ratio, run.meta["contacts"][name].get("friction"))
+            for axes in rest:
+                _cop(axes, run, name)
+            for axes in (normal, ratio) if i < len(names) - 1 else ():
+                axes.set_xlabel("")
         caption = (
-            "Normal force, tangential over normal force against the friction coefficient, and the path of the centre "
-            "of pressure inside the sole, for each contact. Blue: commanded; orange: what the plant measured."
+            "Normal force, tangential over normal force against the friction coefficient"
+            + (", and the path of the centre of pressure inside the sole. " if soles else ". ")
+            + "Blue: commanded; orange: what the plant measured."
         )
         return canvas.figure("contacts", caption)
 
 
-def _normal(axes: Axes, run: Run, name: str) -> None:
-    t = measure.times(run)
+def _curves(axes: Axes, run: Run, name: str, quantity: Literal["normal", "ratio"]) -> None:
     for true, colour, label in ((True, TRUE, "true"), (False, COMMANDED, "commanded")):
         track = measure.contact_track(run, name, true=true)
         if track is not None:
-            style.curve(axes, t, track.normal, color=colour, label=label)
-    axes.set_title(name)
-    axes.set_ylabel("normal force [N]")
-    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.18 * (high - low))
-    axes.legend(loc="upper right", ncols=2, reverse=True)
+            values = track.normal if quantity == "normal" else track.ratio
+            style.curve(axes, measure.times(run), values, color=colour, label=label, linewidth=0.9)
 
 
-def _ratio(axes: Axes, run: Run, name: str) -> None:
-    t, contact = measure.times(run), run.meta["contacts"][name]
-    for true, colour in ((True, TRUE), (False, COMMANDED)):
-        track = measure.contact_track(run, name, true=true)
-        if track is not None:
-            style.curve(axes, t, track.ratio, color=colour)
-    axes.set_ylabel("tangential / normal")
-    friction = contact.get("friction")
+def _friction(axes: Axes, friction: float | None) -> None:
     if friction is not None:
         style.bound(axes, float(friction), f"friction {float(friction):g}")
         axes.set_ylim(0, max(1.25 * float(friction), 1.05 * axes.get_ylim()[1]))
@@ -95,9 +88,10 @@ def _cop(axes: Axes, run: Run, name: str) -> None:
         if track is not None and track.cop is not None:
             step = max(1, len(track.cop) // 1500)
             axes.plot(*(1e3 * track.cop[::step]).T, color=colour, linewidth=0.8)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.set_xlim(-1.15 * x, 1.15 * x)
     axes.set_ylim(-1.3 * y, 1.3 * y)
+    axes.set_title("")
     axes.set_xlabel("CoP x [mm]")
     axes.set_ylabel("CoP y [mm]")
 
@@ -112,6 +106,6 @@ def _row(run: Run, name: str) -> tuple[Any, ...]:
         gap = np.asarray(contact["half_size"], dtype=float) - np.abs(track.cop)
         margin = 1e3 * float(np.nanmin(gap, initial=np.inf))
     slip = measure.slip(run, name)
-    largest = [None if part is None else float(np.nanmax(part.ratio, initial=0.0)) for part in (commanded, true)]
-    return (name, contact.get("friction"), float(track.normal.min()), float(track.normal.max()), *largest, margin,
+    worst = [None if part is None else float(np.nanmax(part.ratio, initial=0.0)) for part in (commanded, true)]
+    return (name, contact.get("friction"), *worst, float(track.normal.min()), float(track.normal.max()), margin,
             None if slip is None else 1e3 * slip)  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 
 from wbc.report import measure, style
 from wbc.report.document import Figure, Item, Section, Table
-from wbc.report.sections.use import short_names, use_figure, use_table
+from wbc.report.sections.use import name_joints, short_names, use_figure, use_table
 from wbc.sim.scenario import ScenarioResult
 
 
@@ -17,13 +17,11 @@ def section(result: ScenarioResult) -> Section | None:
         return None
     _, velocity = measure.joint_state(run)
     share = measure.use(run)["velocity"]
-    caption = (
-        "Left: the fastest joints relative to their limits, all others in grey. Right: largest and rms of every joint."
-    )
+    caption = "Share of the velocity limit: the fastest joints over time, and largest and rms of every joint."
     units = [f"{unit}/s" for unit in run.meta.get("joint_units", [])]
     items: list[Item] = [
         use_figure(run, share, "velocities", "|v| / v_max", caption),
-        use_table(run, velocity, share, measure.limits(run)["v_max"], units, "velocity"),
+        use_table(run, velocity, share, measure.limits(run)["v_max"], units, kind="velocity"),
         _ranges(result),
         _position_table(result),
     ]
@@ -40,24 +38,19 @@ def _ranges(result: ScenarioResult) -> Figure:
     reached = [(edge(q, axis=0) - np.where(bounded, low, 0.0)) / span for edge in (np.min, np.max)]
     start = (q[0] - np.where(bounded, low, 0.0)) / span
     names = short_names(run.meta["joint_names"])
-    with style.Canvas(height=0.9 + 0.17 * len(names)) as canvas:
+    with style.Canvas(height=3.0) as canvas:
         axes = canvas.axes[0]
-        rows = np.arange(len(names))[::-1]
-        for y, lo, hi, at, ok in zip(rows, *reached, start, bounded, strict=True):
-            axes.barh(y, 1.0, left=0.0, height=0.62, color=style.PAPER, linewidth=0)
+        for x, (lo, hi, at, ok) in enumerate(zip(*reached, start, bounded, strict=True)):
+            axes.bar(x, 1.0, width=0.62, color=style.PAPER, linewidth=0)
             if not ok:
-                axes.text(0.5, y, "no limit", ha="center", va="center", fontsize=7, color=style.FAINT)
+                axes.text(x, 0.5, "no limit", ha="center", va="center", fontsize=7, color=style.FAINT, rotation=90)
                 continue
-            broken = lo < -1e-9 or hi > 1 + 1e-9
-            axes.barh(
-                y, max(hi - lo, 0.004), left=lo, height=0.62, color=style.RED if broken else style.BLUE, linewidth=0
-            )
-            axes.plot([at], [y], marker="|", color=style.ORANGE, markersize=7, markeredgewidth=1.6)
-        axes.set_yticks(rows, names, fontsize=7.5)
-        axes.set_ylim(-0.7, len(names) - 0.3)
-        axes.set_xlim(-0.02, 1.02)
-        axes.set_xticks([0, 0.25, 0.5, 0.75, 1], ["lower limit", "25 %", "50 %", "75 %", "upper limit"])
-        axes.grid(axis="y", visible=False)
+            colour = style.RED if lo < -1e-9 or hi > 1 + 1e-9 else style.BLUE
+            axes.bar(x, max(hi - lo, 0.006), bottom=lo, width=0.62, color=colour, linewidth=0)
+            axes.plot([x], [at], marker="_", color=style.ORANGE, markersize=7, markeredgewidth=1.6)
+        name_joints(axes, names)
+        axes.set_ylim(-0.03, 1.03)
+        axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["lower limit", "25 %", "50 %", "75 %", "upper limit"])
         axes.set_title("Positions reached between the limits")
         caption = (
             "Blue: the range each joint went through, relative to its limits; red: beyond them. Orange: where it began."

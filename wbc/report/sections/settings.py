@@ -24,6 +24,10 @@ def section(result: ScenarioResult) -> Section:
         rows = [(name, shown(value)) for name, value in _flat(meta.get(key) or {})]
         if rows:
             items.append(Table((key, "value"), rows, caption))
+    if meta.get("stack"):
+        items.append(
+            Table(("stack",), [(line,) for line in str(meta["stack"]).splitlines()], "The stack.", folded=True)
+        )
     robot = result.robot
     if robot is not None:
         rows_robot: list[tuple[str, Cell]] = [

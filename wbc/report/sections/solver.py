@@ -28,11 +28,7 @@ def section(result: ScenarioResult) -> Section | None:
                 style.curve(
                     axes, measure.times(run), np.asarray(run[name], dtype=float), color=style.BLUE, linewidth=0.8
                 )
-                style.shade(axes, measure.pushes(run))
-                axes.set_title(label.capitalize())
-                axes.set_xlabel("time [s]")
-                axes.set_ylabel(label)
-                axes.set_xlim(0, max(measure.seconds(run), 1e-9))
+                style.over_time(axes, run, label.capitalize(), label)
                 axes.set_ylim(bottom=0)
             items.append(canvas.figure("solver", "Rows at a limit, and iterations of the solver, on every tick."))
     return Section("Solver", items)

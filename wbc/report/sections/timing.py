@@ -47,31 +47,27 @@ def _figure(result: ScenarioResult) -> Figure:
         _plain_numbers(histogram.xaxis, low, high)
         histogram.set_xlabel("time of one tick [µs]")
         histogram.set_ylabel("ticks")
-        histogram.set_title("Histogram")
-        top = histogram.get_ylim()[1]
-        histogram.set_ylim(0.7, top * 3.0)
+        histogram.set_ylim(bottom=0.7)
+        _plain_numbers(histogram.yaxis, 1.0, float(run.rows))
         lines = (("median", times.median, style.INK), ("p99", times.p99, style.ORANGE), ("max", times.max, style.RED))
         for name, value, colour in lines:
             histogram.axvline(value, color=colour, linewidth=1.0, label=f"{name} {value:.0f} µs")
-        histogram.legend(loc="upper center", ncols=3, columnspacing=1.0)
+        histogram.legend(loc="lower left", bbox_to_anchor=(-0.02, 0.985), ncols=3, columnspacing=1.0, handletextpad=0.5)
         style.curve(over_time, t, tick, color=style.BLUE, linewidth=0.7)
-        style.shade(over_time, measure.pushes(run))
         over_time.set_yscale("log")
         _plain_numbers(over_time.yaxis, low, high)
-        over_time.set_xlabel("time [s]")
-        over_time.set_ylabel("time of one tick [µs]")
-        over_time.set_title("Over the run")
-        over_time.set_xlim(0, max(measure.seconds(run), 1e-9))
+        style.over_time(over_time, run, "Over the run", "time of one tick [µs]")
         return canvas.figure("tick_time", "Wall-clock time of every tick, on logarithmic axes.")
 
 
 def _plain_numbers(axis: object, low: float, high: float) -> None:
-    """Ticks at 1, 2, 5 × 10^k written as plain numbers."""
+    """Marks at powers of ten, and at 2 and 5 times those where there is room, written as plain numbers."""
     from matplotlib.axis import Axis
     from matplotlib.ticker import FixedLocator, NullLocator
 
     assert isinstance(axis, Axis), "an axis of a figure"
-    places = [m * 10.0**k for k in range(-3, 8) for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+    steps = (1, 2, 5) if high < 200 * low else (1,)
+    places = [m * 10.0**k for k in range(-3, 8) for m in steps if low <= m * 10.0**k <= high]
     axis.set_major_locator(FixedLocator(places))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(lambda x, _: f"{x:g}")

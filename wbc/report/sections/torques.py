@@ -14,10 +14,8 @@ def section(result: ScenarioResult) -> Section | None:
     share = measure.use(run).get("torque")
     if share is None or not share.size:
         return None
-    caption = (
-        "Left: the hardest worked joints over time, all others in grey. Right: largest and rms share of every joint."
-    )
+    caption = "Share of the torque limit: the hardest worked joints over time, and largest and rms of every joint."
     bound = measure.limits(run)["tau_max"]
     units = ["N m" if unit == "rad" else "N" for unit in run.meta.get("joint_units", [])]
-    table = use_table(run, run.columns["tau"], share, bound, units, "torque")
+    table = use_table(run, run.columns["tau"], share, bound, units, kind="torque")
     return Section("Torques against limits", [use_figure(run, share, "torques", "|τ| / τ_max", caption), table])

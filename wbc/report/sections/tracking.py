@@ -24,7 +24,7 @@ def section(result: ScenarioResult) -> Section | None:
     if not parts:
         return None
     caption = (
-        "Error of each task, target − actual; where a task has many rows, the largest and the rms of all of them. "
+        "Error of each task, target − actual; of a task with many rows, the largest and the rms over its rows. "
         "Shaded: a push."
     )
     rows = []
@@ -43,32 +43,25 @@ def section(result: ScenarioResult) -> Section | None:
 
 
 def _figure(result: ScenarioResult, parts: list[tuple[str, str, Vec]], caption: str) -> Figure:
-    run = result.run
-    t, pushes = measure.times(run), measure.pushes(run)
     columns = 1 if len(parts) == 1 else 2
     rows = -(-len(parts) // columns)
-    with style.Canvas(rows, columns, height=0.35 + 1.75 * rows) as canvas:
+    with style.Canvas(rows, columns, height=0.3 + 1.85 * rows) as canvas:
         for axes, (task, unit, error) in zip(canvas.axes, parts, strict=False):
-            _draw(axes, t, task, unit, error)
-            style.shade(axes, pushes)
+            factor, shown = style.readable(unit)
+            _draw(axes, measure.times(result.run), factor * error)
+            style.over_time(axes, result.run, task, f"error [{shown}]" if shown else "error")
+            style.legend(axes)
         for axes in canvas.axes[len(parts) :]:
             axes.set_visible(False)
-        for axes in canvas.axes[max(0, len(parts) - columns) : len(parts)]:
-            axes.set_xlabel("time [s]")
+        for axes in canvas.axes[: max(0, len(parts) - columns)]:
+            axes.set_xlabel("")
         return canvas.figure("tracking", caption)
 
 
-def _draw(axes: Axes, t: Vec, task: str, unit: str, error: Vec) -> None:
-    factor, shown = style.readable(unit)
+def _draw(axes: Axes, t: Vec, error: Vec) -> None:
     k = error.shape[1]
     if k <= len(AXES):
-        style.curves(axes, t, factor * error, AXES[:k] if k > 1 else ("error",))
+        style.curves(axes, t, error, AXES[:k] if k > 1 else ("error",))
     else:
-        style.curve(axes, t, factor * np.abs(error).max(axis=1), color=style.BLUE, label=f"largest of {k} rows")
-        style.curve(axes, t, factor * np.sqrt((error**2).mean(axis=1)), color=style.ORANGE, label="rms of all rows")
-    axes.set_title(task)
-    axes.set_ylabel(f"error [{shown}]" if shown else "error")
-    axes.set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
-    axes.legend(loc="upper right", ncols=3)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.22 * (high - low))
+        style.curve(axes, t, np.abs(error).max(axis=1), color=style.BLUE, label=f"largest of {k}")
+        style.curve(axes, t, np.sqrt((error**2).mean(axis=1)), color=style.ORANGE, label="rms")

@@ -16,30 +16,31 @@ if TYPE_CHECKING:
 
     from wbc.control.recorder import Run
 
-WORST = 5
+WORST = 4
 
 
 def use_figure(run: Run, share: Vec, name: str, label: str, caption: str) -> Figure:
     """``share`` (N, nj) of a limit over time for the worst joints, and its peak and rms for all of them."""
     names = short_names(run.meta["joint_names"])
     peak, rms = share.max(axis=0), np.sqrt((share**2).mean(axis=0))
-    worst = [int(i) for i in np.argsort(-peak)[:WORST]]
-    top = max(1.06 * float(peak.max()), 0.1)
-    with style.Canvas(1, 2, height=max(2.9, 0.9 + 0.155 * len(names)), widths=(1.5, 1)) as canvas:
+    worst = [int(i) for i in np.argsort(-peak, kind="stable")[:WORST]]
+    top = max(float(peak.max(initial=0.0)), 0.02)
+    with style.Canvas(2, 1, height=5.0) as canvas:
         over_time, per_joint = canvas.axes
-        _over_time(over_time, run, share, [(i, names[i]) for i in worst])
-        over_time.set_ylabel(label)
-        _per_joint(per_joint, names, peak, rms)
-        per_joint.set_xlabel(label)
-        for axes, is_x in ((over_time, False), (per_joint, True)):
-            (axes.set_xlim if is_x else axes.set_ylim)(0, 1.08 if top > 0.5 else top)
-            (axes.xaxis if is_x else axes.yaxis).set_major_formatter(lambda x, _: f"{100 * x:.3g} %")
+        _curves(over_time, run, share, [(i, names[i]) for i in worst])
+        style.over_time(over_time, run, "Over time", label)
+        _bars(per_joint, names, peak, rms)
+        per_joint.set_ylabel(label)
+        for axes in canvas.axes:
+            axes.set_ylim(0.0, 1.12 * max(top, 1.0) if top > 0.5 else 1.08 * top)
+            axes.yaxis.set_major_formatter(lambda x, _: f"{100 * x:.3g} %")
+            style.legend(axes)
             if top > 0.5:
-                style.bound(axes, 1.0, "limit", vertical=is_x)
+                style.bound(axes, 1.0, "limit")
         return canvas.figure(name, caption)
 
 
-def use_table(run: Run, values: Vec, share: Vec, bound: Vec, units: Sequence[str], kind: str) -> Table:
+def use_table(run: Run, values: Vec, share: Vec, bound: Vec, units: Sequence[str], *, kind: str) -> Table:
     """Every joint's largest absolute value, limit and share, the most used first."""
     order = np.argsort(-share.max(axis=0), kind="stable")
     names = run.meta["joint_names"]
@@ -58,30 +59,28 @@ def short_names(names: Sequence[str]) -> list[str]:
     return [name.removesuffix("_joint") for name in names] if all(n.endswith("_joint") for n in names) else list(names)
 
 
-def _over_time(axes: Axes, run: Run, share: Vec, worst: Sequence[tuple[int, str]]) -> None:
+def name_joints(axes: Axes, names: Sequence[str]) -> None:
+    """One place on the x axis for each joint, its name upright below it where there are many."""
+    many = len(names) > 8
+    axes.set_xticks(range(len(names)), names, rotation=90 if many else 0, fontsize=7 if many else 8)
+    axes.set_xlim(-0.6, len(names) - 0.4)
+    axes.grid(axis="x", visible=False)
+
+
+def _curves(axes: Axes, run: Run, share: Vec, worst: Sequence[tuple[int, str]]) -> None:
     t = measure.times(run)
-    style.shade(axes, measure.pushes(run))
     shown = {i for i, _ in worst}
     others = [i for i in range(share.shape[1]) if i not in shown]
     if others:
-        style.curve(
-            axes, t, share[:, others].max(axis=1), color=style.FAINT, label="largest of the others", linewidth=0.9
-        )
-    for k, (i, name) in enumerate(worst):
+        style.curve(axes, t, share[:, others].max(axis=1), color=style.FAINT, label="largest other", linewidth=0.9)
+    for k, (i, name) in reversed(list(enumerate(worst))):
         style.curve(axes, t, share[:, i], color=style.CYCLE[k], label=name)
-    axes.set_title("Most used")
-    axes.set_xlabel("time [s]")
-    axes.set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
-    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.13), ncols=3, columnspacing=1.2)
 
 
-def _per_joint(axes: Axes, names: Sequence[str], peak: Vec, rms: Vec) -> None:
-    rows = np.arange(len(names))[::-1]
+def _bars(axes: Axes, names: Sequence[str], peak: Vec, rms: Vec) -> None:
+    places = np.arange(len(names))
     colours = [style.RED if p > 1 + 1e-9 else style.BLUE for p in peak]
-    axes.barh(rows, peak, height=0.62, color=[c + "55" for c in colours], linewidth=0, label="largest")
-    axes.barh(rows, rms, height=0.62, color=colours, linewidth=0, label="rms")
-    axes.set_yticks(rows, names, fontsize=7)
-    axes.set_ylim(-0.7, len(names) - 0.3)
-    axes.grid(axis="y", visible=False)
+    axes.bar(places, peak, width=0.62, color=[c + "55" for c in colours], linewidth=0, label="largest")
+    axes.bar(places, rms, width=0.62, color=colours, linewidth=0, label="rms")
+    name_joints(axes, names)
     axes.set_title("Every joint")
-    axes.legend(loc="lower right", reverse=True)
