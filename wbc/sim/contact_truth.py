@@ -20,7 +20,8 @@ class ContactTruth:
     """Sums up the contact forces of each foot over the substeps of one step.
 
     wrench       (6,) mean over the step on the robot, force [N] before moment [N m] about the contact point, in the
-                 axes of the surface: a sole's own; for a ball the world's, about the lowest point of the ball
+                 axes of the surface: z the floor's normal, which friction is about, however the foot leans; x as the
+                 sole's. A ball's are fixed in the world, and its point is the lowest
     slip         (2,) [m] world x and y, accumulated: the tangential velocity of the robot's material at each contact
                  point, weighted by the normal forces there, integrated while the foot is loaded. A ball that rolls
                  does not slip
@@ -89,10 +90,16 @@ class ContactTruth:
         foot, body = self._feet[i], self._bodies[i]
         rotation, position = data.xmat[body].reshape(3, 3), data.xpos[body]
         if foot.half_size is None:
-            axes = np.eye(3)
-            point = position + rotation @ foot.balls[0][0] - [0.0, 0.0, foot.balls[0][1]]
+            axes, (centre, radius) = foot.rotation, foot.balls[0]
+            point = position + rotation @ centre - radius * axes[:, 2]
         else:
-            axes = rotation @ foot.rotation
+            axes = _on_floor((rotation @ foot.rotation)[:, 0])
             point = position + rotation @ foot.origin
         force, moment = forces.sum(axis=0), np.cross(points - point, forces).sum(axis=0)
         return np.concatenate([axes.T @ force, axes.T @ moment])
+
+
+def _on_floor(along: Vec) -> Mat:
+    """Axes (3, 3) with z up and x as ``along`` (3,), seen from above."""
+    x, y = along[:2] / np.hypot(along[0], along[1])
+    return np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])

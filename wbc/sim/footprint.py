@@ -42,8 +42,9 @@ class Footprint:
     """What touches the floor for one contact, in the axes of the link it is fixed to.
 
     A rectangle of ``half_size`` (2,) [m] in the plane z = 0 of ``rotation`` (3, 3) and ``origin`` (3,); or, with
-    ``half_size`` None, a ball about ``origin``. ``balls`` are (centre (3,), radius) [m]: the ball itself, or what
-    stands for the rectangle; none means a box. ``friction`` is the plant's coefficient.
+    ``half_size`` None, a ball about ``origin``, and ``rotation`` is that of the surface in the world. ``balls`` are
+    (centre (3,), radius) [m]: the ball itself, or what stands for the rectangle; none means a box. ``friction`` is
+    the plant's coefficient.
     """
 
     name: str
@@ -90,7 +91,7 @@ def footprints(
             found[name] = Footprint(name, link, mu, rotation, origin, half_size, standing)
         elif isinstance(contact, _Round):
             ball = (np.zeros(3), max(float(contact.radius), POINT_RADIUS))
-            found[name] = Footprint(name, link, mu, np.eye(3), np.zeros(3), None, (ball,))
+            found[name] = Footprint(name, link, mu, anchor.rotation, np.zeros(3), None, (ball,))
         else:
             raise NotSupported(f"contact {name!r} has neither half_size nor radius: physics cannot build it")
     return list(found.values())

@@ -1,0 +1,111 @@
+"""Physics and model are the same robot, or there is no plant."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the extra `sim`")
+
+from wbc.errors import InvalidInput, ModelError, SimulationError, UnknownFrame
+from wbc.models import load
+from wbc.sim.engine import PhysicsSettings
+from wbc.sim.mujoco_ import MujocoPlant
+
+pytestmark = pytest.mark.physics
+
+
+def with_links(model, change):
+    """The model, and a description in which some links are changed behind its back."""
+    other = copy.copy(model)
+    other.urdf = replace(model.urdf, links=tuple(change(link) for link in model.urdf.links))
+    return other
+
+
+@pytest.mark.parametrize(("name", "base"), [("arm", "fixed"), ("quadruped", "floating"), ("humanoid", "floating")])
+def test_our_robots_are_the_same_in_physics(name, base):
+    plant = MujocoPlant(load(name, base=base))
+    assert set(plant.agreement) == {"total mass", "M", "h", "a"}
+    assert max(plant.agreement.values()) < 1e-11
+
+
+def test_an_arm_on_a_floating_base_is_a_robot_too():
+    assert max(MujocoPlant(load("arm", base="floating")).agreement.values()) < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["talos", "g1", "go2", "panda"])
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_example_robots_are_the_same_in_physics(name):
+    try:
+        model = load(name)
+    except ModelError as missing:
+        pytest.skip(str(missing))
+    assert max(MujocoPlant(model).agreement.values()) < 1e-11
+
+
+def test_settings_that_are_the_plants_own_do_not_count():
+    settings = PhysicsSettings(armature=0.1, joint_damping=1.0, joint_friction=0.5)
+    assert max(MujocoPlant(load("arm"), settings=settings).agreement.values()) < 1e-11
+
+
+def test_a_lost_gram_is_found():
+    def lighter(link):
+        return (
+            replace(link, inertial=replace(link.inertial, mass=link.inertial.mass - 1e-3))
+            if link.name == "trunk"
+            else link
+        )
+
+    with pytest.raises(SimulationError, match=r"quadruped are not the same robot: total mass by 6\.\de-05, M by"):
+        MujocoPlant(with_links(load("quadruped"), lighter))
+
+
+def test_an_inertia_that_is_off_by_a_millionth_is_found():
+    def rounder(link):
+        if link.name != "forearm":
+            return link
+        return replace(link, inertial=replace(link.inertial, inertia=tuple(1.0001 * x for x in link.inertial.inertia)))
+
+    with pytest.raises(SimulationError, match="not the same robot: M by"):
+        MujocoPlant(with_links(load("arm"), rounder))
+
+
+def test_a_description_of_another_robot_is_refused():
+    other = copy.copy(load("arm"))
+    other.urdf = load("quadruped").urdf
+    with pytest.raises(SimulationError, match="MuJoCo has no joint 'shoulder_yaw', which arm has"):
+        MujocoPlant(other)
+
+
+def test_a_robot_that_physics_cannot_build_is_refused_with_its_reason():
+    def weightless(link):
+        return replace(link, inertial=None) if link.name == "forearm" else link
+
+    with pytest.raises(SimulationError, match="MuJoCo cannot build arm: .*mass"):
+        MujocoPlant(with_links(load("arm"), weightless))
+
+
+def test_a_joint_without_torque_is_refused():
+    arm = load("arm")
+    weak = arm.replace(limits=replace(arm.limits, tau_max=np.zeros(arm.nj)))
+    with pytest.raises(SimulationError, match="joint 'shoulder_yaw' has a torque limit of 0: no actuator can move it"):
+        MujocoPlant(weak)
+
+
+def test_arguments_are_checked_by_name(standing):
+    with pytest.raises(InvalidInput, match="needs one that wbc.load made from a URDF"):
+        MujocoPlant(object())
+    with pytest.raises(InvalidInput, match="sole_geometry is 'disc'"):
+        MujocoPlant(load("arm"), sole_geometry="disc")
+    with pytest.raises(InvalidInput, match="integrator is 'rk4'"):
+        PhysicsSettings(integrator="rk4")
+    with pytest.raises(InvalidInput, match="friction is -1"):
+        MujocoPlant(load("quadruped"), contacts=standing(load("quadruped")), friction=-1.0)
+    joint = standing(load("quadruped"))
+    joint[0].frame = "front_left_knee"
+    with pytest.raises(UnknownFrame, match="no frame 'front_left_knee'.*a contact must be on a link"):
+        MujocoPlant(load("quadruped"), contacts=joint)

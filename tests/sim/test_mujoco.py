@@ -1,0 +1,246 @@
+"""What physics must do whatever the engine: keep momentum, carry weight, slide, fall; and tell the truth about it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
+
+from tasks import Sinusoid
+from wbc.errors import SimulationError, UnknownFrame
+from wbc.models import load
+from wbc.sim.engine import PhysicsSettings
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.plant import ForwardDynamicsPlant
+
+pytestmark = pytest.mark.physics
+
+QUADRUPED, HUMANOID, ARM = load("quadruped"), load("humanoid"), load("arm")
+
+
+def momentum(model, q, v):
+    """Linear momentum [N s]."""
+    state = model.state()
+    state.update(0.0, q, v)
+    return model.mass * state.com_jacobian @ v
+
+
+def stand(plant, controller, seconds):
+    """Let a robot stand; the plant's truth at the end."""
+    for _ in range(round(seconds / plant.dt)):
+        plant.step(controller.tick(plant.t, plant.q, plant.v))
+    return plant.truth()
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**31), st.sampled_from([QUADRUPED, ARM]))
+def test_a_state_put_into_physics_comes_back(seed, model):
+    random = np.random.default_rng(seed)
+    plant = PLANTS[model.name]
+    q, v = model.random_configuration(random), random.standard_normal(model.nv)
+    plant._bridge.write(plant.data, q, v)
+    q_back, v_back = plant._bridge.read(plant.data)
+    np.testing.assert_allclose(q_back, q, atol=1e-12)
+    np.testing.assert_allclose(v_back, v, atol=1e-12)
+
+
+PLANTS = {model.name: MujocoPlant(model) for model in (QUADRUPED, ARM)}
+
+
+def test_both_rigid_body_plants_move_an_arm_the_same_way(command):
+    plants = [
+        ForwardDynamicsPlant(ARM, dt=1e-3, substeps=10),
+        MujocoPlant(ARM, dt=1e-3, substeps=10, settings=PhysicsSettings(integrator="euler", joint_stops=False)),
+    ]
+    for plant in plants:
+        plant.reset(ARM.q0, 0.1 * np.ones(ARM.nv))
+        for k in range(100):
+            plant.step(command(ARM, tau=3.0 * np.sin(0.05 * k + np.arange(ARM.nj))))
+    moved = np.abs(plants[0].q - ARM.q0).max()
+    assert moved > 0.1
+    np.testing.assert_allclose(plants[1].q, plants[0].q, atol=1e-3 * moved)
+    assert plants[1].t == plants[0].t
+
+
+def test_a_push_in_free_flight_changes_the_momentum_by_its_impulse(command):
+    plant = MujocoPlant(QUADRUPED, floor=-100.0)
+    force = np.array([5.0, -20.0, 30.0])
+    for _ in range(100):
+        plant.push("trunk", force)
+        np.testing.assert_array_equal(plant.pushed, force)
+        plant.step(command(QUADRUPED))
+    expected = 0.1 * (force + QUADRUPED.mass * QUADRUPED.gravity)
+    np.testing.assert_allclose(momentum(QUADRUPED, plant.q, plant.v), expected, rtol=1e-3, atol=1e-3)
+    np.testing.assert_array_equal(plant.pushed, 0.0)
+
+
+@pytest.mark.parametrize("model", [QUADRUPED, HUMANOID], ids=lambda model: model.name)
+@pytest.mark.parametrize("sole_geometry", ["box", "spheres"])
+def test_the_feet_carry_the_weight(model, sole_geometry, standing, stander):
+    plant = MujocoPlant(model, contacts=standing(model), sole_geometry=sole_geometry)
+    plant.reset(plant.on_floor(model.q0))
+    truth = stand(plant, stander(model), 0.4)
+    forces = np.array([value for name, value in truth.items() if name.startswith("plant.f.")])
+    weight = model.mass * 9.81
+    assert abs(forces[:, 2].sum() - weight) < 0.02 * weight
+    assert np.abs(forces[:, :2].sum(axis=0)).max() < 0.02 * weight
+    for name, value in truth.items():
+        if name.startswith("plant.penetration."):
+            assert 0.0 < value < 1e-3
+        if name.startswith("plant.slip."):
+            assert np.linalg.norm(value) < 1e-3
+
+
+def test_substeps_average_the_wrench_and_leave_the_weight_as_it_is(standing, stander):
+    plant = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED), dt=2e-3, substeps=4)
+    truth = stand(plant, stander(QUADRUPED, dt=2e-3), 0.4)
+    weight = sum(value[2] for name, value in truth.items() if name.startswith("plant.f."))
+    assert abs(weight - QUADRUPED.mass * 9.81) < 0.02 * QUADRUPED.mass * 9.81
+
+
+def test_the_moment_of_a_sole_says_where_the_robot_stands(standing, stander):
+    """CoP = (−m_y, m_x) / f_z of each sole, and together below the centre of mass of a robot at rest."""
+    contacts = standing(HUMANOID)
+    plant = MujocoPlant(HUMANOID, contacts=contacts)
+    truth = stand(plant, stander(HUMANOID), 0.6)
+    state = HUMANOID.state()
+    state.update(0.0, plant.q, plant.v)
+    centres, loads = [], []
+    for contact in contacts:
+        f = truth[f"plant.f.{contact.name}"]
+        cop = np.array([-f[4], f[3]]) / f[2]
+        assert (np.abs(cop) <= np.array(contact.half_size) + 1e-4).all()
+        anchor = contact.anchor(state)
+        centres.append((anchor.position + anchor.rotation @ [*cop, 0.0])[:2])
+        loads.append(f[2])
+    np.testing.assert_allclose(np.average(centres, axis=0, weights=loads), state.com[:2], atol=5e-3)
+
+
+def slips(plant):
+    return np.array([value for name, value in plant.truth().items() if name.startswith("plant.slip.")])
+
+
+def positions(model, q, frames):
+    """Of the frames' origins, one row each."""
+    state = model.state()
+    state.update(0.0, q, np.zeros(model.nv))
+    return np.array([state.frame(name).position.copy() for name in frames])
+
+
+def test_soles_that_slide_over_ice_slip_as_far_as_they_move(standing, stander):
+    plant, v = MujocoPlant(HUMANOID, contacts=standing(HUMANOID), friction=1e-4), np.zeros(HUMANOID.nv)
+    v[:2] = 0.3, -0.4
+    plant.reset(HUMANOID.q0, v)
+    held = stander(HUMANOID).tick(0.0, HUMANOID.q0, 0.0 * v)
+    for _ in range(200):
+        plant.step(held)
+    moved = positions(HUMANOID, plant.q, HUMANOID.feet) - positions(HUMANOID, HUMANOID.q0, HUMANOID.feet)
+    assert np.linalg.norm(moved, axis=1).min() > 0.09
+    np.testing.assert_allclose(slips(plant), moved[:, :2], atol=1e-3)
+
+
+def test_a_ball_that_rolls_does_not_slip(standing, stander):
+    """The trunk sways over feet that are balls: their centres move along the floor, the material that touches it not."""
+    plant, controller = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED)), stander(QUADRUPED)
+    sway = Sinusoid(controller.stack.tasks[0].target, amplitude=[0.04, 0.0, 0.0], frequency=1.0)
+    controller.stack.tasks[0].target = sway
+    way = 0.0
+    for _ in range(750):
+        plant.step(controller.tick(plant.t, plant.q, plant.v))
+        moved = positions(QUADRUPED, plant.q, QUADRUPED.feet) - positions(QUADRUPED, QUADRUPED.q0, QUADRUPED.feet)
+        way = max(way, np.linalg.norm(moved[:, :2], axis=1).max())
+    assert way > 1.5e-3
+    assert np.linalg.norm(slips(plant), axis=1).max() < 0.2 * way
+
+
+def test_torques_beyond_the_limit_act_as_the_limit():
+    ends = []
+    for factor in (1.0, 50.0):
+        plant = MujocoPlant(ARM)
+        for _ in range(20):
+            plant.step(SimpleNamespace(tau=factor * ARM.limits.tau_max))
+        ends.append(plant.q)
+    np.testing.assert_array_equal(ends[0], ends[1])
+
+
+def test_lying_is_fallen_and_turning_is_not():
+    plant = MujocoPlant(QUADRUPED)
+    q = QUADRUPED.q0.copy()
+    plant.reset(q)
+    assert not plant.fallen
+    for angle, axis, fallen in ((2.0, 2, False), (0.6, 0, False), (0.9, 0, True), (-0.9, 1, True), (3.0, 1, True)):
+        leaning = q.copy()
+        leaning[3:6] = np.sin(angle / 2) * np.eye(3)[axis]
+        leaning[6] = np.cos(angle / 2)
+        plant._q = leaning
+        assert plant.fallen is fallen
+    low = q.copy()
+    low[2] *= 0.5
+    plant._q = low
+    assert plant.fallen
+
+
+def test_a_robot_without_torques_falls(command, standing):
+    plant = MujocoPlant(HUMANOID, contacts=standing(HUMANOID))
+    while not plant.fallen and plant.t < 2.0:
+        plant.step(command(HUMANOID))
+    assert 0.1 < plant.t < 2.0
+
+
+def test_the_same_start_gives_the_same_motion_to_the_bit(standing, stander):
+    plant = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED))
+    ends = []
+    for _ in range(2):
+        plant.reset(QUADRUPED.q0)
+        stand(plant, stander(QUADRUPED), 0.1)
+        ends.append((plant.q, plant.v, *plant.truth().values()))
+    for first, second in zip(*ends, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_a_payload_adds_the_inertia_of_a_point_mass_until_the_next_reset(command):
+    plant, mass = MujocoPlant(ARM), 2.0
+    state = ARM.state()
+    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
+    J = state.frame("tool").jacobian()[:3].copy()
+
+    def inertia():
+        mujoco.mj_forward(plant.physics, plant.data)
+        M = np.zeros((ARM.nv, ARM.nv))
+        mujoco.mj_fullM(plant.physics, plant.data, M)
+        X = plant._bridge.velocity_map(plant.data)
+        return X.T @ M @ X
+
+    bare = inertia()
+    plant.add_mass("tool", mass)
+    np.testing.assert_allclose(inertia(), bare + mass * J.T @ J, atol=1e-9)
+    plant.reset(ARM.q0)
+    np.testing.assert_array_equal(inertia(), bare)
+
+
+def test_frames_that_are_no_links_are_refused_by_name():
+    with pytest.raises(UnknownFrame, match="no frame 'trunc'; did you mean 'trunk'"):
+        MujocoPlant(QUADRUPED).push("trunc", np.ones(3))
+
+
+def test_a_state_that_runs_away_is_an_error_not_a_new_beginning(command):
+    plant = MujocoPlant(ARM)
+    plant.reset(ARM.q0, np.full(ARM.nv, 1e200))
+    with pytest.raises(SimulationError, match="diverged at t = "):
+        for _ in range(10):
+            plant.step(command(ARM))
+
+
+def test_every_setting_is_said(standing):
+    plant = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED), friction=0.4, settings=PhysicsSettings(impratio=20.0))
+    said = plant.settings()
+    assert said["impratio"] == 20.0 and said["cone"] == "elliptic" and said["engine"].startswith("MuJoCo ")
+    assert set(said["friction"].values()) == {0.4}
+    assert {"dt", "substeps", "integrator", "solref", "solimp", "joint_friction", "armature", "joint_stops"} <= set(
+        said
+    )
