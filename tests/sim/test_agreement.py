@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the extra `sim`")
-
 from wbc.errors import InvalidInput, ModelError, SimulationError, UnknownFrame
 from wbc.models import load
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 
+pytest.importorskip("mujoco", reason="the extra `sim`")
 pytestmark = pytest.mark.physics
 
 
@@ -85,7 +84,7 @@ def test_a_robot_that_physics_cannot_build_is_refused_with_its_reason():
     def weightless(link):
         return replace(link, inertial=None) if link.name == "forearm" else link
 
-    with pytest.raises(SimulationError, match="MuJoCo cannot build arm: .*mass"):
+    with pytest.raises(SimulationError, match=r"MuJoCo cannot build arm: .*mass"):
         MujocoPlant(with_links(load("arm"), weightless))
 
 
@@ -97,7 +96,7 @@ def test_a_joint_without_torque_is_refused():
 
 
 def test_arguments_are_checked_by_name(standing):
-    with pytest.raises(InvalidInput, match="needs one that wbc.load made from a URDF"):
+    with pytest.raises(InvalidInput, match=r"needs one that wbc\.load made from a URDF"):
         MujocoPlant(object())
     with pytest.raises(InvalidInput, match="sole_geometry is 'disc'"):
         MujocoPlant(load("arm"), sole_geometry="disc")
@@ -107,5 +106,5 @@ def test_arguments_are_checked_by_name(standing):
         MujocoPlant(load("quadruped"), contacts=standing(load("quadruped")), friction=-1.0)
     joint = standing(load("quadruped"))
     joint[0].frame = "front_left_knee"
-    with pytest.raises(UnknownFrame, match="no frame 'front_left_knee'.*a contact must be on a link"):
+    with pytest.raises(UnknownFrame, match=r"no frame 'front_left_knee'.*a contact must be on a link"):
         MujocoPlant(load("quadruped"), contacts=joint)

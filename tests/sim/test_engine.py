@@ -35,7 +35,8 @@ def test_physics_loads_no_graphics_and_leaves_the_environment_alone():
     script = (
         "import os, sys; os.environ.pop('MUJOCO_GL', None)\n"
         "from wbc.sim.engine import mujoco; mujoco()\n"
-        "print(sorted({'glfw', 'OpenGL', 'mujoco.egl', 'mujoco.osmesa', 'mujoco.glfw'} & set(sys.modules)), os.environ.get('MUJOCO_GL'))"
+        "graphics = {'glfw', 'OpenGL', 'mujoco.egl', 'mujoco.osmesa', 'mujoco.glfw'}\n"
+        "print(sorted(graphics & set(sys.modules)), os.environ.get('MUJOCO_GL'))"
     )
     assert run_python(script) == "[] None"
 

@@ -9,8 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
-
 from tasks import Sinusoid
 from wbc.errors import SimulationError, UnknownFrame
 from wbc.models import load
@@ -18,9 +16,11 @@ from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import ForwardDynamicsPlant
 
+mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
 pytestmark = pytest.mark.physics
 
 QUADRUPED, HUMANOID, ARM = load("quadruped"), load("humanoid"), load("arm")
+PLANTS = {model.name: MujocoPlant(model) for model in (QUADRUPED, ARM)}
 
 
 def momentum(model, q, v):
@@ -47,9 +47,6 @@ def test_a_state_put_into_physics_comes_back(seed, model):
     q_back, v_back = plant._bridge.read(plant.data)
     np.testing.assert_allclose(q_back, q, atol=1e-12)
     np.testing.assert_allclose(v_back, v, atol=1e-12)
-
-
-PLANTS = {model.name: MujocoPlant(model) for model in (QUADRUPED, ARM)}
 
 
 def test_both_rigid_body_plants_move_an_arm_the_same_way(command):
@@ -145,7 +142,7 @@ def test_soles_that_slide_over_ice_slip_as_far_as_they_move(standing, stander):
 
 
 def test_a_ball_that_rolls_does_not_slip(standing, stander):
-    """The trunk sways over feet that are balls: their centres move along the floor, the material that touches it not."""
+    """The trunk sways over ball feet: their centres move along the floor, the material that touches it does not."""
     plant, controller = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED)), stander(QUADRUPED)
     sway = Sinusoid(controller.stack.tasks[0].target, amplitude=[0.04, 0.0, 0.0], frequency=1.0)
     controller.stack.tasks[0].target = sway

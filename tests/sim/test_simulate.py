@@ -1,0 +1,223 @@
+"""The loop records what happened, says why it ended, and is the same each time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from tasks import JointVelocityLimits, Position, Posture
+from wbc.control.controller import Controller
+from wbc.control.recorder import Run
+from wbc.errors import InvalidInput, NotSupported
+from wbc.models import load
+from wbc.sim.disturbance import Delay, Push, SensorNoise
+from wbc.sim.plant import IntegratorPlant
+from wbc.sim.simulate import simulate
+from wbc.stack.component import Component
+from wbc.stack.formulation import AccelerationLevel, VelocityLevel
+from wbc.stack.stack import Stack
+from wbc.types import Status
+
+ARM, LEGS = load("arm"), load("quadruped")
+TARGET = [0.4, 0.2, 0.5]
+
+
+class Counter(Component):
+    """Counts its ticks and starts again when told."""
+
+    def reset(self, state):
+        self.count = 0
+
+    def after(self, state, command):
+        self.count += 1
+
+    def signals(self):
+        return {"count": self.count, "pair": np.array([self.count, -self.count])}
+
+
+def reaching(level=None, **settings):
+    stack = Stack(
+        [Position("tool", target=TARGET, kp=100.0), Posture(ARM.q0, weight=1e-4)],
+        subject_to=[JointVelocityLimits()],
+        components=[Counter()],
+    )
+    return Controller(ARM, stack, level=level or VelocityLevel(), **settings)
+
+
+def test_a_reach_is_recorded_column_by_column():
+    plant = IntegratorPlant(ARM, level="velocity")
+    run = simulate(reaching(), plant, duration=1.5, meta={"scenario": "reach", "parameters": {"x": 1}})
+    assert run.rows == 1500 and run.meta["ended"] == "complete"
+    assert run.meta["scenario"] == "reach"
+    np.testing.assert_allclose(run["t"], 1e-3 * np.arange(1500), atol=1e-12)
+    assert run["q"].shape == (1500, ARM.nq) and run["v_cmd"].shape == (1500, ARM.nv)
+    assert run["certificate"].shape == (1500, 3) and run["certificate"].max() < 1e-6
+    assert [run.meta["statuses"][i] for i in np.unique(run["status"])] == ["solved"]
+    assert (run["tick_us"] > 0).all()
+    assert np.linalg.norm(run["error.Position[tool]"][-1]) < 1e-3
+    assert run.meta["tasks"]["Position[tool]"]["units"] == ["m", "m", "m"]
+    assert len(run.meta["tasks"]["Posture"]["units"]) == ARM.nj
+    np.testing.assert_array_equal(run["signal.Counter.count"], np.arange(1, 1501))
+    assert run["signal.Counter.pair"].shape == (1500, 2)
+    np.testing.assert_array_equal(run["push"], 0.0)
+
+
+def test_what_a_level_does_not_decide_is_no_column():
+    velocity = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.01)
+    acceleration = simulate(reaching(AccelerationLevel()), IntegratorPlant(ARM), duration=0.01)
+    assert not {"a", "tau"} & set(velocity)
+    assert "a" in acceleration and "tau" not in acceleration
+
+
+def test_the_plant_of_the_next_row_is_where_the_command_led():
+    run = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.05)
+    np.testing.assert_allclose(run["plant.q"][1:], run["plant.q"][:-1] + 1e-3 * run["v_cmd"][:-1], atol=1e-12)
+    np.testing.assert_array_equal(run["q"], run["plant.q"])
+
+
+def test_the_same_seed_gives_the_same_run_to_the_bit():
+    def once(seed):
+        noise = SensorNoise(position=1e-3, velocity=1e-2, seed=seed)
+        plant = IntegratorPlant(ARM, level="velocity")
+        return simulate(reaching(), plant, duration=0.1, disturbances=[noise, Delay(0.003)])
+
+    first, second, third = once(1), once(1), once(2)
+    for name in set(first) - {"tick_us"}:
+        np.testing.assert_array_equal(first[name], second[name])
+    assert not np.array_equal(first["q"], third["q"])
+    assert first.meta["seed"] == 1 and len(first.meta["disturbances"]) == 2
+    assert (first["q"] != first["plant.q"]).any()
+
+
+def test_a_delay_is_seen_in_what_the_plant_does():
+    plant = IntegratorPlant(ARM, level="velocity")
+    run = simulate(reaching(), plant, duration=0.05, disturbances=[Delay(0.004)])
+    moved = np.diff(run["plant.q"], axis=0) * 1e3
+    np.testing.assert_allclose(moved[4:], run["v_cmd"][:-5], atol=1e-9)
+    np.testing.assert_allclose(moved[:4], np.tile(run["v_cmd"][0], (4, 1)), atol=1e-9)
+
+
+def test_a_plan_of_the_caller_runs_before_each_tick_and_progress_is_told():
+    controller, times, shares = reaching(), [], []
+    task = controller.stack.tasks[0]
+
+    def before(t):
+        times.append(t)
+        if t >= 0.01:
+            task.target = np.add(TARGET, [0.0, 0.0, 0.1])
+
+    plant = IntegratorPlant(ARM, level="velocity")
+    run = simulate(controller, plant, duration=0.02, before_tick=before, progress=shares.append)
+    np.testing.assert_array_equal(times, run["t"])
+    jump = np.abs(np.diff(run["error.Position[tool]"][:, 2]))
+    assert jump.argmax() == 9 and jump.max() > 0.09
+    assert shares[0] == 0.0 and shares[-1] == 1.0 and shares == sorted(shares)
+
+
+def test_controller_starts_anew_and_the_plant_goes_on():
+    controller, plant = reaching(), IntegratorPlant(ARM, level="velocity")
+    simulate(controller, plant, duration=0.02)
+    run = simulate(controller, plant, duration=0.02)
+    assert run["t"][0] == pytest.approx(0.02)
+    assert run["signal.Counter.count"][0] == 1
+
+
+def test_a_short_record_keeps_only_time_status_and_duration():
+    run = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.02, recorder=False)
+    assert set(run) == {"t", "status", "tick_us"} and run.rows == 20
+
+
+def test_a_command_that_is_not_finite_ends_the_run_with_a_reason():
+    run = simulate(reaching(), IntegratorPlant(ARM, level="acceleration"), duration=0.02)
+    assert run.meta["ended"].startswith("command.a[0] is nan at t = 0.0000 s")
+    assert run.rows == 1
+
+
+def test_a_run_survives_the_disk(tmp_path):
+    run = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.02)
+    loaded = Run.load(run.save(tmp_path / "out"))
+    for name, values in run.items():
+        np.testing.assert_array_equal(loaded[name], values)
+    assert loaded.meta["limits"]["q_max"] == ARM.limits.q_max.tolist()
+    assert {"numpy", "pin", "python"} <= set(loaded.meta["versions"])
+    assert {"processor", "cores", "system"} == set(loaded.meta["machine"])
+
+
+def test_what_does_not_fit_together_is_refused_before_the_first_tick():
+    controller = reaching()
+    with pytest.raises(InvalidInput, match=r"ticks every 0\.001 s, the plant steps 0\.002 s"):
+        simulate(controller, IntegratorPlant(ARM, dt=2e-3), duration=1.0)
+    with pytest.raises(InvalidInput, match="the controller drives arm, the plant is quadruped"):
+        simulate(controller, IntegratorPlant(LEGS), duration=1.0)
+    with pytest.raises(InvalidInput, match="shorter than one tick"):
+        simulate(controller, IntegratorPlant(ARM), duration=1e-4)
+    with pytest.raises(NotSupported, match="nothing can push 'tool'"):
+        simulate(controller, IntegratorPlant(ARM), duration=1.0, disturbances=[Push("tool", (1, 0, 0), 0, 1)])
+
+
+def test_linear_algebra_has_one_thread_while_it_runs_and_its_threads_back_after():
+    def threads():
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    during = set()
+    plant = IntegratorPlant(ARM, level="velocity")
+    with threadpool_limits(2):
+        before = threads()
+        simulate(reaching(), plant, duration=0.002, before_tick=lambda t: during.update(threads()))
+        assert threads() == before
+    assert during == {1}
+
+
+@pytest.mark.physics
+class TestStanding:
+    """A quadruped in physics."""
+
+    @pytest.fixture
+    def plant(self, standing):
+        pytest.importorskip("mujoco")
+        from wbc.sim.mujoco_ import MujocoPlant
+
+        return MujocoPlant(LEGS, contacts=standing(LEGS))
+
+    def test_a_push_is_felt_answered_and_recorded(self, plant, stander):
+        push = Push("trunk", (0.0, 25.0, 0.0), start=0.1, duration=0.1)
+        run = simulate(stander(LEGS), plant, duration=0.6, disturbances=[push])
+        assert run.meta["ended"] == "complete" and not run.meta["fallen"]
+        on = np.flatnonzero(run["push"][:, 1])
+        assert on[0] == 100 and len(on) == 100
+        error = np.linalg.norm(run["error.CenterOfMass"], axis=1)
+        assert error[:100].max() < 1e-3 < error[100:250].max() and error[-1] < 0.5 * error.max()
+        names = list(run.meta["contacts"])
+        assert len(names) == 4
+        for name in names:
+            assert run[f"plant.f.{name}"].shape == (600, 6) and run[f"f.{name}"].shape == (600, 3)
+            assert run[f"plant.slip.{name}"].shape == (600, 2)
+            cone = np.array(run.meta["contacts"][name]["cone"])
+            assert (run[f"f.{name}"] @ cone.T).max() < 1e-6
+            assert run.meta["contacts"][name]["kind"] == "point"
+        # Weight and push against the feet: what they carry is what the robot's momentum does not take up.
+        sideways = sum(run[f"plant.f.{name}"][100:200, 1] for name in names).mean()
+        assert -25.0 < sideways < 0.0
+
+    def test_measured_and_commanded_forces_agree_on_a_robot_at_rest(self, plant, stander):
+        run = simulate(stander(LEGS), plant, duration=0.5)
+        for name in run.meta["contacts"]:
+            commanded, true = run[f"f.{name}"][-100:], run[f"plant.f.{name}"][-100:, :3]
+            assert np.abs(commanded - true).max() < 0.02 * LEGS.mass * 9.81
+
+    def test_a_push_too_strong_ends_the_run_as_fallen(self, plant, stander):
+        run = simulate(
+            stander(LEGS),
+            plant,
+            duration=3.0,
+            disturbances=[Push("trunk", (0.0, 400.0, 0.0), start=0.05, duration=0.3)],
+        )
+        assert run.meta["fallen"] and run.meta["ended"].startswith("fallen at t = ")
+        assert run.rows < 3000
+
+    def test_every_tick_is_certified_under_noise_and_delay(self, plant, stander):
+        noise = SensorNoise(position=1e-4, velocity=1e-2, base_velocity=5e-3, base_position=5e-4, seed=3)
+        run = simulate(stander(LEGS), plant, duration=0.5, disturbances=[noise, Delay(0.002)])
+        assert set(run["status"]) == {list(Status).index(Status.SOLVED)}
+        assert not run.meta["fallen"]
