@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from wbc.errors import ModelError, UnknownRobot
+from wbc.errors import InvalidInput, ModelError, UnknownRobot
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots, read_pose
 from wbc.models.urdf_reader import read_urdf
 from wbc.types import Vec
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def load(
-    name_or_path: str | os.PathLike[str],
+    name_or_path: str | Path,
     *,
     base: Literal["fixed", "floating"] | None = None,
-    packages: Iterable[str | os.PathLike[str]] = (),
+    packages: Iterable[str | Path] = (),
 ) -> PinocchioModel:
     """A robot by its name, or from a URDF file.
 
@@ -37,7 +37,7 @@ def load(
         UnknownRobot: no such name and no such file; with the names that are near.
         ModelError: the file is not a robot, or the package with the robot is not installed.
         PathRefused: a mesh outside the allowed folders.
-        InvalidInput: ``base`` is something else.
+        InvalidInput: ``base`` or ``name_or_path`` is something else.
 
     Example:
         >>> from wbc.models import load
@@ -47,7 +47,9 @@ def load(
         Traceback (most recent call last):
         wbc.errors.UnknownRobot: there is no robot 'humanoyd'; did you mean 'humanoid'...
     """
-    name = os.fspath(name_or_path)
+    if not isinstance(name_or_path, str | Path):
+        raise InvalidInput(f"a robot is loaded by name or path, not by {type(name_or_path).__name__}")
+    name = str(name_or_path)
     folders = [Path(folder) for folder in packages]
     if name in OWN:
         return _named(name, OWN[name], OWN_ROBOTS, base, folders)
@@ -57,7 +59,7 @@ def load(
         except ModelError as missing:
             raise ModelError(f"robot {name!r}: {missing}") from None
         return _named(name, EXAMPLES[name], folder / "robots", base, [folder, *folders])
-    if not isinstance(name_or_path, os.PathLike) and not _looks_like_a_path(name):
+    if isinstance(name_or_path, str) and not _looks_like_a_path(name):
         raise UnknownRobot(name, [*OWN, *EXAMPLES], "or give the path of a URDF file")
     return _named(None, Entry(name), Path(), base, folders)
 

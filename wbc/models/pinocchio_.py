@@ -115,7 +115,7 @@ class PinocchioModel(RobotModel):
     def configuration(self, joints: Mapping[str, float]) -> Vec:
         """A configuration (nq,) from joint positions by name [rad, m]; the other joints at rest.
 
-        At rest is zero, or the middle of the limits where zero is not within them. A floating base stands upright
+        At rest is zero, or the middle of the limits where zero is not inside them. A floating base stands upright
         above the origin, its lowest foot on the ground; without known feet it is at the origin.
 
         Raises:
@@ -197,12 +197,13 @@ class PinocchioState(RobotState):
         self.model = model
         self.t = 0.0
         self._q, self._v = np.array(model.q0), np.zeros(model.nv)
-        self.q, self.v = _view(self._q), _view(self._v)
+        self.q, self.v = _view(self._q, self._q), _view(self._v, self._v)
         self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
         self._zero = np.zeros(model.nv)
         self._data = data = model.pinocchio.createData()
-        self._M, self._h, self._g = _view(data.M), _view(data.nle), _view(data.g)
-        self._com, self._com_jacobian, self._com_drift = _view(data.com[0]), _view(data.Jcom), _view(data.acom[0])
+        self._M, self._com_jacobian = _view(data.M, data, model.nv, model.nv), _view(data.Jcom, data, 3, model.nv)
+        self._h, self._g = _view(data.nle, data, model.nv), _view(data.g, data, model.nv)
+        self._com, self._com_drift = _view(data.com[0], data), _view(data.acom[0], data)
         self._needs: set[str] = set()
         self._frames: dict[str, PinocchioFrame] = {}
         self._calls: list[Callable[[], object]] = []
@@ -356,16 +357,18 @@ class PinocchioFrame(FrameState):
         self.name = name
         self._state = state
         self.placement = data.oMf[index]
-        self.position, self.rotation = _view(self.placement.translation), _view(self.placement.rotation)
-        self._jacobian = partial(pin.getFrameJacobian, model, data, index, _WORLD_AXES)
-        self._jacobian_local = partial(pin.getFrameJacobian, model, data, index, _LOCAL)
+        self.position = _view(self.placement.translation, data)
+        self.rotation = _view(self.placement.rotation, data)
+        columns = state.model.nv
+        self._jacobian = _matrix(partial(pin.getFrameJacobian, model, data, index, _WORLD_AXES), columns)
+        self._jacobian_local = _matrix(partial(pin.getFrameJacobian, model, data, index, _LOCAL), columns)
         # With a = 0 in the kinematics an acceleration is the drift.
         self._drift = partial(pin.getFrameClassicalAcceleration, model, data, index, _WORLD_AXES)
         self._drift_local = partial(pin.getFrameAcceleration, model, data, index, _LOCAL)
 
     def jacobian(self) -> Mat:
         """(6, nv), world axes."""
-        return self._jacobian()  # type: ignore[no-any-return]
+        return self._jacobian()
 
     def drift(self) -> Vec:
         """(6,) J̇ v, world axes, classical."""
@@ -375,7 +378,7 @@ class PinocchioFrame(FrameState):
 
     def jacobian_local(self) -> Mat:
         """(6, nv), the frame's axes."""
-        return self._jacobian_local()  # type: ignore[no-any-return]
+        return self._jacobian_local()
 
     def drift_local(self) -> Vec:
         """(6,) J̇ v, the frame's axes, spatial."""
@@ -435,7 +438,7 @@ def _finite_interval(limits: Limits, span: Vec) -> tuple[Vec, Vec]:
 
 
 def _rest(limits: Limits) -> Vec:
-    """Zero within the limits, else the middle of the limits."""
+    """Zero inside the limits, else the middle of the limits."""
     low, high = _finite_interval(limits, np.ones_like(limits.q_min))
     return np.where((low < 0) & (high > 0), 0.0, (low + high) / 2)
 
@@ -444,11 +447,26 @@ def _vector(value: Any) -> Vec:
     return np.asarray(value, dtype=np.float64)
 
 
-def _view(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same memory, not to be written by readers."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
+class _Shared:
+    """Memory of an owner, offered to numpy: an array made of it keeps the owner alive, and cannot be written."""
+
+    def __init__(self, array: NDArray[np.float64], owner: object) -> None:
+        interface = dict(array.__array_interface__)
+        interface["data"] = (interface["data"][0], True)
+        self.__array_interface__ = interface
+        self._owner = owner
+
+
+def _view(array: NDArray[np.float64], owner: object, *shape: int) -> NDArray[np.float64]:
+    """The same memory, read only. What Pinocchio hands out does not always keep its Data alive, and drops an axis
+    of length one; this does not."""
+    view = np.asarray(_Shared(array, owner))
+    return view.reshape(shape) if shape else view
+
+
+def _matrix(call: Callable[[], Any], columns: int) -> Callable[[], Mat]:
+    """A Jacobian; for a robot of one joint Pinocchio gives a vector."""
+    return call if columns > 1 else lambda: call().reshape(6, 1)
 
 
 def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:

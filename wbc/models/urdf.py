@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite, isnan
+from math import inf, isnan
 from pathlib import Path
 from typing import Literal, final
 from xml.etree import ElementTree
@@ -127,6 +127,7 @@ class Urdf:
 
         Numbers are written in full, so that reading gives the same bits. ``continuous="revolute"`` writes joints
         without end as revolute ones with limits of ±1e30 rad, which have one position instead of a sine and a cosine.
+        Speed and effort limits that make no sense are written as 0, which other readers accept.
         """
         robot = Element("robot", name=self.name)
         for link in self.links:
@@ -192,7 +193,7 @@ def _write_joint(element: Element, joint: Joint, *, bounded: bool) -> None:
     if not joint.moves:
         return
     SubElement(element, "axis", xyz=_numbers(joint.axis))
-    limit = {"effort": _limit(joint.effort), "velocity": _limit(joint.velocity)}
+    limit = {"effort": _limit(max(0.0, joint.effort)), "velocity": _limit(max(0.0, joint.velocity))}
     if bounded:
         limit = {"lower": _limit(joint.lower), "upper": _limit(joint.upper), **limit}
     SubElement(element, "limit", limit)
@@ -225,6 +226,4 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _limit(value: float) -> str:
-    if isnan(value):
-        return "0.0"
-    return repr(value if isfinite(value) else _HUGE if value > 0 else -_HUGE)
+    return "0.0" if isnan(value) else repr(min(max(value, -_HUGE), _HUGE))

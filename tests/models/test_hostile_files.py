@@ -1,0 +1,243 @@
+"""Files that are not robots, or that want to read what is not theirs: one clear sentence each, and nothing read."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import pytest
+
+from wbc.errors import ModelError, PathRefused, UnknownRobot
+from wbc.models import load, safe_xml
+
+INERTIAL = (
+    '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    '<origin xyz="0 0 0.1"/></inertial>'
+)
+LINKS = f'<link name="base"/><link name="tip">{INERTIAL}</link>'
+LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="2"/>'
+HINGE = (
+    f'<joint name="hinge" type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>{LIMIT}</joint>'
+)
+
+
+def robot(body: str) -> str:
+    return f'<robot name="r">{body}</robot>'
+
+
+def joint(name: str, parent: str, child: str, inside: str = LIMIT, kind: str = "revolute") -> str:
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+
+
+def with_shape(shape: str) -> str:
+    return robot(f'<link name="base"><visual><geometry>{shape}</geometry></visual></link>{LINKS[19:]}{HINGE}')
+
+
+GOOD = robot(LINKS + HINGE)
+BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>'
+
+#: Content of the file, and what the refusal says.
+HOSTILE: dict[str, tuple[str | bytes, str]] = {
+    "nothing": ("", "not well-formed XML: no element found"),
+    "prose": ("hello", "not well-formed XML: syntax error"),
+    "cut off": (GOOD[:120], "not well-formed XML"),
+    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "not UTF-8 text: byte 0 is 0x89"),
+    "another encoding": (GOOD.encode("utf-16"), "not UTF-8 text"),
+    "two roots": (GOOD + GOOD, "not well-formed XML: junk after document element"),
+    "MuJoCo's format": ("<mujoco><worldbody/></mujoco>", "begins with <mujoco>; it must be <robot> (this is MJCF"),
+    "Gazebo's format": ('<sdf version="1.7"/>', "(this is SDF"),
+    "entity bomb": (BOMB + GOOD, "declares a document type"),
+    "external entity": ('<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]><robot>&e;</robot>', "document type"),
+    "entity without a declaration": ("<robot>&secret;</robot>", "not well-formed XML: undefined entity"),
+    "nested deep": ("<robot>" + "<a>" * 200_000, "nested more than 50 deep"),
+    "many elements": ("<robot>" + "<a/>" * 600_000 + "</robot>", "more than 500000 elements"),
+    "empty robot": (robot(""), "no joint moves"),
+    "no joints": (robot('<link name="base"/>'), "no joint moves"),
+    "nothing moves": (robot(LINKS + joint("weld", "base", "tip", "", "fixed")), "no joint moves"),
+    "link without a name": (robot("<link/>" + LINKS + HINGE), "a <link> has no name"),
+    "joint without a name": (robot(LINKS + HINGE.replace('name="hinge" ', "")), "a <joint> has no name"),
+    "links of one name": (robot(LINKS + '<link name="tip"/>' + HINGE), "2 links are called 'tip'"),
+    "joints of one name": (
+        robot(LINKS + '<link name="end"/>' + HINGE + joint("hinge", "tip", "end")),
+        "2 joints are called 'hinge'",
+    ),
+    "two parents": (
+        robot(LINKS + '<link name="other"/>' + HINGE + joint("more", "other", "tip")),
+        "link 'tip' has two parents: 'base' and 'other'",
+    ),
+    "unknown parent": (
+        robot(LINKS + HINGE.replace('parent link="base"', 'parent link="bass"')),
+        "joint 'hinge' has the parent 'bass', which is not a link",
+    ),
+    "unknown child": (
+        robot(LINKS + HINGE.replace('child link="tip"', 'child link="tap"')),
+        "joint 'hinge' has the child 'tap', which is not a link",
+    ),
+    "no parent": (robot(LINKS + HINGE.replace('<parent link="base"/>', "")), "joint 'hinge' has no <parent>"),
+    "its own parent": (robot(LINKS + HINGE + joint("self", "base", "base")), "link 'base' is its own ancestor"),
+    "loop": (
+        robot(LINKS + '<link name="a"/><link name="b"/>' + HINGE + joint("ab", "a", "b") + joint("ba", "b", "a")),
+        "link 'a' is its own ancestor",
+    ),
+    "two trees": (
+        robot(LINKS + '<link name="a"/><link name="b"/>' + HINGE + joint("ab", "a", "b")),
+        "links 'base' and 'a' both have no parent",
+    ),
+    "joint without a type": (robot(LINKS + HINGE.replace(' type="revolute"', "")), "joint 'hinge' has no type"),
+    "joint of another type": (
+        robot(LINKS + HINGE.replace("revolute", "planar")),
+        "joint 'hinge' is 'planar'; joints may be fixed, revolute, continuous, prismatic",
+    ),
+    "no limit": (robot(LINKS + HINGE.replace(LIMIT, "")), "joint 'hinge' is revolute and has no <limit>"),
+    "zero axis": (robot(LINKS + HINGE.replace("0 0 1", "0 0 0")), "the axis of joint 'hinge' is zero"),
+    "axis of two numbers": (robot(LINKS + HINGE.replace("0 0 1", "0 1")), "xyz is '0 1'; it must be 3 finite numbers"),
+    "NaN origin": (
+        robot(LINKS + joint("hinge", "base", "tip", '<origin xyz="0 nan 0"/>' + LIMIT)),
+        "an origin of joint 'hinge': xyz is '0 nan 0'; it must be 3 finite numbers",
+    ),
+    "infinite origin": (robot(LINKS + joint("hinge", "base", "tip", '<origin rpy="0 0 1e999"/>' + LIMIT)), "1e999"),
+    "limit in words": (robot(LINKS + HINGE.replace('upper="1"', 'upper="one"')), "upper is 'one'; it must be 1 number"),
+    "negative mass": (
+        robot(LINKS.replace('mass value="1"', 'mass value="-1"') + HINGE),
+        "link 'tip' has a mass of -1 kg",
+    ),
+    "NaN mass": (robot(LINKS.replace('mass value="1"', 'mass value="nan"') + HINGE), "the mass of link 'tip'"),
+    "negative inertia": (
+        robot(LINKS.replace('ixx="1"', 'ixx="-1"') + HINGE),
+        "link 'tip' has a principal inertia of -1 kg m²",
+    ),
+    "inertia without mass": (
+        robot(LINKS.replace('<mass value="1"/>', "") + HINGE),
+        "link 'tip' has an <inertial> without <mass> or <inertia>",
+    ),
+    "ball of negative size": (with_shape('<sphere radius="-1"/>'), "radius is '-1'; it must not be negative"),
+    "mesh without a file": (with_shape("<mesh/>"), "a visual of link 'base' has no filename"),
+}
+
+
+def write(folder: Path, content: str | bytes) -> Path:
+    path = folder / "robot.urdf"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def test_the_file_that_the_others_are_made_from_is_a_robot(tmp_path: Path):
+    assert load(write(tmp_path, GOOD)).joint_names == ("hinge",)
+
+
+@pytest.mark.parametrize(("content", "sentence"), HOSTILE.values(), ids=HOSTILE)
+def test_a_bad_file_is_refused_in_one_sentence(content: str | bytes, sentence: str, tmp_path: Path):
+    path = write(tmp_path, content)
+    with pytest.raises(ModelError) as refusal:
+        load(path)
+    message = str(refusal.value)
+    assert sentence in message
+    assert message.startswith(f"{path}: ") and "\n" not in message
+
+
+def test_a_file_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(safe_xml, "MAX_BYTES", 1_000_000)
+    with pytest.raises(ModelError, match="larger than 1 MB"):
+        load(write(tmp_path, GOOD + " " * 1_000_000))
+
+
+def test_what_is_not_a_plain_file_is_not_opened(tmp_path: Path):
+    with pytest.raises(ModelError, match="this is not a file"):
+        load(tmp_path)
+    with pytest.raises(ModelError, match="this is not a file"):
+        load("/dev/zero")
+    with pytest.raises(ModelError, match="there is no such file"):
+        load(tmp_path / "missing.urdf")
+    with pytest.raises(UnknownRobot, match=r"no robot 'robot'.*or give the path of a URDF file"):
+        load("robot")
+
+
+# ---- meshes
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A folder with urdf/, meshes/base.stl, and a secret beside it."""
+    for folder in ("my_robot/urdf", "my_robot/meshes", "elsewhere"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "my_robot/meshes/base.stl").write_text("solid base")
+    (tmp_path / "my_robot/urdf/own.stl").write_text("solid own")
+    (tmp_path / "elsewhere/secret.stl").write_text("solid secret")
+    return tmp_path / "my_robot"
+
+
+def mesh(package: Path, reference: str) -> Path:
+    return write(package / "urdf", with_shape(f'<mesh filename="{reference}"/>'))
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        "../../elsewhere/secret.stl",
+        "../meshes/base.stl",
+        "meshes/../../../elsewhere/secret.stl",
+        "/etc/passwd",
+        "file:///etc/passwd",
+        "file:///%2e%2e/etc/passwd",
+        "/dev/zero",
+        "link.stl",
+        "loop.stl",
+        "x" * 5000,
+        "http://example.org/base.stl",
+        "data://text/base.stl",
+    ],
+)
+def test_a_mesh_outside_the_folder_is_refused(package: Path, reference: str):
+    (package / "urdf/link.stl").symlink_to(package.parent / "elsewhere/secret.stl")
+    (package / "urdf/loop.stl").symlink_to(package / "urdf/loop.stl")
+    with pytest.raises(PathRefused) as refusal:
+        load(mesh(package, reference))
+    assert reference[:50] in str(refusal.value)
+
+
+def test_a_refusal_names_the_path_and_the_folders(package: Path):
+    with pytest.raises(PathRefused, match=f"'../meshes/base.stl' is outside the folders .*: {package / 'urdf'}"):
+        load(mesh(package, "../meshes/base.stl"))
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        "package://my_robot/../elsewhere/secret.stl",
+        "package:///my_robot/../elsewhere/secret.stl",
+        "package://../elsewhere/secret.stl",
+        "../../elsewhere/secret.stl",
+    ],
+)
+def test_a_package_is_not_a_way_out(package: Path, reference: str):
+    with pytest.raises(PathRefused):
+        load(mesh(package, reference), packages=[package])
+
+
+@pytest.mark.parametrize("reference", ["package://my_robot/meshes/base.stl", "../meshes/base.stl", "own.stl"])
+def test_meshes_inside_the_folders_are_found(package: Path, reference: str):
+    given = load(mesh(package, reference), packages=[package])
+    inside = load(mesh(package, reference), packages=[package.parent])
+    (package / "package.xml").write_text("<package/>")
+    own = load(mesh(package, reference))
+    for found in (given, inside, own):
+        (visual,) = found.visuals
+        assert visual.shape.path.is_file() and visual.shape.path.is_relative_to(package)
+
+
+def test_a_file_address_inside_the_folder_is_found(package: Path):
+    robot = load(mesh(package, f"file://{package}/urdf/own.stl"))
+    assert robot.visuals[0].shape.path == package / "urdf/own.stl"
+
+
+@pytest.mark.parametrize("reference", ["gone.stl", "package://unknown/base.stl", "package://my_robot/gone.stl"])
+def test_a_missing_mesh_is_a_warning(package: Path, reference: str):
+    with pytest.warns(UserWarning, match=f"there is no mesh '{reference}'"):
+        robot = load(mesh(package, reference), packages=[package])
+    assert robot.visuals == ()
+
+
+def test_nothing_of_a_file_reaches_other_libraries_that_was_not_read(tmp_path: Path):
+    extra = '<gazebo><plugin filename="/lib/evil.so"/></gazebo><mujoco><compiler meshdir="/"/></mujoco><link2/>'
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        text = load(write(tmp_path, robot(extra + LINKS + HINGE))).urdf.text()
+    assert not any(word in text for word in ("gazebo", "plugin", "mujoco", "link2"))

@@ -1,0 +1,258 @@
+"""What a loaded robot knows about itself: joints, limits, shapes, feet, its reference configuration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import InvalidInput, ModelError, UnknownJoint, UnknownRobot
+from wbc.models import load
+from wbc.models.feet import Foot, sole_of_balls
+from wbc.models.geometry import Box, Cylinder, Origin, Sphere
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.models.urdf import Joint, Link, Urdf
+from wbc.models.urdf_reader import read_urdf
+
+LINK = (
+    '<link name="{}"><inertial><origin xyz="0.1 0 0.2" rpy="0.1 0.2 0.3"/><mass value="1.5"/>'
+    '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>{}</link>'
+)
+
+
+def written(folder: Path, *joints: str, inside: str = "") -> Path:
+    """A chain of links a, b, c, … with these joints in between."""
+    links = [LINK.format(name, inside if name == "a" else "") for name in "abcdefgh"[: len(joints) + 1]]
+    ends = [f'<parent link="{a}"/><child link="{b}"/></joint>' for a, b in pairwise("abcdefgh")]
+    body = "".join(joint.replace("</joint>", end) for joint, end in zip(joints, ends, strict=False))
+    path = folder / "chain.urdf"
+    path.write_text(f'<?xml version="1.0" encoding="utf-8"?><robot name="chain">{"".join(links)}{body}</robot>')
+    return path
+
+
+def hinge(name: str, limit: str, kind: str = "revolute", extra: str = "") -> str:
+    return f'<joint name="{name}" type="{kind}"><axis xyz="0 1 0"/><limit {limit}/>{extra}</joint>'
+
+
+SANE = 'lower="-1" upper="2" effort="30" velocity="4"'
+
+
+def test_joints_have_names_units_and_limits(tmp_path: Path):
+    robot = load(
+        written(
+            tmp_path,
+            hinge("swing", SANE),
+            hinge("slide", 'lower="0.1" upper="0.5" effort="100" velocity="0.3"', "prismatic"),
+        )
+    )
+    assert robot.joint_names == ("swing", "slide") and robot.joint_units == ("rad", "m")
+    assert robot.limits.q_min.tolist() == [-1, 0.1] and robot.limits.q_max.tolist() == [2, 0.5]
+    assert robot.limits.v_max.tolist() == [4, 0.3] and robot.limits.tau_max.tolist() == [30, 100]
+    assert robot.joint("slide") == 1
+    assert (robot.nq, robot.nv, robot.nb, robot.nj) == (2, 2, 0, 2)
+
+
+def test_a_joint_without_end_has_one_position_and_no_position_limit(tmp_path: Path):
+    free = '<joint name="wheel" type="continuous"><axis xyz="0 1 0"/></joint>'
+    robot = load(written(tmp_path, free, hinge("swing", SANE)))
+    assert robot.nq == robot.nv == 2
+    assert robot.limits.q_min[0] == -np.inf and robot.limits.q_max[0] == np.inf
+    assert robot.limits.v_max[0] == robot.limits.tau_max[0] == np.inf
+    state = robot.state()
+    turned, once = np.array([1.0, 0.5]), np.array([1.0 + 2 * np.pi, 0.5])
+    positions = []
+    for q in (turned, once):
+        state.update(0.0, q, np.zeros(2))
+        positions.append(state.frame("c").position.copy())
+        assert state.q_joints[0] == q[0]
+    assert np.allclose(*positions)
+    assert robot.difference(turned, once)[0] == pytest.approx(2 * np.pi)
+    assert (np.abs([robot.random_configuration(np.random.default_rng(i))[0] for i in range(99)]) <= np.pi).all()
+
+
+@pytest.mark.parametrize(
+    ("limit", "sentence"),
+    [
+        ('lower="-1" upper="1" effort="0" velocity="2"', "the effort limit of joint 'odd' is 0"),
+        ('lower="-1" upper="1" effort="5" velocity="-2"', "the velocity limit of joint 'odd' is -2"),
+        ('lower="-1" upper="1" effort="nan" velocity="2"', "the effort limit of joint 'odd' is nan"),
+        ('lower="1" upper="-1" effort="5" velocity="2"', r"the position limits of joint 'odd' are \[1, -1\]"),
+        ('effort="5" velocity="2"', r"the position limits of joint 'odd' are \[0, 0\]"),
+    ],
+)
+def test_limits_that_make_no_sense_are_kept_and_said(tmp_path: Path, limit: str, sentence: str):
+    with pytest.warns(UserWarning, match=sentence) as said:
+        robot = load(written(tmp_path, hinge("odd", limit)))
+    assert [w.filename for w in said] == [__file__]
+    assert np.isfinite(robot.q0).all() and np.isfinite(robot.random_configuration(np.random.default_rng(0))).all()
+
+
+def test_limits_that_are_not_given_are_infinite(tmp_path: Path):
+    robot = load(written(tmp_path, hinge("swing", 'lower="-1" upper="1"')))
+    assert robot.limits.v_max[0] == robot.limits.tau_max[0] == np.inf
+
+
+def test_mimic_joints_move_by_themselves_and_this_is_said(tmp_path: Path):
+    with pytest.warns(UserWarning, match="joint 'second' mimics 'first', here it moves by itself"):
+        robot = load(written(tmp_path, hinge("first", SANE), hinge("second", SANE, extra='<mimic joint="first"/>')))
+    assert robot.nj == 2
+
+
+def test_links_without_mass_have_kinematics_and_this_is_said(tmp_path: Path):
+    path = written(tmp_path, hinge("swing", SANE))
+    path.write_text(path.read_text().replace('value="1.5"', 'value="0"').replace('="0.1"', '="0"'))
+    with pytest.warns(UserWarning, match="a moving link has no mass"):
+        robot = load(path)
+    assert robot.state().frame("b").jacobian().shape == (6, 1)
+
+
+def test_a_robot_of_one_joint_has_matrices_of_one_column(tmp_path: Path):
+    state = load(written(tmp_path, hinge("swing", SANE))).state()
+    frame = state.frame("b")
+    assert frame.jacobian().shape == frame.jacobian_local().shape == (6, 1)
+    assert state.M.shape == (1, 1) and state.com_jacobian.shape == (3, 1)
+    assert state.h.shape == state.g.shape == (1,) and frame.drift().shape == (6,)
+    q = np.array([0.3])
+    assert state.model.integrate(q, q).shape == state.model.difference(q, q).shape == (1,)
+    state.update(0.0, q, q)
+    assert state.M[0, 0] > 0 and np.array_equal(frame.jacobian()[3:], [[0], [1], [0]])
+
+
+def test_the_reference_is_zero_or_the_middle_of_limits_without_zero(tmp_path: Path):
+    limits = ['lower="{}" upper="{}" effort="1" velocity="1"'.format(*pair) for pair in [(-1, 3), (0, 1), (-3, -1)]]
+    robot = load(written(tmp_path, *(hinge(f"j{i}", limit) for i, limit in enumerate(limits))))
+    assert robot.q0.tolist() == [0.0, 0.5, -2.0]
+
+
+def test_a_configuration_is_made_from_joint_names(tmp_path: Path):
+    robot = load("humanoid")
+    q = robot.configuration({"left_knee": 0.3, "right_knee": 0.4})
+    assert q[7 + robot.joint("left_knee")] == 0.3 and q[7 + robot.joint("right_knee")] == 0.4
+    with pytest.raises(UnknownJoint, match="'left_nee'; did you mean 'left_knee'"):
+        robot.configuration({"left_nee": 0.3})
+    with pytest.raises(InvalidInput, match=r"joints\['left_knee'\] is nan"):
+        robot.configuration({"left_knee": float("nan")})
+
+
+def test_what_pinocchio_is_given_is_what_the_file_says(tmp_path: Path):
+    path = written(
+        tmp_path, hinge("swing", SANE, extra='<origin xyz="0.1 0.2 0.3" rpy="1 -0.5 0.25"/>'), hinge("up", SANE)
+    )
+    ours, theirs = load(path).pinocchio, pin.buildModelFromUrdf(str(path))
+    assert all(a == b for a, b in zip(ours.inertias, theirs.inertias, strict=True))
+    assert all(a == b for a, b in zip(ours.jointPlacements, theirs.jointPlacements, strict=True))
+
+
+def test_a_written_robot_reads_back_the_same(tmp_path: Path):
+    for name in ("arm", "humanoid"):
+        robot = load(name).urdf
+        path = tmp_path / f"{name}.urdf"
+        path.write_text(robot.text(with_shapes=True))
+        again = read_urdf(path)
+        assert replace(again, path=None, folders=None) == replace(robot, path=None, folders=None)
+
+
+def test_numbers_are_written_in_full_and_without_infinities():
+    joint = Joint("j", "revolute", "a", "b", Origin((0.1 + 0.2, 0, 0)), lower=-np.inf, upper=1 / 3, effort=np.nan)
+    robot = Urdf("r", (Link("a"), Link("b")), (joint,))
+    text = robot.text()
+    assert 'xyz="0.30000000000000004 0 0"' in text and f'upper="{1 / 3}"' in text
+    assert 'lower="-1e+30"' in text and 'velocity="1e+30"' in text and 'effort="0.0"' in text
+
+
+def test_joints_can_be_made_rigid():
+    urdf = load("arm").urdf
+    robot = PinocchioModel(urdf.with_rigid(["wrist_roll", "elbow"]))
+    assert robot.nj == 5 and "elbow" not in robot.joint_names and "tool" in robot.frame_names
+    with pytest.raises(UnknownJoint, match="'elbo'; did you mean 'elbow'"):
+        urdf.with_rigid(["elbo"])
+
+
+def test_shapes_carry_place_size_and_colour(tmp_path: Path):
+    inside = (
+        '<visual><origin xyz="1 2 3" rpy="0 0 1"/><geometry><box size="1 2 3"/></geometry>'
+        '<material name="red"/></visual>'
+        '<visual><geometry><cylinder radius="0.1" length="2"/></geometry>'
+        '<material name="own"><color rgba="0 1 2 0.5"/></material></visual>'
+        '<visual><geometry><capsule radius="0.1" length="2"/></geometry></visual><visual/>'
+        '<collision><geometry><sphere radius="0.2"/></geometry></collision>'
+    )
+    path = written(tmp_path, hinge("swing", SANE), inside=inside)
+    path.write_text(
+        path.read_text().replace("</robot>", '<material name="red"><color rgba="1 0 0 1"/></material></robot>')
+    )
+    robot = load(path)
+    box, cylinder = robot.visuals
+    assert (box.link, box.shape, box.color) == ("a", Box((1, 2, 3)), (1, 0, 0, 1))
+    assert box.origin == Origin((1, 2, 3), (0, 0, 1))
+    assert (cylinder.shape, cylinder.color) == (Cylinder(0.1, 2), (0, 1, 1, 0.5))
+    assert [g.shape for g in robot.collisions] == [Sphere(0.2)] and robot.collisions[0].color is None
+
+
+def test_origins_turn_about_fixed_axes():
+    rpy = (0.3, -0.8, 2.1)
+    origin = Origin((1, 2, 3), rpy)
+    assert np.allclose(origin.rotation, pin.rpy.rpyToMatrix(*rpy), atol=1e-15)
+    assert np.array_equal(origin.matrix[:3, 3], [1, 2, 3]) and np.array_equal(origin.matrix[3], [0, 0, 0, 1])
+
+
+def test_links_are_frames_and_so_are_joints(tmp_path: Path):
+    path = written(tmp_path, hinge("b", SANE), hinge("swing", SANE))
+    frames = load(path).frame_names
+    assert frames.count("b") == 1 and {"a", "b", "c", "swing"} == set(frames)
+
+
+def test_a_base_is_fixed_or_floating(tmp_path: Path):
+    path = written(tmp_path, hinge("swing", SANE))
+    fixed, floating = load(path), load(path, base="floating")
+    assert (fixed.nq, fixed.nb) == (1, 0) and (floating.nq, floating.nv, floating.nb) == (8, 7, 6)
+    assert fixed.mass == pytest.approx(1.5) and floating.mass == pytest.approx(3.0)
+    assert floating.q0.tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
+    with pytest.raises(InvalidInput, match="base is 'free'; it must be 'fixed' or 'floating'"):
+        load(path, base="free")  # type: ignore[arg-type]
+
+
+def test_a_robot_is_changed_by_making_another():
+    robot = load("arm")
+    slow = robot.replace(limits=replace(robot.limits, v_max=0.5 * robot.limits.v_max), q0=np.zeros(7))
+    assert np.array_equal(slow.limits.v_max, 0.5 * robot.limits.v_max) and not slow.q0.any() and robot.q0.any()
+    assert slow.state().model is slow
+    with pytest.raises(InvalidInput, match=r"q0 must have shape \(7,\)"):
+        robot.replace(q0=np.zeros(6))
+    with pytest.raises(InvalidInput, match=r"limits.tau_max\[0\] is nan"):
+        robot.replace(limits=replace(robot.limits, tau_max=np.full(7, np.nan)))
+
+
+def test_unknown_robots_are_answered_with_near_ones():
+    with pytest.raises(UnknownRobot, match="no robot 'quadrupet'; did you mean 'quadruped'"):
+        load("quadrupet")
+    with pytest.raises(InvalidInput, match="by name or path, not by int"):
+        load(3)  # type: ignore[arg-type]
+
+
+def test_a_robot_of_a_package_that_is_missing_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(pin, "__file__", "/nowhere/pinocchio/__init__.py")
+    monkeypatch.setattr("sys.path", [])
+    with pytest.raises(ModelError, match=r"robot 'talos': .*pip install example-robot-data"):
+        load("talos")
+
+
+# ---- feet
+def test_a_sole_of_balls_is_the_rectangle_inside_them():
+    urdf = load("arm").urdf
+    centres = [(-0.05, 0.025, -0.03), (-0.05, -0.025, -0.03), (0.12, 0.03, -0.03), (0.12, -0.03, -0.03)]
+    balls = tuple(replace(urdf.collisions[0], shape=Sphere(0.005), origin=Origin(xyz)) for xyz in centres)
+    foot = sole_of_balls(replace(urdf, collisions=balls), "base", 0.4)
+    assert foot.half_size == pytest.approx((0.085, 0.025)) and foot.origin == pytest.approx((0.035, 0.0, -0.035))
+    assert foot.radius == 0.005 and set(foot.balls) == set(centres)
+    with pytest.raises(ModelError, match="'base' does not stand on four balls"):
+        sole_of_balls(urdf, "base", 0.4)
+
+
+def test_feet_must_be_frames_of_the_robot():
+    with pytest.raises(LookupError, match="no frame 'tol'; did you mean 'tool'"):
+        PinocchioModel(load("arm").urdf, feet=[Foot("tol", "point", 0.5)])

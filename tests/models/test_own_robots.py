@@ -1,0 +1,118 @@
+"""Our own robots are what their builder says, and stand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.models import load
+from wbc.models.catalogue import OWN_ROBOTS
+from wbc.models.robots import build
+
+ROBOTS = {name: load(name) for name in build.ROBOTS}
+robots = pytest.mark.parametrize("name", ROBOTS)
+
+
+@robots
+def test_the_file_is_what_the_builder_writes(name: str):
+    assert (OWN_ROBOTS / f"{name}.urdf").read_text(encoding="utf-8") == build.text(name)
+
+
+@robots
+def test_sizes_and_masses_are_those_of_such_robots(name: str):
+    robot = ROBOTS[name]
+    low, high, joints = {"arm": (10, 25, 7), "quadruped": (12, 18, 12), "humanoid": (50, 75, 30)}[name]
+    assert robot.nj == joints and low < robot.mass < high
+    assert robot.nb == (0 if name == "arm" else 6)
+
+
+@robots
+def test_every_joint_has_limits_that_hold(name: str):
+    limits = ROBOTS[name].limits
+    assert (limits.q_min < limits.q_max).all()
+    assert (limits.v_max > 0).all() and (limits.tau_max > 0).all()
+    assert np.isfinite([limits.q_min, limits.q_max, limits.v_max, limits.tau_max]).all()
+
+
+@robots
+def test_the_stance_is_well_inside_the_limits(name: str):
+    robot, q = ROBOTS[name], ROBOTS[name].q0[-ROBOTS[name].nj :]
+    assert (q - robot.limits.q_min).min() > 0.1 and (robot.limits.q_max - q).min() > 0.1
+
+
+@robots
+def test_every_moving_link_has_an_inertia_that_a_body_can_have(name: str):
+    for link in ROBOTS[name].urdf.links:
+        if link.inertial is not None:
+            xx, xy, xz, yy, yz, zz = link.inertial.inertia
+            moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            assert link.inertial.mass > 0.05 and moments[0] > 0
+            assert moments[0] + moments[1] > moments[2]
+
+
+@robots
+def test_every_link_that_has_a_mass_can_be_seen(name: str):
+    robot = ROBOTS[name]
+    assert {g.link for g in robot.visuals} == {link.name for link in robot.urdf.links if link.inertial}
+    assert all(g.color is not None for g in robot.visuals)
+
+
+@pytest.mark.parametrize("name", ["quadruped", "humanoid"])
+def test_a_robot_stands_with_its_feet_on_the_ground_and_its_weight_between_them(name: str):
+    robot = ROBOTS[name]
+    state = robot.state()
+    corners = []
+    for foot in robot.feet.values():
+        placement = state.frame(foot.frame).placement
+        assert placement.rotation[2, 2] == pytest.approx(1.0) or foot.kind == "point"
+        lowest = [placement.act(np.array(p)) - [0, 0, below] for p, below in foot.lowest()]
+        assert min(p[2] for p in lowest) == pytest.approx(0.0, abs=1e-9)
+        corners += lowest
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    margin = np.minimum(state.com - low, high - state.com)[:2]
+    assert (margin > 0.25 * (high - low)[:2]).all()
+
+
+@pytest.mark.parametrize("name", ["quadruped", "humanoid"])
+def test_left_and_right_are_mirror_images(name: str):
+    robot = ROBOTS[name]
+    state = robot.state()
+    assert state.com[1] == pytest.approx(0.0, abs=1e-12)
+    sides = [frame for frame in robot.frame_names if "left" in frame]
+    assert sides
+    for left in sides:
+        other = state.frame(left.replace("left", "right")).position
+        assert np.allclose(state.frame(left).position * [1, -1, 1], other, atol=1e-12)
+
+
+def test_the_frames_that_examples_use_are_there():
+    assert "tool" in ROBOTS["arm"].frame_names
+    assert {"left_sole", "right_sole", "left_hand", "right_hand", "torso", "pelvis"} <= set(
+        ROBOTS["humanoid"].frame_names
+    )
+    assert set(ROBOTS["quadruped"].feet) == {
+        "front_left_foot", "front_right_foot", "rear_left_foot", "rear_right_foot",
+    }  # fmt: skip
+
+
+def test_joints_are_positive_as_their_names_say():
+    robot = ROBOTS["humanoid"]
+    straight = robot.configuration(dict.fromkeys(robot.joint_names, 0.0))
+    state = robot.state()
+
+    def moved(frame: str, **joints: float) -> np.ndarray:
+        q = straight.copy()
+        state.update(0.0, q, np.zeros(robot.nv))
+        before = state.frame(frame).position.copy()
+        for joint, angle in joints.items():
+            q[7 + robot.joint(joint)] = angle
+        state.update(0.0, q, np.zeros(robot.nv))
+        return state.frame(frame).position - before
+
+    assert moved("left_sole", left_hip_pitch=0.5)[0] > 0.1
+    assert moved("left_sole", left_knee=0.5)[0] < -0.1
+    assert moved("left_hand", left_shoulder_pitch=0.5)[0] > 0.1
+    assert moved("left_hand", left_elbow=0.5)[0] > 0.1
+    for side, outwards in (("left", 1), ("right", -1)):
+        assert outwards * moved(f"{side}_sole", **{f"{side}_hip_roll": 0.3})[1] > 0.1
+        assert outwards * moved(f"{side}_hand", **{f"{side}_shoulder_roll": 0.3})[1] > 0.1
