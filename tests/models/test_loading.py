@@ -234,6 +234,11 @@ def test_unknown_robots_are_answered_with_near_ones():
         load(3)  # type: ignore[arg-type]
 
 
+def test_a_path_is_never_a_name():
+    with pytest.raises(ModelError, match="arm: there is no such file"):
+        load(Path("arm"))
+
+
 def test_a_robot_of_a_package_that_is_missing_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(pin, "__file__", "/nowhere/pinocchio/__init__.py")
     monkeypatch.setattr("sys.path", [])

@@ -51,17 +51,17 @@ def load(
         raise InvalidInput(f"a robot is loaded by name or path, not by {type(name_or_path).__name__}")
     name = str(name_or_path)
     folders = [Path(folder) for folder in packages]
+    if isinstance(name_or_path, Path) or os.sep in name or "." in name:
+        return _named(None, Entry(name), Path(), base, folders)
     if name in OWN:
         return _named(name, OWN[name], OWN_ROBOTS, base, folders)
-    if name in EXAMPLES:
-        try:
-            folder = example_robots()
-        except ModelError as missing:
-            raise ModelError(f"robot {name!r}: {missing}") from None
-        return _named(name, EXAMPLES[name], folder / "robots", base, [folder, *folders])
-    if isinstance(name_or_path, str) and not _looks_like_a_path(name):
+    if name not in EXAMPLES:
         raise UnknownRobot(name, [*OWN, *EXAMPLES], "or give the path of a URDF file")
-    return _named(None, Entry(name), Path(), base, folders)
+    try:
+        folder = example_robots()
+    except ModelError as missing:
+        raise ModelError(f"robot {name!r}: {missing}") from None
+    return _named(name, EXAMPLES[name], folder / "robots", base, [folder, *folders])
 
 
 def _named(
@@ -101,7 +101,3 @@ def _has_inertia(robot: PinocchioModel) -> bool:
     M = robot.state().M
     scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
     return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] > 1e-10)
-
-
-def _looks_like_a_path(name: str) -> bool:
-    return os.sep in name or "." in name
