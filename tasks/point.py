@@ -52,6 +52,7 @@ class Point(Contact):
         x, y, z = self._offset
         arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         self._rows = np.hstack([self.axes.T, -self.axes.T @ arm])
+        self._held = self.axes.T * [[0.0], [0.0], [1.0]] if self.radius > 0.0 else self.axes.T
         self._plain = axes is None and self.radius == 0.0
 
     def anchor(self, state: RobotState) -> Anchor:
@@ -59,16 +60,15 @@ class Point(Contact):
 
     def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
         frame = state.frame(self.frame)
-        np.subtract(anchor.position, frame.position, out.e)
         if self._plain:
             out.J[:] = frame.jacobian()[:3]
             out.drift[:] = frame.drift()[:3]
+            np.subtract(anchor.position, frame.position, out.e)
             return
         out.J[:] = np.dot(self._rows, frame.jacobian())
         out.drift[:] = np.dot(self._rows, frame.drift())
-        out.e[:] = np.dot(self.axes.T, out.e - self._offset)
-        if self.radius > 0.0:
-            out.e[:2] = 0.0
+        out.e[:] = np.dot(self._held, anchor.position - frame.position)
+        out.e[2] += self.radius
 
     def cone(self) -> Mat:
         mu = self.mu

@@ -16,7 +16,7 @@ from wbc.types import Vec
 #: Deceleration counted on where no acceleration limit says otherwise [rad/s², m/s²]: a joint at 2 rad/s stops within
 #: 0.1 s and 0.1 rad, which drives of arms and legs can do with their load; small enough not to fight contacts.
 BRAKING = 20.0
-#: Speed of the way back into position limits at the velocity level, for joints without a velocity limit [rad/s, m/s].
+#: Speed of the way back into position limits, for joints without a velocity limit [rad/s, m/s].
 RETURN_SPEED = 1.0
 _QUANTITIES = ("position", "velocity", "acceleration")
 
@@ -25,18 +25,20 @@ _QUANTITIES = ("position", "velocity", "acceleration")
 class JointIntervals:
     """What a joint may do next so that all its limits hold now and can hold for ever after.
 
-    Position limits need room to brake. With d the distance to a limit, u the speed towards it and B the deceleration
-    counted on (the acceleration limit, at most ``braking`` of the law on positions; 20 where nothing is said), a joint
-    can keep all its limits if d >= u² / 2B + u dt / 2: it then either brakes with B or stops within the tick, and
-    the same holds at the next tick. The bounds are the largest step that ends there:
+    Position limits need room to brake. With d the distance to a limit and B the deceleration counted on (the
+    acceleration limit, at most ``braking`` of the law on positions; 20 where nothing is said), the velocity u towards
+    the limit at the end of the tick is bounded by
 
-    ``acceleration``: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.  v⁺ <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt
-    ``velocity``:     q⁺ = q + v dt.  v <= d / dt, and with an acceleration limit v <= −½ B dt + √((½ B dt)² + 2 B d)
+    ``acceleration``: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt
+    ``velocity``:     q⁺ = q + v dt.   u <= d / dt; with an acceleration limit u <= −B dt + √((B dt)² + 2 B d)
 
-    each with the velocity and acceleration limits. Inside, the interval holds 0 or full braking, so it is never empty.
-    Outside (noise, a push, limits that shrank) it asks for the way back and stays non-empty: back inside at once if
-    one step can do it, else with at most B (``acceleration``), the velocity limit (``velocity``; 1 where there is
-    none) and never faster than the opposite limit allows. An acceleration bound thus never asks for more than B.
+    beside the velocity and acceleration limits. It can then brake with B or stop within the tick, and the same holds
+    at the next tick, so the interval is never empty. States that can keep their limits are those with
+    d >= u² / 2B + u dt / 2 at the level of accelerations, d >= u² / 2B at that of velocities.
+
+    Outside (noise, a push, limits that shrank) the bounds ask for the way back and are still an interval: back inside
+    within the tick if that can be, else as fast as the velocity limit (1 where there is none), B, and braking before
+    the opposite limit allow. A bound on acceleration thus never asks for more than B.
 
     With velocity limits alone the acceleration bounds are (±v_max − v) / dt as long as |v| <= v_max.
 
@@ -132,100 +134,98 @@ class JointIntervals:
         side = 0 if upper else 1
         if self._only_velocity:
             return self._owners["velocity"]
-        if self._bound[side, joint] < self._free[side, joint]:
+        if self._has_acceleration and self._bound[side, joint] < self._free[side, joint]:
             return self._owners["acceleration"]
         limited = self._wanted[side, joint] == self._v[side, joint]
         return self._owners["velocity" if limited else "position"]
 
     def _derive(self) -> None:
-        """All constants of the two formulas."""
+        """All constants of the formulas."""
         dt = self.dt
         self._q, self._v, self._a = (self._limits[quantity] for quantity in _QUANTITIES)
-        self._has_acceleration = bool(np.isfinite(self._a).any())
-        self._only_velocity = not (self._has_acceleration or np.isfinite(self._q).any())
         # Towards one limit a joint brakes with the acceleration it has towards the other.
         opposite = self._a[::-1]
-        B = np.where(np.isfinite(opposite), opposite, BRAKING) if self._braking is None else opposite
-        B = np.clip(B, np.finfo(float).tiny, self._braking)
-        self._minus_B, self._two_B = -B, 2.0 * B
+        self._unlimited = ~np.isfinite(opposite)
+        self._has_acceleration = not self._unlimited.all()
+        self._only_velocity = not (self._has_acceleration or np.isfinite(self._q).any())
+        B = np.where(self._unlimited, BRAKING, opposite) if self._braking is None else opposite
+        B = np.minimum(B, np.inf if self._braking is None else self._braking)
+        # No limit to brake for times no brakes is still no bound: inf · tiny = inf, where inf · 0 is NaN.
+        self._minus_B, self._two_B = -B, np.maximum(2.0 * B, np.finfo(float).tiny)
         self._B_dt, self._B_dt_squared = B * dt, (B * dt) ** 2
-        self._half_B_dt, self._half_B_dt_squared = 0.5 * B * dt, (0.5 * B * dt) ** 2
-        self._a_dt = self._a * dt
-        self._v_per_dt = self._v / dt
-        self._minus_return = -np.where(np.isfinite(self._v), self._v, RETURN_SPEED)
+        self._slower, self._faster = np.where(self._unlimited, np.inf, B * dt), self._a * dt
+        self._highest_v_per_dt, self._lowest_v_per_dt = self._v[0] / dt, -self._v[1] / dt
+        self._least_above, self._most_below = -B[0], B[1]
+        self._return_speed = np.where(np.isfinite(self._v), self._v, RETURN_SPEED)
 
     def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
         """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
         if self._only_velocity:
             self._acceleration_by_velocity(v, lower, upper)
             return
-        room, reach, back, bound = self._room, self._reach, self._back, self._bound
         np.multiply(v, self._half_dt, self._plain)
         self._plain += q
         np.negative(self._plain, self._mirrored)
-        np.subtract(self._q, self._value, room)
-        np.maximum(room, self._zero, out=reach)
-        reach *= self._two_B
-        reach += self._B_dt_squared
-        np.sqrt(reach, reach)
-        reach -= self._B_dt
-        np.minimum(reach, self._v, out=reach)
-        np.minimum(room, self._zero, out=room)
-        room *= self._two_per_dt
-        np.negative(self._opposite_reach, back)
-        np.maximum(room, back, out=back)
-        np.add(reach, back, self._wanted)
+        np.subtract(self._q, self._value, self._room)
+        self._speed_that_can_brake()
+        self._velocity_wanted(self._two_per_dt)
         self._plain[:] = v
         np.negative(v, self._mirrored)
-        np.subtract(self._wanted, self._value, bound)
-        bound *= self._per_dt
-        np.maximum(bound, self._minus_B, out=self._free)
-        np.minimum(self._free, self._a, out=bound)
+        np.subtract(self._wanted, self._value, self._free)
+        self._free *= self._per_dt
+        np.maximum(self._free, self._minus_B, out=self._free)
+        np.minimum(self._free, self._a, out=self._bound)
         upper[:] = self._bound_above
         np.negative(self._bound_below, lower)
 
     def _acceleration_by_velocity(self, v: Vec, lower: Vec, upper: Vec) -> None:
         """The same where nothing but velocities is limited."""
         np.multiply(v, self._per_dt, self._plain)
-        np.subtract(self._v_per_dt[0], self._plain, upper)
-        np.maximum(upper, self._minus_B[0], out=upper)
-        np.add(self._v_per_dt[1], self._plain, lower)
-        np.maximum(lower, self._minus_B[1], out=lower)
-        np.negative(lower, lower)
+        np.subtract(self._highest_v_per_dt, self._plain, upper)
+        np.maximum(upper, self._least_above, out=upper)
+        np.subtract(self._lowest_v_per_dt, self._plain, lower)
+        np.minimum(lower, self._most_below, out=lower)
 
     def velocity(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
         """Write bounds (nj,) on the joint velocities of the next tick; v is read with acceleration limits only."""
-        room, reach, back, bound = self._room, self._reach, self._back, self._bound
         self._plain[:] = q
         np.negative(q, self._mirrored)
-        np.subtract(self._q, self._value, room)
-        np.maximum(room, self._zero, out=reach)
-        np.minimum(room, self._zero, out=room)
-        room *= self._per_dt
+        np.subtract(self._q, self._value, self._room)
         if self._has_acceleration:
-            np.multiply(reach, self._two_B, self._free)
-            self._free += self._half_B_dt_squared
-            np.sqrt(self._free, self._free)
-            self._free -= self._half_B_dt
-            np.minimum(self._free, self._v, out=self._free)
-            reach *= self._per_dt
-            np.minimum(reach, self._free, out=reach)
+            self._speed_that_can_brake()
+            np.multiply(self._room, self._per_dt, out=self._reach, where=self._unlimited)
         else:
-            reach *= self._per_dt
-            np.minimum(reach, self._v, out=reach)
-        np.negative(reach, back)
-        np.maximum(back, self._minus_return, out=back)
-        np.maximum(room, self._opposite_back, out=room)
-        np.add(reach, room, self._wanted)
-        np.copyto(self._free, self._wanted)
+            np.multiply(self._room, self._per_dt, self._reach)
+        np.maximum(self._reach, self._zero, out=self._reach)
+        self._velocity_wanted(self._per_dt)
         if self._has_acceleration:
             self._plain[:] = v
             np.negative(v, self._mirrored)
-            np.subtract(self._value, self._B_dt, room)
-            np.maximum(self._free, room, out=self._free)
-            self._value += self._a_dt
-            np.minimum(self._free, self._value, out=bound)
+            np.subtract(self._value, self._slower, self._free)
+            np.maximum(self._free, self._wanted, out=self._free)
+            self._value += self._faster
+            np.minimum(self._free, self._value, out=self._bound)
         else:
-            np.copyto(bound, self._free)
+            np.copyto(self._bound, self._wanted)
         upper[:] = self._bound_above
         np.negative(self._bound_below, lower)
+
+    def _speed_that_can_brake(self) -> None:
+        """reach = −B dt + √((B dt)² + 2 B room), 0 where there is no room."""
+        reach = self._reach
+        np.maximum(self._room, self._zero, out=reach)
+        reach *= self._two_B
+        reach += self._B_dt_squared
+        np.sqrt(reach, reach)
+        reach -= self._B_dt
+
+    def _velocity_wanted(self, per_time: float) -> None:
+        """Inside, the speed the limits leave; outside, the way back: at once, or as fast as the other side allows."""
+        room, reach, back = self._room, self._reach, self._back
+        np.minimum(reach, self._v, out=reach)
+        np.minimum(reach, self._return_speed, out=back)
+        np.negative(back, back)
+        np.minimum(room, self._zero, out=room)
+        room *= per_time
+        np.maximum(room, self._opposite_back, out=room)
+        np.add(reach, room, self._wanted)

@@ -14,6 +14,8 @@ from wbc.models.model import RobotModel
 from wbc.stack.task import Objective, Target
 from wbc.types import Mat, Vec
 
+_IDENTITY = np.eye(3)
+
 #: ``convert(name, value, strict)``: strict when assigned, shapes only in a tick; see :class:`~wbc.stack.task.Target`.
 Convert = Callable[[str, Any, bool], Any]
 
@@ -70,7 +72,7 @@ def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
     if matrix.shape != (4, 4):
         raise InvalidInput(f"{name} must be a pinocchio.SE3 or a 4x4 matrix, not of shape {matrix.shape}")
     if strict:
-        if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+        if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
             raise InvalidInput(f"{name}: the last row of a pose is 0 0 0 1, not {matrix[3]}")
         _check_rotation(name, matrix[:3, :3])
     return matrix[:3, :3], matrix[:3, 3]
@@ -111,8 +113,9 @@ def rotation_error(target: Mat, actual: Mat) -> Vec:
 
 
 def _check_rotation(name: str, matrix: Mat) -> None:
-    off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    off = float(np.abs(np.dot(matrix, matrix.T) - _IDENTITY).max())
     if off > 1e-6:
         raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is 1e-6")
-    if np.linalg.det(matrix) < 0:
+    x, y, z = matrix.tolist()
+    if x[0] * (y[1] * z[2] - y[2] * z[1]) < x[1] * (y[0] * z[2] - y[2] * z[0]) - x[2] * (y[0] * z[1] - y[1] * z[0]):
         raise InvalidInput(f"{name} is not a rotation: its determinant is -1 (a mirror image)")
