@@ -241,3 +241,36 @@ def test_every_setting_is_said(standing):
     assert {"dt", "substeps", "integrator", "solref", "solimp", "joint_friction", "armature", "joint_stops"} <= set(
         said
     )
+
+
+def test_settings_reach_the_engine():
+    given = PhysicsSettings(
+        integrator="euler", impratio=20.0, armature=0.02, joint_friction=0.3, joint_damping=0.4, joint_stops=False
+    )
+    physics = MujocoPlant(ARM, dt=2e-3, substeps=4, settings=given).physics
+    assert physics.opt.timestep == 5e-4 and physics.opt.impratio == 20.0
+    assert physics.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    assert physics.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    assert (physics.dof_armature == 0.02).all() and (physics.dof_frictionloss == 0.3).all()
+    assert (physics.dof_damping == 0.4).all()
+    assert not physics.jnt_limited.any()
+
+
+def test_friction_and_damping_are_the_files_only_when_asked():
+    joints = {joint.name: joint for joint in ARM.urdf.joints}
+    of_file = [(joints[name].friction, joints[name].damping) for name in ARM.joint_names]
+    for settings_, wanted in (
+        (PhysicsSettings(), [(0.0, 0.0)] * ARM.nj),
+        (PhysicsSettings(joint_friction="urdf", joint_damping="urdf"), of_file),
+    ):
+        physics = MujocoPlant(ARM, settings=settings_).physics
+        np.testing.assert_array_equal(np.column_stack([physics.dof_frictionloss, physics.dof_damping]), wanted)
+
+
+@pytest.mark.parametrize("stops", [True, False])
+def test_joints_stop_at_their_limits_where_there_are_stops(stops, command):
+    plant = MujocoPlant(ARM, settings=PhysicsSettings(joint_stops=stops, joint_damping=5.0))
+    for _ in range(3000):
+        plant.step(command(ARM, tau=0.3 * ARM.limits.tau_max))
+    beyond = (plant.q - ARM.limits.q_max).max()
+    assert 0.0 < beyond < 0.1 if stops else beyond > 1.0

@@ -53,7 +53,7 @@ def test_a_reach_is_recorded_column_by_column():
     np.testing.assert_allclose(run["t"], 1e-3 * np.arange(1500), atol=1e-12)
     assert run["q"].shape == (1500, ARM.nq) and run["v_cmd"].shape == (1500, ARM.nv)
     assert run["certificate"].shape == (1500, 3) and run["certificate"].max() < 1e-6
-    assert [run.meta["statuses"][i] for i in np.unique(run["status"])] == ["solved"]
+    assert [run.meta["statuses"][i] for i in np.unique(run["status"])] == ["SOLVED"]
     assert (run["tick_us"] > 0).all()
     assert np.linalg.norm(run["error.Position[tool]"][-1]) < 1e-3
     assert run.meta["tasks"]["Position[tool]"]["units"] == ["m", "m", "m"]

@@ -103,6 +103,7 @@ def _set_joints(mj: Any, spec: Any, robot: PinocchioModel, settings: PhysicsSett
         stops = settings.joint_stops and -_ENDLESS < limits.q_min[i] < limits.q_max[i] < _ENDLESS
         joint.limited = stops
         joint.range = [limits.q_min[i], limits.q_max[i]] if stops else [0.0, 0.0]
+        joint.solref_limit, joint.solimp_limit = list(settings.solref), list(settings.solimp)
         joint.actfrclimited = False  # the actuator has the limit, once
         joint.armature = settings.armature
         if settings.joint_friction != "urdf":

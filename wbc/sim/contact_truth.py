@@ -14,6 +14,8 @@ from wbc.types import Mat, Vec
 #: A foot slips only while it carries more than this share of the robot's weight.
 LOADED = 0.01
 
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
 
 @final
 class ContactTruth:
@@ -83,7 +85,7 @@ class ContactTruth:
         """World velocities (k, 3) of the links' material at the contact points."""
         spatial = data.cvel[self._bodies[owner]]  # angular and linear, at the centre of mass of the whole robot
         arms = points - data.subtree_com[self._roots[owner]]
-        velocities: Mat = spatial[:, 3:] + np.cross(spatial[:, :3], arms)
+        velocities: Mat = spatial[:, 3:] + _cross(spatial[:, :3], arms)
         return velocities
 
     def _net_wrench(self, data: Any, i: int, forces: Mat, points: Mat) -> Vec:
@@ -95,8 +97,14 @@ class ContactTruth:
         else:
             axes = _on_floor((rotation @ foot.rotation)[:, 0])
             point = position + rotation @ foot.origin
-        force, moment = forces.sum(axis=0), np.cross(points - point, forces).sum(axis=0)
+        force, moment = forces.sum(axis=0), _cross(points - point, forces).sum(axis=0)
         return np.concatenate([axes.T @ force, axes.T @ moment])
+
+
+def _cross(a: Mat, b: Mat) -> Mat:
+    """a × b row by row; numpy.cross takes longer than a step of physics."""
+    result: Mat = a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT]
+    return result
 
 
 def _on_floor(along: Vec) -> Mat:

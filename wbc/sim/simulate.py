@@ -197,7 +197,7 @@ def _about(controller: Controller, plant: Plant, disturbances: list[Disturbance]
         "joint_names": list(model.joint_names),
         "joint_units": list(model.joint_units),
         "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
-        "statuses": [str(status) for status in Status],
+        "statuses": [status.name for status in Status],
         "tasks": {name: {"units": [task.unit(k) for k in range(task.dim)]} for name, task in objectives.items()},
         "contacts": {contact.name: _contact(contact) for contact in stack.contacts},
         "stack": str(stack),
