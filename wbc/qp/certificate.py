@@ -17,7 +17,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.problem import HUGE, QP
+from wbc.qp.problem import QP, moderate
 from wbc.types import Vec
 
 TOLERANCE = 1e-6
@@ -59,7 +59,7 @@ class Certificate:
 def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec) -> Certificate:
     """Residuals of the KKT conditions at (x, y, z, z_box).
 
-    Shapes: x (n,), y (n_eq,), z (n_in,), z_box (n,). A non-finite answer has infinite residuals.
+    Shapes: x (n,), y (n_eq,), z (n_in,), z_box (n,). An answer that is not finite has infinite residuals.
 
     Example:
         >>> import numpy as np, wbc
@@ -68,9 +68,10 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec) -> Certificate:
         >>> certificate(qp, np.array([2.0]), np.zeros(0), np.zeros(0), np.array([-2.0])).ok
         True
     """
-    forces = np.concatenate([y, z])
-    if not x.dot(x) + forces.dot(forces) + z_box.dot(z_box) < HUGE:
+    everything = np.concatenate([x, y, z, z_box])
+    if not moderate(everything):
         return Certificate(np.inf, np.inf, np.inf)
+    forces = everything[len(x) : len(everything) - len(x)]
     curvature = qp.H.dot(x)
     stationarity = curvature + qp.g
     stationarity += forces.dot(qp.matrix)

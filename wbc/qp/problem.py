@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import qpsolvers
 
 
-HUGE = 1e300  # a sum of squares beyond this has overflowed, or is NaN
+HUGE = 1e100  # no number that means something is larger, and squares of smaller ones do not overflow
 
 
 class Row(NamedTuple):
@@ -172,11 +172,11 @@ class QP:
         Raises:
             InvalidProblem: NaN or inf in H, g, A, b or C; NaN in a bound; crossed bounds; H not symmetric.
         """
-        # A sum of squares is finite only if every entry is.
-        size = np.vdot(self.H, self.H)
         sound = (
-            size + self.g.dot(self.g) + np.vdot(self.matrix, self.matrix) < HUGE
-            and self._skew() <= 1e-26 * size
+            moderate(self.H)
+            and moderate(self.g)
+            and moderate(self.matrix)
+            and self._symmetric()
             and _ordered(self.lower, self.upper)
             and _ordered(self.lb, self.ub)
             and bool((self.lower[: self.n_eq] == self.upper[: self.n_eq]).all())
@@ -184,11 +184,11 @@ class QP:
         if not sound:
             self._refuse()
 
-    def _skew(self) -> float:
-        """‖(H − Hᵀ) u‖² of a fixed vector u without pattern: zero for practically no other than a symmetric H."""
-        probe = _probe(len(self.H))
-        difference = self.H.dot(probe) - probe.dot(self.H)
-        return float(difference.dot(difference))
+    def _symmetric(self) -> bool:
+        """Whether H u = Hᵀu to rounding for a fixed vector u without pattern: the cheapest test of all entries."""
+        H, probe = self.H, _probe(len(self.H))
+        skew = H.dot(probe) - probe.dot(H)
+        return bool(skew.dot(skew) <= 1e-26 * np.vdot(H, H))
 
     def _refuse(self) -> None:
         """Look at everything one by one and raise for the first fault; huge numbers have none."""
@@ -286,12 +286,20 @@ def _probe(n: int) -> Vec:
     return 1.0 + 0.5 * np.sin(np.arange(n) ** 2)
 
 
+def moderate(values: Vec | Mat) -> bool:
+    """Whether all entries are finite, and not so large that their squares overflow."""
+    if not values.size:
+        return True
+    # argmin and argmax cost a quarter of min(), max() and all() on arrays of this size; they find a NaN first.
+    flat = values.ravel()
+    return bool(-HUGE < flat[flat.argmin()] and flat[flat.argmax()] < HUGE)
+
+
 def _ordered(lower: Vec, upper: Vec) -> bool:
     """Whether every interval [lower, upper] has a point."""
     if not len(lower):
         return True
     ordered = lower <= upper
-    # argmin and argmax cost a quarter of all(), min() and max() on arrays of this size.
     return bool(ordered[ordered.argmin()] and upper[upper.argmin()] > -np.inf and lower[lower.argmax()] < np.inf)
 
 

@@ -12,7 +12,9 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
+from wbc.qp.reduce import Equilibrated
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession
 from wbc.types import Status
@@ -36,6 +38,8 @@ class Daqp(Solver):
 
     Args:
         primal_tol: how far a row may be violated [unit of the row]. Far below what is asked: it costs nothing.
+        eps_prox: weight of the proximal terms where H is singular; negative: only there.
+        eta_prox: change of x at which proximal steps end. Both defaults reach 1e-8 where DAQP's own reach 1e-6.
         max_iter: changes of the active set before it gives up.
 
     Raises:
@@ -52,10 +56,14 @@ class Daqp(Solver):
     package = "daqp"
 
     primal_tol: float = 1e-10
+    eps_prox: float = -1e-4
+    eta_prox: float = 1e-10
     max_iter: int = 10_000
 
     def __post_init__(self) -> None:
         checks.number("primal_tol", self.primal_tol, low=0.0, strict=True)
+        checks.number("eps_prox", self.eps_prox)
+        checks.number("eta_prox", self.eta_prox, low=0.0, strict=True)
         checks.number("max_iter", self.max_iter, low=1)
 
     def open(self, shape: Shape) -> DaqpSession:
@@ -69,13 +77,25 @@ class DaqpSession(KeptSession):
 
     def __init__(self, solver: Daqp, shape: Shape) -> None:
         super().__init__(solver, shape)
+        self._daqp = solver
         n, n_eq, n_in = shape
         self._lower, self._upper = np.empty(n + n_eq + n_in), np.empty(n + n_eq + n_in)
         self._sense = np.zeros(n + n_eq + n_in, np.intc)
         self._sense[n : n + n_eq] = EQUALITY
         # Equalities are eliminated first; left to choose, DAQP does not do so from a warm start.
-        self._settings = {"primal_tol": solver.primal_tol, "iter_limit": solver.max_iter, "eq_reduction": 1}
+        self._settings = {
+            "primal_tol": solver.primal_tol, "eps_prox": solver.eps_prox, "eta_prox": solver.eta_prox,
+            "iter_limit": solver.max_iter, "eq_reduction": 1,
+        }  # fmt: skip
         self._flag = 0
+
+    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+        """A failure is only believed in other units too: rows that are small in theirs are taken for zero."""
+        if proof.within(self.solver.tolerance):
+            return None
+        scaled = Equilibrated(qp)
+        again = scaled.undo(DaqpSession(self._daqp, self.shape)._solve(scaled.qp))
+        return again if again.status.ok or not answer.status.ok else None
 
     def _write(self, qp: QP) -> bool:
         n, lower, upper = qp.n, self._lower, self._upper

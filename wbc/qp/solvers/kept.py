@@ -9,9 +9,10 @@ from typing import Any, final
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
-from wbc.types import Index, Mat, Vec
+from wbc.types import Index, Mat, Status, Vec
 
 
 class KeptSession(Session):
@@ -31,7 +32,7 @@ class KeptSession(Session):
 
     @abstractmethod
     def _make(self, qp: QP) -> Any:
-        """A new workspace holding the data."""
+        """A new workspace holding the data, ``None`` where the back end refuses them."""
 
     @abstractmethod
     def _update(self, qp: QP, workspace: Any) -> None:
@@ -50,17 +51,38 @@ class KeptSession(Session):
         start = perf_counter()
         fits = self._write(qp)
         build_time = perf_counter() - start
-        answer = None
+        answer = Answer.none(qp.shape, Status.FAILED)
         if self._workspace is not None and fits:
             self._update(qp, self._workspace)
             answer = self._run(qp, self._workspace)
-        if answer is None or not answer.status.ok:
+        if not answer.status.ok:
             self._workspace = self._make(qp)
-            answer = self._run(qp, self._workspace)
+            if self._workspace is not None:
+                answer = self._run(qp, self._workspace)
         if not answer.status.ok:
             self._workspace = None
         answer.build_time = build_time
         return answer
+
+    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+        return explained(qp, answer, proof)
+
+
+def explained(qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+    """Why there is no answer, where the back end does not know or is mistaken.
+
+    DAQP is asked whether the rows can be met and the cost has a minimum; never for the answer itself.
+    """
+    from wbc.qp.solvers.daqp_ import Daqp
+
+    if proof.within(TOLERANCE):
+        return None
+    status = Daqp().solve(qp).status
+    if status in (Status.INFEASIBLE, Status.UNBOUNDED):
+        return Answer.none(qp.shape, status, answer.iterations)
+    if status.ok and answer.status in (Status.INFEASIBLE, Status.UNBOUNDED):
+        return Answer.none(qp.shape, Status.FAILED, answer.iterations)
+    return None
 
 
 @final

@@ -12,9 +12,10 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import KeptSession, Pattern
+from wbc.qp.solvers.kept import KeptSession, Pattern, explained
 from wbc.types import Status
 
 INFINITY = 1e30
@@ -38,7 +39,8 @@ class Osqp(Solver):
     Args:
         eps_abs: residuals at which it stops.
         max_iter: iterations before it gives up.
-        polishing: solve once more with the rows that came out active held exactly.
+        polishing: solve once more with the rows that came out active held exactly; OSQP prints a line wherever
+            none is, so it is off.
 
     Raises:
         InvalidInput: a setting out of its range.
@@ -50,7 +52,7 @@ class Osqp(Solver):
 
     eps_abs: float = 1e-9
     max_iter: int = 20_000
-    polishing: bool = True
+    polishing: bool = False
 
     def __post_init__(self) -> None:
         checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
@@ -70,7 +72,7 @@ class OsqpSession(KeptSession):
         n, m = shape.n, shape.n_eq + shape.n_in
         self._settings = {
             "eps_abs": solver.eps_abs, "eps_rel": 0.0, "max_iter": solver.max_iter, "polishing": solver.polishing,
-            "check_dualgap": True, "verbose": False,
+            "eps_prim_inf": 1e-8, "eps_dual_inf": 1e-8, "check_dualgap": True, "verbose": False,
         }  # fmt: skip
         self._cost, self._rows = Pattern(n, n), Pattern(m + n, n)
         self._upper_H = np.zeros((n, n))
@@ -89,12 +91,20 @@ class OsqpSession(KeptSession):
         return same_cost and same_rows
 
     def _make(self, qp: QP) -> Any:
+        return self._set_up(qp)
+
+    def _set_up(self, qp: QP, **settings: Any) -> Any:
         import osqp
 
         workspace = osqp.OSQP()
         cost, rows = self._cost.sparse(self._upper_H), self._rows.sparse(self._matrix)
-        # OSQP keeps what it is given: nothing of it may be the caller's, or ours.
-        workspace.setup(cost, qp.g.copy(), rows, self._lower.copy(), self._upper.copy(), **self._settings)
+        try:
+            # OSQP keeps what it is given: nothing of it may be the caller's, or ours.
+            workspace.setup(
+                cost, qp.g.copy(), rows, self._lower.copy(), self._upper.copy(), **{**self._settings, **settings}
+            )
+        except osqp.OSQPException:
+            return None
         return workspace
 
     def _update(self, qp: QP, workspace: Any) -> None:
@@ -102,6 +112,14 @@ class OsqpSession(KeptSession):
             q=qp.g.copy(), l=self._lower.copy(), u=self._upper.copy(),
             Px=self._cost.entries(self._upper_H), Ax=self._rows.entries(self._matrix),
         )  # fmt: skip
+
+    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+        """Its scaling sometimes makes a sound problem look infeasible: try without."""
+        if proof.within(self.solver.tolerance):
+            return None
+        plain = self._set_up(qp, scaling=0)
+        again = self._run(qp, plain) if plain is not None else answer
+        return again if again.status.ok else explained(qp, answer, proof)
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
         from osqp import SolverStatus

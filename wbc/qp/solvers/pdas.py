@@ -122,9 +122,10 @@ class PdasSession(Session):
                 return repaired
             self._hold(before)
             answer = self._ask_daqp(qp)
-            if self._verified(qp, answer):
+            proof = self._proof(qp, answer)
+            if proof.within(self._settings.accuracy):
                 return answer
-        return self._polished(qp, answer)
+        return self._polished(qp, self._daqp._improve(qp, answer, proof) or answer)
 
     def _repair(self, qp: QP, answer: Answer) -> Answer | None:
         """Exchange all rows that are wrong, as long as they become fewer."""
@@ -133,7 +134,7 @@ class PdasSession(Session):
             side = self._exchange(qp, answer)
             wrong = int(np.count_nonzero(side != self._side))
             if not wrong:
-                return answer if self._verified(qp, answer) else None
+                return answer if self._proof(qp, answer).within(self._settings.accuracy) else None
             if wrong >= fewest or done == self._settings.tries:
                 return None
             fewest = wrong
@@ -145,8 +146,8 @@ class PdasSession(Session):
             answer.iterations = done + 1
         return None
 
-    def _verified(self, qp: QP, answer: Answer) -> bool:
-        return certificate(qp, answer.x, answer.y, answer.z, answer.z_box).within(self._settings.accuracy)
+    def _proof(self, qp: QP, answer: Answer) -> Certificate:
+        return certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
 
     def _exchange(self, qp: QP, answer: Answer) -> Vec:
         """The active set with what this answer violates, and without the rows that it pulls instead of pushes."""
@@ -170,19 +171,26 @@ class PdasSession(Session):
         self.counts.fallback += 1
         answer = self._daqp._solve(qp)
         if answer.status.ok:
-            side = np.sign(np.concatenate([answer.z, answer.z_box]))
+            side = _side(answer)
             if (side == self._side).all():
                 self._misses = 0
             self._hold(side)
         return answer
 
     def _polished(self, qp: QP, answer: Answer) -> Answer:
-        """The same active set solved by ourselves, where that is more accurate than DAQP's answer."""
+        """The active set of this answer solved by ourselves, where that is more accurate."""
         if answer.status.ok:
+            self._hold(_side(answer))
             polished = self._guess(qp)
-            if polished is not None and self._verified(qp, polished):
+            if polished is not None and self._proof(qp, polished).within(self._settings.accuracy):
                 return polished
         return answer
+
+
+def _side(answer: Answer) -> Vec:
+    """−1 where a row or variable is pushed up from its lower side, 1 where down from its upper, 0 elsewhere."""
+    side: Vec = np.sign(np.concatenate([answer.z, answer.z_box]))
+    return side
 
 
 @final

@@ -61,12 +61,19 @@ class PiqpSession(KeptSession):
         super().__init__(solver, shape)
         self._eps, self._max_iter = solver.eps_abs, solver.max_iter
         self._data: tuple[Any, ...] = ()
+        self._bounded = np.zeros(shape.n_in, dtype=bool)
 
     def _write(self, qp: QP) -> bool:
         A, b = (np.asfortranarray(qp.A), qp.b) if qp.n_eq else (None, None)
-        C, cl, cu = (np.asfortranarray(qp.C), qp.cl, qp.cu) if self.shape.n_in else (None, None, None)
+        # A row without any side is not taken.
+        bounded = np.isfinite(qp.cl) | np.isfinite(qp.cu)
+        fits = bool((bounded == self._bounded).all())
+        self._bounded = bounded
+        C, cl, cu = (
+            (np.asfortranarray(qp.C[bounded]), qp.cl[bounded], qp.cu[bounded]) if bounded.any() else (None, None, None)
+        )
         self._data = (qp.H.T, qp.g, A, b, C, cl, cu, qp.lb, qp.ub)
-        return True
+        return fits
 
     def _make(self, qp: QP) -> Any:
         import piqp
@@ -88,7 +95,7 @@ class PiqpSession(KeptSession):
         iterations = int(result.info.iter)
         if status in (Status.INFEASIBLE, Status.UNBOUNDED):
             return Answer.none(qp.shape, status, iterations)
-        z, z_box = np.array(result.z_u), np.array(result.z_bu)
-        z -= result.z_l
+        z, z_box = np.zeros(self.shape.n_in), np.array(result.z_bu)
+        z[self._bounded] = result.z_u - result.z_l
         z_box -= result.z_bl
         return Answer(status, np.array(result.x), np.array(result.y), z, z_box, iterations)

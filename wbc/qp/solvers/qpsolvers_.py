@@ -13,8 +13,10 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from wbc.errors import UnknownSolver
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
+from wbc.qp.solvers.kept import explained
 from wbc.types import Status, Vec
 
 
@@ -103,7 +105,7 @@ class QpSolversSession(Session):
             except (qpsolvers.QPError, ValueError):
                 return Answer.none(qp.shape, Status.FAILED)
         if not found.found or found.x is None:
-            return Answer.none(qp.shape, _reason(found.extras))
+            return Answer.none(qp.shape, Status.FAILED)
         up, low = np.isfinite(qp.cu), np.isfinite(qp.cl)
         pushed = _vector(found.z, int(up.sum() + low.sum()))
         z = np.zeros(len(qp.cu))
@@ -112,17 +114,10 @@ class QpSolversSession(Session):
         y, z_box = _vector(found.y, qp.n_eq), _vector(found.z_box, qp.n)
         return Answer(Status.SOLVED, np.array(found.x), y, z, z_box, 0, build_time + (found.build_time or 0.0))
 
+    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+        return explained(qp, answer, proof)
+
 
 def _vector(values: Any, size: int) -> Vec:
     """Multipliers as an array; zeros where the back end gives none."""
     return np.zeros(size) if values is None or len(values) == 0 else np.array(values, dtype=np.float64)
-
-
-def _reason(extras: dict[str, Any]) -> Status:
-    """Why there is no answer, from the words the back ends use; FAILED where they say nothing."""
-    text = str(extras.get("status", extras.get("infostring", ""))).lower()
-    if "unbounded" in text or "dual infeasible" in text:
-        return Status.UNBOUNDED
-    if "infeasible" in text:
-        return Status.INFEASIBLE
-    return Status.FAILED

@@ -12,9 +12,11 @@ from typing import final
 
 import numpy as np
 
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
+from wbc.qp.reduce import Equilibrated
 from wbc.qp.solver import Answer, Session, Solver
-from wbc.qp.solvers.kept import OneSided
+from wbc.qp.solvers.kept import OneSided, explained
 from wbc.types import Status
 
 
@@ -48,11 +50,21 @@ class QuadprogSession(Session):
         if self._form is None or not self._form.fits(qp):
             self._form = OneSided(qp)
         form = self._form
-        rows, right = -form.matrix(qp).T, -form.right_side(qp)
+        # Without any row it takes none; with an empty matrix it looks for the first.
+        rows = (-form.matrix(qp).T, -form.right_side(qp), form.n_equal) if len(form.item) else ()
         build_time = perf_counter() - start
         try:
-            x, _, _, iterations, dual, _ = quadprog.solve_qp(qp.H, -qp.g, rows, right, form.n_equal)
+            x, _, _, iterations, dual, _ = quadprog.solve_qp(qp.H, -qp.g, *rows)
         except ValueError as cause:
             status = Status.INFEASIBLE if "inconsistent" in str(cause) else Status.FAILED
             return Answer.none(qp.shape, status)
+        dual = dual if rows else np.empty(0)
         return Answer(Status.SOLVED, x, *form.multipliers(np.array(dual)), int(iterations[0]), build_time)
+
+    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+        """Rows and costs that are small in their units are taken for zero: try again in others."""
+        if proof.within(self.solver.tolerance):
+            return None
+        scaled = Equilibrated(qp)
+        again = scaled.undo(self._solve(scaled.qp))
+        return again if again.status.ok else explained(qp, answer, proof)
