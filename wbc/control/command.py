@@ -76,9 +76,8 @@ class Command:
     @property
     def a(self) -> Vec:
         """Acceleration (nv,); NaN at the velocity level."""
-        if self._a is None:
-            self._a = np.full(self._controller.model.nv, np.nan)
-        return self._a
+        # Not kept: ``q`` tells by it whether accelerations were decided.
+        return np.full(self._controller.model.nv, np.nan) if self._a is None else self._a
 
     @property
     def v(self) -> Vec:

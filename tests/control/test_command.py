@@ -1,0 +1,36 @@
+"""Commands: what a level does not decide is NaN, and asking for it changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import JointVelocityLimits, Posture, TorqueLimits
+from wbc.stack.formulation import Formulation
+
+
+def command(level: Formulation, *laws: wbc.Constraint) -> wbc.Command:
+    """One tick of an arm that is told to move every joint by 0.1 rad."""
+    robot = wbc.load("arm")
+    stack = wbc.Stack([Posture(robot.q0 + 0.1)], subject_to=laws)
+    return wbc.Controller(robot, stack, level=level).tick(0.0, robot.q0, np.zeros(robot.nv))
+
+
+def test_asking_for_the_acceleration_leaves_the_next_configuration_alone():
+    answer = command(wbc.VelocityLevel())
+    assert np.isnan(answer.a).all() and np.isnan(answer.tau).all()
+    assert np.isfinite(answer.q).all() and np.isfinite(answer.v).all()
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
+@pytest.mark.parametrize("laws", [(), (JointVelocityLimits(),)], ids=["free", "limited"])
+def test_a_posture_alone_is_a_stack(level: Formulation, laws: tuple[wbc.Constraint, ...]):
+    answer = command(level, *laws)
+    assert answer.status is wbc.Status.SOLVED
+    assert (answer.q > wbc.load("arm").q0).all()
+
+
+def test_a_posture_under_torque_limits_carries_the_arm():
+    answer = command(wbc.InverseDynamics(), TorqueLimits(), JointVelocityLimits())
+    assert answer.status is wbc.Status.SOLVED and answer.solution.certificate.ok
