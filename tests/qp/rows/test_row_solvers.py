@@ -99,6 +99,36 @@ def test_bounds_alone_are_answered_by_the_box_solver(seed: int) -> None:
     assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
 
 
+@given(seed=st.integers(0, 10**6))
+def test_bounds_that_come_and_go_are_found_and_forgotten(seed: int) -> None:
+    p = row_problem(seed, n_u=0, n_range=0, n_law=0, tight=0.3)
+    lower, upper = p.lb.copy(), p.ub.copy()
+    box = BoxSolver(p)
+    for width in (100.0, 1.0, 100.0):
+        p.lb[:], p.ub[:] = lower - width + 1.0, upper + width - 1.0
+        assert box.solve() is Status.SOLVED
+        qp = p.empty_qp()
+        p.write_qp(qp)
+        assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
+
+
+def test_a_box_problem_without_any_soft_row_is_its_centre_within_the_bounds() -> None:
+    p = row_problem(1, n_u=0, n_range=0, n_law=0, n_soft=0, tight=0.3)
+    assert BoxSolver(p).solve() is Status.SOLVED
+    np.testing.assert_allclose(p.x, np.clip(p.centre, p.lb, p.ub), atol=1e-9)
+
+
+@pytest.mark.parametrize("n_u", [0, 3])
+@pytest.mark.parametrize("tight", [10.0, 0.3, 0.05])
+def test_without_any_task_or_law_only_bounds_and_ranges_move_the_answer_from_the_centre(n_u: int, tight: float) -> None:
+    p = row_problem(2, n_u=n_u, n_soft=0, n_law=0, tight=tight)
+    dual = DualSolver(p)
+    assert dual.solve() is Status.SOLVED
+    qp = p.empty_qp()
+    p.write_qp(qp)
+    assert solution_of(dual, qp, Status.SOLVED).certificate.within(1e-7)
+
+
 def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved() -> None:
     p = row_problem(3)
     good = p.G.copy()

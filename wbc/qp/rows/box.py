@@ -1,6 +1,7 @@
 """Bounds and nothing else (inverse kinematics): the cost is formed and DAQP, made for this, answers directly.
 
-Boxes change often when joints run into their speed limits, so that guessing the active set does not pay here.
+Boxes change often when joints run into their speed limits, so that guessing the active set does not pay here, but
+for one guess: where no bound pushed in the last answer, one Cholesky says whether none does now.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import final
 import daqp
 import numpy as np
 from scipy.linalg.blas import dgemm, dgemv
+from scipy.linalg.lapack import dposv
 
 from wbc.qp.certificate import Certificate
 from wbc.qp.rows.problem import RowProblem
@@ -44,12 +46,14 @@ class BoxSolver(RowSolver):
         self._A = np.zeros((0, n))
         self._low, self._high = np.full(n, -_INFINITY), np.full(n, _INFINITY)
         self._sense = np.zeros(n, np.int32)
-        self._gradient, self._over, self._pull = np.zeros(n), np.zeros(n), np.zeros(n)
-        self._z_box = np.zeros(n)
+        self._gradient, self._over, self._under, self._pull = (np.zeros(n) for _ in range(4))
+        self._z_box = self._no_push = np.zeros(n)
+        self._free = True
         self._version = -1
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """All that is remembered is whether a bound pushed in the last answer."""
+        self._free = True
 
     def _read_weights(self) -> None:
         p = self.problem
@@ -62,45 +66,58 @@ class BoxSolver(RowSolver):
         p = self.problem
         if p.version != self._version:
             self._read_weights()
-        W = np.multiply(self._S, self._roots, self._weighted)
-        H = dgemm(1.0, W.T, W.T, 1.0, self._D, 0, 1)
-        np.multiply(self._right, self._root, self._b)
-        g = dgemv(1.0, W.T, self._b)
-        np.multiply(p.metric, p.centre, self._pull)
-        g -= self._pull
+        H, g = self._cost()
         np.maximum(self._lb, -_INFINITY, out=self._low)
         np.minimum(self._ub, _INFINITY, out=self._high)
         if not isfinite(g.dot(g) + self._low.dot(self._high)):
             return Status.FAILED
+        self.counts.first += 1
+        self.iterations = 1
+        if self._free:
+            np.negative(g, self._over)
+            _, x, info = dposv(H, self._over)
+            if not info and self._certified(H, g, x, self._no_push):
+                return Status.SOLVED
         x, _, flag, info = daqp.solve(H, g, self._A, self._high, self._low, self._sense, primal_tol=1e-10)
         self.iterations = int(info["iterations"])
-        self.counts.first += 1
         if flag <= 0:
             return _STATUS.get(flag, Status.FAILED)
+        return Status.SOLVED if self._certified(H, g, x, info["lam"]) else Status.INACCURATE
+
+    def _cost(self) -> tuple[Mat, Vec]:
+        """½ yᵀH y + gᵀy, divided by the problem's unit."""
+        p = self.problem
+        np.multiply(p.metric, p.centre, self._pull)
+        if not p.n_soft:  # BLAS refuses empty matrices
+            return self._D, -self._pull
+        W = np.multiply(self._S, self._roots, self._weighted)
+        H = dgemm(1.0, W.T, W.T, 1.0, self._D, 0, 1)
+        np.multiply(self._right, self._root, self._b)
+        g: Vec = dgemv(1.0, W.T, self._b)
+        g -= self._pull
+        return H, g
+
+    def _certified(self, H: Mat, g: Vec, x: Vec, z: Vec) -> bool:
+        """Take x and its multipliers z as the answer; stationarity H x + g + z = 0 and the bounds from the data."""
+        p, gradient, over, under = self.problem, self._gradient, self._over, self._under
         p.x[:] = x
         np.dot(self._soft, p.x1, out=self._rows)
-        return self._certify(H, g, info["lam"])
-
-    def _certify(self, H: Mat, g: Vec, multiplier: Vec) -> Status:
-        """Stationarity H x + g + z = 0 and the bounds, from the data."""
-        p, x = self.problem, self.problem.x
-        z = self._z_box = multiplier  # DAQP makes a new array for each answer
-        gradient, over = self._gradient, self._over
+        self._z_box = z
         np.dot(H, x, out=gradient)
         gradient += g
         gradient += z
-        dual = max(gradient[gradient.argmax()], -gradient[gradient.argmin()])
-        np.subtract(x, self._high, out=over)
-        primal = over[over.argmax()]
-        np.subtract(self._low, x, out=over)
-        primal = max(primal, over[over.argmax()], 0.0)
+        dual = _largest(np.abs(gradient, gradient))
+        np.subtract(x, self._high, over)
+        np.subtract(self._low, x, under)
+        primal = max(_largest(np.maximum(over, under, out=over)), 0.0)
         gap = 0.0
-        if z.any():
+        self._free = not np.count_nonzero(z)
+        if not self._free:
             gap = float(np.abs(z * (np.where(z > 0, self._high, self._low) - x)).sum())
-        size = 1.0 + max(g[g.argmax()], -g[g.argmin()])
-        self.certificate = Certificate(primal, dual * p.unit, gap * p.unit, size * p.unit, size * p.unit)
-        good = primal <= self.tolerance and dual <= self.tolerance * size and gap <= self.tolerance * size
-        return Status.SOLVED if good else Status.INACCURATE
+        size = 1.0 + _largest(np.abs(g, gradient))
+        unit = p.unit
+        self.certificate = Certificate(primal, dual * unit, gap * unit, size * unit, size * unit)
+        return primal <= self.tolerance and dual <= self.tolerance * size and gap <= self.tolerance * size
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         return np.zeros(0), np.zeros(0), self._z_box * self.problem.unit / self.problem.scale
@@ -108,3 +125,7 @@ class BoxSolver(RowSolver):
     @property
     def active_count(self) -> int:
         return int(np.count_nonzero(self._z_box))
+
+
+def _largest(values: Vec) -> float:
+    return float(values[values.argmax()])

@@ -175,6 +175,21 @@ class DualSolver(RowSolver):
     def _step(self) -> int:
         """Solve for the working set. Returns the index of a failing pivot, or 0."""
         p, now = self.problem, self._now
+        if len(now.E):
+            info = self._pull()
+            if info:
+                return info
+        else:  # nothing pulls y away from y₀, and BLAS refuses empty matrices
+            self._lam, self._Er = np.zeros(0), np.zeros((p.n_y + 1, 0))
+            self._y[:] = self._y0_y
+        if p.n_u:
+            dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
+        np.dot(now.G, p.x1, now.rows)
+        return 0
+
+    def _pull(self) -> int:
+        """y from the multipliers of the rows; returns as :meth:`_step` does."""
+        p, now = self.problem, self._now
         Er = dgemm(-1.0, self._X, now.Eu_T, 1.0, now.Ey_T, 1) if p.n_u else now.Ey_T
         E = Er[: p.n_y]
         Es = E if self._plain else np.multiply(E, self._root[:, None], now.scaled)
@@ -186,9 +201,6 @@ class DualSolver(RowSolver):
         if not self._plain:
             step *= self._root
         np.add(step, self._y0_y, self._y)
-        if p.n_u:
-            dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
-        np.dot(now.G, p.x1, now.rows)
         self._lam, self._Er = lam, Er
         return 0
 
