@@ -1,0 +1,10 @@
+"""The command ``wbc``: one file a verb. Nothing else in the framework imports typer or rich."""
+
+from __future__ import annotations
+
+
+def main() -> None:
+    """Run the command line and exit: 0 good, 1 a verdict of no, 2 bad input, 130 interrupted."""
+    from wbc.cli.app import run_app
+
+    run_app()

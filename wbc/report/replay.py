@@ -64,18 +64,6 @@ def replay(run: Run, robot: RobotModel, solid: Sequence[Part], *, title: str = "
         return str(recording.as_html())
 
 
-def require_viser() -> None:
-    """Raise a sentence that says what to install, unless viser is there.
-
-    Raises:
-        NotSupported: viser is not installed.
-    """
-    try:
-        import viser  # noqa: F401
-    except ImportError as cause:
-        raise NotSupported("the 3-D replay needs viser; pip install 'wbc-qp[report]'") from cause
-
-
 def _frames(run: Run) -> tuple[Index, float]:
     """Rows of the run to show and the time [s] between them."""
     dt = float(run.meta["dt"])
@@ -85,8 +73,10 @@ def _frames(run: Run) -> tuple[Index, float]:
 
 @contextmanager
 def _server(title: str) -> Iterator[Any]:
-    require_viser()
-    import viser
+    try:
+        import viser
+    except ImportError as cause:
+        raise NotSupported("the 3-D replay needs viser; pip install 'wbc-qp[report]'") from cause
 
     with redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host="127.0.0.1", port=0, label=title or None, verbose=False)

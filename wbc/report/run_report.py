@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
+from wbc.errors import NotSupported
 from wbc.report import measure
 from wbc.report.document import Report, formatted
 from wbc.report.sections import SECTIONS
@@ -28,6 +30,17 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     meta = result.run.meta
     title = f"{meta.get('scenario', 'run')} · {meta.get('robot', 'robot')}"
     return Report(title, summary(result), result.ok, sections, highlights(result))
+
+
+def require_extras() -> None:
+    """Check that a report can be drawn, before any long work.
+
+    Raises:
+        NotSupported: a package is missing; the message says what to install.
+    """
+    missing = [name for name in ("jinja2", "matplotlib", "viser") if find_spec(name) is None]
+    if missing:
+        raise NotSupported(f"a report needs {', '.join(missing)}; pip install 'wbc-qp[report]'")
 
 
 def summary(result: ScenarioResult) -> str:

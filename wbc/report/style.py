@@ -63,18 +63,6 @@ _STYLE: Any = {  # matplotlib's own names
 }
 
 
-def require_matplotlib() -> None:
-    """Raise a sentence that says what to install, unless matplotlib is there.
-
-    Raises:
-        NotSupported: matplotlib is not installed.
-    """
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as cause:
-        raise NotSupported("figures need matplotlib; pip install 'wbc-qp[report]'") from cause
-
-
 class Canvas:
     """A figure being drawn: a grid of axes in the report's style, then SVG or PNG bytes.
 
@@ -89,15 +77,17 @@ class Canvas:
     def __init__(
         self, rows: int = 1, columns: int = 1, *, height: float, width: float = WIDTH, widths: Sequence[float] = ()
     ) -> None:
-        require_matplotlib()
         self._grid = (rows, columns)
         self._size = (width, height)
         self._widths = widths
 
     def __enter__(self) -> Canvas:
-        from matplotlib import rc_context
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure as Drawing
+        try:
+            from matplotlib import rc_context
+            from matplotlib.backends.backend_agg import FigureCanvasAgg
+            from matplotlib.figure import Figure as Drawing
+        except ImportError as cause:
+            raise NotSupported("figures need matplotlib; pip install 'wbc-qp[report]'") from cause
 
         self._context = rc_context(_STYLE)
         self._context.__enter__()

@@ -122,7 +122,7 @@ class Scenario(ABC):
             if not equals:
                 raise InvalidInput(f"--set {setting!r} must be key=value; keys: {', '.join(self.parameters) or 'none'}")
             if key not in self.parameters:
-                raise UnknownParameter(key, self.parameters, f"{self.name} has: {', '.join(self.parameters) or 'none'}")
+                raise UnknownParameter(key, self.parameters)
             result[key] = _read(key, text, self.parameters[key])
         return result
 
@@ -135,9 +135,9 @@ class Scenario(ABC):
             UnknownPlant, UnknownHierarchy: not one of this scenario's.
         """
         if plant is not None and plant not in self.plants:
-            raise UnknownPlant(plant, self.plants, f"{self.name} runs on: {', '.join(self.plants)}")
+            raise UnknownPlant(plant, self.plants)
         if hierarchy is not None and hierarchy not in self.hierarchies:
-            raise UnknownHierarchy(hierarchy, self.hierarchies, f"{self.name} knows: {', '.join(self.hierarchies)}")
+            raise UnknownHierarchy(hierarchy, self.hierarchies)
         return {
             "plant": plant or self.plants[0],
             "hierarchy": hierarchy or self.hierarchies[0],

@@ -1,0 +1,52 @@
+"""The verbs put together, and what happens to arguments that make no sense."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from wbc import __version__
+from wbc.cli.bench import bench
+from wbc.cli.console import BAD_INPUT, complain
+from wbc.cli.doctor import doctor
+from wbc.cli.list_ import list_
+from wbc.cli.run import run
+
+app = typer.Typer(
+    name="wbc",
+    help="Whole-body control by quadratic programming: run scenarios, compare solvers, look at what is installed.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("run")(run)
+app.command("list")(list_)
+app.command("doctor")(doctor)
+app.command("bench")(bench)
+
+
+@app.callback(invoke_without_command=True)
+def top(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Whole-body control by quadratic programming: run scenarios, time them, look at what is installed."""
+    if version:
+        typer.echo(__version__)
+        raise typer.Exit()
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def run_app() -> None:
+    """Run the command line; what it cannot understand is one sentence on stderr, not a page of help."""
+    # Typer brings a click of its own, or uses the installed one; the base of its public error is right in both.
+    usage_error: Any = typer.BadParameter.__base__
+    try:
+        sys.exit(app(standalone_mode=False) or 0)
+    except usage_error as error:
+        complaint: Any = error
+        complain(f"{complaint.format_message().rstrip('.')}; see wbc --help")
+        sys.exit(BAD_INPUT)

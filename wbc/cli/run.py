@@ -1,0 +1,131 @@
+"""``wbc run``: one scenario, its verdict, and a report of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from datetime import datetime
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from wbc.cli.console import NO, notes, one_sentence, progress, tell
+
+if TYPE_CHECKING:
+    from wbc.sim.scenario import Scenario, ScenarioResult
+
+DEFAULT = "humanoid-stand"
+
+
+@one_sentence
+def run(
+    scenario: Annotated[str, typer.Argument(help="A name that wbc list shows, module:name or file.py:name.")] = DEFAULT,
+    *,
+    solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
+    hierarchy: Annotated[str | None, typer.Option(help="What the stack's levels mean.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Simulated time in seconds.")] = None,
+    plant: Annotated[str | None, typer.Option(help="What the commands act on.")] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/SCENARIO-TIME.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+) -> None:
+    """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
+    from wbc.qp.solvers import by_name
+    from wbc.report.folder import check_free, replaced, write
+    from wbc.report.run_report import require_extras, run_report
+    from wbc.sim.scenario import find
+
+    chosen = find(scenario)
+    parameters = chosen.parse(settings or ())
+    chosen_settings = chosen.choose(plant=plant, hierarchy=hierarchy, duration=duration)
+    by_name(solver)
+    folder = out or _new_folder(chosen)
+    check_free(folder)
+    require_extras()
+    with notes() as found, redirect_stdout(sys.stderr):
+        with progress(f"running {chosen.name}") as step:
+            result = chosen.run(parameters, solver=solver, progress=step, **chosen_settings)
+        with progress("drawing the report") as step:
+            report = run_report(result, progress=step)
+        with replaced(folder) as pending:
+            result.run.save(pending)
+            write(report, pending)
+    if as_json:
+        print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))
+    else:
+        tell(found)
+        _print(report.summary, result, folder)
+    raise typer.Exit(0 if result.ok else NO)
+
+
+def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:
+    """The object that ``--json`` prints; numbers that are not finite become null."""
+    from wbc.report import measure
+
+    tick = measure.tick_times(result.run)
+    return {
+        "scenario": name,
+        "ok": bool(result.ok),
+        "seconds": plain(measure.seconds(result.run)),
+        "ticks": result.run.rows,
+        "tick_us": plain(tick._asdict()),
+        "violations": {kind: plain(worst) for kind, (worst, _) in result.violations.items()},
+        "tracking": plain(result.tracking),
+        "statuses": measure.statuses(result.run),
+        "report": str(folder),
+        "figures": plain(result.figures),
+    }
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON has it: no numpy, no NaN, no infinity."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return float(f"{value:.9g}") if isfinite(value) else None
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    return [plain(item) for item in value] if isinstance(value, Sequence) else str(value)
+
+
+def _new_folder(scenario: Scenario) -> Path:
+    name = re.sub(r"[^A-Za-z0-9._-]+", "-", scenario.name).strip("-.") or "run"
+    stem = Path("runs") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
+    folder, k = stem, 2
+    while folder.exists():
+        folder, k = stem.with_name(f"{stem.name}-{k}"), k + 1
+    return folder
+
+
+def _print(sentence: str, result: ScenarioResult, folder: Path) -> None:
+    from wbc.report import measure
+    from wbc.report.document import number
+    from wbc.report.folder import HTML
+
+    console = Console(highlight=False)
+    table = Table(box=None, pad_edge=False)
+    table.add_column("")
+    for heading in ("came out", "bound"):
+        table.add_column(heading, justify="right")
+    for check in result.verdict:
+        word = Text("yes", style="green") if check.ok else Text("no", style="bold red")
+        table.add_row(Text(check.text), number(float(check.value)), number(float(check.bound)), Text(check.unit), word)
+    tick = measure.tick_times(result.run)
+    table.add_row("tick, median", f"{tick.median:.0f}", "", "µs")
+    table.add_row("tick, 99th percentile", f"{tick.p99:.0f}", "", "µs")
+    console.print(Text(sentence))
+    console.print()
+    console.print(table)
+    console.print()
+    console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)
