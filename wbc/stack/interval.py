@@ -76,6 +76,7 @@ class JointIntervals:
         self._value, self._bound = np.zeros(shape), np.zeros(shape)
         self._plain, self._mirrored = self._value
         self._bound_above, self._bound_below = self._bound
+        self._room_flat = self._room.reshape(-1)
         self._opposite_reach, self._opposite_back = self._reach[::-1], self._back[::-1]
         self._derive()
 
@@ -194,18 +195,22 @@ class JointIntervals:
         if self._has_acceleration:
             self._speed_that_can_brake()
             np.multiply(self._room, self._per_dt, out=self._reach, where=self._unlimited)
-        else:
-            np.multiply(self._room, self._per_dt, self._reach)
-        np.maximum(self._reach, self._zero, out=self._reach)
-        self._velocity_wanted(self._per_dt)
-        if self._has_acceleration:
+            np.maximum(self._reach, self._zero, out=self._reach)
+            self._velocity_wanted(self._per_dt)
             self._plain[:] = v
             np.negative(v, self._mirrored)
             np.subtract(self._value, self._slower, self._free)
             np.maximum(self._free, self._wanted, out=self._free)
             self._value += self._faster
             np.minimum(self._free, self._value, out=self._bound)
+        elif self._room_flat[self._room_flat.argmin()] >= 0.0:  # inside, and no need to brake: nothing to go back from
+            np.multiply(self._room, self._per_dt, self._wanted)
+            np.minimum(self._wanted, self._v, out=self._wanted)
+            np.copyto(self._bound, self._wanted)
         else:
+            np.multiply(self._room, self._per_dt, self._reach)
+            np.maximum(self._reach, self._zero, out=self._reach)
+            self._velocity_wanted(self._per_dt)
             np.copyto(self._bound, self._wanted)
         upper[:] = self._bound_above
         np.negative(self._bound_below, lower)
