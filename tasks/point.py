@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
 
 from wbc import checks
-from wbc.models.model import RobotState
+from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.tracking import rotation_target
 from wbc.types import Mat
@@ -76,6 +76,15 @@ class Point(Contact):
 
     def cone_labels(self) -> list[tuple[str, str]]:
         return [(f"{force} <= mu fz", "N") for force in ("fx", "-fx", "fy", "-fy")]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame, half = model.frame_names[-1], np.sqrt(0.5)
+        slope = [[half, 0.0, half], [0.0, 1.0, 0.0], [-half, 0.0, half]]
+        return [
+            cls(frame, friction=0.5), cls(frame, friction=0.8, axes=slope, friction_model="inner"),
+            cls(frame, friction=0.5, radius=0.02), cls(frame, friction=0.5, radius=0.05, axes=slope),
+        ]  # fmt: skip
 
     def motion_units(self) -> tuple[str, str, str]:
         return ("m", "m", "m")

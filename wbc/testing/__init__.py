@@ -1,0 +1,20 @@
+"""What users need to test their own members: checks that hold for every task, law and contact, and strategies.
+
+``check_task``, ``check_constraint`` and ``check_contact`` raise :class:`CheckFailed` with the member, the row and the
+two numbers that differ. ``wbc.testing.strategies`` (for hypothesis) draws states, boxes and matrices.
+
+Example:
+    >>> from tasks import Position
+    >>> from wbc.testing import check_task
+    >>> check_task(Position("tool", target=[0.4, 0.0, 0.5]))
+"""
+
+from __future__ import annotations
+
+from wbc.testing.constraints import check_constraint
+from wbc.testing.contacts import check_contact
+from wbc.testing.failure import CheckFailed
+from wbc.testing.robots import Moment, moments, robots
+from wbc.testing.tasks import check_task
+
+__all__ = ["CheckFailed", "Moment", "check_constraint", "check_contact", "check_task", "moments", "robots"]

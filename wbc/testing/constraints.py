@@ -1,0 +1,103 @@
+"""check_constraint: what holds for every law."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from wbc.models.model import RobotModel
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, JointInterval, LinearConstraint
+from wbc.stack.task import Exactly
+from wbc.testing.differences import along, velocity_names
+from wbc.testing.failure import differs, require, worst
+from wbc.testing.filling import Filling
+from wbc.testing.robots import Moment, moments, robots_for
+from wbc.testing.tasks import check_task
+
+_TOLERANCE = 1e-5
+_QUANTITIES = {"position", "velocity", "acceleration", "torque"}
+
+
+def check_constraint(
+    law: Any, model: RobotModel | None = None, states: Iterable[Moment] | None = None, *, contact_dim: int = 6
+) -> None:
+    """Check a law on ``model``, or on those of our arm, quadruped and humanoid that it can be prepared for.
+
+    Joint intervals: (nj,), no NaN, lower <= upper, zero inside but for positions. Barriers, by differences: J = ∂h/∂q
+    and drift = J̇ v. Linear constraints: lo <= hi. All: filled twice, same bits, nothing left unwritten, nothing beside.
+    ``contact_dim``: size of the wrench a law on "force" writes on.
+
+    Raises:
+        CheckFailed: which rule, which row, and the two numbers that differ.
+
+    Example:
+        >>> from tasks import JointPositionLimits
+        >>> from wbc.testing import check_constraint
+        >>> check_constraint(JointPositionLimits())
+    """
+    if isinstance(law, Exactly):
+        check_task(law.task, model, states)
+        return
+    given = None if states is None else list(states)
+    for robot in robots_for(law, model):
+        when = moments(robot) if given is None else given
+        if isinstance(law, JointInterval):
+            _check_interval(law, robot)
+        elif isinstance(law, Barrier):
+            _check_barrier(law, robot, when)
+        elif isinstance(law, LinearConstraint):
+            _check_linear(law, robot, when, contact_dim)
+        else:
+            require(False, f"{law!r} is no JointInterval, Barrier, LinearConstraint or task.exactly()")
+
+
+def _check_interval(law: JointInterval, model: RobotModel) -> None:
+    name = law.name
+    require(law.quantity in _QUANTITIES, f"{name}.quantity is {law.quantity!r}; it must be one of {_QUANTITIES}")
+    lower, upper = law.bounds(model)
+    for what, bound, again in zip(("lower", "upper"), (lower, upper), law.bounds(model), strict=True):
+        require(bound.shape == (model.nj,), f"{name}: {what} bounds must have shape ({model.nj},), not {bound.shape}")
+        require(bound.tobytes() == again.tobytes(), f"{name}.bounds is not pure: {what} differs when asked twice")
+    for joint, low, high in zip(model.joint_names, lower, upper, strict=True):
+        require(low <= high, f"{name} on {model.name}: joint {joint!r} has lower {low:g}, upper {high:g}")
+        require(
+            law.quantity == "position" or low <= 0.0 <= high,
+            f"{name} on {model.name}: joint {joint!r} must be allowed a {law.quantity} of 0, not [{low:g}, {high:g}]",
+        )
+
+
+def _check_barrier(law: Barrier, model: RobotModel, when: list[Moment]) -> None:
+    dim = law.dim
+    filling = Filling(
+        law.name, model, law.fill, BarrierRows, {"J": (dim, model.nv), "h": (dim,), "drift": (dim,)}
+    )  # fmt: skip
+    for first, second in zip(when, [*when[1:], when[0]], strict=True):
+        filling.check_purity(first, second)
+        rows, v = filling.at(first), first[2]
+        where = f"{law.name} on {model.name}, row "
+        J, drift = rows["J"], rows["drift"]
+        found = np.column_stack([along(lambda m: filling.at(m)["h"], model, first, axis) for axis in np.eye(model.nv)])
+        at = worst(found, J, _TOLERANCE)
+        if at is not None:
+            what = f"J for {velocity_names(model)[at[1]]!r}"
+            raise differs(where + str(at[0]), what=what, wrote=J[at], by="dh/dq", found=found[at])
+        found = along(lambda m, v=v: filling.at(m)["J"] @ v, model, first, v)  # type: ignore[misc]
+        at = worst(found, drift, _TOLERANCE)
+        if at is not None:
+            by = "d(J v)/dt at a = 0"
+            raise differs(where + str(at[0]), what="drift", wrote=drift[at], by=by, found=found[at])
+
+
+def _check_linear(law: LinearConstraint, model: RobotModel, when: list[Moment], contact_dim: int) -> None:
+    size = {"torque": model.nj, "force": contact_dim}.get(law.on, model.nv)
+    filling = Filling(
+        law.name, model, law.fill, ConstraintRows, {"A": (law.dim, size), "lo": (law.dim,), "hi": (law.dim,)},
+        may_be_infinite=frozenset({"lo", "hi"}),
+    )  # fmt: skip
+    for first, second in zip(when, [*when[1:], when[0]], strict=True):
+        filling.check_purity(first, second)
+        rows = filling.at(first)
+        crossed = np.flatnonzero(~(rows["lo"] <= rows["hi"]))
+        require(crossed.size == 0, f"{law.name} on {model.name}, row {crossed[:1]}: lo is above hi")

@@ -1,0 +1,100 @@
+"""check_contact: what holds for every contact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.testing.differences import along, velocity_names
+from wbc.testing.failure import differs, require, worst
+from wbc.testing.filling import Filling
+from wbc.testing.robots import Moment, moments, robots_for
+from wbc.types import Mat, Vec
+
+_TOLERANCE = 1e-5
+
+
+def check_contact(contact: Contact, model: RobotModel | None = None, states: Iterable[Moment] | None = None) -> None:
+    """Check a contact on ``model``, or on those of our arm, quadruped and humanoid that have its frame.
+
+    Power: f · J v is that of the wrench f, in the axes of the anchor at its position, on the moving frame. By
+    differences: J = −∂e/∂q where the contact was made (rows whose e is always zero hold velocities only) and
+    drift = J̇ v. The cone: one label a row, it lets the surface push and, if it has rows, not pull. Filled twice, same
+    bits, nothing left unwritten, nothing beside.
+
+    Raises:
+        CheckFailed: which rule, which row, and the two numbers that differ.
+
+    Example:
+        >>> from tasks import Point
+        >>> from wbc.testing import check_contact
+        >>> check_contact(Point("tool", friction=0.5))
+    """
+    given = None if states is None else list(states)
+    for robot in robots_for(contact, model):
+        when = moments(robot) if given is None else given
+        require(contact.dim in (3, 6), f"{contact.name}.dim is {contact.dim}; it must be 3 or 6")
+        units = contact.motion_units()
+        require(len(units) == contact.dim, f"{contact.name} has {len(units)} motion units for {contact.dim} rows")
+        _check_cone(contact)
+        for first, second in zip(when, [*when[1:], when[0]], strict=True):
+            _check_moment(contact, robot, first, second)
+
+
+def _check_cone(contact: Contact) -> None:
+    name, cone = contact.name, contact.cone()
+    require(cone.ndim == 2 and cone.shape[1] == contact.dim, f"{name}.cone() must be (k, {contact.dim})")
+    require(np.isfinite(cone).all(), f"{name}.cone() must be finite")
+    require(cone.tobytes() == contact.cone().tobytes(), f"{name}.cone() is not pure: it differs when asked twice")
+    labels = contact.cone_labels()
+    require(len(labels) == len(cone), f"{name} has {len(labels)} cone labels for {len(cone)} rows")
+    push = np.eye(contact.dim)[2]
+    require((cone @ push <= 0.0).all(), f"{name}.cone() does not let the surface push along its normal z")
+    require(len(cone) == 0 or (cone @ -push > 0.0).any(), f"{name}.cone() lets the surface pull")
+
+
+def _filling(contact: Contact, model: RobotModel, anchor: Anchor) -> Filling:
+    def write(state: RobotState, out: ContactRows) -> None:
+        contact.fill(state, anchor, out)
+
+    dim = contact.dim
+    return Filling(contact.name, model, write, ContactRows, {"J": (dim, model.nv), "drift": (dim,), "e": (dim,)})
+
+
+def _check_moment(contact: Contact, model: RobotModel, first: Moment, second: Moment) -> None:
+    state, v = model.state(), first[2]
+    state.update(*first)
+    anchor = contact.anchor(state)
+    filling = _filling(contact, model, anchor)
+    filling.check_purity(first, second)
+    rows = filling.at(first)
+    J = rows["J"]
+
+    found = -np.column_stack([along(lambda m: filling.at(m)["e"], model, first, axis) for axis in np.eye(model.nv)])
+    held = np.abs(found).max(axis=1) > 0.0
+    at = worst(found[held], J[held], _TOLERANCE)
+    where = f"{contact.name} on {model.name}, row "
+    if at is not None:
+        row, what = int(np.flatnonzero(held)[at[0]]), f"J for {velocity_names(model)[at[1]]!r}"
+        raise differs(f"{where}{row}", what=what, wrote=J[row, at[1]], by="-de/dq", found=found[row, at[1]])
+    changed = along(lambda m: filling.at(m)["J"] @ v, model, first, v)
+    for what, wrote, by, expected in (
+        ("J v", J @ v, "the velocity of the surface", _surface_velocity(contact, state, anchor, v)),
+        ("e at its own anchor", rows["e"], "it", np.zeros(contact.dim)),
+        ("drift", rows["drift"], "d(J v)/dt at a = 0", changed),
+    ):
+        at = worst(wrote, expected, _TOLERANCE)
+        if at is not None:
+            raise differs(f"{where}{at[0]}", what=what, wrote=wrote[at], by=by, found=expected[at])
+
+
+def _surface_velocity(contact: Contact, state: RobotState, anchor: Anchor, v: Vec) -> Vec:
+    """Velocity of the material point at the anchor, and for six rows the angular velocity, in the anchor's axes."""
+    frame = state.frame(contact.frame)
+    twist = frame.jacobian() @ v
+    to_surface: Mat = anchor.rotation.T
+    linear = to_surface @ (twist[:3] + np.cross(twist[3:], anchor.position - frame.position))
+    return linear if contact.dim == 3 else np.concatenate([linear, to_surface @ twist[3:]])

@@ -1,0 +1,35 @@
+"""How a check fails."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import WbcError
+
+
+class CheckFailed(WbcError, AssertionError):
+    """A member breaks a rule; the message says which, where, and the two numbers that differ."""
+
+
+def require(condition: Any, sentence: str) -> None:
+    """Raise ``sentence`` unless ``condition``."""
+    if not condition:
+        raise CheckFailed(sentence)
+
+
+def differs(where: str, *, what: str, wrote: float, by: str, found: float, hint: str = "") -> CheckFailed:
+    """The failure of a number that is not what another way to it gives."""
+    return CheckFailed(f"{where}: {what} is {wrote:.6g}, {by} is {found:.6g}{hint}")
+
+
+def worst(found: Any, expected: Any, tolerance: float) -> tuple[int, ...] | None:
+    """Index of the largest difference beyond tolerance · (1 + max |expected|), or None."""
+    found, expected = np.asarray(found), np.asarray(expected)
+    if found.size == 0:
+        return None
+    off = np.abs(found - expected)
+    at = np.unravel_index(int(np.argmax(off)), off.shape)
+    allowed = tolerance * (1.0 + float(np.abs(expected).max()))
+    return None if off[at] <= allowed else tuple(int(i) for i in at)

@@ -1,0 +1,93 @@
+"""Filling a member's rows the way a plan does, and seeing everything it does wrong with the memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+
+from wbc.models.model import RobotModel, RobotState
+from wbc.testing.failure import require
+from wbc.testing.robots import Moment
+from wbc.types import Vec
+
+Arrays = dict[str, Vec]
+_GUARD = 12345.678
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """How one member fills: ``write(state, out)`` into an ``out`` with arrays of ``shapes``.
+
+    Arrays in ``zero`` start at zero and may be left alone, those in ``optional`` start as NaN and may be left alone;
+    all others must be written.
+    """
+
+    name: str
+    model: RobotModel
+    write: Callable[[RobotState, Any], None]
+    out: Callable[[], Any]
+    shapes: Mapping[str, tuple[int, ...]]
+    zero: frozenset[str] = frozenset()
+    optional: frozenset[str] = frozenset()
+    may_be_infinite: frozenset[str] = frozenset()
+
+    def at(self, moment: Moment, poison: float = np.nan) -> Arrays:
+        """The rows at a moment, from fresh memory; nothing wrong with them, or CheckFailed."""
+        return self._fill(self._memory(poison), moment, self._state)
+
+    def check_purity(self, first: Moment, second: Moment) -> None:
+        """Twice the same bits: whatever was in the memory, and whatever was filled between.
+
+        Raises:
+            CheckFailed: naming the array.
+        """
+        fresh = self.at(first)
+        memory, other_state = self._memory(1e3), self.model.state()
+        self._fill(memory, second, other_state)
+        again = self._fill(memory, first, other_state)
+        for array, expected in fresh.items():
+            require(
+                again[array].tobytes() == expected.tobytes(),
+                f"{self.name}.fill is not pure: out.{array} of one state came out differently after another was "
+                f"filled; it must depend on the state alone, and write all it ever writes",
+            )
+
+    @cached_property
+    def _state(self) -> RobotState:
+        return self.model.state()
+
+    def _memory(self, poison: float) -> tuple[Any, dict[str, tuple[Vec, Vec]]]:
+        out, memory = self.out(), {}
+        for array, shape in self.shapes.items():
+            wide = np.full([size + 2 for size in shape], _GUARD)
+            inner = wide[tuple(slice(1, -1) for _ in shape)]
+            inner[:] = 0.0 if array in self.zero else np.nan if array in self.optional else poison
+            setattr(out, array, inner)
+            memory[array] = (wide, inner)
+        return out, memory
+
+    def _fill(self, memory: tuple[Any, dict[str, tuple[Vec, Vec]]], moment: Moment, state: RobotState) -> Arrays:
+        out, arrays = memory
+        state.update(*moment)
+        self.write(state, out)
+        name = self.name
+        require(
+            np.array_equal(state.q, moment[1]) and np.array_equal(state.v, moment[2]), f"{name}.fill changed the state"
+        )
+        for array, (wide, inner) in arrays.items():
+            require(
+                getattr(out, array) is inner, f"{name}.fill replaced out.{array}; write into it: out.{array}[:] = ..."
+            )
+            around = np.ones(wide.shape, dtype=bool)
+            around[tuple(slice(1, -1) for _ in inner.shape)] = False
+            require((wide[around] == _GUARD).all(), f"{name}.fill wrote beside out.{array}")
+            bad = np.isnan(inner) if array in self.may_be_infinite else ~np.isfinite(inner)
+            if array not in self.optional and bad.any():
+                at = tuple(int(i) for i in np.argwhere(bad)[0])
+                require(False, f"{name}.fill left {inner[at]} in out.{array}{list(at)}; every number must be written")
+        return {array: inner.copy() for array, (_, inner) in arrays.items()}
