@@ -59,8 +59,9 @@ class Plan:
         self._joints = JointIntervals.compose(layout.motion_limits, model, dt) if layout.motion_limits else None
         self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
-        self._joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
-        self._joint_share = np.zeros(self._joint_wanted.shape)
+        joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
+        #: Of each task on the joints: its share of the cost of each joint, and what it wants there.
+        self._pulls = list(zip(np.zeros(joint_wanted.shape), joint_wanted, strict=True))
         self._stamp = -1
         self._read_weights()
         self._qp: QP | None = None
@@ -238,8 +239,8 @@ class Plan:
         shares = [task.weights() for task in layout.on_joints]
         for weights in shares:
             joints += weights
-        for row, weights in zip(self._joint_share, shares, strict=True):
-            np.divide(weights, joints, out=row)
+        for (share, _), weights in zip(self._pulls, shares, strict=True):
+            np.divide(weights, joints, out=share)
         p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
         p.metric[nb - n_u : nv - n_u] = joints / p.unit
@@ -269,9 +270,10 @@ class Plan:
         for fill, out in self._fills:
             fill(state, *out)
         self.motion.lower(state.v, state.v_joints)
-        if self._tasks_on_joints:
-            np.multiply(self._joint_share[0], self._joint_wanted[0], self._centre_joints)
-            for share, wanted in self._more_joint_tasks:
+        if self._pulls:
+            share, wanted = self._pulls[0]
+            np.multiply(share, wanted, self._centre_joints)
+            for share, wanted in self._pulls[1:]:
                 self._centre_joints += share * wanted
         if self.level.dynamics:
             self._fill_dynamics(state)
@@ -279,14 +281,6 @@ class Plan:
             fill_rows(state)
         if self._joints is not None:
             self._fill_joint_bounds(state)
-
-    @property
-    def _tasks_on_joints(self) -> bool:
-        return len(self._joint_wanted) > 0
-
-    @property
-    def _more_joint_tasks(self) -> Any:
-        return zip(self._joint_share[1:], self._joint_wanted[1:], strict=True)
 
     def _fill_dynamics(self, state: RobotState) -> None:
         """τ̂ = M a + h − Jᵀ f, base rows first: one row of G each."""
