@@ -1,0 +1,7 @@
+"""Scenarios that ``wbc run`` finds by name. One file a scenario, one line here."""
+
+from tasks.scenarios.arm_reach import ArmReach
+from tasks.scenarios.humanoid_stand import HumanoidStand
+from tasks.scenarios.quadruped_stand import QuadrupedStand
+
+SCENARIOS = {scenario.name: scenario for scenario in (HumanoidStand(), QuadrupedStand(), ArmReach())}

@@ -1,0 +1,63 @@
+"""A humanoid stands, sways, draws a circle with a hand and takes two pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, final
+
+from tasks.scenarios.standing import Demand, Stance, stand, two_pushes
+from wbc.errors import UnknownRobot
+from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
+
+#: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles [rad].
+_TALOS = {
+    f"{limb}_{side}_{i}_joint": angle
+    for side, sign in (("left", 1.0), ("right", -1.0))
+    for limb, i, angle in (("arm", 1, 0.1 * sign), ("arm", 2, 0.25 * sign), ("arm", 4, -1.2), ("leg", 3, -0.456),
+                           ("leg", 5, -0.403))
+}  # fmt: skip
+STANCES: Mapping[str, Stance] = {
+    "talos": Stance("torso_2_link", (0.02, 0.05, 0.03), (0.5, 0.4, 0.6), hand="gripper_left_base_link", joints=_TALOS),
+    "g1": Stance("torso_link", (0.01, 0.03, 0.02), (0.4, 0.5, 0.3), hand="left_wrist_yaw_link", geometry="spheres"),
+    "humanoid": Stance("torso", (0.01, 0.03, 0.02), (0.5, 0.4, 0.6), hand="left_hand"),
+}
+DEMANDS: Mapping[str, Demand] = {
+    "talos": Demand(com_rms=1.5e-3, slip=1e-3),
+    "g1": Demand(com_rms=1.5e-3, slip=4e-3),
+    "humanoid": Demand(com_rms=1.5e-3, slip=2e-3),
+}
+PUSH: Mapping[str, float] = {"talos": 60.0, "g1": 30.0, "humanoid": 40.0}
+
+
+@final
+class HumanoidStand(Scenario):
+    """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the torso.
+
+    ``push`` [N], 0: the robot's own size of push. ``robot``: talos, g1 (both need example-robot-data) or humanoid.
+    """
+
+    name: ClassVar[str] = "humanoid-stand"
+    summary: ClassVar[str] = "a humanoid sways on its feet, draws a circle with a hand and takes two pushes"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": 0.0}
+    plants = ("mujoco",)
+    duration = 10.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant  # there is one of each
+        name = parameters["robot"]
+        if name not in STANCES:
+            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
+        stance, force = STANCES[name], parameters["push"] or PUSH[name]
+        return stand(
+            self.name, stance.robot(name), stance, two_pushes(stance.upright, force), DEMANDS[name],
+            parameters=parameters, solver=solver, duration=duration, progress=progress,
+        )  # fmt: skip

@@ -1,0 +1,50 @@
+"""A quadruped sways on four feet and takes two pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, final
+
+from tasks.scenarios.standing import Demand, Stance, stand, two_pushes
+from wbc.errors import UnknownRobot
+from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
+
+STANCES: Mapping[str, Stance] = {
+    "go2": Stance("base", (0.02, 0.03, 0.03), (0.7, 0.5, 1.0)),
+    "quadruped": Stance("trunk", (0.02, 0.03, 0.02), (0.7, 0.5, 1.0)),
+}
+DEMAND = Demand(com_rms=2.5e-3, slip=1e-3)
+
+
+@final
+class QuadrupedStand(Scenario):
+    """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the trunk.
+
+    ``push`` [N]. ``robot``: go2 (needs example-robot-data) or quadruped.
+    """
+
+    name: ClassVar[str] = "quadruped-stand"
+    summary: ClassVar[str] = "a quadruped sways on four feet and takes two pushes"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2", "push": 30.0}
+    plants = ("mujoco",)
+    duration = 10.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant  # there is one of each
+        name = parameters["robot"]
+        if name not in STANCES:
+            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
+        stance = STANCES[name]
+        return stand(
+            self.name, stance.robot(name), stance, two_pushes(stance.upright, parameters["push"]), DEMAND,
+            parameters=parameters, solver=solver, duration=duration, progress=progress,
+        )  # fmt: skip

@@ -1,0 +1,196 @@
+"""Standing on legs in physics: a stack for any robot with feet, and what it is judged by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, final
+
+import numpy as np
+
+import wbc
+from tasks import (
+    CenterOfMass,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Orientation,
+    Point,
+    Position,
+    Posture,
+    Sinusoid,
+    Sole,
+    TorqueLimits,
+)
+from tasks.scenarios import judge
+from wbc.errors import NotSupported
+from wbc.models.feet import Foot
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.sim.disturbance import Push
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.scenario import Check, Progress, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.stack.contact import Contact
+
+#: What the controller keeps in hand for what it does not know of: of the floor's friction, of the joints' speed, of
+#: their range [rad]. A push of 120 N throws a head by half a radian per second before any motor can answer.
+FRICTION_SHARE, SPEED_SHARE, POSITION_MARGIN = 0.8, 0.8, 0.03
+#: Deceleration that every joint of these robots has torque for [rad/s²].
+BRAKING = 40.0
+
+
+@final
+@dataclass(frozen=True)
+class Stance:
+    """What standing needs to know of a robot.
+
+    ``upright`` the frame to keep upright, and that is pushed; ``sway`` amplitude [m] and ``frequency`` [Hz] of the
+    centre of mass; ``hand`` the frame that draws a circle of ``radius`` [m]; ``joints`` positions other than the
+    robot's own reference [rad]; ``geometry`` of the soles in physics.
+    """
+
+    upright: str
+    sway: tuple[float, float, float]
+    frequency: tuple[float, float, float]
+    hand: str | None = None
+    radius: float = 0.05
+    joints: Mapping[str, float] = field(default_factory=dict)
+    geometry: str = "box"
+
+    def robot(self, name: str) -> PinocchioModel:
+        """The robot with this stance as its reference configuration."""
+        robot = wbc.load(name, base="floating")
+        reference = dict(zip(robot.joint_names, robot.q0[-robot.nj :].tolist(), strict=True))
+        return robot.replace(q0=robot.configuration(reference | dict(self.joints)))
+
+
+@final
+@dataclass(frozen=True)
+class Demand:
+    """What a run must reach to be called good: CoM error away from pushes, rms [m]; true slip of the feet [m]."""
+
+    com_rms: float
+    slip: float
+
+
+def feet_of(robot: PinocchioModel) -> list[Contact]:
+    """One contact for each foot of the robot, held by damping alone: the floor has no position to go back to.
+
+    Raises:
+        NotSupported: a robot without feet.
+    """
+    if not robot.feet:
+        raise NotSupported(f"{robot.name} has no feet to stand on")
+    return [_contact(foot, foot.half_size, FRICTION_SHARE * foot.friction) for foot in robot.feet.values()]
+
+
+def true_surfaces(robot: PinocchioModel) -> list[Contact]:
+    """The feet as physics has them: all the friction, and all the area where a foot stands on balls."""
+    surfaces = []
+    for foot in robot.feet.values():
+        half_size = foot.half_size
+        if half_size is not None and foot.balls:
+            reach = np.abs(np.array(foot.balls) - foot.origin).max(axis=0)
+            half_size = (float(reach[0]), float(reach[1]))
+        surfaces.append(_contact(foot, half_size, foot.friction))
+    return surfaces
+
+
+def _contact(foot: Foot, half_size: tuple[float, float] | None, friction: float) -> Contact:
+    if half_size is None:
+        return Point(foot.frame, radius=foot.radius, friction=friction, kp=0.0, kd=20.0)
+    return Sole(foot.frame, half_size=half_size, origin=foot.origin, friction=friction, kp=0.0, kd=20.0)
+
+
+def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
+    """Sway the centre of mass, keep upright, draw a circle with a hand, stay near the stance; within all limits."""
+    state, limits = robot.state(), robot.limits
+    q_start = robot.q0[-robot.nj :]
+    sway = Sinusoid(state.com, amplitude=stance.sway, frequency=stance.frequency)
+    tasks: list[Any] = [
+        CenterOfMass(target=sway, kp=400),
+        Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+        Posture(robot.q0, kp=100, weight=1e-4),
+    ]
+    if stance.hand is not None:
+        circle = Sinusoid(
+            state.frame(stance.hand).position,
+            amplitude=[0.0, stance.radius, stance.radius], frequency=0.4, phase=[0.0, 0.0, np.pi / 2],
+        )  # fmt: skip
+        tasks.append(Position(stance.hand, target=circle, kp=100))
+    return wbc.Stack(
+        tasks,
+        contacts=feet_of(robot),
+        subject_to=[
+            TorqueLimits(),
+            JointVelocityLimits(SPEED_SHARE * limits.v_max),
+            JointPositionLimits(
+                np.minimum(limits.q_min + POSITION_MARGIN, q_start),
+                np.maximum(limits.q_max - POSITION_MARGIN, q_start),
+                braking=BRAKING,
+            ),
+        ],
+    )
+
+
+def two_pushes(frame: str, force: float) -> list[Push]:
+    """Sideways at 1.5 s, forward at 6 s, 0.2 s each."""
+    return [
+        Push(frame, force=(0.0, force, 0.0), start=1.5, duration=0.2),
+        Push(frame, force=(force, 0.0, 0.0), start=6.0, duration=0.2),
+    ]
+
+
+def stand(
+    name: str, robot: PinocchioModel, stance: Stance, pushes: Sequence[Push], demand: Demand, *,
+    parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress,
+) -> ScenarioResult:  # fmt: skip
+    """Run the standing stack by torque control at 1 kHz in MuJoCo, and judge it."""
+    stack = standing_stack(robot, stance)
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
+    friction = max(foot.friction for foot in robot.feet.values())
+    plant = MujocoPlant(robot, contacts=stack.contacts, friction=friction, sole_geometry=stance.geometry)
+    plant.reset(plant.on_floor(robot.q0))
+    run = simulate(
+        controller, plant, duration=duration, disturbances=pushes, progress=progress,
+        meta={"scenario": name, "parameters": dict(parameters)},
+    )  # fmt: skip
+    return _judged(run, robot, pushes, demand, duration)
+
+
+def _judged(
+    run: wbc.Run, robot: PinocchioModel, pushes: Sequence[Push], demand: Demand, duration: float
+) -> ScenarioResult:
+    t, contacts = run["t"], feet_of(robot)
+    away = judge.quiet(t, [push.start for push in pushes])
+    tracking = judge.tracking(run, away)
+    violations = judge.limit_violations(run, robot)
+    violations["commanded wrench"] = judge.cone_excess(run, contacts, prefix="f."), "N"
+    outside, weight = judge.cone_excess(run, true_surfaces(robot), prefix="plant.f."), 9.81 * robot.mass
+    stood = float(t[-1]) + run.meta["dt"]
+    com_rms, slip = tracking["CenterOfMass"]["rms"], judge.slip(run, contacts)
+    certified = judge.solved_share(run, run.meta["statuses"])
+    figures = {
+        "stood_s": stood,
+        "com_rms_m": com_rms,
+        "com_max_with_pushes_m": float(np.linalg.norm(run["error.CenterOfMass"], axis=1).max()),
+        "slip_m": slip,
+        "certified_share": certified,
+        "cone_excess_N": outside,
+        "torque_use": float((np.abs(run["tau"]) / robot.limits.tau_max).max()),
+    }
+    verdict = [
+        Check("stays up", stood, duration, stood >= duration - 1e-9, "s"),
+        Check("CoM error away from pushes, rms", com_rms, demand.com_rms, com_rms < demand.com_rms, "m"),
+        Check("true slip of the feet", slip, demand.slip, slip < demand.slip, "m"),
+        # Soft contacts keep their cones to a thousandth of what they carry.
+        Check("net wrench of a foot outside its cone", outside, 1e-3 * weight, outside <= 1e-3 * weight, "N"),
+        Check("certified ticks", certified, 1.0, certified == 1.0, "share"),
+        *(
+            Check(f"{kind} beyond its limit", value, judge.TOLERANCE, value <= judge.TOLERANCE, unit)
+            for kind, (value, unit) in violations.items()
+        ),
+    ]
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
+        verdict=verdict, figures=figures, robot=robot,
+    )  # fmt: skip
