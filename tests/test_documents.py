@@ -33,6 +33,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 HEADING = re.compile(r"^#{1,6} (.+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 NAME = re.compile(r"`(?:import )?((?:wbc|tasks)(?:\.\w+)+)[`(]")
+PLACE = re.compile(r"`{1,2}((?:wbc|tasks|tests|docs)/[\w./]*)`")
 FILE_NAME = re.compile(r"# (\w+\.py)\b")
 TARGET = re.compile(r"^([a-z]+):", re.MULTILINE)
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
@@ -144,8 +145,16 @@ def test_links_between_documents_lead_somewhere(document: Path):
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_names_in_documents_exist(document: Path):
     groups = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"])
-    for name in set(NAME.findall(FENCE.sub("", document.read_text()))) - groups:
+    text = FENCE.sub("", document.read_text())
+    for name in set(NAME.findall(text)) - groups:
         resolve(name)
+    assert [place for place in PLACE.findall(text) if not (ROOT / place).exists()] == []
+
+
+def test_docstrings_name_files_that_exist():
+    sources = (path for package in ("wbc", "tasks") for path in (ROOT / package).rglob("*.py"))
+    named = {(path.name, place) for path in sources for place in PLACE.findall(path.read_text())}
+    assert [(name, place) for name, place in named if not (ROOT / place).exists()] == []
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
