@@ -26,6 +26,11 @@ def short(name: str) -> dict[str, Any]:
     return WORKLOADS[name](ticks=80, repeats=1)
 
 
+@cache
+def full(name: str) -> dict[str, Any]:
+    return WORKLOADS[name](repeats=1)
+
+
 @each_workload
 def test_every_tick_is_certified(name: str):
     row = short(name)
@@ -58,6 +63,15 @@ def test_sizes_are_those_of_the_problems():
     assert sizes == {"W1": (7, 0, 7), "W2": (35, 0, 29), "W3": (7, 0, 14), "W4": (30, 18, 40), "W5": (50, 18, 96)}
 
 
+@pytest.mark.parametrize("solver", ["daqp", "proxqp"])
+def test_any_solver_that_keeps_limits_can_be_asked(solver: str):
+    row = WORKLOADS["W4"](ticks=40, repeats=1, solver=solver)
+    assert row["variant"] == f"inverse dynamics, weighted, {solver}, standard"
+    assert row["certified"] == 1.0
+    ours, theirs = WORKLOADS["W4"](ticks=40, repeats=1)["quality"], row["quality"]
+    assert theirs["pos_err_rms2ndhalf_m"] == pytest.approx(ours["pos_err_rms2ndhalf_m"], rel=0.01)
+
+
 def test_progress_ends_at_the_total():
     seen: list[tuple[int, int]] = []
     WORKLOADS["W1"](ticks=130, repeats=1, progress=lambda done, total: seen.append((done, total)))
@@ -73,11 +87,24 @@ def test_nothing_to_run_is_refused(argument: str):
 
 @pytest.mark.slow
 @each_workload
+def test_full_runs_keep_every_limit_and_reach_the_ones_that_make_them_hard(name: str):
+    row = full(name)
+    quality = row["quality"]
+    assert row["certified"] == 1.0 and row["solver_failures"] == 0
+    assert {key: quality[key] for key in LIMITS if quality.get(key, 0.0) > 1e-6} == {}
+    assert quality.get("dyn_residual_max", 0.0) <= 1e-8
+    if name in ("W1", "W2", "W3"):
+        assert quality["vel_use_max"] == 1.0
+    else:
+        assert row["counts"]["repaired"] > 0  # the set of active cones changes
+
+
+@pytest.mark.slow
+@each_workload
 def test_full_runs_end_where_other_libraries_do(name: str, peers: Path):
     rows = [r for r in json.loads((peers / "results.json").read_text(encoding="utf-8")) if trustworthy(r, name)]
     assert rows
-    row = WORKLOADS[name](repeats=1)
-    assert row["certified"] == 1.0
+    row = full(name)
     keys = [key for key in row["quality"] if "rms" in key]
     assert keys
     for key in keys:
