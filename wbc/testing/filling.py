@@ -47,7 +47,9 @@ class Filling:
             CheckFailed: naming the array.
         """
         fresh = self.at(first)
+        # Another state object, while the first one has moved on: who kept a view of the first reads it now.
         memory, other_state = self._memory(1e3), self.model.state()
+        self.at(second)
         self._fill(memory, second, other_state)
         again = self._fill(memory, first, other_state)
         for array, expected in fresh.items():

@@ -1,0 +1,303 @@
+"""The checks find what they are for: each wrong member is one mistake away from a right one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tasks import Damping, Frame, JointVelocityLimits, Orientation, Point, Position, Sinusoid, Sole
+from wbc.errors import UnknownFrame, WbcError
+from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
+from wbc.stack.contact import Anchor
+from wbc.stack.task import LinearTask, Task
+from wbc.testing import CheckFailed, check_constraint, check_contact, check_task, moments, robots
+
+ARM, QUADRUPED, HUMANOID = robots()
+FRAME = ARM.frame_names[-1]
+
+
+class Height(Task):
+    """A right task: the height of a frame. Its subclasses each have one thing wrong."""
+
+    def __init__(self, frame: str = FRAME) -> None:
+        self.dim, self.units, self.frame = 1, "m", frame
+        super().__init__()
+
+    def prepare(self, model: Any) -> None:
+        model.check_frame(self.frame)
+
+    def fill(self, state: Any, out: Any) -> None:
+        frame = state.frame(self.frame)
+        out.e[:] = 0.5 - frame.position[2]
+        out.J[:] = frame.jacobian()[2:3]
+        out.drift[:] = frame.drift()[2]
+
+
+def test_a_right_task_passes():
+    check_task(Height())
+
+
+class WrongSign(Height):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.J[:] *= -1.0
+
+
+class NoDrift(Height):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.drift[:] = 0.0
+
+
+class LeavesNaN(Height):
+    def fill(self, state, out):
+        frame = state.frame(self.frame)
+        out.e[:] = 0.5 - frame.position[2]
+        out.J[:] = frame.jacobian()[2:3]
+
+
+class Remembers(Height):
+    ticks = 0
+
+    def fill(self, state, out):
+        super().fill(state, out)
+        self.ticks += 1
+        out.e[:] += 1e-3 * self.ticks
+
+
+class KeepsAView(Height):
+    """Holds on to the first state it sees, and so reads another robot's frame in a second plan."""
+
+    seen = None
+
+    def fill(self, state, out):
+        self.seen = self.seen or state.frame(self.frame)
+        out.e[:] = 0.5 - self.seen.position[2]
+        out.J[:] = self.seen.jacobian()[2:3]
+        out.drift[:] = self.seen.drift()[2]
+
+
+class WritesSometimes(Height):
+    """Leaves what another state wrote."""
+
+    def fill(self, state, out):
+        super().fill(state, out)
+        if state.v[0] > 0.0:
+            out.rate_ref[:] = 1.0
+
+
+class Replaces(Height):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.e = np.array(out.e)
+
+
+class WritesBeside(Height):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.e.base[0] = 0.0
+
+
+class PushesTheState(Height):
+    def fill(self, state, out):
+        super().fill(state, out)
+        state._q[0] += 1e-3
+
+
+class WrongErrorRate(Height):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.ed[:] = out.J @ state.v
+
+
+class WrongUnits(Height):
+    def __init__(self):
+        super().__init__()
+        self.units = ("m", "m")
+
+
+@pytest.mark.parametrize(
+    ("task", "said"),
+    [
+        (WrongSign, "J for"),
+        (NoDrift, "drift is 0"),
+        (LeavesNaN, r"left nan in out.drift\[0\]"),
+        (Remembers, "not pure"),
+        (KeepsAView, "not pure"),
+        (WritesSometimes, "not pure"),
+        (Replaces, "replaced out.e"),
+        (WritesBeside, "wrote beside out.e"),
+        (PushesTheState, "changed the state"),
+        (WrongErrorRate, "ed is"),
+        (WrongUnits, "units are 2"),
+    ],
+)
+def test_a_wrong_task_is_caught_and_named(task: type[Task], said: str):
+    with pytest.raises(CheckFailed, match=f"{task.__name__}.*{said}"):
+        check_task(task(), ARM)
+
+
+def test_a_wrong_row_is_named_with_both_numbers():
+    with pytest.raises(CheckFailed, match=r"row 0: J for '\w+' is -?[\d.e-]+, -de/dq is -?[\d.e-]+"):
+        check_task(WrongSign(), ARM)
+
+
+def test_a_target_that_moves_must_say_how_fast():
+    with pytest.raises(CheckFailed, match=r"rate_ref is 0.*must give \(value, rate, acceleration\)"):
+        check_task(Position(FRAME, target=lambda t: np.array([t, 0.0, 0.0])), ARM)
+
+
+def test_a_wrong_acceleration_of_a_target_is_caught():
+    moving = Sinusoid([0.0, 0.0, 0.5], amplitude=0.1, frequency=0.5)
+    with pytest.raises(CheckFailed, match="acc_ref is"):
+        check_task(Position(FRAME, target=lambda t: (*moving(t)[:2], np.zeros(3))), ARM)
+
+
+def test_a_rotation_error_in_the_wrong_axes_is_caught():
+    class BodyAxes(Task):
+        dim, units = 3, "rad"
+
+        def fill(self, state: Any, out: Any) -> None:
+            Orientation(FRAME).fill(state, out)
+            out.J[:] = state.frame(FRAME).jacobian_local()[3:]
+            out.drift[:] = state.frame(FRAME).drift_local()[3:]
+
+    with pytest.raises(CheckFailed, match="J for"):
+        check_task(BodyAxes(), ARM)
+
+
+def test_a_task_is_checked_where_its_frame_exists_and_must_exist_somewhere():
+    check_task(Height("pelvis"))
+    with pytest.raises(CheckFailed, match="fits none of our robots"):
+        check_task(Height("nowhere"))
+    with pytest.raises(UnknownFrame):
+        check_task(Height("nowhere"), ARM)
+
+
+def test_a_velocity_task_needs_no_position_error():
+    check_task(Damping())
+
+
+def test_moments_may_be_chosen():
+    check_task(Frame(FRAME, target=np.eye(4)), ARM, moments(ARM, count=1, seed=7))
+
+
+def test_failures_are_assertions_and_ours():
+    assert issubclass(CheckFailed, AssertionError)
+    assert issubclass(CheckFailed, WbcError)
+
+
+def test_a_linear_task_on_an_unknown_quantity_is_caught():
+    class OnJerk(LinearTask):
+        on, dim, units = "jerk", 1, "N"
+
+        def fill(self, state: Any, out: Any) -> None:
+            out.A[:], out.b[:] = 0.0, 0.0
+
+    with pytest.raises(CheckFailed, match="on is 'jerk'"):
+        check_task(OnJerk(), ARM)
+
+
+class Ceiling(Barrier):
+    """A right barrier: a frame stays below a height."""
+
+    dim, units = 1, "m"
+
+    def fill(self, state: Any, out: Any) -> None:
+        frame = state.frame(FRAME)
+        out.h[:] = 1.0 - frame.position[2]
+        out.J[:] = -frame.jacobian()[2:3]
+        out.drift[:] = -frame.drift()[2]
+
+
+class CeilingUpsideDown(Ceiling):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.J[:] *= -1.0
+
+
+class CeilingWithoutDrift(Ceiling):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.drift[:] = 0.0
+
+
+class PowerLimit(LinearConstraint):
+    """A right linear constraint: the sum of the torques."""
+
+    on, dim, units = "torque", 1, "N m"
+
+    def fill(self, state: Any, out: Any) -> None:
+        out.A[:], out.lo[:], out.hi[:] = 1.0, -np.inf, 50.0
+
+
+class PowerLimitCrossed(PowerLimit):
+    def fill(self, state, out):
+        super().fill(state, out)
+        out.lo[:] = 60.0
+
+
+class NoSpeed(JointInterval):
+    quantity = "velocity"
+
+    def bounds(self, model: Any) -> Any:
+        return np.full(model.nj, 0.5), np.ones(model.nj)
+
+
+@pytest.mark.parametrize("law", [Ceiling(), PowerLimit(), JointVelocityLimits(), Height().exactly()], ids=str)
+def test_a_right_law_passes(law: Any):
+    check_constraint(law, ARM)
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (CeilingUpsideDown(), "dh/dq"),
+        (CeilingWithoutDrift(), "drift is 0"),
+        (PowerLimitCrossed(), "lo is above hi"),
+        (NoSpeed(), "must be allowed a velocity of 0"),
+        (WrongSign().exactly(), "J for"),
+        (Damping(), "is no JointInterval"),
+    ],
+    ids=str,
+)
+def test_a_wrong_law_is_caught(law: Any, said: str):
+    with pytest.raises(CheckFailed, match=said):
+        check_constraint(law, ARM)
+
+
+def wrong(kind: type, **methods: Any) -> Any:
+    """A contact with some methods replaced; the classes are final, so it is made here and not inherited."""
+    made = kind(FRAME, friction=0.5, **({"half_size": (0.1, 0.1)} if kind is Sole else {}))
+    for name, method in methods.items():
+        setattr(made, name, method.__get__(made))
+    return made
+
+
+def _world_axes(self: Any, state: Any, anchor: Anchor, out: Any) -> None:
+    Sole.fill(self, state, anchor, out)
+    out.J[:] = state.frame(FRAME).jacobian()
+
+
+def _flipped(self: Any, state: Any, anchor: Anchor, out: Any) -> None:
+    Point.fill(self, state, anchor, out)
+    out.e[:] *= -1.0
+
+
+@pytest.mark.parametrize(
+    ("contact", "said"),
+    [
+        (wrong(Sole, fill=_world_axes), "J"),
+        (wrong(Point, fill=_flipped), "-de/dq"),
+        (wrong(Point, cone=lambda self: -Point.cone(self)), "does not let the surface push"),
+        (wrong(Point, cone=lambda self: np.zeros((4, 3))), "lets the surface pull"),
+        (wrong(Point, cone_labels=lambda self: []), "0 cone labels for 4 rows"),
+        (wrong(Sole, motion_units=lambda self: ("m",)), "1 motion units for 6 rows"),
+        (wrong(Sole, anchor=lambda self, state: Anchor(np.eye(3), np.zeros(3))), "e at its own anchor"),
+    ],
+)
+def test_a_wrong_contact_is_caught(contact: Any, said: str):
+    with pytest.raises(CheckFailed, match=said):
+        check_contact(contact, ARM)
