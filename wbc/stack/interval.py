@@ -195,22 +195,17 @@ class JointIntervals:
         if self._has_acceleration:
             self._speed_that_can_brake()
             np.multiply(self._room, self._per_dt, out=self._reach, where=self._unlimited)
-            np.maximum(self._reach, self._zero, out=self._reach)
-            self._velocity_wanted(self._per_dt)
+        else:
+            np.multiply(self._room, self._per_dt, self._reach)
+        self._velocity_wanted(self._per_dt)
+        if self._has_acceleration:
             self._plain[:] = v
             np.negative(v, self._mirrored)
             np.subtract(self._value, self._slower, self._free)
             np.maximum(self._free, self._wanted, out=self._free)
             self._value += self._faster
             np.minimum(self._free, self._value, out=self._bound)
-        elif self._room_flat[self._room_flat.argmin()] >= 0.0:  # inside, and no need to brake: nothing to go back from
-            np.multiply(self._room, self._per_dt, self._wanted)
-            np.minimum(self._wanted, self._v, out=self._wanted)
-            np.copyto(self._bound, self._wanted)
         else:
-            np.multiply(self._room, self._per_dt, self._reach)
-            np.maximum(self._reach, self._zero, out=self._reach)
-            self._velocity_wanted(self._per_dt)
             np.copyto(self._bound, self._wanted)
         upper[:] = self._bound_above
         np.negative(self._bound_below, lower)
@@ -227,6 +222,10 @@ class JointIntervals:
     def _velocity_wanted(self, per_time: float) -> None:
         """Inside, the speed the limits leave; outside, the way back: at once, or as fast as the other side allows."""
         room, reach, back = self._room, self._reach, self._back
+        if self._room_flat[self._room_flat.argmin()] >= 0.0:
+            np.minimum(reach, self._v, out=self._wanted)
+            return
+        np.maximum(reach, self._zero, out=reach)
         np.minimum(reach, self._v, out=reach)
         np.minimum(reach, self._return_speed, out=back)
         np.negative(back, back)
