@@ -40,8 +40,8 @@ def run(
 ) -> None:
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
     from wbc.qp.solvers import by_name
+    from wbc.report.build import require_extras, run_report
     from wbc.report.folder import check_free, replaced, write
-    from wbc.report.run_report import require_extras, run_report
     from wbc.sim.scenario import find
 
     chosen = find(scenario)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wbc.report.build import run_report as run_report
 from wbc.report.document import Figure as Figure
 from wbc.report.document import Page as Page
 from wbc.report.document import Report as Report
@@ -10,4 +11,3 @@ from wbc.report.document import Table as Table
 from wbc.report.document import Text as Text
 from wbc.report.folder import replaced as replaced
 from wbc.report.folder import write as write
-from wbc.report.run_report import run_report as run_report

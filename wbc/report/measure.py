@@ -134,7 +134,10 @@ def has_torques(run: Run) -> bool:
 
 
 def use(run: Run) -> dict[str, Vec]:
-    """Share of each limit in use (N, nj): torque |τ|/τ_max, velocity |v|/v_max, position |q − centre|/half range."""
+    """Share of each limit in use (N, nj): torque |τ|/τ_max, velocity |v|/v_max, position |q − centre|/half range.
+
+    A row without a number, from a tick that went wrong, counts as no use.
+    """
     bound, (q, v) = limits(run), joint_state(run)
     result = {}
     if has_torques(run):
@@ -144,7 +147,7 @@ def use(run: Run) -> dict[str, Vec]:
     centre = np.where(bounded, 0.5 * (bound["q_min"] + bound["q_max"]), 0.0)
     half = np.where(bounded, 0.5 * (bound["q_max"] - bound["q_min"]), np.inf)
     result["position"] = np.abs(q - centre) / _positive(half)
-    return result
+    return {kind: np.nan_to_num(share, nan=0.0) for kind, share in result.items()}
 
 
 def violations(run: Run) -> dict[str, tuple[float, str]]:

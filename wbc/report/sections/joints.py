@@ -35,7 +35,7 @@ def _ranges(result: ScenarioResult) -> Figure:
     low, high = (measure.limits(run)[name] for name in ("q_min", "q_max"))
     bounded = np.isfinite(low) & np.isfinite(high) & (high > low)
     span = np.where(bounded, high - low, 1.0)
-    reached = [(edge(q, axis=0) - np.where(bounded, low, 0.0)) / span for edge in (np.min, np.max)]
+    reached = [(edge(q, axis=0) - np.where(bounded, low, 0.0)) / span for edge in (np.nanmin, np.nanmax)]
     start = (q[0] - np.where(bounded, low, 0.0)) / span
     names = short_names(run.meta["joint_names"])
     with style.Canvas(height=3.0) as canvas:

@@ -45,7 +45,7 @@ def use_table(run: Run, values: Vec, share: Vec, bound: Vec, units: Sequence[str
     order = np.argsort(-share.max(axis=0), kind="stable")
     names = run.meta["joint_names"]
     rows = [
-        (names[i], units[i] if units else "", float(np.abs(values[:, i]).max()), float(bound[i]),
+        (names[i], units[i] if units else "", float(np.nanmax(np.abs(values[:, i]), initial=0.0)), float(bound[i]),
          f"{100 * share[:, i].max():.1f} %" if np.isfinite(bound[i]) and bound[i] > 0 else "–")
         for i in order
     ]  # fmt: skip

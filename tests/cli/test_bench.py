@@ -1,0 +1,52 @@
+"""``wbc bench``: rows from the workloads, a table for people, a file for programs."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from wbc.cli import bench
+
+
+class Counting:
+    """A workload that does nothing, quickly."""
+
+    title = "counts to ten"
+
+    def __call__(self, *, ticks, repeats, progress, solver):
+        progress(1, 2)
+        times = {"median": 1.25, "mean": 1.5, "p99": 2.0, "max": 9.0}
+        return {
+            "workload": "count", "variant": solver, "ticks": ticks, "repeats": repeats, "total_us": times,
+            "solver_failures": 0,
+        }  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def two_workloads(monkeypatch):
+    """Two registered workloads."""
+    monkeypatch.setattr(bench, "workloads", lambda: {"count": Counting(), "recount": Counting()})
+
+
+def test_a_table_has_one_line_for_each_workload(wbc):
+    answer = wbc("bench", "--repeats", 2)
+    assert answer.code == 0 and answer.out.count("count") == 2 and "1.2" in answer.out and "9.0" in answer.out
+
+
+def test_the_file_holds_every_row_whole(wbc, tmp_path):
+    assert wbc("bench", "count", "--json", "rows.json", "--ticks", 7, "--repeats", 3, "--solver", "daqp").code == 0
+    (row,) = json.loads((tmp_path / "rows.json").read_text())
+    assert (row["ticks"], row["repeats"], row["variant"]) == (7, 3, "daqp")
+    assert [path.name for path in tmp_path.iterdir()] == ["rows.json"]
+
+
+def test_an_unknown_workload_is_named_with_its_neighbours(wbc):
+    answer = wbc("bench", "recuont")
+    assert answer.code == 2 and "there is no workload 'recuont'; did you mean 'recount'" in answer.err
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_any_work(wbc, monkeypatch):
+    monkeypatch.setattr(Counting, "__call__", lambda self, **settings: pytest.fail("it ran"))
+    answer = wbc("bench", "--json", "no/such/folder/rows.json")
+    assert answer.code == 2 and "there is no folder" in answer.err

@@ -1,0 +1,158 @@
+"""``wbc run``: a verdict, a report, one JSON object; bad input is one sentence and leaves nothing behind."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.cli.run import plain
+from wbc.control.recorder import Run
+
+
+def test_a_run_ends_with_its_verdict_and_the_path_of_its_report(wbc, waving, tmp_path):
+    answer = wbc("run", waving)
+    assert answer.code == 0
+    assert re.search(r"it waves +1 +2 +Hz +yes", answer.out)
+    path = tmp_path / answer.out.strip().splitlines()[-1].removeprefix("report: ")
+    assert path.name == "report.html" and path.is_file() and path.parent.parent == tmp_path / "runs"
+    assert re.fullmatch(r"wave-\d{8}-\d{6}", path.parent.name)
+
+
+def test_the_report_folder_holds_page_text_replay_and_record(wbc, waving, tmp_path):
+    assert wbc("run", waving, "--out", "here", "--set", "amplitude=0.2").code == 0
+    names = {path.name for path in (tmp_path / "here").iterdir()}
+    assert names == {"report.html", "report.md", "replay.html", "figures", "run.npz", "meta.json"}
+    run = Run.load(tmp_path / "here")
+    assert run.rows == 40 and run.meta["parameters"]["amplitude"] == 0.2
+
+
+def test_json_is_one_object_with_nothing_around_it(wbc, waving):
+    answer = wbc(
+        "run", waving, "--json", "--set", "good=no", "--duration", "0.1", "--out", "report", "--plant", "paper"
+    )
+    assert answer.code == 1
+    assert answer.out.count("\n") == 1
+    data = json.loads(answer.out, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+    assert data == {
+        "scenario": "wave",
+        "ok": False,
+        "seconds": 0.1,
+        "ticks": 10,
+        "tick_us": {"median": 15.0, "p99": 19.9, "max": 20.0},
+        "violations": {"velocity": 0.0, "position": 0.0},
+        "tracking": {"Position[tool]": {"rms": pytest.approx(3**0.5 * 1e-3), "max": pytest.approx(3**0.5 * 1e-3)}},
+        "statuses": {"SOLVED": 10},
+        "report": "report",
+        "figures": {"waves": 2, "never": None, "path": [0.0, 1.0]},
+    }
+    assert "a scenario that chatters" in answer.err
+
+
+SENTENCES = {
+    "no such scenario": (["run", "humanoid-stnad"], "there is no scenario 'humanoid-stnad'"),
+    "no such file": (["run", "nowhere.py:wave"], "there is no file 'nowhere.py'"),
+    "no such module": (["run", "nowhere_at_all:wave"], "'nowhere_at_all' cannot be imported: ModuleNotFoundError"),
+    "no such name in the file": (["run", "{file}:wavy"], "there is no scenario 'wavy'; did you mean 'wave'"),
+    "something else in the file": (["run", "{file}:not_a_scenario"], "not_a_scenario is a int, not a"),
+    "no such solver": (["run", "{file}:wave", "--solver", "pdass"], "there is no solver 'pdass'; did you mean 'pdas'"),
+    "no such plant": (["run", "{file}:wave", "--plant", "moon"], "no plant 'moon'; there are: integrator, paper"),
+    "no such hierarchy": (["run", "{file}:wave", "--hierarchy", "strictly"], "no hierarchy 'strictly'"),
+    "no such robot": (
+        ["run", "{file}:wave", "--set", "robot=humanoyd"],
+        "no robot 'humanoyd'; did you mean 'humanoid'",
+    ),
+    "no such parameter": (["run", "{file}:wave", "--set", "amplitud=1"], "no parameter 'amplitud'; did you mean"),
+    "no value": (["run", "{file}:wave", "--set", "amplitude"], "--set 'amplitude' must be key=value"),
+    "not a number": (["run", "{file}:wave", "--set", "amplitude=big"], "parameter 'amplitude' must be a number"),
+    "not a whole number": (
+        ["run", "{file}:wave", "--set", "waves=1.5"],
+        "parameter 'waves' is '1.5'; it must be a whole",
+    ),
+    "not yes or no": (["run", "{file}:wave", "--set", "good=perhaps"], "it must be true or false"),
+    "too few numbers": (["run", "{file}:wave", "--set", "axis=1,2"], "parameter 'axis' must have shape (3,), not (2,)"),
+    "no time": (["run", "{file}:wave", "--duration", "0"], "duration is 0; it must be > 0"),
+    "not a time": (["run", "{file}:wave", "--duration", "long"], "Invalid value for '--duration'"),
+    "no such option": (["run", "{file}:wave", "--sovler", "pdas"], "No such option: --sovler"),
+    "no such verb": (["rum"], "No such command 'rum'"),
+}
+
+
+@pytest.mark.parametrize("words", [pytest.param(words, id=name) for name, words in SENTENCES.items()])
+def test_bad_input_is_one_sentence_and_exit_code_2(wbc, waving, tmp_path, words):
+    command, sentence = words
+    answer = wbc(*(word.format(file=waving.rpartition(":")[0]) for word in command))
+    assert answer.code == 2
+    assert answer.out == ""
+    said = [line for line in answer.err.splitlines() if line != "a scenario that chatters"]
+    assert len(said) == 1 and said[0].startswith("wbc: ") and sentence in said[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_malformed_urdf_is_one_sentence_that_names_the_file(wbc, waving, tmp_path):
+    (tmp_path / "bad.urdf").write_text("<robot name='x'><link name='a'></robot>")
+    answer = wbc("run", waving, "--set", f"robot={tmp_path / 'bad.urdf'}")
+    assert answer.code == 2 and "bad.urdf" in answer.err
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.urdf"]
+
+
+def test_a_mesh_outside_the_folder_is_refused(wbc, waving, tmp_path):
+    mesh = "<visual><geometry><mesh filename='../../../etc/secret.stl'/></geometry></visual>"
+    joint = "<joint name='j' type='revolute'><parent link='a'/><child link='b'/>"
+    limit = "<axis xyz='0 0 1'/><limit lower='-1' upper='1' velocity='1' effort='1'/></joint>"
+    links = f"<link name='a'>{mesh}</link><link name='b'/>"
+    (tmp_path / "arm.urdf").write_text(f"<robot name='x'>{links}{joint}{limit}</robot>")
+    answer = wbc("run", waving, "--set", f"robot={tmp_path / 'arm.urdf'}")
+    assert answer.code == 2 and "outside the folders" in answer.err
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
+
+
+def test_a_folder_with_something_else_in_it_is_refused_before_any_work(wbc, waving, tmp_path):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").touch()
+    answer = wbc("run", waving, "--out", "thesis")
+    assert answer.code == 2 and "holds something else" in answer.err and "chatters" not in answer.err
+
+
+def test_an_interrupted_run_exits_130_and_leaves_nothing(wbc, waving, tmp_path):
+    answer = wbc("run", waving, "--set", "ends=interrupted", "--out", "report")
+    assert answer.code == 130 and "interrupted" in answer.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bug_keeps_its_traceback_and_leaves_nothing(wbc, waving, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["wbc", "run", waving, "--set", "ends=with a bug"])
+    with pytest.raises(RuntimeError, match="a bug"):
+        from wbc.cli import main
+
+        main()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("package", ["jinja2", "matplotlib", "viser"])
+def test_a_missing_extra_is_said_before_any_work(wbc, waving, monkeypatch, package):
+    monkeypatch.setattr("wbc.report.build.find_spec", lambda name: None if name == package else object())
+    answer = wbc("run", waving)
+    assert answer.code == 2 and f"a report needs {package}; pip install 'wbc-qp[report]'" in answer.err
+    assert "chatters" not in answer.err
+
+
+def test_the_module_runs_as_the_command_does(waving, tmp_path):
+    words = [sys.executable, "-m", "wbc", "run", waving, "--set", "robot=nobody"]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        words, cwd=tmp_path, env={"PYTHONPATH": str(root)}, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "there is no robot 'nobody'" in done.stderr
+
+
+def test_plain_values_are_what_json_has():
+    value = {"a": np.float64("inf"), "b": (np.int64(2), np.bool_(True)), 3: np.array([[1.0, np.nan]]), "c": Path("x")}
+    assert plain(value) == {"a": None, "b": [2, True], "3": [[1.0, None]], "c": "x"}
+    json.dumps(plain(value), allow_nan=False)

@@ -1,0 +1,93 @@
+"""How scenarios are found and how their parameters are read."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from importlib.metadata import EntryPoint
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wbc.errors import InvalidInput, UnknownScenario, WbcError
+from wbc.sim import scenario as module
+from wbc.sim.scenario import Scenario, find, scenarios
+
+from .waving import Wave
+
+
+@pytest.fixture
+def wave(waving) -> Scenario:
+    """The scenario of the file."""
+    return find(waving)
+
+
+def test_a_class_is_as_good_as_an_object(waving):
+    assert find(waving.replace(":wave", ":Wave")).name == "wave"
+
+
+def test_a_file_named_like_a_library_does_not_replace_it(tmp_path, waving):
+    shutil.copy(waving.rpartition(":")[0], tmp_path / "json.py")
+    import json
+
+    assert find(f"{tmp_path / 'json.py'}:wave").name == "wave"
+    assert sys.modules["json"] is json
+
+
+def test_a_module_is_found_from_where_one_stands(tmp_path, waving, monkeypatch):
+    shutil.copy(waving.rpartition(":")[0], tmp_path / "my_waves_for_a_test.py")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert find("my_waves_for_a_test:wave").name == "wave"
+
+
+def test_a_file_that_fails_says_why(tmp_path):
+    (tmp_path / "broken.py").write_text("import nothing_of_this_name")
+    with pytest.raises(InvalidInput, match="cannot be imported: ModuleNotFoundError: No module named 'nothing_of"):
+        find(f"{tmp_path / 'broken.py'}:wave")
+
+
+@pytest.mark.parametrize("as_dict", [True, False])
+def test_registered_scenarios_are_found_by_name(monkeypatch, wave, as_dict):
+    registered = {"wave": wave} if as_dict else [wave]
+
+    class Point:
+        value = "some.package:SCENARIOS"
+        load = staticmethod(lambda: registered)
+
+    monkeypatch.setattr(module, "entry_points", lambda group: [Point] if group == "wbc.scenarios" else [])
+    assert scenarios() == {"wave": wave} and find("wave") is wave
+    with pytest.raises(UnknownScenario, match="did you mean 'wave'"):
+        find("waves")
+
+
+def test_a_package_that_cannot_be_loaded_is_named(monkeypatch):
+    broken = EntryPoint("broken", "no_such_package:SCENARIOS", "wbc.scenarios")
+    monkeypatch.setattr(module, "entry_points", lambda group: [broken])
+    with pytest.raises(InvalidInput, match="no_such_package:SCENARIOS cannot be loaded"):
+        scenarios()
+
+
+def test_defaults_stand_where_nothing_is_set(wave):
+    assert wave.parse([]) == dict(wave.parameters)
+    assert wave.choose(plant=None, hierarchy=None, duration=None) == {
+        "plant": "paper", "hierarchy": "weighted", "duration": 0.4
+    }  # fmt: skip
+
+
+def test_values_are_read_as_their_defaults_are(wave):
+    texts = ["robot=a=b", "amplitude=1e-3", "good=off", "waves=-4", "axis=1,0,2.5"]
+    read = wave.parse(texts)
+    assert (read["robot"], read["amplitude"], read["good"], read["waves"], read["axis"]) == (
+        "a=b", 1e-3, False, -4, (1.0, 0.0, 2.5)
+    )  # fmt: skip
+
+
+@given(text=st.text(max_size=30), key=st.sampled_from(["amplitude", "good", "waves", "axis", "robot"]))
+def test_any_text_is_read_as_its_type_or_refused(text: str, key: str):
+    wave = Wave()
+    try:
+        assert type(wave.parse([f"{key}={text}"])[key]) is type(wave.parameters[key])
+    except WbcError as error:
+        assert key in str(error)

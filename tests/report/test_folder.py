@@ -1,0 +1,61 @@
+"""A report is on disk whole, or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wbc.errors import InvalidInput
+from wbc.report.folder import HTML, replaced
+
+
+def test_a_folder_appears_when_the_block_ends(tmp_path: Path):
+    target = tmp_path / "deep" / "report"
+    with replaced(target) as pending:
+        (pending / HTML).write_text("new")
+        assert not target.exists() and pending.parent == target.parent
+    assert [path.name for path in target.parent.iterdir()] == ["report"]
+    assert (target / HTML).read_text() == "new"
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_nothing_is_left_when_the_block_fails(tmp_path: Path, error: type[BaseException]):
+    with pytest.raises(error), replaced(tmp_path / "report") as pending:
+        (pending / HTML).write_text("half")
+        raise error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_older_report_is_replaced_whole(tmp_path: Path):
+    for word in ("old", "new"):
+        with replaced(tmp_path / "report") as pending:
+            (pending / HTML).write_text(word)
+            (pending / word).touch()
+    assert sorted(path.name for path in (tmp_path / "report").iterdir()) == ["new", HTML]
+    assert [path.name for path in tmp_path.iterdir()] == ["report"]
+
+
+def test_an_older_report_stays_when_the_new_one_fails(tmp_path: Path):
+    with replaced(tmp_path / "report") as pending:
+        (pending / HTML).write_text("old")
+    with pytest.raises(ValueError, match="no"), replaced(tmp_path / "report"):
+        raise ValueError("no")
+    assert (tmp_path / "report" / HTML).read_text() == "old"
+
+
+def test_anything_else_is_never_written_over(tmp_path: Path):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").touch()
+    (tmp_path / "file").touch()
+    with pytest.raises(InvalidInput, match="holds something else"), replaced(tmp_path / "thesis"):
+        pass
+    with pytest.raises(InvalidInput, match="is a file"), replaced(tmp_path / "file"):
+        pass
+    assert (tmp_path / "thesis" / "chapter.tex").exists()
+
+
+def test_a_place_that_cannot_be_written_is_said_so(tmp_path: Path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InvalidInput, match="cannot be written"), replaced(tmp_path / "file" / "report"):
+        pass

@@ -1,0 +1,46 @@
+"""Where links and arrows are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wbc.models import load
+from wbc.report.motion import PUSH_LENGTH, WEIGHT_LENGTH, motion, quaternions
+
+from .conftest import standing_run
+
+
+@given(st.integers(0, 1000))
+def test_a_quaternion_turns_vectors_as_its_rotation_does(seed: int):
+    rng = np.random.default_rng(seed)
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    rotation, x = q * np.sign(np.linalg.det(q)), rng.normal(size=3)
+    w, *u = quaternions(rotation[None])[0]
+    assert w >= 0
+    assert np.allclose(x + 2 * np.cross(u, np.cross(u, x) + w * x), rotation @ x)
+
+
+def test_force_arrows_end_at_the_soles_and_together_carry_the_weight():
+    run, robot = standing_run(), load("humanoid")
+    moving = motion(run, robot, np.array([0, 60]), ["torso"])
+    tail, tip = moving.forces[:, :, 0], moving.forces[:, :, 1]
+    assert np.allclose(tip[..., 2], 0.0, atol=1e-3)
+    assert (tip - tail)[..., 2].sum(axis=1) == pytest.approx(1.01 * WEIGHT_LENGTH)
+
+
+def test_the_push_arrow_points_where_the_push_goes_and_only_while_it_lasts():
+    run, robot = standing_run(), load("humanoid")
+    moving = motion(run, robot, np.array([0, 40]), ["torso"])
+    assert np.allclose(moving.pushes[0, 0], moving.pushes[0, 1])
+    assert np.allclose(moving.pushes[1, 1] - moving.pushes[1, 0], [0.0, PUSH_LENGTH, 0.0])
+    assert np.allclose(moving.pushes[1, 1], moving.links["torso"][0][1])
+
+
+def test_links_follow_the_recorded_configuration():
+    run, robot = standing_run(), load("humanoid")
+    moving = motion(run, robot, np.arange(0, 120, 10), robot.frame_names[:1])
+    position, _ = moving.links[robot.frame_names[0]]
+    assert np.ptp(position[:, 1]) == pytest.approx(np.ptp(run["q"][::10, 1]), abs=1e-9)

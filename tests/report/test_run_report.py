@@ -1,0 +1,95 @@
+"""The report of a run: what is in it, in which order, and that it never needs what the run lacks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.models import load
+from wbc.report import Report, Table, Text, run_report
+from wbc.report.build import highlights, summary
+from wbc.report.sections import SECTIONS, contacts, joints, solver, timing, tracking
+from wbc.sim.scenario import ScenarioResult
+
+from .conftest import reaching_run, result_of, standing_run
+
+
+def test_the_sections_stand_in_the_order_in_which_they_are_read(report: Report):
+    assert [section.title for section in report.sections] == [
+        "Verdict", "Motion", "Tracking", "Torques against limits", "Joint velocities and positions",
+        "Contact forces in their cones", "Centre of mass", "Tick time", "Solver", "Settings", "Limits of this run",
+    ]  # fmt: skip
+
+
+def test_every_section_says_something(report: Report):
+    assert all(section.items for section in report.sections)
+    assert len({figure.name for figure in report.figures}) == len(report.figures)
+
+
+def test_a_report_ends_with_the_limits_of_its_run(report: Report):
+    sentences = [item.text for item in report.sections[-1].items if isinstance(item, Text)]
+    assert len(sentences) >= 4
+    assert any("true state" in sentence for sentence in sentences)
+
+
+def test_a_kinematic_run_has_no_torques_contacts_or_centre_of_mass(reaching: ScenarioResult):
+    shown = {
+        section.title for make in SECTIONS if make.__module__.split(".")[-1] != "motion" if (section := make(reaching))
+    }
+    assert shown == {
+        "Verdict", "Tracking", "Joint velocities and positions", "Tick time", "Solver", "Settings", "Limits of this run"
+    }  # fmt: skip
+
+
+def test_the_summary_says_who_did_what_and_how_it_ended(standing: ScenarioResult, reaching: ScenarioResult):
+    assert summary(standing) == (
+        "Humanoid ran made-up for 1.2 s at 100 Hz (inverse dynamics, Weighted(), pdas) under 1 disturbance; "
+        "119 of 120 ticks solved and certified; every demand was met."
+    )
+    assert summary(reaching).endswith("every tick solved and certified; not met: stays | up.")
+
+
+def test_the_summary_says_when_a_run_ended_early():
+    run = standing_run()
+    run.meta["ended"] = "fallen at t = 0.500 s"
+    assert "ended early (fallen at t = 0.500 s)" in summary(result_of(run, load("humanoid"), ok=False))
+
+
+def test_the_first_figures_are_those_of_the_run(standing: ScenarioResult):
+    tiles = dict(highlights(standing))
+    assert tiles["ticks"] == "120" and tiles["peak torque"] == "40 %" and tiles["slip"] == "0.12 mm"
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_the_shortest_runs_can_be_drawn(rows: int):
+    result = result_of(standing_run(rows), load("humanoid"))
+    for make in (tracking, joints, contacts, timing, solver):
+        assert make.section(result) is not None
+
+
+def test_a_run_that_broke_down_can_be_drawn():
+    run = standing_run()
+    run.columns["certificate"][-1] = np.inf
+    for name in ("tau", "error.CenterOfMass", "f.Sole[left_sole]", "plant.f.Sole[left_sole]"):
+        run.columns[name][-1] = np.nan
+    result = result_of(run, load("humanoid"), ok=False)
+    for make in SECTIONS:
+        if not make.__module__.endswith("motion"):
+            assert make(result) is not None
+
+
+def test_statistics_of_the_solver_are_those_of_the_run(standing: ScenarioResult):
+    section = solver.section(standing)
+    assert section is not None
+    table = section.items[1]
+    assert isinstance(table, Table)
+    values = dict(table.rows)
+    assert values["first guess right (at most one iteration)"] == "100 %"
+    assert values["active rows, largest"] == 5
+    assert values["ticks on which their number changed"] == 2
+
+
+def test_progress_runs_from_start_to_end(reaching: ScenarioResult):
+    heard: list[float] = []
+    run_report(result_of(reaching_run(), None), progress=lambda done, text="": heard.append(done))
+    assert heard[0] == 0.0 and heard[-1] == 1.0 and heard == sorted(heard)
