@@ -67,7 +67,9 @@ def _active_rows(controller: Controller) -> list[str]:
         return ["active rows: none"]
     lines = ["active rows:"]
     for i in active[np.argsort(-np.abs(pushing[active]))]:
-        row, up = names[i], pushing[i] > 0
+        row, up = names[i], bool(pushing[i] > 0)
+        if i >= len(qp.cl):
+            row = row._replace(owner=controller.plan.bound_owner(int(i) - len(qp.cl), upper=up))
         bound = upper[i] if up else lower[i]
         lines.append(
             f"  {row} at its {'upper' if up else 'lower'} bound {bound:.4g} {row.unit}; "

@@ -75,7 +75,7 @@ class Plan:
         for law, row in zip(layout.exact, layout.exact_rows, strict=True):
             out = motion.task_rows(row - first, law.task)
             if law.task.on_joints:
-                out.J[:] = np.eye(self.model.nv)[self.model.nb :]
+                out.J[:], out.drift[:] = np.eye(self.model.nv)[self.model.nb :], 0.0
             self._fills.append((law.task.fill, (out,)))
         for contact, row, anchor in zip(layout.contacts, layout.contact_rows, self.anchors, strict=True):
             self._fills.append((contact.fill, (anchor, motion.contact_rows(row - first, contact))))
@@ -321,6 +321,13 @@ class Plan:
         for law, row in zip(layout.exact, layout.exact_rows, strict=True):
             found[law.name] = e[row - first : row - first + law.task.dim].copy()
         return found
+
+    def bound_owner(self, unknown: int, *, upper: bool) -> str:
+        """Which law gives an unknown the bound it has now."""
+        joint = unknown - self.model.nb
+        if self._joints is not None and 0 <= joint < self.model.nj:
+            return self._joints.owner(joint, upper=upper)
+        return self.problem.rows[self.layout.n_rows + unknown].owner
 
     def __repr__(self) -> str:
         n, n_eq, n_in = self.problem.qp_shape

@@ -224,7 +224,8 @@ class DualSolver(RowSolver):
             self._wrong = np.zeros(0)
         if not primal <= self.tolerance or not dual <= self.tolerance:
             return False
-        gap = abs(float(primal)) * p.unit * float(np.abs(self._lam).sum()) if self.active_count else 0.0
+        slots = len(self._slot_rows)
+        gap = p.unit * float(np.abs(self._lam[-slots:] * now.rows[-slots:]).sum()) if slots else 0.0
         self.certificate = Certificate(max(float(primal), 0.0), max(dual, 0.0), gap)
         return True
 

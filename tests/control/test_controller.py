@@ -1,0 +1,231 @@
+"""Whatever happens, a tick gives a bounded command and says why; only programming errors raise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, final
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import CenterOfMass, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
+from tests.stack.conftest import moving, standing
+from wbc.errors import InvalidInput, NotSupported, UnknownSolver, WbcError
+from wbc.qp.problem import QP, Shape
+from wbc.qp.solver import Answer, Session, Solver
+from wbc.types import Status
+
+
+@pytest.fixture(scope="module")
+def arm() -> Any:
+    return wbc.load("arm")
+
+
+@pytest.fixture(scope="module")
+def humanoid() -> Any:
+    return wbc.load("humanoid")
+
+
+def reaching(arm: Any, **settings: Any) -> wbc.Controller:
+    stack = wbc.Stack(
+        [Position("tool", target=[0.5, 0.2, 0.4]), Posture(arm.q0, weight=1e-2)],
+        subject_to=[TorqueLimits(), JointVelocityLimits()],
+    )
+    return wbc.Controller(arm, stack, level=settings.pop("level", wbc.InverseDynamics()), **settings)
+
+
+# ---- what a command says
+def test_next_velocity_and_configuration_follow_from_the_acceleration(humanoid: Any) -> None:
+    q, v = moving(humanoid, 1)
+    command = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics(), dt=0.002).tick(0.0, q, v)
+    np.testing.assert_allclose(command.v, v + 0.002 * command.a)
+    np.testing.assert_allclose(command.q, humanoid.integrate(q, 0.002 * (v + 0.001 * command.a)))
+
+
+def test_forces_are_read_by_contact_or_by_frame(humanoid: Any) -> None:
+    command = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics()).tick(
+        0.0, humanoid.q0, np.zeros(humanoid.nv)
+    )
+    assert command.f["left_sole"] is command.f["Sole[left_sole]"]
+    assert sum(f[2] for f in command.f.values()) == pytest.approx(9.81 * humanoid.mass, rel=0.02)
+    with pytest.raises(KeyError, match="left_sole"):
+        command.f["left_solo"]
+
+
+def test_a_command_outlives_the_next_ticks_but_its_solution_does_not(arm: Any) -> None:
+    control = reaching(arm)
+    first = control.tick(0.0, *moving(arm, 1))
+    tau = first.tau.copy()
+    control.tick(1e-3, *moving(arm, 2))
+    np.testing.assert_array_equal(first.tau, tau)
+    with pytest.raises(WbcError, match="before the next tick"):
+        _ = first.solution
+
+
+def test_what_a_level_does_not_decide_is_nan(arm: Any) -> None:
+    stack = wbc.Stack([Posture(arm.q0)])
+    command = wbc.Controller(arm, stack, level=wbc.VelocityLevel()).tick(0.0, *moving(arm, 1))
+    assert np.isfinite(command.v).all()
+    assert np.isnan(command.a).all()
+    assert np.isnan(command.tau).all()
+
+
+# ---- programming errors raise, numbers do not
+def test_wrong_shapes_and_types_raise(arm: Any) -> None:
+    control = reaching(arm)
+    with pytest.raises(InvalidInput, match=r"q must have shape \(7,\)"):
+        control.tick(0.0, np.zeros(6), np.zeros(7))
+    with pytest.raises(InvalidInput, match=r"v must have shape \(7,\)"):
+        control.tick(0.0, np.zeros(7), np.zeros((7, 1)))
+    with pytest.raises(InvalidInput, match="robot"):
+        wbc.Controller("arm", wbc.Stack([]), level=wbc.VelocityLevel())  # type: ignore[arg-type]
+    with pytest.raises(UnknownSolver, match="daqp"):
+        reaching(arm, solver="dapq")
+    with pytest.raises(InvalidInput, match="dt"):
+        reaching(arm, dt=0.0)
+
+
+def test_a_solver_that_cannot_keep_limits_is_refused_by_name(arm: Any) -> None:
+    offline = [name for name in wbc.solvers() if wbc.qp.solvers.by_name(name).offline]
+    for name in offline:
+        with pytest.raises(NotSupported, match=name):
+            reaching(arm, solver=name)
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_state_that_is_not_finite_gives_the_last_command_then_brakes(arm: Any, level: Any, bad: float) -> None:
+    stack = wbc.Stack([Position("tool", target=[0.5, 0.2, 0.4]), Posture(arm.q0, weight=1e-2)])
+    control = wbc.Controller(arm, stack, level=level, hold_ticks=2)
+    q, v = moving(arm, 3)
+    good = control.tick(0.0, q, v)
+    broken = q.copy()
+    broken[2] = bad
+    for k in range(2):
+        held = control.tick(k * 1e-3, broken, v)
+        assert (held.status, held.rung) == (Status.INVALID_STATE, "hold")
+        np.testing.assert_array_equal(held.tau, good.tau)
+        np.testing.assert_array_equal(held.v, good.v)
+    damped = control.tick(3e-3, broken, v)
+    assert damped.rung == "damped"
+    decided = damped.tau if level.dynamics else damped.v
+    assert np.isfinite(decided).all()
+    assert not damped.certificate.ok
+    again = control.tick(4e-3, q, v)
+    assert (again.status, again.rung) == (Status.SOLVED, "solved")
+
+
+def test_a_bad_first_state_brakes_within_the_torque_limits(arm: Any) -> None:
+    command = reaching(arm).tick(0.0, np.full(7, np.nan), np.zeros(7))
+    assert command.rung == "damped"
+    assert (np.abs(command.tau) <= arm.limits.tau_max).all()
+
+
+def test_a_target_that_becomes_nan_is_never_followed(arm: Any) -> None:
+    def target(t: float) -> Any:
+        return np.array([0.5, 0.2, np.nan if t > 0.5 else 0.4])
+
+    stack = wbc.Stack([Position("tool", target=target), Posture(arm.q0, weight=1e-2)], subject_to=[TorqueLimits()])
+    for level in (wbc.InverseDynamics(), wbc.VelocityLevel()):
+        if not level.dynamics:
+            stack = wbc.Stack(stack.tasks)
+        control = wbc.Controller(arm, stack, level=level)
+        good = control.tick(0.0, arm.q0, np.zeros(7))
+        command = control.tick(1.0, arm.q0, np.zeros(7))
+        assert not command.status.ok
+        assert command.rung == "hold"
+        np.testing.assert_array_equal(command.v, good.v)
+        assert control.tick(0.1, arm.q0, np.zeros(7)).status.ok
+
+
+def test_an_infeasible_stack_is_said_and_survived(arm: Any) -> None:
+    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e6, name="up")
+    stack = wbc.Stack([Posture(arm.q0)], subject_to=[up.exactly(), TorqueLimits(1.0)])
+    control = wbc.Controller(arm, stack, level=wbc.InverseDynamics())
+    command = control.tick(0.0, arm.q0, np.zeros(7))
+    assert command.status is Status.INFEASIBLE
+    assert command.rung == "damped"
+    assert (np.abs(command.tau) <= 1.0).all()
+    assert "infeasible" in control.explain()
+
+
+@final
+@dataclass(frozen=True)
+class Liar(Solver):
+    """Says solved and returns rubbish."""
+
+    name: ClassVar[str] = "liar"
+    value: float = np.nan
+
+    def open(self, shape: Shape) -> Session:
+        return _Lies(self, shape)
+
+
+class _Lies(Session):
+    def _solve(self, qp: QP) -> Answer:
+        assert isinstance(self.solver, Liar)
+        answer = Answer.none(self.shape, Status.SOLVED)
+        answer.x[:] = self.solver.value
+        for multipliers in (answer.y, answer.z, answer.z_box):
+            multipliers[:] = 0.0
+        return answer
+
+
+@pytest.mark.parametrize("value", [np.nan, 0.0, 1e6])
+def test_a_solver_that_lies_is_not_believed_and_another_answers(humanoid: Any, value: float) -> None:
+    q, v = humanoid.q0, np.zeros(humanoid.nv)
+    truth = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics()).tick(0.0, q, v)
+    control = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics(), solver=Liar(value=value))
+    command = control.tick(0.0, q, v)
+    assert command.status is Status.SOLVED
+    assert command.certificate.ok
+    np.testing.assert_allclose(command.tau, truth.tau, atol=1e-4)
+
+
+def test_reset_makes_contacts_anew(humanoid: Any) -> None:
+    control = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics())
+    zero = np.zeros(humanoid.nv)
+    start = control.tick(0.0, humanoid.q0, zero)
+    moved = humanoid.integrate(humanoid.q0, np.r_[0.0, 0.0, 0.05, np.zeros(humanoid.nv - 3)])
+    pulled = control.tick(0.0, moved, zero)
+    assert np.abs(pulled.a).max() > np.abs(start.a).max() + 1.0
+    control.reset()
+    state = humanoid.state()
+    state.update(0.0, moved, zero)
+    control.stack.tasks[0].target = state.com + np.array([0.0, 0.02, 0.0])
+    np.testing.assert_allclose(control.tick(0.0, moved, zero).tau, start.tau, atol=1e-6)
+
+
+# ---- explain
+def test_explain_names_tasks_rows_and_multipliers_in_units(humanoid: Any) -> None:
+    stack = standing(humanoid, shift=0.3)
+    control = wbc.Controller(humanoid, stack, level=wbc.InverseDynamics())
+    assert control.explain() == "no tick yet"
+    command = control.tick(0.0, humanoid.q0, np.zeros(humanoid.nv))
+    text = control.explain()
+    for words in (
+        "CenterOfMass: error 0.3 m",
+        "% of the cost",
+        "Posture: error",
+        "friction[",
+        "per N",
+        "regularisation",
+    ):
+        assert words in text, text
+    shares = [float(line.split(",")[-1].split("%")[0]) for line in text.splitlines() if "% of the cost" in line]
+    assert sum(shares) == pytest.approx(100.0, abs=0.3)
+    active = command.solution
+    assert (np.abs(active.z) > 1e-6).sum() <= text.count("multiplier")
+
+
+def test_explain_tells_which_limit_holds_a_joint(arm: Any) -> None:
+    stack = wbc.Stack(
+        [CenterOfMass(target=[1.0, 1.0, 1.0], rate=1000.0), Posture(arm.q0, weight=1e-3)],
+        subject_to=[JointVelocityLimits(0.5), JointPositionLimits()],
+    )
+    control = wbc.Controller(arm, stack, level=wbc.VelocityLevel())
+    control.tick(0.0, arm.q0, np.zeros(7))
+    text = control.explain()
+    assert "JointVelocityLimits" in text
+    assert "0.5 rad/s" in text
