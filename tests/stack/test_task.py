@@ -1,0 +1,85 @@
+"""Weights, gains and switches of tasks, whatever the task does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tasks import Posture
+from wbc.errors import InvalidInput
+from wbc.stack.task import Task
+from wbc.testing import robots
+
+
+class Plain(Task):
+    """A task of two rows."""
+
+    dim, units = 2, "m"
+
+    def fill(self, state: Any, out: Any) -> None:
+        out.e[:], out.J[:], out.drift[:] = 0.0, 0.0, 0.0
+
+
+@given(st.floats(0.01, 1e4))
+def test_gains_are_critically_damped_unless_given(kp: float):
+    for gain, expected in zip(Plain(kp=kp).gains(), (kp, 2 * np.sqrt(kp), np.sqrt(kp) / 2), strict=True):
+        np.testing.assert_allclose(gain, expected)
+
+
+def test_gains_may_differ_by_row():
+    kp, kd, rate = Plain(kp=[4.0, 9.0], kd=[1.0, 3.0]).gains()
+    assert kp.tolist() == [4.0, 9.0] and kd.tolist() == [1.0, 3.0] and rate.tolist() == [4.0, 3.0]
+    assert Plain(kp=1.0, rate=[5.0, 6.0]).gains()[2].tolist() == [5.0, 6.0]
+
+
+def test_without_damping_there_is_no_rate_to_guess():
+    assert Plain(kp=4.0, kd=0.0).gains()[2].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"kp": -1.0}, r"Plain.kp is -1; it must be >= 0"),
+        ({"kp": np.nan}, "Plain.kp is nan"),
+        ({"kd": [1.0]}, r"Plain.kd must have shape \(2,\)"),
+        ({"rate": [1.0, -1.0]}, r"Plain.rate\[1\] is negative"),
+        ({"weight": -0.1}, "Plain.weight is -0.1"),
+        ({"weight": [1.0, -0.1]}, r"Plain.weight\[1\] is -0.1; a weight is >= 0"),
+        ({"weight": "heavy"}, "Plain.weight must be a number"),
+    ],
+)
+def test_weights_and_gains_that_make_no_sense_are_refused(arguments: Any, said: str):
+    with pytest.raises(InvalidInput, match=said):
+        Plain(**arguments)
+
+
+@pytest.mark.parametrize("argument", ["kp", "kd", "rate", "weight"])
+def test_a_vector_of_the_wrong_size_is_refused_by_name_once_the_size_is_known(argument: str):
+    task = Posture(np.zeros(7), **{argument: np.ones(5)})
+    task.prepare(robots()[0])
+    with pytest.raises(InvalidInput, match=rf"Posture.{argument} must have shape \(7,\), not \(5,\)"):
+        task.weights()
+        task.gains()
+
+
+def test_weight_and_switch_may_be_assigned_and_leave_a_stamp():
+    task = Plain(weight=2.0)
+    stamp = task.stamp
+    task.weight = [1.0, 3.0]
+    assert task.weights().tolist() == [1.0, 3.0] and task.stamp == stamp + 1
+    task.active = False
+    assert task.weights().tolist() == [0.0, 0.0] and task.stamp == stamp + 2
+
+
+def test_what_weights_gives_is_a_copy():
+    task = Plain(weight=[1.0, 3.0])
+    task.weights()[:] = 7.0
+    assert task.weights().tolist() == [1.0, 3.0]
+
+
+def test_a_name_is_the_class_unless_given():
+    assert Plain().name == "Plain" and Plain(name="hand").name == "hand"

@@ -1,0 +1,166 @@
+"""Cones are exactly what surfaces can give, and contact rows hold the surface, not the frame."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from tasks import Point, Sole
+from wbc.errors import InvalidInput, UnknownFrame
+from wbc.models.model import RobotState
+from wbc.stack.contact import Anchor, ContactRows
+from wbc.testing import robots
+from wbc.testing.strategies import states
+from wbc.types import Mat
+
+ARM, QUADRUPED, HUMANOID = robots()
+SIZES = st.floats(0.01, 1.0)
+MOVED = np.array([0.1, 0.2, 0.3])
+
+
+def sole(half_size: Any = (0.10, 0.065), friction: float = 0.3, **more: Any) -> Sole:
+    return Sole("left_sole", half_size=half_size, friction=friction, **more)
+
+
+def corner_wrenches(half_size: Any, mu: float) -> Mat:
+    """The 16 edges of the friction pyramids at the four corners, as wrenches about the centre (6, 16)."""
+    edges = []
+    for i, j, k, m in product((-1, 1), repeat=4):
+        corner, force = np.array([i * half_size[0], j * half_size[1], 0.0]), np.array([k * mu, m * mu, 1.0])
+        edges.append(np.concatenate([force, np.cross(corner, force)]))
+    return np.array(edges).T
+
+
+def fill(contact: Any, state: RobotState, anchor: Anchor) -> ContactRows:
+    out = ContactRows()
+    out.J, out.drift, out.e = np.zeros((contact.dim, state.model.nv)), np.zeros(contact.dim), np.zeros(contact.dim)
+    contact.fill(state, anchor, out)
+    return out
+
+
+@given(SIZES, SIZES, st.floats(0.05, 2.0), st.sampled_from(["outer", "inner"]))
+def test_what_corner_forces_add_up_to_is_in_the_cone_of_a_sole(X: float, Y: float, friction: float, model: str):
+    contact = sole((X, Y), friction, friction_model=model)
+    wrenches = corner_wrenches((X, Y), contact.mu)
+    assert (contact.cone() @ wrenches).max() <= 1e-12
+
+
+@given(SIZES, SIZES, st.floats(0.05, 2.0), st.integers(0, 2**32 - 1))
+def test_rays_leave_the_cone_where_corner_forces_can_no_longer_follow(X: float, Y: float, mu: float, seed: int):
+    K, V = sole((X, Y), mu).cone(), corner_wrenches((X, Y), mu)
+    inside = V.mean(axis=1)
+    ray = np.random.default_rng(seed).normal(size=6) * [mu, mu, 1.0, Y, X, mu * (X + Y)]
+    slope = K @ ray
+    exits = min((-(K @ inside) / slope)[slope > 1e-12], default=np.inf)
+    followed = linprog(
+        np.r_[-1.0, np.zeros(16)], A_eq=np.column_stack([-ray, V]), b_eq=inside, bounds=[(0, 1e3)] + [(0, None)] * 16
+    )
+    np.testing.assert_allclose(followed.x[0], min(exits, 1e3), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("contact", [sole(), Point("front_left_foot", friction=0.5)], ids=["sole", "point"])
+def test_every_row_of_a_cone_is_needed(contact: Any):
+    K = contact.cone()
+    for row in range(len(K)):
+        rest = np.delete(K, row, axis=0)
+        normal = np.eye(contact.dim)[2][None]
+        beyond = linprog(-K[row], A_ub=rest, b_ub=np.zeros(len(rest)), A_eq=normal, b_eq=[1.0], bounds=(-1e3, 1e3))
+        assert -beyond.fun > 1e-9, contact.cone_labels()[row]
+
+
+@pytest.mark.parametrize("contact", [sole(), Point("front_left_foot", friction=0.5)], ids=["sole", "point"])
+def test_a_cone_implies_that_the_surface_only_pushes(contact: Any):
+    K = contact.cone()
+    lowest = linprog(np.eye(contact.dim)[2], A_ub=K, b_ub=np.zeros(len(K)), bounds=(-1.0, 1.0))
+    assert lowest.fun >= -1e-12
+
+
+@given(st.floats(0.05, 2.0), st.floats(0.0, 2 * np.pi))
+def test_the_inner_pyramid_is_inside_the_circular_cone_and_the_outer_one_around_it(mu: float, angle: float):
+    force = np.array([mu * np.cos(angle), mu * np.sin(angle), 1.0])
+    inner, outer = (Point("foot", friction=mu, friction_model=model) for model in ("inner", "outer"))
+    assert (outer.cone() @ force).max() <= 1e-12
+    assert (inner.cone() @ (force * [1.0001, 1.0001, 1.0])).max() > 0.0
+    corner = np.array([inner.mu, inner.mu, 1.0])
+    np.testing.assert_allclose(np.linalg.norm(corner[:2]), mu)
+
+
+@given(states(QUADRUPED), st.floats(0.0, 0.1))
+def test_a_ball_that_rolls_does_not_slip_and_is_held_at_its_height(state: RobotState, radius: float):
+    foot = Point("front_left_foot", friction=0.5, radius=radius)
+    frame = state.frame("front_left_foot")
+    twist = frame.jacobian() @ state.v
+    rolling = twist[:3] + np.cross(twist[3:], [0.0, 0.0, -radius])
+    out = fill(foot, state, Anchor(np.eye(3), foot.anchor(state).position + MOVED))
+    np.testing.assert_allclose(out.J @ state.v, rolling, atol=1e-12)
+    np.testing.assert_allclose(out.e, MOVED if radius == 0.0 else [0.0, 0.0, 0.3], atol=1e-12)
+
+
+@given(states(QUADRUPED), st.floats(-1.0, 1.0))
+def test_a_point_on_a_slope_is_the_point_in_turned_axes(state: RobotState, angle: float):
+    axes = pinocchio.exp3(np.array([0.0, angle, 0.0]))
+    level, slope = (Point("front_left_foot", friction=0.5, axes=axes_) for axes_ in (None, axes))
+    anchor = Anchor(axes, level.anchor(state).position + MOVED)
+    first, second = fill(level, state, anchor), fill(slope, state, anchor)
+    for array in ("J", "drift", "e"):
+        np.testing.assert_allclose(getattr(second, array), axes.T @ getattr(first, array), atol=1e-12)
+
+
+@given(states(HUMANOID))
+def test_a_sole_moved_in_its_frame_is_held_at_its_own_centre(state: RobotState):
+    origin = np.array([0.02, -0.01, -0.03])
+    plain, moved = sole(), sole(origin=origin)
+    np.testing.assert_allclose(moved.anchor(state).position, state.frame("left_sole").placement.act(origin), atol=1e-12)
+    there = pinocchio.SE3(state.frame("left_sole").placement) * pinocchio.exp6(np.array([0.01, 0.02, 0.0, 0.1, 0, 0]))
+    centre = there * pinocchio.SE3(np.eye(3), origin)
+    errors = (
+        fill(plain, state, Anchor(there.rotation, there.translation)).e,
+        fill(moved, state, Anchor(centre.rotation, centre.translation)).e,
+    )
+    shift = pinocchio.SE3(np.eye(3), origin)
+    np.testing.assert_allclose(errors[1], shift.actionInverse @ errors[0], atol=1e-9)
+
+
+def test_an_anchor_follows_what_is_written_into_it():
+    anchor = Anchor(np.eye(3), np.zeros(3))
+    anchor.position[:] = [1.0, 2.0, 3.0]
+    anchor.rotation[:] = np.diag([1.0, -1.0, -1.0])
+    np.testing.assert_array_equal(anchor.pose.translation, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(anchor.pose.rotation, np.diag([1.0, -1.0, -1.0]))
+
+
+def test_an_anchor_keeps_its_own_memory():
+    rotation, position = np.eye(3), np.zeros(3)
+    anchor = Anchor(rotation, position)
+    position[0] = rotation[0, 0] = 5.0
+    assert not anchor.position.any() and anchor.rotation[0, 0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: sole((0.1, 0.0)), "half_size is .*both must be > 0"),
+        (lambda: sole(0.1), r"half_size must have shape \(2,\)"),
+        (lambda: sole(friction=0.0), "friction is 0"),
+        (lambda: sole(friction_model="round"), "'outer' or 'inner'"),
+        (lambda: sole(origin=[0.0]), r"origin must have shape \(3,\)"),
+        (lambda: sole(target=np.diag([1.0, 1.0, -1.0, 1.0])), r"Sole\[left_sole\].target is not a rotation"),
+        (lambda: Point("foot", friction=0.5, radius=-0.1), "radius is -0.1"),
+        (lambda: Point("foot", friction=0.5, axes=2 * np.eye(3)), "axes is not a rotation"),
+    ],
+)
+def test_a_surface_that_makes_no_sense_is_refused(make: Any, said: str):
+    with pytest.raises(InvalidInput, match=said):
+        make()
+
+
+def test_an_unknown_frame_is_refused():
+    with pytest.raises(UnknownFrame, match="left_sole"):
+        Sole("left_sol", half_size=(0.1, 0.1), friction=0.5).prepare(HUMANOID)

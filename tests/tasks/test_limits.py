@@ -1,0 +1,104 @@
+"""Limits come from the model or are given by number, array or joint name; nonsense is refused by joint name."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, TorqueLimits
+from wbc.errors import InvalidInput, UnknownJoint
+from wbc.testing import robots
+
+ARM = robots()[0]
+FIRST, SECOND = ARM.joint_names[:2]
+
+
+def with_limit(field: str, value: float) -> Any:
+    """The arm with one limit of its first joint replaced."""
+    changed = getattr(ARM.limits, field).copy()
+    changed[0] = value
+    robot = copy(ARM)
+    robot.limits = replace(ARM.limits, **{field: changed})
+    return robot
+
+
+@pytest.mark.parametrize(
+    ("law", "upper"),
+    [
+        (JointVelocityLimits(), ARM.limits.v_max),
+        (TorqueLimits(), ARM.limits.tau_max),
+        (JointPositionLimits(), ARM.limits.q_max),
+        (JointAccelerationLimits({}), np.full(ARM.nj, np.inf)),
+        (JointVelocityLimits(0.5), np.full(ARM.nj, 0.5)),
+        (TorqueLimits(np.arange(1.0, 8.0)), np.arange(1.0, 8.0)),
+        (JointVelocityLimits({SECOND: 0.1}), np.where(np.arange(7) == 1, 0.1, ARM.limits.v_max)),
+        (TorqueLimits({FIRST: np.inf}), np.where(np.arange(7) == 0, np.inf, ARM.limits.tau_max)),
+    ],
+)
+def test_bounds_come_from_the_model_unless_given(law: Any, upper: Any):
+    law.prepare(ARM)
+    np.testing.assert_array_equal(law.bounds(ARM)[1], upper)
+    if law.quantity != "position":
+        np.testing.assert_array_equal(law.bounds(ARM)[0], -upper)
+
+
+def test_the_limits_of_the_model_are_copied():
+    JointPositionLimits().bounds(ARM)[1][:] = 0.0
+    assert ARM.limits.q_max.any()
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+@pytest.mark.parametrize(
+    ("law", "field", "argument"),
+    [(JointVelocityLimits, "v_max", "v_max"), (TorqueLimits, "tau_max", "tau_max")],
+)
+def test_a_limit_of_the_model_that_makes_no_sense_is_refused_and_can_be_overruled(law, field, argument, value):
+    robot = with_limit(field, value)
+    with pytest.raises(InvalidInput, match=f"{argument} of joint '{FIRST}' is .*Pass {argument}=.* to overrule"):
+        law().prepare(robot)
+    law({FIRST: 3.0}).prepare(robot)
+    assert law({FIRST: 3.0}).bounds(robot)[1][0] == 3.0
+
+
+def test_crossed_position_limits_are_refused_by_joint_name():
+    robot = with_limit("q_max", -100.0)
+    with pytest.raises(InvalidInput, match=f"joint '{FIRST}' has limits .*lower must not be above upper"):
+        JointPositionLimits().prepare(robot)
+    JointPositionLimits(upper={FIRST: 1.0}).prepare(robot)
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (JointVelocityLimits(0.0), "v_max of joint"),
+        (JointAccelerationLimits(-5.0), "a_max of joint"),
+        (TorqueLimits(np.ones(3)), r"TorqueLimits.tau_max must have shape \(7,\)"),
+        (TorqueLimits("strong"), "must be an array of numbers"),
+        (JointPositionLimits(lower=np.nan), "lower"),
+        (JointPositionLimits(lower=np.inf), "has limits"),
+        (JointVelocityLimits({FIRST: [1.0, 2.0]}), rf"v_max\['{FIRST}'\] must have shape"),
+        (JointVelocityLimits({FIRST: np.nan}), "nan"),
+    ],
+)
+def test_given_limits_that_make_no_sense_are_refused(law: Any, said: str):
+    with pytest.raises(InvalidInput, match=said):
+        law.prepare(ARM)
+
+
+def test_an_unknown_joint_is_refused_with_near_ones():
+    with pytest.raises(UnknownJoint, match=f"there is no joint '{FIRST}x'; did you mean '{FIRST}'"):
+        JointVelocityLimits({FIRST + "x": 1.0}).prepare(ARM)
+
+
+def test_equal_position_limits_are_allowed():
+    lower, upper = JointPositionLimits({FIRST: 0.2}, {FIRST: 0.2}).bounds(ARM)
+    assert lower[0] == upper[0] == 0.2
+
+
+def test_braking_must_be_positive():
+    with pytest.raises(InvalidInput, match="braking is 0"):
+        JointPositionLimits(braking=0.0)

@@ -1,0 +1,226 @@
+"""What may be given as a target, when it is looked at, and what a task makes of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given
+
+from tasks import CenterOfMass, ContactForce, Frame, JointVelocity, Orientation, Position, Posture, Sinusoid, Torque
+from tasks.motions import pose_motion, swing
+from wbc.errors import InvalidInput, NotSupported, UnknownFrame
+from wbc.models.model import RobotState
+from wbc.stack.task import LinearRows, TaskRows
+from wbc.testing import robots
+from wbc.testing.strategies import states
+
+ARM, QUADRUPED, HUMANOID = robots()
+TOOL = ARM.frame_names[-1]
+IDENTITY, MIRROR = np.eye(3), np.diag([1.0, 1.0, -1.0])
+
+
+def rows(task: Any, state: RobotState) -> TaskRows:
+    """What a task writes, from fresh memory."""
+    task.prepare(state.model)
+    out = TaskRows()
+    for array in ("e", "drift", "rate_ref", "acc_ref", "ed"):
+        setattr(out, array, np.zeros(task.dim))
+    out.J = np.zeros((task.dim, state.model.nv))
+    task.fill(state, out)
+    return out
+
+
+def linear_rows(task: Any, state: RobotState, size: int) -> LinearRows:
+    task.prepare(state.model)
+    out = LinearRows()
+    out.A, out.b = np.full((task.dim, size), np.nan), np.full(task.dim, np.nan)
+    task.fill(state, out)
+    return out
+
+
+def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[3] = rotation, last_row
+    return matrix
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Frame(TOOL, target=None), r"Frame\[\w+\].target is None; give a value or a function of time"),
+        (lambda: Frame(TOOL, target=np.eye(3)), r"target must have shape \(4, 4\), not \(3, 3\)"),
+        (lambda: Frame(TOOL, target=pose(2 * np.eye(3))), "not a rotation: R Rᵀ differs from the identity by 3"),
+        (lambda: Frame(TOOL, target=pose(MIRROR)), "its determinant is -1"),
+        (lambda: Frame(TOOL, target=pose(last_row=(0, 0, 0, 2))), "last row of a pose is 0 0 0 1"),
+        (lambda: Frame(TOOL, target=np.full((4, 4), np.nan)), r"target\[\(0, 0\)\] is nan"),
+        (lambda: Frame(TOOL, target=pinocchio.SE3(MIRROR, np.zeros(3))), "its determinant is -1"),
+        (lambda: Orientation(TOOL, target=np.eye(3) + 1e-5), "not a rotation"),
+        (lambda: Orientation(TOOL, target=[1.0, 0.0, 0.0]), r"must have shape \(3, 3\)"),
+        (lambda: Position(TOOL, target=[0.0, np.inf, 0.0]), r"Position\[\w+\].target\[1\] is inf"),
+        (lambda: Position(TOOL, target="here"), "must be an array of numbers, not str"),
+        (lambda: Position(TOOL, target=lambda t: np.zeros(2)), r"must have shape \(3,\), not \(2,\)"),
+        (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(3))), r"\(value, rate, acceleration\)"),
+        (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(2), np.zeros(3))), "target rate must have"),
+        (lambda: CenterOfMass(target=None), "CenterOfMass.target is None"),
+        (lambda: ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \(2,\)"),
+        (lambda: Torque(weight="inertia"), "weight is 'inertia'; it must be numbers or 'inverse_inertia'"),
+        (lambda: Frame(TOOL, target=np.eye(4), weight=[1.0] * 5), r"weight must have shape \(6,\)"),
+        (lambda: Frame(TOOL, target=np.eye(4), position_weight=-1.0), "weight"),
+        (lambda: Position(TOOL, target=np.zeros(3), kp=[1.0, 2.0]), r"kp must have shape \(3,\)"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_when_it_is_given(make: Any, said: str):
+    with pytest.raises(InvalidInput, match=said):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("task", "said"),
+    [
+        (Posture(np.zeros(5)), r"Posture.target must have shape \(7,\) on arm, not \(5,\)"),
+        (Posture(np.zeros(7), weight=np.ones(6)), r"Posture.weight must have shape \(7,\)"),
+        (Posture(np.zeros(7), kp=np.ones(6)), r"Posture.kp must have shape \(7,\)"),
+        (JointVelocity([0.0]), r"JointVelocity.target must have shape \(7,\) on arm"),
+        (Torque(np.zeros(6)), r"Torque.target must have shape \(7,\)"),
+    ],
+)
+def test_what_depends_on_the_robot_is_refused_when_it_is_known(task: Any, said: str):
+    with pytest.raises(InvalidInput, match=said):
+        task.prepare(ARM)
+        task.weights()
+        task.gains()
+
+
+@pytest.mark.parametrize("make", [Frame, Position, Orientation])
+def test_an_unknown_frame_is_refused_with_near_ones(make: Any):
+    task = make("tol", target={Frame: np.eye(4), Position: np.zeros(3), Orientation: np.eye(3)}[make])
+    with pytest.raises(UnknownFrame, match="did you mean 'tool"):
+        task.prepare(ARM)
+
+
+@given(states(HUMANOID))
+def test_a_task_at_its_target_has_no_error(state: RobotState):
+    frame = state.frame("left_hand")
+    here = pinocchio.SE3(frame.placement)
+    for task in (
+        Frame("left_hand", target=here),
+        Frame("left_hand", target=here.homogeneous),
+        Position("left_hand", target=frame.position),
+        Orientation("left_hand", target=frame.rotation),
+        CenterOfMass(target=state.com),
+        Posture(state.q),
+        Posture(state.q_joints),
+    ):
+        np.testing.assert_allclose(rows(task, state).e, 0.0, atol=1e-7)
+
+
+@given(states(ARM))
+def test_a_frame_is_its_position_above_its_orientation(state: RobotState):
+    target = pinocchio.SE3.Random()
+    both = rows(Frame(TOOL, target=target), state)
+    parts = (
+        rows(Position(TOOL, target=target.translation), state),
+        rows(Orientation(TOOL, target=target.rotation), state),
+    )
+    for array in ("e", "J", "drift"):
+        np.testing.assert_array_equal(getattr(both, array), np.concatenate([getattr(part, array) for part in parts]))
+
+
+@given(states(ARM))
+def test_turning_by_the_rotation_error_reaches_the_target(state: RobotState):
+    target = pinocchio.SE3.Random().rotation
+    error = rows(Orientation(TOOL, target=target), state).e
+    np.testing.assert_allclose(pinocchio.exp3(error) @ state.frame(TOOL).rotation, target, atol=1e-8)
+
+
+def test_weights_of_position_and_orientation_may_be_said_apart():
+    def weights(**given: Any) -> list[float]:
+        return Frame(TOOL, target=np.eye(4), **given).weights().tolist()
+
+    assert weights(weight=[1, 2, 3, 4, 5, 6]) == [1, 2, 3, 4, 5, 6]
+    assert weights(orientation_weight=0.1) == [1, 1, 1, 0.1, 0.1, 0.1]
+    assert weights(weight=5.0, position_weight=2.0) == [2, 2, 2, 5, 5, 5]
+
+
+def test_a_target_may_be_assigned_between_ticks_and_is_checked_there():
+    state, task = ARM.state(), Position(TOOL, target=np.zeros(3))
+    before = rows(task, state).e.copy()
+    task.target = [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(rows(task, state).e - before, [0.0, 0.0, 1.0])
+    with pytest.raises(InvalidInput, match=r"target must have shape \(3,\)"):
+        task.target = [0.0, 1.0]
+    np.testing.assert_allclose(rows(task, state).e - before, [0.0, 0.0, 1.0])
+    assert task.target == [0.0, 0.0, 1.0]
+
+
+def test_a_target_that_stops_leaves_no_rate_behind():
+    state, task = ARM.state(), Position(TOOL, target=Sinusoid([0.0] * 3, amplitude=1.0, frequency=1.0, ramp=0.0))
+    assert np.abs(rows(task, state).rate_ref).max() > 1.0
+    task.target = np.zeros(3)
+    out = rows(task, state)
+    assert not out.rate_ref.any() and not out.acc_ref.any()
+
+
+def test_what_a_user_changes_later_does_not_reach_the_task():
+    given = np.zeros(3)
+    task = Position(TOOL, target=given)
+    before = rows(task, ARM.state()).e.copy()
+    given[:] = 100.0
+    np.testing.assert_array_equal(rows(task, ARM.state()).e, before)
+
+
+def test_numbers_that_come_in_a_tick_are_left_to_the_certificate_but_not_shapes():
+    state, broken = ARM.state(), [False]
+    task = Position(TOOL, target=lambda t: np.full(3, np.nan) if broken[0] else np.zeros(3))
+    task.prepare(ARM)
+    broken[0] = True
+    assert np.isnan(rows(task, state).e).all()
+    task.target = lambda t: np.zeros(3 if t == 0.0 else 2)
+    state.update(1.0, ARM.q0, np.zeros(ARM.nv))
+    with pytest.raises(InvalidInput, match=r"\(3,\)"):
+        rows(task, state)
+
+
+def test_one_task_serves_several_plans_of_a_robot():
+    task, state = Posture(ARM.q0), ARM.state()
+    first = rows(task, state).e.copy()
+    np.testing.assert_array_equal(rows(task, state).e, first)
+
+
+@given(states(ARM))
+def test_the_inverse_inertia_weight_is_the_kinetic_norm_of_the_torque(state: RobotState):
+    tau_0, tau = np.arange(7.0), np.linspace(-3.0, 5.0, 7)
+    out = linear_rows(Torque(tau_0, weight="inverse_inertia"), state, 7)
+    residual, off = out.A @ tau - out.b, tau - tau_0
+    np.testing.assert_allclose(residual @ residual, off @ np.linalg.solve(state.M, off), rtol=1e-9)
+
+
+def test_the_inverse_inertia_weight_needs_a_fixed_base():
+    with pytest.raises(NotSupported, match="needs a fixed base; humanoid has a floating one"):
+        Torque(weight="inverse_inertia").prepare(HUMANOID)
+
+
+def test_a_torque_and_a_force_are_wished_for_row_by_row():
+    state = ARM.state()
+    torque = linear_rows(Torque(2.0), state, 7)
+    np.testing.assert_array_equal(torque.A, np.eye(7))
+    np.testing.assert_array_equal(torque.b, np.full(7, 2.0))
+    force = linear_rows(ContactForce("left_sole", target=[0.0, 0.0, 400.0]), state, 6)
+    np.testing.assert_array_equal(force.A, np.eye(6)[:3])
+    np.testing.assert_array_equal(force.b, [0.0, 0.0, 400.0])
+
+
+def test_poses_may_move_along_two_motions():
+    motion = pose_motion(
+        Sinusoid([0.0] * 3, amplitude=0.1, frequency=0.5), swing(IDENTITY, [0, 0, 2], angle=0.3, frequency=1)
+    )
+    value, rate, second = motion(0.4)
+    assert isinstance(value, pinocchio.SE3) and rate.shape == second.shape == (6,)
+    ahead, behind = motion(0.4 + 1e-5)[0], motion(0.4 - 1e-5)[0]
+    turned = pinocchio.log3(ahead.rotation @ behind.rotation.T) / 2e-5
+    np.testing.assert_allclose(
+        np.concatenate([(ahead.translation - behind.translation) / 2e-5, turned]), rate, atol=1e-7
+    )
