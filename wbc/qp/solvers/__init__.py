@@ -8,6 +8,8 @@ Example:
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from wbc.errors import UnknownSolver
 from wbc.qp.solver import Solver
 from wbc.qp.solvers.clarabel_ import Clarabel
@@ -21,7 +23,7 @@ from wbc.qp.solvers.quadprog_ import Quadprog
 
 __all__ = [
     "SOLVERS", "Clarabel", "Daqp", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
-    "by_name", "names", "usable",
+    "by_name", "names", "table", "usable",
 ]  # fmt: skip
 
 #: Every known solver with the settings that a name stands for.
@@ -62,3 +64,16 @@ def by_name(name_or_solver: str | Solver) -> Solver:
         raise UnknownSolver(name_or_solver, names())
     found.require()
     return found
+
+
+def table() -> str:
+    """All solvers and the tolerances a name stands for, in Markdown; generated, so that it cannot be out of date."""
+    lines = ["| name | pip install | settings | singular H | in a control loop |", "| --- | --- | --- | --- | --- |"]
+    for solver in SOLVERS:
+        told = {f.name: getattr(solver, f.name) for f in fields(solver) if f.name != "fallback"}  # type: ignore[arg-type]
+        if isinstance(solver, QpSolvers):
+            told = solver.settings
+        settings = ", ".join(f"{key} = {value}" for key, value in told.items()) or "its own"
+        flat, loop = "yes" if solver.semidefinite else "no", "no" if solver.offline else "yes"
+        lines.append(f"| `{solver.name}` | {solver.package} | {settings} | {flat} | {loop} |")
+    return "\n".join(lines)

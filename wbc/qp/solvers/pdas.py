@@ -26,7 +26,7 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 
 from wbc import checks
 from wbc.qp.certificate import Certificate, certificate
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP, Shape, moderate
 from wbc.qp.rows.solver import Counts
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.qp.solvers.daqp_ import Daqp
@@ -211,16 +211,10 @@ class _Kkt:
 
     def solve(self, qp: QP, refinements: int, precision: float) -> Answer | None:
         """The answer with everything held, ``None`` if H (its free part) or the rows do not determine it."""
-        n, n_eq, n_in = self.shape
-        # H is symmetric: its transpose is the same matrix in the order LAPACK wants.
-        H, g, rows = qp.H.T, qp.g, self.rows
-        if len(rows):
-            E = qp.matrix.take(self.index, 0)
-            e = np.where(self.at_upper, qp.upper.take(self.index), qp.lower.take(self.index))
-        else:
-            E, e = qp.matrix[:n_eq], qp.upper[:n_eq]
-        if len(self.pins):
-            H, g, E, e = self._pinned(qp, E, e)
+        system = self._system(qp)
+        if system is None:
+            return None
+        H, g, E, e = system
         if not self._factorise(H, E):
             return None
         x, force = self._step(g, e)
@@ -228,31 +222,44 @@ class _Kkt:
             missing = e - E.dot(x)
             if missing.dot(missing) <= precision * precision:
                 break
-            dx, df = self._step(H.dot(x) + g + force.dot(E), missing)
+            dx, dforce = self._step(H.dot(x) + g + force.dot(E), missing)
             x += dx
-            force += df
+            force += dforce
+        n, n_eq, n_in = self.shape
         z, z_box = np.zeros(n_in), np.zeros(n)
-        if len(rows):
-            z[rows] = force[n_eq:]
+        if len(self.rows):
+            z[self.rows] = force[n_eq:]
         if len(self.pins):
             gradient = qp.H.dot(x) + qp.g + force.dot(qp.matrix.take(self.index, 0))
             z_box[self.pins] = -gradient[self.pins]
         return Answer(Status.SOLVED, x, force[:n_eq], z, z_box, 1)
 
-    def _pinned(self, qp: QP, E: Mat, e: Vec) -> tuple[Mat, Vec, Mat, Vec]:
-        """The system without the pinned variables: they get a row and column of the identity, so sizes stay."""
-        pins = self.pins
-        value = np.zeros(qp.n)
-        value[pins] = np.where(self.pinned_high, qp.ub[pins], qp.lb[pins])
-        g = qp.g + qp.H.dot(value)
-        g[pins] = -value[pins]
-        e = e - E.dot(value)
-        E = E.copy()
-        E[:, pins] = 0.0
-        H = qp.H.T.copy(order="F")
-        H[pins] = 0.0
-        H[:, pins] = 0.0
-        H[pins, pins] = 1.0
+    def _system(self, qp: QP) -> tuple[Mat, Vec, Mat, Vec] | None:
+        """H, g, E and e of what is held; ``None`` if it is held at a side that is gone."""
+        n_eq, pins = self.shape.n_eq, self.pins
+        # H is symmetric: its transpose is the same matrix in the order LAPACK wants.
+        H, g, E, e = qp.H.T, qp.g, qp.matrix[:n_eq], qp.upper[:n_eq]
+        if len(self.rows):
+            E = qp.matrix.take(self.index, 0)
+            e = np.where(self.at_upper, qp.upper.take(self.index), qp.lower.take(self.index))
+            if not moderate(e):
+                return None
+        if len(pins):
+            value = np.where(self.pinned_high, qp.ub.take(pins), qp.lb.take(pins))
+            if not moderate(value):
+                return None
+            # A pinned variable gets a row and column of the identity, so that sizes stay.
+            held = np.zeros(qp.n)
+            held[pins] = value
+            g = g + H.dot(held)
+            g[pins] = -value
+            e = e - E.dot(held)
+            E = E.copy()
+            E[:, pins] = 0.0
+            H = H.copy(order="F")
+            H[pins] = 0.0
+            H[:, pins] = 0.0
+            H[pins, pins] = 1.0
         return H, g, E, e
 
     def _factorise(self, H: Mat, E: Mat) -> bool:

@@ -50,7 +50,7 @@ class ProxQp(Solver):
     package = "proxsuite"
 
     eps_abs: float = 1e-9
-    max_iter: int = 1000
+    max_iter: int = 100
 
     def __post_init__(self) -> None:
         checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
@@ -84,6 +84,8 @@ class ProxQpSession(KeptSession):
         settings.eps_abs, settings.eps_rel, settings.max_iter = self._eps, 0.0, self._max_iter
         settings.check_duality_gap = True
         settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = self._eps, self._eps
+        # At its own 1e-4 it takes one in forty small problems with little room for infeasible.
+        settings.eps_primal_inf = settings.eps_dual_inf = 1e-18
         workspace.init(*self._data)
         settings.initial_guess = proxqp.InitialGuess.EQUALITY_CONSTRAINED_INITIAL_GUESS
         return workspace

@@ -33,10 +33,22 @@ BACKENDS = {
     "cvxopt": Backend("cvxopt", "cvxopt", {"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}),
     "ecos": Backend("ecos", "ecos", {"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}),
     "gurobi": Backend("gurobipy", "gurobipy", {"FeasibilityTol": 1e-9, "OptimalityTol": 1e-9}),
-    "highs": Backend("highspy", "highspy", {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}),
+    "highs": Backend(
+        "highspy",
+        "highspy",
+        # Its own regularisation, 1e-7, shows in the multipliers.
+        {
+            "primal_feasibility_tolerance": 1e-9,
+            "dual_feasibility_tolerance": 1e-9,
+            "qp_regularization_value": 1e-10,
+        },
+    ),
+    "hpipm": Backend("hpipm_python", "hpipm_python", {}),
     "jaxopt_osqp": Backend("jaxopt", "jaxopt", {"tol": 1e-9}),
     "kvxopt": Backend("kvxopt", "kvxopt", {"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}),
     "mosek": Backend("mosek", "mosek cvxopt", {}),
+    "nppro": Backend("nppro", "nppro", {}),
+    "pdhcg": Backend("pdhcg", "pdhcg", {"OptimalityTol": 1e-9, "FeasibilityTol": 1e-9}),
     "pyqpmad": Backend("pyqpmad", "pyqpmad", {}),
     "qpalm": Backend("qpalm", "qpalm", {"eps_abs": 1e-9, "eps_rel": 0.0}),
     "qpax": Backend("qpax", "qpax", {}),

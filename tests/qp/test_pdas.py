@@ -1,0 +1,149 @@
+"""Guess and verify: how often the first guess is right, what repairs it, and who is asked when it is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.qp.zoo import SOLVABLE, UNBOUNDED, random_qp, sequence
+from wbc.qp import QP, solve
+from wbc.qp.solvers import Pdas
+from wbc.types import Status
+
+BOX = QP(np.eye(4), [-3.0, -2.0, 0.0, 3.0], C=[[1, 1, 1, 1]], cl=[-1], cu=[1], lb=[-1] * 4, ub=[1] * 4)
+
+
+def test_the_second_time_the_first_guess_is_right():
+    session = Pdas().open(BOX.shape)
+    session.solve(BOX)
+    before = session.counts.first
+    for _ in range(5):
+        assert session.solve(BOX).iterations == 1
+    assert session.counts.first == before + 5
+
+
+def test_without_active_rows_the_first_guess_is_right_at_once():
+    qp = QP(np.eye(3), [-1.0, 0.0, 1.0], A=[[1, 1, 1]], b=[0.3], lb=[-9] * 3, ub=[9] * 3)
+    session = Pdas().open(qp.shape)
+    assert session.solve(qp).status is Status.SOLVED
+    assert (session.counts.first, session.counts.repaired, session.counts.fallback) == (1, 0, 0)
+
+
+def test_a_row_that_becomes_active_is_repaired_and_leaves_again():
+    loose, tight = (QP(np.eye(2), [-1.0, -1.0], C=[[1, 1]], cu=[cu]) for cu in (5.0, 1.0))
+    session = Pdas().open(loose.shape)
+    answers = [session.solve(qp) for qp in (loose, tight, tight, loose, loose)]
+    np.testing.assert_allclose([a.z[0] for a in answers], [0, 0.5, 0.5, 0, 0], atol=1e-12)
+    assert (session.counts.first, session.counts.repaired, session.counts.fallback) == (3, 2, 0)
+
+
+def test_with_one_try_daqp_repairs():
+    loose, tight = (QP(np.eye(2), [-1.0, -1.0], C=[[1, 1]], cu=[cu]) for cu in (5.0, 1.0))
+    session = Pdas(tries=1).open(loose.shape)
+    for qp in (loose, tight, tight):
+        assert session.solve(qp).status is Status.SOLVED
+    assert (session.counts.first, session.counts.repaired, session.counts.fallback) == (2, 0, 1)
+
+
+def test_a_slowly_changing_sequence_is_mostly_guessed_right():
+    problems = sequence(300, rate=0.002)
+    session = Pdas().open(problems[0].shape)
+    for qp in problems:
+        assert session.solve(qp).status is Status.SOLVED
+    assert session.counts.total == 300
+    assert session.counts.first >= 270
+
+
+def test_an_active_set_that_never_settles_is_left_to_daqp():
+    session = Pdas().open(random_qp(0, 12, 2, 20).shape)
+    for seed in range(40):
+        assert session.solve(random_qp(seed, 12, 2, 20)).status is Status.SOLVED
+    assert session.counts.fallback > 30
+    for _ in range(3):  # it settles
+        session.solve(random_qp(0, 12, 2, 20))
+    right = session.counts.first
+    session.solve(random_qp(0, 12, 2, 20))
+    assert session.counts.first == right + 1
+
+
+def test_after_a_reset_it_starts_from_no_active_row():
+    session = Pdas().open(BOX.shape)
+    first = session.solve(BOX).iterations
+    session.solve(BOX)
+    session.reset()
+    assert session.solve(BOX).iterations == first
+
+
+@pytest.mark.parametrize("case", SOLVABLE, ids=str)
+def test_answers_are_good_to_a_hundred_millionth(case):
+    session = Pdas().open(case.make().shape)
+    for _ in range(3):
+        assert session.solve(case.make()).certificate.within(1e-8)
+
+
+@given(seed=st.integers(0, 10_000), n=st.integers(1, 10), n_eq=st.integers(0, 3), n_in=st.integers(0, 15))
+def test_random_problems_are_solved_to_a_hundred_millionth(seed: int, n: int, n_eq: int, n_in: int):
+    qp = random_qp(seed, n, min(n_eq, n - 1), n_in, tight=0.2)
+    session = Pdas().open(qp.shape)
+    for _ in range(2):
+        answer = session.solve(qp)
+        assert answer.status is Status.SOLVED and answer.certificate.within(1e-8)
+
+
+@given(seed=st.integers(0, 10_000), copies=st.integers(2, 4))
+def test_equalities_may_be_given_more_than_once(seed: int, copies: int):
+    once = random_qp(seed, 6, 2, 4)
+    scale = np.random.default_rng(seed).uniform(0.5, 2.0, (copies, 1))
+    A = np.concatenate([s * once.A for s in scale])
+    b = np.concatenate([s * once.b for s in scale])
+    often = QP(once.H, once.g, A=A, b=b, C=once.C, cl=once.cl, cu=once.cu, lb=once.lb, ub=once.ub)
+    session = Pdas().open(often.shape)
+    for _ in range(2):
+        answer = session.solve(often)
+        assert answer.status is Status.SOLVED
+        np.testing.assert_allclose(answer.x, solve(once).x, atol=1e-7)
+        np.testing.assert_allclose(A.T @ answer.y, once.A.T @ solve(once).y, atol=1e-6)
+
+
+def test_an_active_row_may_be_given_more_than_once():
+    qp = QP(np.eye(2), [-1.0, -2.0], C=[[1, 1]] * 4, cu=[1] * 4)
+    session = Pdas().open(qp.shape)
+    for _ in range(3):
+        answer = session.solve(qp)
+        assert answer.status is Status.SOLVED
+        assert answer.z.min() >= 0.0 and answer.z.sum() == pytest.approx(1.0)
+
+
+def test_pinned_variables_are_at_their_bounds_to_the_last_bit():
+    qp = QP(np.eye(3) + 0.1, [-3.0, 3.0, 0.1], A=[[1, 1, 1]], b=[0.2], lb=[-0.7] * 3, ub=[0.7] * 3)
+    session = Pdas().open(qp.shape)
+    session.solve(qp)
+    answer = session.solve(qp)
+    assert answer.iterations == 1
+    assert answer.x[0] == 0.7 and answer.x[1] == -0.7
+
+
+def test_pins_can_make_a_flat_cost_curved():
+    qp = QP(np.diag([1.0, 0.0]), [-1.0, -1.0], ub=[9.0, 2.0])
+    session = Pdas().open(qp.shape)
+    for _ in range(3):
+        np.testing.assert_allclose(session.solve(qp).x, [1.0, 2.0])
+    assert (session.counts.first, session.counts.fallback) == (2, 1)
+
+
+def test_a_flat_cost_is_left_to_daqp():
+    qp = UNBOUNDED[0].make()
+    session = Pdas().open(qp.shape)
+    assert session.solve(qp).status is Status.UNBOUNDED
+    assert session.counts.fallback == 1
+
+
+def test_badly_scaled_costs_are_refined():
+    """A cost of 1e-6 on some variables and equalities through them, as for the base of a robot."""
+    rng = np.random.default_rng(1)
+    J, A = rng.standard_normal((6, 10)), 100.0 * rng.standard_normal((4, 10))
+    qp = QP(J.T @ J + 1e-6 * np.eye(10), rng.standard_normal(10), A=A, b=A @ rng.standard_normal(10))
+    answer = solve(qp)
+    assert answer.certificate.within(1e-8)

@@ -1,0 +1,298 @@
+"""The list of solvers, their settings, the gate in front of them and the judgement behind them."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import FrozenInstanceError, dataclass, fields
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+import pytest
+
+from tests.qp.zoo import random_qp, sequence
+from wbc.errors import InvalidInput, InvalidProblem, SolverMissing, UnknownSolver, WbcError
+from wbc.qp import QP, Session, Shape, Solver, solve
+from wbc.qp.reduce import Equilibrated
+from wbc.qp.solver import Answer
+from wbc.qp.solvers import SOLVERS, Clarabel, Daqp, Osqp, Pdas, Piqp, ProxQp, QpSolvers, by_name, names, table, usable
+from wbc.types import Status
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "solvers.md"
+CORE = ["pdas", "daqp", "proxqp", "osqp", "clarabel"]
+
+
+@final
+@dataclass(frozen=True)
+class Spy(Solver):
+    """Counts the problems that reach it, and answers what it is told."""
+
+    name = "spy"
+    seen: list[QP]
+    answer: Answer | None = None
+
+    def open(self, shape: Shape) -> Session:
+        return SpySession(self, shape)
+
+
+@final
+class SpySession(Session):
+    def __init__(self, solver: Spy, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        self.spy = solver
+
+    def _solve(self, qp: QP) -> Answer:
+        self.spy.seen.append(qp)
+        return self.spy.answer or Answer.none(qp.shape, Status.FAILED)
+
+
+# ---- names
+
+
+def test_every_name_is_known_once_and_the_default_comes_first():
+    assert names()[0] == "pdas"
+    assert len(set(names())) == len(names()) == len(SOLVERS)
+    assert set(usable()) <= set(names())
+    assert set(CORE) <= set(usable())
+
+
+def test_a_name_or_a_solver_will_do():
+    tight = Daqp(primal_tol=1e-12)
+    assert by_name("daqp") == Daqp() and by_name(tight) is tight
+    qp = random_qp(0, 4, 1, 3)
+    np.testing.assert_allclose(solve(qp, tight).x, solve(qp).x, atol=1e-8)
+
+
+@pytest.mark.parametrize(("wrong", "near"), [("dapq", "daqp"), ("prox-qp", "proxqp"), ("OSQP", "osqp")])
+def test_an_unknown_name_is_answered_with_near_ones(wrong: str, near: str):
+    with pytest.raises(UnknownSolver) as caught:
+        solve(random_qp(0, 2, 0, 0), wrong)
+    assert near in caught.value.available
+    assert wrong == "OSQP" or f"did you mean '{near}'" in str(caught.value)
+
+
+def test_a_solver_that_is_not_installed_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("wbc.qp.solver.find_spec", lambda module: None)
+    with pytest.raises(SolverMissing, match="solver 'clarabel' is not installed; pip install clarabel"):
+        by_name("clarabel")
+    with pytest.raises(SolverMissing, match="pip install qpsolvers cvxopt"):
+        by_name("cvxopt")
+    with pytest.raises(SolverMissing, match="pip install daqp"):
+        Pdas().open(Shape(1, 0, 0))
+    assert usable() == []
+
+
+def test_listing_the_solvers_imports_none(monkeypatch: pytest.MonkeyPatch):
+    for module in ("piqp", "highspy", "scs"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    usable()
+    assert not {"piqp", "highspy", "scs"} & set(sys.modules)
+
+
+def test_whatever_qpsolvers_can_run_has_a_name_here():
+    import qpsolvers
+
+    assert set(qpsolvers.available_solvers) <= set(names())
+
+
+def test_an_unknown_back_end_of_qpsolvers_is_refused():
+    with pytest.raises(UnknownSolver, match="did you mean 'highs'"):
+        QpSolvers("higs")
+
+
+# ---- settings
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=lambda s: s.name)
+def test_settings_are_frozen(solver: Solver):
+    for setting in fields(solver):  # type: ignore[arg-type]
+        with pytest.raises(FrozenInstanceError):
+            setattr(solver, setting.name, 1)
+
+
+@pytest.mark.parametrize(
+    ("make", "settings"),
+    [
+        (Daqp, {"primal_tol": 0.0}), (Daqp, {"max_iter": 0}), (Daqp, {"eta_prox": -1.0}), (Daqp, {"eps_prox": np.nan}),
+        (ProxQp, {"eps_abs": np.nan}), (Piqp, {"eps_abs": -1.0}), (Osqp, {"max_iter": -5}), (Clarabel, {"tol": 0.0}),
+        (Pdas, {"tries": 0}), (Pdas, {"accuracy": 1e-3}), (Pdas, {"refinements": -1}),
+    ],
+)  # fmt: skip
+def test_settings_out_of_range_are_refused_by_name(make: Any, settings: dict[str, float]):
+    with pytest.raises(InvalidInput, match=next(iter(settings))):
+        make(**settings)
+
+
+@pytest.mark.parametrize(
+    "solver", [Daqp(max_iter=1), ProxQp(max_iter=1), Piqp(max_iter=1), Osqp(max_iter=1), Clarabel(max_iter=1)]
+)
+def test_an_iteration_limit_is_told(solver: Solver):
+    if not solver.available():
+        pytest.skip(f"{solver.name} is not installed")
+    answer = solver.solve(sequence(6)[5])
+    assert answer.status is Status.MAX_ITERATIONS
+    assert not answer.certificate.ok
+
+
+# ---- the gate before, the judgement after
+
+
+def nan_cost(qp: QP) -> None:
+    qp.H[0, 0] = np.nan
+
+
+def nan_gradient(qp: QP) -> None:
+    qp.g[0] = np.nan
+
+
+def nan_row(qp: QP) -> None:
+    qp.C[0, 0] = np.nan
+
+
+def infinite_row(qp: QP) -> None:
+    qp.A[0, 0] = np.inf
+
+
+def nan_bound(qp: QP) -> None:
+    qp.ub[0] = np.nan
+
+
+def crossed(qp: QP) -> None:
+    qp.lb[0], qp.ub[0] = 1.0, 0.0
+
+
+def crossed_row(qp: QP) -> None:
+    qp.cl[0], qp.cu[0] = 1.0, 0.0
+
+
+def asymmetric(qp: QP) -> None:
+    qp.H[0, 1] += 1.0
+
+
+@pytest.mark.parametrize(
+    "spoil", [nan_cost, nan_gradient, nan_row, infinite_row, nan_bound, crossed, crossed_row, asymmetric]
+)
+def test_what_is_refused_never_reaches_a_back_end(spoil: Any):
+    spy, qp = Spy([]), random_qp(0, 3, 1, 2)
+    session = spy.open(qp.shape)
+    session.solve(qp)
+    spoil(qp)
+    with pytest.raises(InvalidProblem):
+        session.solve(qp)
+    assert len(spy.seen) == 1
+
+
+def test_another_shape_is_refused_before_the_back_end():
+    spy = Spy([])
+    with pytest.raises(InvalidProblem, match=r"opened for Shape\(n=2, n_eq=0, n_in=0\), not Shape\(n=3"):
+        spy.open(Shape(2, 0, 0)).solve(random_qp(0, 3, 0, 0))
+    assert spy.seen == []
+
+
+@pytest.mark.parametrize("x", [[0.0, 0.0], [np.nan, 0.0], [np.inf, 0.0], [5.0, 5.0], [1e300, 0.0]])
+def test_a_back_end_that_calls_garbage_solved_is_not_believed(x: list[float]):
+    qp = QP(np.eye(2), [-1.0, -1.0], ub=[2.0, 2.0])
+    lie = Answer(Status.SOLVED, np.array(x), np.zeros(0), np.zeros(0), np.zeros(2))
+    answer = Spy([], lie).solve(qp)
+    assert answer.status is Status.INACCURATE
+    assert not answer.certificate.ok
+
+
+@pytest.mark.parametrize("status", [Status.MAX_ITERATIONS, Status.FAILED, Status.SOLVED])
+def test_the_certificate_decides_and_not_the_word_of_the_back_end(status: Status):
+    modest = Answer(status, np.ones(2), np.zeros(0), np.zeros(0), np.zeros(2))
+    assert Spy([], modest).solve(QP(np.eye(2), [-1.0, -1.0])).status is Status.SOLVED
+
+
+@pytest.mark.parametrize("status", [Status.INFEASIBLE, Status.UNBOUNDED, Status.MAX_ITERATIONS, Status.FAILED])
+def test_a_reason_without_an_answer_is_passed_on(status: Status):
+    qp = random_qp(0, 2, 0, 1)
+    assert Spy([], Answer.none(qp.shape, status)).solve(qp).status is status
+
+
+def test_units_do_not_change_an_answer():
+    for seed in range(10):
+        qp = random_qp(seed, 5, 1, 4)
+        scaled = Equilibrated(qp)
+        inner = Daqp().solve(scaled.qp)
+        outer = scaled.undo(Answer(inner.status, inner.x, inner.y, inner.z, inner.z_box))
+        answer = solve(qp)
+        for name in ("x", "y", "z", "z_box"):
+            np.testing.assert_allclose(getattr(outer, name), getattr(answer, name), atol=1e-7)
+        np.testing.assert_allclose(np.linalg.norm(scaled.qp.matrix, axis=1), 1.0)
+
+
+@pytest.mark.parametrize("name", ["pdas", "daqp"])
+@pytest.mark.parametrize("unit", [1e-6, 1e-3, 1e3, 1e6])
+def test_rows_may_be_in_any_unit(name: str, unit: float):
+    qp = QP(1e6 * np.eye(2), [-3e6, 1e6], A=[[unit, unit]], b=[unit], lb=[-1, -1])
+    answer = solve(qp, name)
+    assert answer.status is Status.SOLVED
+    np.testing.assert_allclose(answer.x, [2.0, -1.0], atol=1e-6)
+
+
+# ---- in a control loop
+
+
+class Arm:
+    """Seven joints follow a hand that asks for more than their limits allow. One tick is 1 ms."""
+
+    dt, n = 1e-3, 7
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(7)
+        self.base, self.sway, self.turn = rng.standard_normal((3, 6, self.n))
+        self.phase = rng.uniform(0, 2 * np.pi, 6)
+        self.rows = rng.standard_normal((2, self.n))
+        self.q = np.zeros(self.n)
+        self.v_max, self.q_max, self.row_max = np.linspace(0.5, 1.5, self.n), np.linspace(0.2, 0.5, self.n), 1.0
+
+    def qp(self, t: float) -> QP:
+        """½ ‖J v − r‖² + posture, |v| ≤ v_max, |q + v dt| ≤ q_max, |C v| ≤ 1: velocities in rad/s."""
+        J = self.base + 0.3 * np.sin(3 * t) * self.sway + 0.3 * np.outer(np.ones(6), self.q) * self.turn
+        r = 4.0 * np.sin(2 * np.pi * 1.5 * t + self.phase)
+        lower = np.maximum(-self.v_max, (-self.q_max - self.q) / self.dt)
+        upper = np.minimum(self.v_max, (self.q_max - self.q) / self.dt)
+        H, g = J.T @ J + 0.01 * np.eye(self.n), -J.T @ r + 0.01 * 5.0 * self.q
+        side = np.full(2, self.row_max)
+        return QP(0.5 * (H + H.T), g, C=self.rows, cl=-side, cu=side, lb=lower, ub=upper)
+
+    def violation(self, v: np.ndarray) -> float:
+        """Worst limit broken so far by this tick [rad, rad/s]."""
+        self.q = self.q + self.dt * v
+        return max(
+            float((np.abs(v) - self.v_max).max()),
+            float((np.abs(self.q) - self.q_max).max()),
+            float((np.abs(self.rows @ v) - self.row_max).max()),
+        )
+
+
+@pytest.mark.parametrize("name", [n for n in usable() if not by_name(n).offline])
+def test_in_a_loop_no_limit_is_broken_by_more_than_a_millionth(name: str):
+    arm = Arm()
+    session = by_name(name).open(arm.qp(0.0).shape)
+    worst, at_limit = 0.0, 0
+    for k in range(1000):
+        answer = session.solve(arm.qp(k * arm.dt))
+        assert answer.status is Status.SOLVED, f"tick {k}: {answer.status}, {answer.certificate}"
+        worst = max(worst, arm.violation(answer.x))
+        at_limit += bool((np.abs(answer.z_box) > 1e-3).any())
+    assert at_limit > 500, "the loop must run into its limits"
+    assert worst <= 1e-6
+
+
+# ---- the document
+
+
+def test_the_table_in_the_document_is_the_one_of_the_classes():
+    text = DOCUMENT.read_text(encoding="utf-8")
+    assert table() in text, f"write wbc.qp.solvers.table() into {DOCUMENT.name}"
+
+
+def test_the_table_has_every_solver():
+    rows = table().splitlines()[2:]
+    assert [row.split("`")[1] for row in rows] == names()
+
+
+def test_errors_have_one_base():
+    assert issubclass(UnknownSolver, WbcError) and issubclass(SolverMissing, WbcError)
