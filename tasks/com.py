@@ -28,7 +28,7 @@ class CenterOfMass(Tracking, Task):
         CenterOfMass(weight=1.0)
     """
 
-    dim, units, convert = 3, "m", staticmethod(vector_target(3))
+    dim, units, labels, convert = 3, "m", "xyz", staticmethod(vector_target(3))
 
     def __init__(
         self, *, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0,
@@ -43,9 +43,6 @@ class CenterOfMass(Tracking, Task):
         np.subtract(target.value, state.com, out.e)
         out.drift[:] = state.com_drift
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def label(self, row: int) -> str:
-        return "xyz"[row]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

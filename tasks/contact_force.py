@@ -32,6 +32,7 @@ class ContactForce(Tracking, LinearTask):
     """
 
     on = "force"
+    labels = ("fx", "fy", "fz", "mx", "my", "mz")
 
     def __init__(self, contact: str, *, target: Any, weight: Any = 1.0, name: str | None = None) -> None:
         self.contact = self.subject = contact
@@ -48,9 +49,6 @@ class ContactForce(Tracking, LinearTask):
         out.A[:] = 0.0
         out.A[_ROWS[: self.dim], _ROWS[: self.dim]] = 1.0
         out.b[:] = self.reference(state.t).value
-
-    def label(self, row: int) -> str:
-        return ("fx", "fy", "fz", "mx", "my", "mz")[row]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -24,7 +24,7 @@ class Damping(Task):
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
 
     def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units = model.nj, model.joint_units
+        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         out.e[:] = 0.0

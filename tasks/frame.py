@@ -8,7 +8,6 @@ import numpy as np
 
 from tasks.motions import pose_motion, swing
 from tasks.trajectories import Sinusoid
-from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, pose_target, rotation_error
@@ -25,13 +24,13 @@ class Frame(Tracking, Task):
         InvalidInput: a target that is no pose. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> import numpy as np
         >>> from tasks import Frame
-        >>> Frame("tool", target=np.eye(4), kp=400, orientation_weight=0.1).name
+        >>> Frame("tool", target=[[1, 0, 0, 0.4], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]], kp=400).name
         'Frame[tool]'
     """
 
     dim, units, convert = 6, ("m", "m", "m", "rad", "rad", "rad"), staticmethod(pose_target)
+    labels = ("x", "y", "z", "roll", "pitch", "yaw")
 
     def __init__(
         self, frame: str, *, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0,
@@ -39,8 +38,8 @@ class Frame(Tracking, Task):
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
         if position_weight is not None or orientation_weight is not None:
-            halves = (weight if half is None else half for half in (position_weight, orientation_weight))
-            weight = np.repeat([checks.number(f"{frame}: weight", half) for half in halves], 3)
+            halves = [weight if half is None else half for half in (position_weight, orientation_weight)]
+            weight = np.repeat(np.array(halves, dtype=object), 3)
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.target = target
 
@@ -50,17 +49,14 @@ class Frame(Tracking, Task):
     def fill(self, state: RobotState, out: TaskRows) -> None:
         frame, target = state.frame(self.frame), self.reference(state.t)
         rotation, position = target.value
-        out.J[:] = frame.jacobian()
-        np.subtract(position, frame.position, out.e[:3])
+        out.e[:3] = position - frame.position
         out.e[3:] = rotation_error(rotation, frame.rotation)
+        out.J[:] = frame.jacobian()
         out.drift[:] = frame.drift()
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 
-    def label(self, row: int) -> str:
-        return ("x", "y", "z", "roll", "pitch", "yaw")[row]
-
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        circle = Sinusoid([0.3, 0.0, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9])
-        motion = pose_motion(circle, swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6))
-        return [cls(model.frame_names[-1], target=np.eye(4)), cls(model.frame_names[-1], target=motion)]
+        position = Sinusoid([0.3, 0.0, 0.5], amplitude=0.1, frequency=0.5)
+        motion = pose_motion(position, swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6))
+        return [cls(model.frame_names[-1], target=target) for target in (np.eye(4), motion)]

@@ -33,7 +33,7 @@ class JointVelocity(Tracking, Task):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units, self.names = model.nj, model.joint_units, model.joint_names
+        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
         self.convert = joints_target(model, model.nv)
         self.target = self.target
 
@@ -41,9 +41,6 @@ class JointVelocity(Tracking, Task):
         target = self.reference(state.t)
         out.e[:] = 0.0
         out.rate_ref[:], out.acc_ref[:] = target.value, target.rate
-
-    def label(self, row: int) -> str:
-        return self.names[row]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

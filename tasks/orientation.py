@@ -28,7 +28,7 @@ class Orientation(Tracking, Task):
         Orientation[torso](weight=0.1)
     """
 
-    dim, units, convert = 3, "rad", staticmethod(rotation_target)
+    dim, units, labels, convert = 3, "rad", ("roll", "pitch", "yaw"), staticmethod(rotation_target)
 
     def __init__(
         self, frame: str, *, target: Any = ((1, 0, 0), (0, 1, 0), (0, 0, 1)), kp: Any = 100.0, kd: Any = None,
@@ -47,9 +47,6 @@ class Orientation(Tracking, Task):
         out.e[:] = rotation_error(target.value, frame.rotation)
         out.drift[:] = frame.drift()[3:]
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def label(self, row: int) -> str:
-        return ("roll", "pitch", "yaw")[row]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

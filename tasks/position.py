@@ -27,7 +27,7 @@ class Position(Tracking, Task):
         'm'
     """
 
-    dim, units, convert = 3, "m", staticmethod(vector_target(3))
+    dim, units, labels, convert = 3, "m", "xyz", staticmethod(vector_target(3))
 
     def __init__(
         self, frame: str, *, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0,
@@ -46,9 +46,6 @@ class Position(Tracking, Task):
         np.subtract(target.value, frame.position, out.e)
         out.drift[:] = frame.drift()[:3]
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def label(self, row: int) -> str:
-        return "xyz"[row]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

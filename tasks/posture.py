@@ -39,7 +39,7 @@ class Posture(Tracking, Task):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units, self.names = model.nj, model.joint_units, model.joint_names
+        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
         self.convert = joints_target(model, model.nq)
         self.target = self.target
 
@@ -47,9 +47,6 @@ class Posture(Tracking, Task):
         target = self.reference(state.t)
         np.subtract(target.value, state.q_joints, out.e)
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def label(self, row: int) -> str:
-        return self.names[row]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

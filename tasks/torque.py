@@ -44,7 +44,7 @@ class Torque(Tracking, LinearTask):
     def prepare(self, model: RobotModel) -> None:
         if self._by_inertia and model.nb:
             raise NotSupported(f"{self.name} by inverse inertia needs a fixed base; {model.name} has a floating one")
-        self.dim, self.names = model.nj, model.joint_names
+        self.dim, self.labels = model.nj, model.joint_names
         self.units = tuple("N" if unit == "m" else "N m" for unit in model.joint_units)
         self._identity, self._vector = np.eye(model.nj), vector_target(model.nj)
         self.target = self.target
@@ -61,9 +61,6 @@ class Torque(Tracking, LinearTask):
         else:
             out.A[:] = self._identity
             out.b[:] = tau_0
-
-    def label(self, row: int) -> str:
-        return self.names[row]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

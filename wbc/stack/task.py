@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -55,6 +55,8 @@ class Objective(ABC):
 
     dim: int
     units: str | tuple[str, ...]
+    #: What rows are called in reports.
+    labels: Sequence[str] = ()
     # Defaults at class level, so that a subclass which forgets super().__init__ still works.
     _name: str | None = None
     _weight: float | Vec = 1.0
@@ -118,8 +120,7 @@ class Objective(ABC):
 
     def label(self, row: int) -> str:
         """What one row is called in reports."""
-        del row
-        return ""
+        return self.labels[row] if self.labels else ""
 
     def prepare(self, model: RobotModel) -> None:
         """Called once when a stack is compiled: check arguments against the model, fix ``dim``. Must not depend
