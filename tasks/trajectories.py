@@ -12,7 +12,7 @@ from wbc.types import Vec
 
 @final
 class Sinusoid:
-    """c + r(t) A sin(2π f t + φ) per axis, with exact derivatives; r is a quintic ramp from 0 to 1 over ``ramp`` seconds.
+    """c + r(t) A sin(2π f t + φ) per axis, with exact derivatives; r grows from 0 to 1 in ``ramp`` seconds, a quintic.
 
     center, amplitude [unit of the target], frequency [Hz] and phase [rad] are (dim,) or scalars. The ramp starts the
     motion from rest: value, rate and acceleration are continuous at t = 0 and t = ramp.

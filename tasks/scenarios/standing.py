@@ -60,7 +60,8 @@ class Stance:
         """The robot with this stance as its reference configuration."""
         robot = wbc.load(name, base="floating")
         reference = dict(zip(robot.joint_names, robot.q0[-robot.nj :].tolist(), strict=True))
-        return robot.replace(q0=robot.configuration(reference | dict(self.joints)))
+        standing: PinocchioModel = robot.replace(q0=robot.configuration(reference | dict(self.joints)))
+        return standing
 
 
 @final

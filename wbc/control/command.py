@@ -34,9 +34,9 @@ class Command:
     """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
 
     tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
-    decide is NaN. ``status`` says how the tick ended, ``rung`` which step of the fallback ladder spoke ("solved", "hold",
-    "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the command's own and stay
-    valid.
+    decide is NaN. ``status`` says how the tick ended, ``rung`` which step of the fallback ladder spoke ("solved",
+    "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the command's own
+    and stay valid.
     """
 
     __slots__ = (
