@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from wbc.qp import Row as Row
     from wbc.qp import Solution as Solution
     from wbc.qp import solve as solve
-    from wbc.qp.solvers import usable as solvers
+    from wbc.qp import solvers as _solvers
     from wbc.stack.component import Component as Component
     from wbc.stack.constraint import Barrier as Barrier
     from wbc.stack.constraint import Constraint as Constraint
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from wbc.stack.task import LinearTask as LinearTask
     from wbc.stack.task import Task as Task
     from wbc.types import Status as Status
+
+    solvers = _solvers.usable
 
 _HOME = {
     "AccelerationLevel": "wbc.stack.formulation",

@@ -260,7 +260,8 @@ def test_a_weight_assigned_between_ticks_acts_like_a_fresh_stack(humanoid: Pinoc
     stack.tasks[2].weight = 2e-3
     later = control.tick(0.0, q, v)
     fresh = controller(humanoid, stack).tick(0.0, q, v)
-    np.testing.assert_allclose(later.tau, fresh.tau, atol=1e-8)
+    # One of the two may have been answered by DAQP, with the base's regularisation that the dual form leaves out.
+    np.testing.assert_allclose(later.tau, fresh.tau, atol=1e-6)
 
 
 def test_a_task_switched_off_counts_for_nothing(humanoid: PinocchioModel) -> None:
