@@ -219,6 +219,13 @@ def test_linear_constraints_hold_on_torques_and_velocities(arm: PinocchioModel) 
     assert command.v.sum() == pytest.approx(0.0, abs=1e-10)
 
 
+def test_acceleration_limits_at_the_velocity_level_bound_the_change_of_velocity(arm: PinocchioModel) -> None:
+    stack = wbc.Stack([Posture(arm.q0 + 1.0, rate=100.0)], subject_to=[JointAccelerationLimits(5.0)])
+    v = np.full(arm.nv, 0.1)
+    command = controller(arm, stack, level=wbc.VelocityLevel(), dt=0.01).tick(0.0, arm.q0, v)
+    np.testing.assert_allclose(command.v, 0.1 + 5.0 * 0.01)
+
+
 # ---- linear tasks
 def test_a_torque_task_alone_is_met_and_a_force_task_is_met_in_its_contact(
     arm: PinocchioModel, quadruped: PinocchioModel
@@ -332,9 +339,11 @@ def test_a_row_that_nobody_writes_is_found_by_name(arm: PinocchioModel, task: An
 
 def test_what_a_level_cannot_carry_is_refused_by_name(arm: PinocchioModel) -> None:
     posture = Posture(arm.q0)
-    for member in (TorqueLimits(), JointAccelerationLimits(10.0)):
-        with pytest.raises(NotSupported, match=member.name):
-            controller(arm, wbc.Stack([posture], subject_to=[member]), level=wbc.VelocityLevel())
+    for level in (wbc.VelocityLevel(), wbc.AccelerationLevel()):
+        with pytest.raises(NotSupported, match="TorqueLimits"):
+            controller(arm, wbc.Stack([posture], subject_to=[TorqueLimits()]), level=level)
+        with pytest.raises(NotSupported, match="SharedLoad"):
+            controller(arm, wbc.Stack([posture], subject_to=[SharedLoad(1.0)]), level=level)
     with pytest.raises(NotSupported, match="Torque"):
         controller(arm, wbc.Stack([Torque(), posture]), level=wbc.AccelerationLevel())
 

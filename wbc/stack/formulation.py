@@ -35,6 +35,12 @@ class Formulation(ABC):
     def carries(self) -> frozenset[str]:
         """Quantities that laws and linear tasks may be written on at this level."""
 
+    @property
+    def bounds(self) -> frozenset[str]:
+        """Quantities of a joint that may be limited: what the level carries, and accelerations, which are changes of
+        the measured velocity where the level decides velocities."""
+        return self.carries | {"acceleration"}
+
     @final
     def compile(self, model: RobotModel, stack: Stack, *, dt: float) -> Plan:
         """Decide names, sizes, views and constant rows; see :class:`~wbc.stack.plan.Plan`.

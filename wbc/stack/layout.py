@@ -72,11 +72,10 @@ class Layout:
         self.n_rows = row
 
     def _refuse_what_the_level_cannot_carry(self) -> None:
-        level, carried = self.level, self.level.carries
-        wanted: list[tuple[str, str]] = [(law.name, law.quantity) for law in self.motion_limits + self.torque_limits]
-        wanted += [(task.name, task.on) for task in self.linear]
-        wanted += [(law.name, law.on) for law in self.constraints]
-        for name, quantity in wanted:
+        level = self.level
+        limits = [(law.name, law.quantity, level.bounds) for law in self.motion_limits + self.torque_limits]
+        rows = [(member.name, member.on, level.carries) for member in (*self.linear, *self.constraints)]
+        for name, quantity, carried in [*limits, *rows]:
             if quantity not in carried:
                 raise NotSupported(
                     f"{name} is about {quantity}, which the {level.name} does not decide; "
