@@ -1,6 +1,6 @@
 """What the documents show runs, and what they name exists.
 
-README: its python blocks run in order as one program. Guide: each section is a folder of its own; its files are
+The python blocks of a document run in order as one program. Guide: each section is a folder of its own; its files are
 written and run as scripts, its commands are run. Docstrings: their examples run as doctests.
 """
 
@@ -15,6 +15,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import pytest
@@ -97,17 +98,22 @@ def run(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True)
 
 
-def test_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("document", [d for d in DOCUMENTS if d != GUIDE], ids=lambda path: path.name)
+def test_the_blocks_of_a_document_run_as_one_program(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    namespace: dict[str, Any] = {"__name__": "readme"}
-    shown = blocks(README.read_text(), "python")
-    assert shown
-    for block in shown:
+    program = ModuleType(f"shown_in_{document.stem}")
+    monkeypatch.setitem(sys.modules, program.__name__, program)  # dataclasses look there
+    for block in blocks(document.read_text(), "python"):
         # Padded, so that a failure names the line of the document.
-        exec(compile("\n" * (block.line - 1) + block.text, str(README), "exec"), namespace)
+        exec(compile("\n" * (block.line - 1) + block.text, str(document), "exec"), vars(program))
 
 
-@pytest.mark.parametrize("title", sections(GUIDE.read_text()) if GUIDE.exists() else [])
+def test_readme_and_guide_show_programs():
+    assert blocks(README.read_text(), "python")
+    assert len(sections(GUIDE.read_text())) == 5
+
+
+@pytest.mark.parametrize("title", sections(GUIDE.read_text()))
 def test_the_guide_runs(title: str, tmp_path: Path):
     for block in sections(GUIDE.read_text())[title]:
         if block.language == "python":
