@@ -66,7 +66,7 @@ class UnknownName(WbcError, LookupError):
         self.name = name
         self.available = sorted(set(available))
         self.near = near_names(name, self.available)
-        super().__init__(self._sentence() + (f"; {hint}" if hint else ""))
+        super().__init__(self._sentence() + (f" ({hint})" if hint else ""))
 
     def _sentence(self) -> str:
         if self.near:
