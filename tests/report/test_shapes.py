@@ -78,12 +78,3 @@ def test_thinning_ends_within_the_budget_and_keeps_the_outline(budget: int):
     for before, after in zip(parts, thin, strict=True):
         assert np.all(after.vertices.min(axis=0) >= before.vertices.min(axis=0) - 1e-9)
         assert np.all(after.vertices.max(axis=0) <= before.vertices.max(axis=0) + 1e-9)
-
-
-def test_a_mesh_file_that_cannot_be_read_is_left_out(tmp_path):
-    from wbc.models.geometry import Geometry, Mesh
-
-    broken = tmp_path / "broken.stl"
-    broken.write_text("solid nothing")
-    vertices, faces = shapes._triangles(Geometry("link", Mesh(broken)))
-    assert len(vertices) == len(faces) == 0

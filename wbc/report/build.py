@@ -75,9 +75,6 @@ def highlights(result: ScenarioResult) -> list[tuple[str, str]]:
     if "torque" in use:
         tiles.append(("peak torque", _percent(use["torque"])))
     tiles.append(("peak speed", _percent(use["velocity"])))
-    slips = [slip for name in run.meta.get("contacts", {}) if (slip := measure.slip(run, name)) is not None]
-    if slips:
-        tiles.append(("slip", f"{1e3 * max(slips):.2g} mm"))
     return tiles
 
 

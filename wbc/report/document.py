@@ -32,6 +32,11 @@ class Table:
     caption: str = ""
     folded: bool = False
 
+    @property
+    def numeric(self) -> list[bool]:
+        """For each column whether it holds numbers alone, to be set to the right."""
+        return [all(_is_number(row[i]) for row in self.rows) for i in range(len(self.columns))]
+
 
 @final
 @dataclass(frozen=True)
@@ -107,6 +112,26 @@ def formatted(cell: Cell) -> str:
     return number(float(cell))
 
 
+def percent(share: float) -> str:
+    """A share as text: 0.123 is "12.3 %".
+
+    Example:
+        >>> from wbc.report.document import percent
+        >>> [percent(x) for x in (0.0, 0.00012, 0.1234, 0.9999, 1.0, 14.2)]
+        ['0 %', '0.012 %', '12.3 %', '99.99 %', '100 %', '1420 %']
+    """
+    value = 100.0 * share
+    if np.isnan(value):
+        return "–"
+    if 99.0 < value < 100.0:
+        return f"{np.floor(1e3 * value) / 1e3:g} %"  # nearly all is not all
+    return f"{value:.0f} %" if abs(value) >= 100.0 else f"{value:.3g} %"
+
+
+def _is_number(cell: Cell) -> bool:
+    return cell is None or (isinstance(cell, (int, float)) and not isinstance(cell, bool))
+
+
 def number(value: float) -> str:
     """Four significant digits without noise; infinity is "none" (no limit), NaN a dash."""
     if np.isnan(value):
@@ -115,6 +140,8 @@ def number(value: float) -> str:
         return "none"
     if value == 0:
         return "0"
-    if 1e-3 <= abs(value) < 1e5:
+    if abs(value) >= 1e4:
+        return f"{value:,.0f}".replace(",", " ") if abs(value) < 1e9 else f"{value:.3g}"
+    if abs(value) >= 1e-3:
         return f"{value:.4g}"
     return f"{value:.3g}"

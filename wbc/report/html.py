@@ -38,11 +38,11 @@ def _anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
-def _look(cell: Cell) -> str:
+def _look(cell: Cell, numeric: bool) -> str:
     """The class of a table cell."""
     if isinstance(cell, bool):
         return "good" if cell else "bad"
-    return "number" if isinstance(cell, (int, float)) or cell is None else "text"
+    return "number" if numeric else "text"
 
 
 def _source(figure: Figure) -> Any:

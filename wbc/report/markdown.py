@@ -28,10 +28,7 @@ def picture_path(figure: Figure) -> str:
 
 def table(data: Table) -> list[str]:
     """A pipe table; numbers are set to the right."""
-    numeric = [
-        all(isinstance(row[i], (int, float)) or row[i] is None for row in data.rows) for i in range(len(data.columns))
-    ]
-    lines = [_row(data.columns), _row(["--:" if right else ":--" for right in numeric])]
+    lines = [_row(data.columns), _row(["--:" if right else ":--" for right in data.numeric])]
     return lines + [_row([formatted(cell) for cell in row]) for row in data.rows]
 
 

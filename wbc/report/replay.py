@@ -113,7 +113,8 @@ def _robot(server: Any, solid: Sequence[Part], moving: Motion) -> dict[str, Any]
 
 def _arrows(server: Any, moving: Motion) -> tuple[Any, Any]:
     """Arrows for the contact forces and for the push; None for what the run does not have."""
-    size = {"shaft_radius": 0.012, "head_radius": 0.03, "head_length": 0.06}
+    _, extent = moving.extent
+    size = {"shaft_radius": 0.008 * extent, "head_radius": 0.02 * extent, "head_length": 0.04 * extent}
     forces = push = None
     if moving.forces.shape[1]:
         forces = server.scene.add_arrows("/forces", moving.forces[0].astype(np.float32), FORCE, **size)

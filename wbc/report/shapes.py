@@ -1,7 +1,6 @@
 """The robot as triangles: every shape of a model read, coloured, and thinned to a budget.
 
-Mesh files are read by coal, which comes with pinocchio; primitives are made here. A robot without any shape gets
-capsules from joint to joint, so that a report always has somebody to look at.
+A robot without any shape gets capsules from joint to joint, so that a report always has somebody to look at.
 """
 
 from __future__ import annotations
@@ -9,18 +8,16 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Sphere
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report.meshes import Faces, Surface, read_mesh
 from wbc.types import Mat
 
-Faces = NDArray[np.int64]
 Color = tuple[int, int, int]
 
 LIGHT: Color = (214, 219, 226)
@@ -114,44 +111,37 @@ def sphere(radius: float) -> tuple[Mat, Faces]:
     return capsule(radius, 0.0)
 
 
-# ---- files, colours, thinning
+# ---- shapes of a model, colours, thinning
 def _read_all(geometries: Sequence[Geometry]) -> list[Part]:
     grouped: dict[tuple[str, Color], list[tuple[Mat, Faces]]] = defaultdict(list)
     for geometry in geometries:
-        vertices, faces = _triangles(geometry)
-        if len(faces):
-            grouped[geometry.link, _color(geometry)].append(_moved(vertices, faces, geometry.origin.matrix))
+        for surface in _surfaces(geometry):
+            piece = _moved(surface.vertices, surface.faces, geometry.origin.matrix)
+            grouped[geometry.link, _color(surface, geometry)].append(piece)
     return [Part(link, *_joined(pieces), color) for (link, color), pieces in grouped.items()]
 
 
-def _triangles(visual: Geometry) -> tuple[Mat, Faces]:
-    match visual.shape:
+def _surfaces(geometry: Geometry) -> list[Surface]:
+    match geometry.shape:
         case Box(size):
-            return box(size)
+            return [Surface(*box(size))]
         case Sphere(radius):
-            return sphere(radius)
+            return [Surface(*sphere(radius))]
         case Cylinder(radius, length):
-            return cylinder(radius, length)
+            return [Surface(*cylinder(radius, length))]
         case Mesh(path, scale):
-            return _read(path, scale)
+            flipped = np.prod(scale) < 0
+            return [
+                Surface(s.vertices * scale, s.faces[:, ::-1] if flipped else s.faces, s.color) for s in read_mesh(path)
+            ]
 
 
-def _read(path: Path, scale: tuple[float, float, float]) -> tuple[Mat, Faces]:
-    """A mesh file as coal (assimp) reads it; nothing where it cannot be read, since a picture may lack a part."""
-    import coal
-
-    try:
-        model: Any = coal.MeshLoader().load(str(path), np.array(scale, dtype=np.float64))
-    except (ValueError, RuntimeError):
-        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    triangles = (model.tri_indices(i) for i in range(model.num_tris))
-    return np.array(model.vertices()), np.array([(t[0], t[1], t[2]) for t in triangles]).reshape(-1, 3)
-
-
-def _color(visual: Geometry) -> Color:
-    if visual.color is None:
+def _color(surface: Surface, geometry: Geometry) -> Color:
+    """What the mesh says, else what the robot's description says, else a light grey."""
+    said = surface.color or geometry.color
+    if said is None:
         return LIGHT
-    red, green, blue = (round(255 * min(max(float(c), 0.0), 1.0)) for c in visual.color[:3])
+    red, green, blue = (round(255 * min(max(float(c), 0.0), 1.0)) for c in said[:3])
     return red, green, blue
 
 

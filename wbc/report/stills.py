@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.report import style
+from wbc.report import measure, style
 from wbc.report.document import Figure
 from wbc.report.motion import Motion, motion
 from wbc.report.shapes import Part, thinned
-from wbc.types import Mat, Vec
+from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,9 +27,9 @@ LIGHT = np.array([0.35, -0.5, 0.8])
 
 
 def stills(run: Run, robot: RobotModel, solid: Sequence[Part], *, moments: int = MOMENTS) -> Figure:
-    """The robot, drawn as ``solid``, at ``moments`` evenly spaced times, seen from its front right."""
+    """The robot, drawn as ``solid``, at ``moments`` times, seen from its front right."""
     solid = thinned(solid, BUDGET)
-    rows = np.unique(np.linspace(0, run.rows - 1, moments).astype(int))
+    rows = _moments(run, moments)
     moving = motion(run, robot, rows, sorted({part.link for part in solid}))
     right, up, towards = _camera()
     scene = [_projected(solid, moving, i, np.array([right, up, towards])) for i in range(len(rows))]
@@ -49,7 +50,26 @@ def stills(run: Run, robot: RobotModel, solid: Sequence[Part], *, moments: int =
             axes.set_aspect("equal")
             axes.axis("off")
             axes.set_title(f"{moving.times[i]:.1f} s", loc="center", fontweight="normal", fontsize=8.5)
-        return canvas.figure("motion", "The robot at evenly spaced moments.", kind="png", dpi=170)
+        return canvas.figure(
+            "motion",
+            "The robot at a few moments, the start, the end and the ends of pushes among them.",
+            kind="png",
+            dpi=170,
+        )
+
+
+def _moments(run: Run, count: int) -> Index:
+    """Rows of the start, the end and the ends of pushes; the widest gaps are filled off their middle.
+
+    Halving would meet a periodic motion in the same phase again and again.
+    """
+    dt = float(run.meta["dt"])
+    ends = [round(end / dt) - 1 for _, end in measure.pushes(run)]
+    rows = sorted({0, run.rows - 1, *ends[: max(0, count - 2)]})
+    while len(rows) < min(count, run.rows):
+        start, end = max(pairwise(rows), key=lambda gap: gap[1] - gap[0])
+        rows = sorted({*rows, start + max(1, round(0.38 * (end - start)))})
+    return np.array(rows)
 
 
 def _camera() -> tuple[Vec, Vec, Vec]:

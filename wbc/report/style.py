@@ -151,6 +151,11 @@ def over_time(axes: Axes, run: Run, title: str, label: str) -> None:
     axes.set_title(title)
 
 
+def shaded(run: Run) -> str:
+    """What a caption says of the shading; nothing where there is none."""
+    return " Shaded: a push." if pushes(run) else ""
+
+
 def shade(axes: Axes, intervals: Iterable[tuple[float, float]]) -> None:
     """Mark intervals of time behind the curves."""
     for start, end in intervals:

@@ -42,7 +42,7 @@ def section(result: ScenarioResult) -> Section | None:
         style.legend(time)
         caption = (
             "Left: the centre of mass seen from above, over the contacts as they were at the start and their hull. "
-            "Right: its displacement. Shaded: a push."
+            "Right: its displacement." + style.shaded(run)
         )
         return Section("Centre of mass", [canvas.figure("centre_of_mass", caption)])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wbc.report.document import Cell, Item, Section, Table
+from wbc.report.document import Item, Section, Table, formatted
 from wbc.sim.scenario import ScenarioResult
 
 CONTROLLER = ("scenario", "robot", "level", "hierarchy", "solver", "dt", "duration", "seed")
@@ -16,36 +16,36 @@ def section(result: ScenarioResult) -> Section:
     meta = result.run.meta
     settings = [(key, shown(meta[key])) for key in CONTROLLER if key in meta]
     settings += [(f"parameter {key}", shown(value)) for key, value in meta.get("parameters", {}).items()]
-    items: list[Item] = [Table(("setting", "value"), settings, "Controller and scenario (dt and duration in s).")]
-    disturbances = [(i + 1, text) for i, text in enumerate(meta.get("disturbances", []))]
+    items: list[Item] = [Table(("setting", "value"), settings, "dt and duration in s.")]
+    robot = result.robot
+    if robot is not None:
+        rows = [
+            ("mass [kg]", shown(robot.mass)),
+            ("joints", shown(robot.nj)),
+            ("base", "floating" if robot.nb else "fixed"),
+            ("velocities", shown(robot.nv)),
+            ("gravity [m/s²]", shown([float(x) for x in robot.gravity])),
+        ]
+        items.append(Table((f"robot {robot.name}", "value"), rows))
+    disturbances = [(str(i + 1), text) for i, text in enumerate(meta.get("disturbances", []))]
     if disturbances:
         items.append(Table(("", "disturbance"), disturbances))
-    for key, caption in (("plant", "Plant."), ("versions", "Versions."), ("machine", "Machine.")):
+    for key in ("machine", "plant", "versions"):
         rows = [(name, shown(value)) for name, value in _flat(meta.get(key) or {})]
         if rows:
-            items.append(Table((key, "value"), rows, caption))
+            items.append(Table((key, "value"), rows))
     if meta.get("stack"):
         items.append(
             Table(("stack",), [(line,) for line in str(meta["stack"]).splitlines()], "The stack.", folded=True)
         )
-    robot = result.robot
-    if robot is not None:
-        rows_robot: list[tuple[str, Cell]] = [
-            ("mass [kg]", robot.mass),
-            ("joints", robot.nj),
-            ("base", "floating" if robot.nb else "fixed"),
-            ("velocities", robot.nv),
-            ("gravity [m/s²]", shown([float(x) for x in robot.gravity])),
-        ]
-        items.append(Table(("robot", "value"), rows_robot, f"Robot {robot.name}."))
     return Section("Settings", items)
 
 
-def shown(value: Any) -> Cell:
-    """A setting as a cell: lists in brackets."""
+def shown(value: Any) -> str:
+    """A setting as text: lists in brackets."""
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in value) + "]"
-    return value if value is None or isinstance(value, (str, bool, int, float)) else str(value)
+    return formatted(value) if value is None or isinstance(value, (str, bool, int, float)) else str(value)
 
 
 def _flat(mapping: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.report import measure, style
-from wbc.report.document import Cell, Item, Section, Table
+from wbc.report.document import Cell, Item, Section, Table, percent
 from wbc.sim.scenario import ScenarioResult
 from wbc.types import Status
 
@@ -16,7 +16,7 @@ def section(result: ScenarioResult) -> Section | None:
     if "status" not in run or not run.rows:
         return None
     counts = measure.statuses(run)
-    rows = [(name, n, f"{100 * n / run.rows:.4g} %", _advice(name)) for name, n in counts.items()]
+    rows = [(name, n, percent(n / run.rows), _advice(name)) for name, n in counts.items()]
     items: list[Item] = [Table(("status", "ticks", "share", "meaning"), rows)]
     statistics = _statistics(result)
     if statistics:
@@ -40,7 +40,7 @@ def _statistics(result: ScenarioResult) -> list[tuple[str, Cell]]:
     if "iterations" in run:
         n = np.asarray(run["iterations"], dtype=float)
         rows += [
-            ("first guess right (at most one iteration)", f"{100 * float(np.mean(n <= 1)):.4g} %"),
+            ("first guess right (at most one iteration)", percent(float(np.mean(n <= 1)))),
             ("iterations, mean", float(n.mean())),
             ("iterations, largest", int(n.max())),
         ]

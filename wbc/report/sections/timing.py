@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.report import measure, style
-from wbc.report.document import Figure, Section, Table
+from wbc.report.document import Figure, Section, Table, percent
 from wbc.sim.scenario import ScenarioResult
 
 
@@ -17,7 +17,7 @@ def section(result: ScenarioResult) -> Section | None:
     tick = np.asarray(run["tick_us"], dtype=float)
     period = 1e6 * float(run.meta["dt"])
     rows = [
-        (name, value, f"{100 * value / period:.2g} %")
+        (name, value, percent(value / period))
         for name, value in (
             ("median", float(np.median(tick))),
             ("mean", float(tick.mean())),

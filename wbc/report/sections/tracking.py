@@ -24,8 +24,8 @@ def section(result: ScenarioResult) -> Section | None:
     if not parts:
         return None
     caption = (
-        "Error of each task, target − actual; of a task with many rows, the largest and the rms over its rows. "
-        "Shaded: a push."
+        "Error of each task, target − actual; of a task with many rows, the largest and the rms over its rows."
+        + style.shaded(run)
     )
     rows = []
     for task, unit, error in parts:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.report import measure, style
-from wbc.report.document import Figure, Table
+from wbc.report.document import Figure, Table, percent
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def use_table(run: Run, values: Vec, share: Vec, bound: Vec, units: Sequence[str
     names = run.meta["joint_names"]
     rows = [
         (names[i], units[i] if units else "", float(np.nanmax(np.abs(values[:, i]), initial=0.0)), float(bound[i]),
-         f"{100 * share[:, i].max():.1f} %" if np.isfinite(bound[i]) and bound[i] > 0 else "–")
+         percent(float(share[:, i].max())) if np.isfinite(bound[i]) and bound[i] > 0 else "–")
         for i in order
     ]  # fmt: skip
     return Table(
