@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from wbc import errors as errors
+    from wbc import methods as methods
     from wbc import models as models
     from wbc import testing as testing
     from wbc.control.command import Command as Command
@@ -71,7 +72,7 @@ _HOME = {
     "load": "wbc.models",
     "solve": "wbc.qp",
 }
-_PACKAGES = ("errors", "models", "qp", "sim", "stack", "testing")
+_PACKAGES = ("errors", "methods", "models", "qp", "sim", "stack", "testing")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,7 +1,7 @@
-"""What users need to test their own members: checks that hold for every task, law and contact, and strategies.
+"""What users need to test their own members: checks that hold for every task, law, contact and method; strategies.
 
-``check_task``, ``check_constraint`` and ``check_contact`` raise :class:`CheckFailed` with the member, the row and the
-two numbers that differ. ``wbc.testing.strategies`` (for hypothesis) draws states, boxes and matrices.
+``check_task``, ``check_constraint``, ``check_contact`` and ``check_method`` raise :class:`CheckFailed` with the member,
+the row or quantity and what differs. ``wbc.testing.strategies`` (for hypothesis) draws states, boxes and matrices.
 
 Example:
     >>> from tasks import Position
@@ -14,7 +14,10 @@ from __future__ import annotations
 from wbc.testing.constraints import check_constraint
 from wbc.testing.contacts import check_contact
 from wbc.testing.failure import CheckFailed
+from wbc.testing.methods import check_method
 from wbc.testing.robots import Moment, moments, robots
 from wbc.testing.tasks import check_task
 
-__all__ = ["CheckFailed", "Moment", "check_constraint", "check_contact", "check_task", "moments", "robots"]
+__all__ = [
+    "CheckFailed", "Moment", "check_constraint", "check_contact", "check_method", "check_task", "moments", "robots",
+]  # fmt: skip
