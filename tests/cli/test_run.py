@@ -45,7 +45,7 @@ def test_json_is_one_object_with_nothing_around_it(wbc, waving):
         "seconds": 0.1,
         "ticks": 10,
         "tick_us": {"median": 15.0, "p99": 19.9, "max": 20.0},
-        "violations": {"velocity": 0.0, "position": 0.0},
+        "violations": {"joint velocity": 0.0, "joint position": 0.0},
         "tracking": {"Position[tool]": {"rms": pytest.approx(3**0.5 * 1e-3), "max": pytest.approx(3**0.5 * 1e-3)}},
         "statuses": {"SOLVED": 10},
         "report": "report",

@@ -6,7 +6,7 @@ Columns and metadata are those of :mod:`wbc.control.recorder`. Every function an
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -60,15 +60,6 @@ def statuses(run: Run) -> dict[str, int]:
     names = [str(name).upper().replace(" ", "_") for name in run.meta["statuses"]]
     found, counts = np.unique(np.asarray(run.columns["status"], dtype=int), return_counts=True)
     return {names[i]: int(n) for i, n in zip(found, counts, strict=True)}
-
-
-def outside(run: Run, intervals: Iterable[tuple[float, float]]) -> Mask:
-    """Rows (N,) that lie in none of the intervals (start, end) [s]."""
-    t = times(run)
-    keep = np.ones(t.size, dtype=bool)
-    for start, end in intervals:
-        keep &= ~((t >= start) & (t <= end))
-    return keep
 
 
 def pushes(run: Run) -> list[tuple[float, float]]:
@@ -151,26 +142,25 @@ def use(run: Run) -> dict[str, Vec]:
 
 
 def violations(run: Run) -> dict[str, tuple[float, str]]:
-    """{kind: (worst, unit)}: by how much torque, velocity, position and contact cone were exceeded at worst.
+    """{kind: (worst, unit)}: by how much torque, velocity, position and contact cone were exceeded, 0 if never.
 
-    Position and velocity are the true state's, torque is the command's; "cone" is of the commanded contact
-    wrenches, "cone (true)" of those the plant measured, in N (its moment rows in N m).
+    Position and velocity are the true state's, torque and wrench the command's.
     """
     bound, (q, v) = limits(run), joint_state(run)
-    rows: dict[str, list[Vec]] = {}
+    found = {
+        "joint velocity": (_excess(np.abs(v) - bound["v_max"]), "rad/s"),
+        "joint position": (_excess(np.maximum(q - bound["q_max"], bound["q_min"] - q)), "rad"),
+    }
     if has_torques(run):
-        rows["torque"] = [np.abs(run.columns["tau"]) - bound["tau_max"]]
-    rows["velocity"] = [np.abs(v) - bound["v_max"]]
-    rows["position"] = [q - bound["q_max"], bound["q_min"] - q]
+        found["torque"] = (_excess(np.abs(run.columns["tau"]) - bound["tau_max"]), "N m")
+    cones = []
     for name, contact in run.meta.get("contacts", {}).items():
         cone = np.array(contact.get("cone") or [], dtype=np.float64)
-        for kind, column in (("cone", f"f.{name}"), ("cone (true)", f"plant.f.{name}")):
-            if cone.size and column in run.columns:
-                rows.setdefault(kind, []).append(_forces(run, column, cone.shape[1]) @ cone.T)
-    units = dict(
-        zip(("torque", "velocity", "position", "cone", "cone (true)"), ("N m", "rad/s", "rad", "N", "N"), strict=True)
-    )
-    return {kind: (max(0.0, *(_worst(block) for block in blocks)), units[kind]) for kind, blocks in rows.items()}
+        if cone.size and f"f.{name}" in run.columns:
+            cones.append(_excess(run.columns[f"f.{name}"][:, : cone.shape[1]] @ cone.T))
+    if cones:
+        found["commanded wrench"] = (max(cones), "N")
+    return found
 
 
 def contact_track(run: Run, name: str, *, true: bool) -> ContactTrack | None:
@@ -197,12 +187,8 @@ def slip(run: Run, name: str) -> float | None:
     return None if column is None else float(np.linalg.norm(column, axis=1).max(initial=0.0))
 
 
-def _forces(run: Run, column: str, dim: int) -> Vec:
-    return np.asarray(run.columns[column], dtype=np.float64)[:, :dim]
-
-
-def _worst(values: Vec) -> float:
-    return float(np.nanmax(values, initial=-np.inf))
+def _excess(values: Vec) -> float:
+    return float(np.nanmax(values, initial=0.0))
 
 
 def _positive(values: Vec) -> Vec:

@@ -55,7 +55,8 @@ class ScenarioResult:
     """What a scenario hands back: the recorded run and its judgement.
 
     ``violations`` {kind: (worst, unit)}, 0 when nothing was broken; ``tracking`` {task: {"rms", "max"}} in the
-    task's own unit; ``figures`` whatever else the scenario measures, JSON values; ``robot`` is drawn in the report.
+    task's own unit (:mod:`wbc.report.measure` reads both from a run); ``figures`` whatever else the scenario
+    measures, JSON values; ``robot`` is drawn in the report.
     """
 
     run: Run
