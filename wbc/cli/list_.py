@@ -39,7 +39,7 @@ def _scenarios() -> Table:
 def _solvers() -> Table:
     from wbc.qp.solvers import SOLVERS
 
-    made = table("Solvers (--solver NAME)", "name", "", "")
+    made = table("Solvers (--solver NAME)", "name", "state", "")
     for solver in SOLVERS:
         state = "usable" if solver.available() else f"pip install {solver.package}"
         made.add_row(solver.name, Text(state), "offline only" if solver.offline else "")
@@ -50,7 +50,7 @@ def _robots() -> Table:
     from wbc.errors import ModelError
     from wbc.models.catalogue import EXAMPLES, OWN, example_robots
 
-    made = table("Robots (wbc.load(NAME), or the path of a URDF)", "names", "")
+    made = table("Robots (wbc.load(NAME), or the path of a URDF)", "names", "where")
     made.add_row(Text(", ".join(OWN)), "ours, always there")
     try:
         example_robots()
