@@ -84,6 +84,12 @@ def test_a_multiplier_without_a_side_to_push_on_is_a_dual_residual(sign: float, 
     assert not proof.ok
 
 
+def test_a_multiplier_without_a_side_hides_no_gap():
+    qp = QP(np.eye(2), [-1.0, -1.0], ub=[np.inf, 3.0])
+    proof = certificate(qp, np.zeros(2), np.zeros(0), np.zeros(0), np.ones(2))
+    assert (proof.dual, proof.gap) == (1.0, 3.0)
+
+
 def test_the_wrong_side_of_a_two_sided_row_is_a_gap():
     qp = QP([[1.0]], [-1.0], C=[[1.0]], cl=[-3.0], cu=[2.0])
     proof = certificate(qp, np.array([2.0]), np.zeros(0), np.array([-1.0]), np.zeros(1))
@@ -118,8 +124,8 @@ def test_dual_and_gap_are_relative_to_the_data_and_primal_is_not():
     assert not Certificate(primal=0.0, dual=0.0, gap=2e-3, scale_gap=1000.0).ok
     assert not Certificate(np.nan, np.nan, np.nan).ok
     qp = QP([[1.0]], [-50.0])
-    scales = certificate(qp, np.array([50.0]), np.zeros(0), np.zeros(0), np.zeros(1))
-    assert (scales.scale_dual, scales.scale_gap) == (51.0, 1251.0)
+    scales = certificate(qp, np.array([20.0]), np.zeros(0), np.zeros(0), np.zeros(1))
+    assert (scales.scale_dual, scales.scale_gap) == (51.0, 801.0)
 
 
 @pytest.mark.parametrize("case", [c for c in SOLVABLE if None not in (c.x, c.y, c.z, c.z_box)], ids=str)

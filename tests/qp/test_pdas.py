@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.qp.zoo import SOLVABLE, UNBOUNDED, random_qp, sequence
-from wbc.qp import QP, solve
-from wbc.qp.solvers import Pdas
+from wbc.qp import QP, Shape, solve
+from wbc.qp.solvers.pdas import Pdas, PdasSession
 from wbc.types import Status
 
 BOX = QP(np.eye(4), [-3.0, -2.0, 0.0, 3.0], C=[[1, 1, 1, 1]], cl=[-1], cu=[1], lb=[-1] * 4, ub=[1] * 4)
@@ -36,7 +36,16 @@ def test_a_row_that_becomes_active_is_repaired_and_leaves_again():
     session = Pdas().open(loose.shape)
     answers = [session.solve(qp) for qp in (loose, tight, tight, loose, loose)]
     np.testing.assert_allclose([a.z[0] for a in answers], [0, 0.5, 0.5, 0, 0], atol=1e-12)
+    assert [a.iterations for a in answers] == [1, 2, 1, 2, 1]
     assert (session.counts.first, session.counts.repaired, session.counts.fallback) == (3, 2, 0)
+
+
+@pytest.mark.parametrize("by", [1e-7, 1e-3, 1e3])
+def test_a_row_is_repaired_however_little_it_is_wrong(by: float):
+    session = Pdas().open(Shape(2, 0, 1))
+    for cu in (2.0 + by, 2.0 - by, 2.0 + by):  # the minimum without the row is at 2
+        assert session.solve(QP(np.eye(2), [-1.0, -1.0], C=[[1, 1]], cu=[cu])).certificate.within(1e-8)
+    assert (session.counts.first, session.counts.repaired) == (1, 2)
 
 
 def test_with_one_try_daqp_repairs():
@@ -140,10 +149,66 @@ def test_a_flat_cost_is_left_to_daqp():
     assert session.counts.fallback == 1
 
 
-def test_badly_scaled_costs_are_refined():
-    """A cost of 1e-6 on some variables and equalities through them, as for the base of a robot."""
-    rng = np.random.default_rng(1)
-    J, A = rng.standard_normal((6, 10)), 100.0 * rng.standard_normal((4, 10))
-    qp = QP(J.T @ J + 1e-6 * np.eye(10), rng.standard_normal(10), A=A, b=A @ rng.standard_normal(10))
-    answer = solve(qp)
-    assert answer.certificate.within(1e-8)
+def test_rows_that_are_small_in_their_units_are_not_lost():
+    """A flat cost, so DAQP is asked; at first it takes the second row for zero."""
+    H, C = np.diag([1e8, 0.0, 0.0]), [[1e-4, 1e-4, 0.0], [0.0, 1e-5, 1e-5]]
+    qp = QP(H, [-1e8, 1.0, 0.0], C=C, cl=[-1e-4, 0.0], cu=[1e-4, 1e-5], lb=[-5] * 3, ub=[5] * 3)
+    assert solve(qp).certificate.within(1e-8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_guesses_are_refined_where_the_cost_is_nearly_flat(seed: int):
+    """A cost of 1e-8 in half of the directions, and equalities through them, as for the base of a robot."""
+    rng = np.random.default_rng(seed)
+    J, A, point = rng.standard_normal((20, 40)), 100.0 * rng.standard_normal((12, 40)), rng.standard_normal(40)
+    C = rng.standard_normal((10, 40))
+    qp = QP(
+        J.T @ J + 1e-8 * np.eye(40), J.T @ rng.standard_normal(20),
+        A=A, b=A @ point, C=C, cl=C @ point - 0.1, cu=C @ point + 0.1,
+    )  # fmt: skip
+    session = Pdas().open(qp.shape)
+    for _ in range(3):
+        assert session.solve(qp).certificate.within(1e-8)
+    assert session.counts.first >= 1
+    rough = Pdas(refinements=0).open(qp.shape)
+    for _ in range(3):
+        assert rough.solve(qp).certificate.within(1e-8)
+    assert rough.counts.first == 0
+
+
+def test_a_row_with_one_value_may_push_either_way():
+    """The multiplier of a fixed row and of a fixed variable changes its sign from one problem to the next."""
+    session = Pdas().open(Shape(2, 0, 1))
+    for g in (-3.0, 3.0, -3.0):
+        qp = QP(np.eye(2), [g, g], C=[[1, 0]], cl=[0.5], cu=[0.5], lb=[-9, 0.25], ub=[9, 0.25])
+        np.testing.assert_allclose(session.solve(qp).x, [0.5, 0.25])
+    assert (session.counts.first, session.counts.repaired) == (2, 1)
+
+
+@pytest.mark.parametrize("rows", [[[1, 1], [1, 1], [2, 2]], [[0, 0], [1, 1]], [[1, 1], [0, 0], [0, 0]]])
+def test_dependent_equalities_do_not_cost_the_guess(rows: list[list[float]]):
+    A = np.array(rows, dtype=float)
+    qp = QP(np.eye(2), [-1.0, 0.5], A=A, b=A @ [0.5, 0.5])
+    session = Pdas().open(qp.shape)
+    answer = session.solve(qp)
+    assert answer.certificate.within(1e-8) and session.counts.first == 1
+    assert np.abs(answer.y).max() < 10.0
+
+
+def test_nothing_is_guessed_while_the_active_set_keeps_changing(monkeypatch: pytest.MonkeyPatch):
+    guesses = []
+    guess = PdasSession._guess
+    monkeypatch.setattr(PdasSession, "_guess", lambda self, qp: guesses.append(qp) or guess(self, qp))
+    session = Pdas(tries=1).open(random_qp(0, 12, 2, 20).shape)
+    for seed in range(40):
+        session.solve(random_qp(seed, 12, 2, 20))
+    assert len(guesses) <= 4
+
+
+def test_a_failed_problem_leaves_the_last_active_set():
+    bad = QP(BOX.H, BOX.g, C=BOX.C, cl=[5], cu=[6], lb=BOX.lb, ub=BOX.ub)
+    session = Pdas().open(BOX.shape)
+    session.solve(BOX)
+    assert session.solve(bad).status is Status.INFEASIBLE
+    right = session.counts.first
+    assert session.solve(BOX).iterations == 1 and session.counts.first == right + 1

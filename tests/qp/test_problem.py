@@ -56,11 +56,13 @@ def test_a_problem_no_solver_may_see_is_refused_by_name(arguments: dict[str, Any
     assert isinstance(caught.value, InvalidInput)
 
 
-@pytest.mark.parametrize("name", ARRAYS)
-def test_nan_written_after_the_problem_was_made_is_refused(name: str):
+@pytest.mark.parametrize(
+    ("name", "value"), [(name, np.nan) for name in ARRAYS] + [(name, np.inf) for name in ("H", "g", "A", "b", "C")]
+)
+def test_what_is_not_finite_is_refused_after_the_problem_was_made_too(name: str, value: float):
     qp = QP(I2, [0, 0], A=[[1, 1]], b=[1], C=[[1, 0]], cl=[0], cu=[1], lb=[0, 0], ub=[1, 1])
-    getattr(qp, name)[0] = np.nan
-    with pytest.raises(InvalidProblem, match=r"nan|NaN"):
+    getattr(qp, name)[0] = value
+    with pytest.raises(InvalidProblem, match=r"nan|NaN|inf"):
         qp.check()
 
 

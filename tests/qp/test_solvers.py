@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import FrozenInstanceError, dataclass, fields
 from pathlib import Path
@@ -16,6 +17,7 @@ from wbc.qp import QP, Session, Shape, Solver, solve
 from wbc.qp.reduce import Equilibrated
 from wbc.qp.solver import Answer
 from wbc.qp.solvers import SOLVERS, Clarabel, Daqp, Osqp, Pdas, Piqp, ProxQp, QpSolvers, by_name, names, table, usable
+from wbc.qp.solvers.kept import KeptSession
 from wbc.types import Status
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "solvers.md"
@@ -44,6 +46,28 @@ class SpySession(Session):
     def _solve(self, qp: QP) -> Answer:
         self.spy.seen.append(qp)
         return self.spy.answer or Answer.none(qp.shape, Status.FAILED)
+
+
+class Scripted(KeptSession):
+    """A workspace that ends as it is told, one status after the other; at the optimum where that is SOLVED."""
+
+    def __init__(self, statuses: list[Status], qp: QP) -> None:
+        super().__init__(Spy([]), qp.shape)
+        self.statuses, self.log, self.optimum = statuses, [], solve(qp)
+
+    def _write(self, qp: QP) -> bool:
+        return True
+
+    def _make(self, qp: QP) -> Any:
+        self.log.append("make")
+        return object()
+
+    def _update(self, qp: QP, workspace: Any) -> None:
+        self.log.append("update")
+
+    def _run(self, qp: QP, workspace: Any) -> Answer:
+        status, best = self.statuses.pop(0), self.optimum
+        return Answer(status, best.x, best.y, best.z, best.z_box) if status.ok else Answer.none(qp.shape, status)
 
 
 # ---- names
@@ -210,6 +234,31 @@ def test_a_reason_without_an_answer_is_passed_on(status: Status):
     assert Spy([], Answer.none(qp.shape, status)).solve(qp).status is status
 
 
+def test_a_workspace_is_made_once_and_a_failure_believed_only_from_a_fresh_one():
+    qp = random_qp(0, 3, 1, 2)
+    ok, bad = Status.SOLVED, Status.MAX_ITERATIONS
+    session = Scripted([ok, ok, bad, ok, ok, bad, bad, ok], qp)
+    assert [session.solve(qp).status for _ in range(6)] == [ok, ok, ok, ok, bad, ok]
+    assert session.log == ["make", "update", "update", "make", "update", "update", "make", "make"]
+    session.reset()
+    session.statuses.append(ok)
+    session.solve(qp)
+    assert session.log[-1] == "make"
+
+
+@pytest.mark.parametrize("claim", [Status.INFEASIBLE, Status.UNBOUNDED])
+def test_a_wrong_claim_that_there_is_no_answer_is_a_failure(claim: Status):
+    qp = random_qp(0, 3, 1, 2)
+    assert Scripted([claim], qp).solve(qp).status is Status.FAILED
+
+
+@pytest.mark.parametrize("word", [Status.MAX_ITERATIONS, Status.FAILED, Status.SOLVED])
+def test_a_back_end_that_does_not_know_why_it_failed_is_told(word: Status):
+    good = random_qp(0, 3, 1, 2)
+    bad = QP(good.H, good.g, A=good.A, b=good.b, C=np.concatenate([good.A, good.A]), cl=good.b[[0, 0]] + 1.0)
+    assert Scripted([word], good).solve(bad).status is Status.INFEASIBLE
+
+
 def test_units_do_not_change_an_answer():
     for seed in range(10):
         qp = random_qp(seed, 5, 1, 4)
@@ -287,6 +336,12 @@ def test_in_a_loop_no_limit_is_broken_by_more_than_a_millionth(name: str):
 def test_the_table_in_the_document_is_the_one_of_the_classes():
     text = DOCUMENT.read_text(encoding="utf-8")
     assert table() in text, f"write wbc.qp.solvers.table() into {DOCUMENT.name}"
+
+
+def test_what_the_document_shows_runs(capsys: pytest.CaptureFixture[str]):
+    for block in re.findall(r"^```python\n(.*?)^```$", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+        exec(compile(block, str(DOCUMENT), "exec"), {"__name__": "__main__"})
+    assert capsys.readouterr().out.splitlines()[-2:] == ["solved", "inaccurate"]
 
 
 def test_the_table_has_every_solver():

@@ -2,8 +2,8 @@
 
 Example:
     >>> from wbc.qp.solvers import by_name
-    >>> by_name("daqp")
-    Daqp(primal_tol=1e-10, max_iter=10000)
+    >>> by_name("proxqp")
+    ProxQp(eps_abs=1e-09, max_iter=100)
 """
 
 from __future__ import annotations

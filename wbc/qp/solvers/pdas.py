@@ -98,8 +98,10 @@ class PdasSession(Session):
         self._kkt.hold(side)
 
     def _solve(self, qp: QP) -> Answer:
-        # An active set that keeps changing is not worth a guess; DAQP notices when it has settled.
-        answer = self._guess(qp) if self._misses < 2 else None
+        answer = None
+        if self._misses < 2:  # an active set that keeps changing is not worth a guess; DAQP sees when it has settled
+            self._misses += 1  # taken back when the certificate holds
+            answer = self._guess(qp)
         self._guessed = answer is not None
         return answer if answer is not None else self._ask_daqp(qp)
 
@@ -114,7 +116,6 @@ class PdasSession(Session):
                 self._misses = 0
             return None
         if self._guessed:
-            self._misses += 1
             before = self._side
             repaired = self._repair(qp, answer)
             if repaired is not None:
@@ -128,53 +129,43 @@ class PdasSession(Session):
         return self._polished(qp, self._daqp._improve(qp, answer, proof) or answer)
 
     def _repair(self, qp: QP, answer: Answer) -> Answer | None:
-        """Exchange all rows that are wrong, as long as they become fewer."""
-        fewest = len(self._side) + 1
-        for done in range(1, self._settings.tries + 1):
-            side = self._exchange(qp, answer)
-            wrong = int(np.count_nonzero(side != self._side))
-            if not wrong:
-                return answer if self._proof(qp, answer).within(self._settings.accuracy) else None
-            if wrong >= fewest or done == self._settings.tries:
-                return None
-            fewest = wrong
-            self._hold(side)
+        """Exchange all rows that are wrong until none is; ``None`` if that takes too many tries."""
+        for tried in range(1, self._settings.tries):
+            self._hold(self._exchange(qp, answer))
             guess = self._guess(qp)
             if guess is None:
                 return None
+            if self._proof(qp, guess).within(self._settings.accuracy):
+                guess.iterations = tried + 1
+                return guess
             answer = guess
-            answer.iterations = done + 1
         return None
-
-    def _proof(self, qp: QP, answer: Answer) -> Certificate:
-        return certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
 
     def _exchange(self, qp: QP, answer: Answer) -> Vec:
         """The active set with what this answer violates, and without the rows that it pulls instead of pushes."""
-        side = self._side
-        values = np.concatenate([qp.C.dot(answer.x), answer.x])
-        forces = np.concatenate([answer.z, answer.z_box])
-        lower, upper = np.concatenate([qp.cl, qp.lb]), np.concatenate([qp.cu, qp.ub])
-        over, under = values - upper, lower - values
         tolerance = 0.5 * self._settings.accuracy
-        pulls = (side * forces < -tolerance * (1.0 + np.abs(qp.g).max(initial=0.0))) & (lower < upper)
-        enters = (side == 0.0) & (np.maximum(over, under) > tolerance)
-        # A multiplier that is zero but for rounding is zero.
-        small = (side * forces < 0.0) & ~pulls & (lower < upper)
-        n_in = self.shape.n_in
-        answer.z[small[:n_in]] = 0.0
-        answer.z_box[small[n_in:]] = 0.0
-        return np.where(pulls, 0.0, np.where(enters, np.where(over > under, 1.0, -1.0), side))
+        values = np.concatenate([qp.C.dot(answer.x), answer.x])
+        over = values - np.concatenate([qp.cu, qp.ub])
+        under = np.concatenate([qp.cl, qp.lb]) - values
+        forces = np.concatenate([answer.z, answer.z_box])
+        pulls = self._side * forces < -tolerance * (1.0 + np.abs(qp.g).max(initial=0.0))
+        enters = (self._side == 0.0) & (np.maximum(over, under) > tolerance)
+        return np.where(pulls, 0.0, np.where(enters, np.where(over > under, 1.0, -1.0), self._side))
+
+    def _proof(self, qp: QP, answer: Answer) -> Certificate:
+        return certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
 
     def _ask_daqp(self, qp: QP) -> Answer:
         """DAQP's answer; its active set is the next guess."""
         self.counts.fallback += 1
         answer = self._daqp._solve(qp)
-        if answer.status.ok:
-            side = _side(answer)
-            if (side == self._side).all():
-                self._misses = 0
-            self._hold(side)
+        if not answer.status.ok:
+            self._misses = 0  # nothing is learned: the last active set stays
+            return answer
+        side = _side(answer)
+        if (side == self._side).all():
+            self._misses = 0
+        self._hold(side)
         return answer
 
     def _polished(self, qp: QP, answer: Answer) -> Answer:
