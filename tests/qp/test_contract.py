@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -71,8 +73,11 @@ def test_two_fresh_sessions_give_the_same_bits(solver: Solver):
     runs = []
     for _ in range(2):
         session = solver.open(sequence(1)[0].shape)
-        runs.append([everything(session.solve(qp)).tobytes() for qp in sequence(12)])
-    assert runs[0] == runs[1]
+        runs.append(np.concatenate([everything(session.solve(qp)) for qp in sequence(12)]))
+    if solver.repeatable:
+        assert runs[0].tobytes() == runs[1].tobytes()
+    else:
+        np.testing.assert_allclose(runs[0], runs[1], atol=1e-6)
 
 
 def test_a_session_survives_what_has_no_answer(solver: Solver):
@@ -135,6 +140,7 @@ def test_an_answer_is_its_own(solver: Solver):
 def test_settings_are_printed_compared_and_hashed(solver: Solver):
     assert solver == by_name(solver.name) and hash(solver) == hash(by_name(solver.name))
     assert type(solver).__name__ in repr(solver)
+    assert pickle.loads(pickle.dumps(solver)) == solver
 
 
 def test_times_and_names_are_told(solver: Solver):

@@ -142,6 +142,21 @@ def test_pins_can_make_a_flat_cost_curved():
     assert (session.counts.first, session.counts.fallback) == (2, 1)
 
 
+def test_an_equality_of_pinned_variables_does_not_cost_the_guess():
+    qp = QP(np.eye(2), [-3.0, -3.0], A=[[1, 1], [1, 0]], b=[2, 1], ub=[1, 1])
+    session = Pdas().open(qp.shape)
+    for _ in range(3):
+        answer = session.solve(qp)
+        assert answer.certificate.within(1e-8) and np.abs(answer.y).max() < 10.0
+    assert session.counts.first >= 1
+
+
+@pytest.mark.parametrize("curvature", [1e-300, 1e-150, 1e-30])
+def test_a_cost_that_is_all_but_flat_does_not_overflow(curvature: float):
+    qp = QP(np.diag([1.0, curvature]), [1.0, 1.0], C=[[0.0, 1.0]], cl=[-1.0], cu=[1.0])
+    np.testing.assert_allclose(solve(qp).x, [-1.0, -1.0])
+
+
 def test_a_flat_cost_is_left_to_daqp():
     qp = UNBOUNDED[0].make()
     session = Pdas().open(qp.shape)

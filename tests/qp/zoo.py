@@ -71,6 +71,8 @@ SOLVABLE = [
         lambda: QP(I2, [-3, -3], C=[[1, 0], [0, 1], [1, 1], [1, 1]], cu=[1, 1, 2, 2], ub=[1, 1]),
         (1, 1),
     ),
+    Case("equality held by bounds", lambda: QP(I2, [-3, -3], A=[[1, 1]], b=[2], ub=[1, 1]), (1, 1)),
+    Case("equality of one variable", lambda: QP(I2, [1, 1], A=[[2, 0]], b=[1], lb=[0.5, -9], ub=[0.5, 9]), (0.5, -1)),
     Case("touching without pushing", lambda: QP(I2, [-1, 0], C=[[1, 0]], cu=[1], lb=[-9, 0]), (1, 0), (), (0,), (0, 0)),
     Case(
         "units far apart", lambda: QP(1e6 * I2, [-3e6, 1e6], C=[[1e-3, 1e-3]], cu=[1e-3], lb=[-1, -1]),

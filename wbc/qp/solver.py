@@ -121,9 +121,9 @@ class Solver(ABC):
 
     ``name`` is what users type, ``requires`` the modules it needs (looked up, not imported),
     ``package`` what to install. ``tolerance`` is the certificate without which no answer is SOLVED;
-    ``semidefinite`` says whether H may be singular (a linear program, a task without posture), and
-    ``offline`` is true for a solver that is not shown to keep limits to 1e-6 at 1 kHz and so is
-    refused by a controller.
+    ``semidefinite`` says whether H may be singular (a linear program, a task without posture),
+    ``repeatable`` whether fresh sessions give the same bits, and ``offline`` is true for a solver that is
+    not shown to keep limits to 1e-6 at 1 kHz and so is refused by a controller.
     """
 
     name: str
@@ -131,6 +131,7 @@ class Solver(ABC):
     package: str = ""
     tolerance: float = TOLERANCE
     semidefinite: bool = True
+    repeatable: bool = True
     offline: bool = False
 
     @abstractmethod

@@ -68,12 +68,13 @@ def by_name(name_or_solver: str | Solver) -> Solver:
 
 def table() -> str:
     """All solvers and the tolerances a name stands for, in Markdown; generated, so that it cannot be out of date."""
-    lines = ["| name | pip install | settings | singular H | in a control loop |", "| --- | --- | --- | --- | --- |"]
+    columns = ("name", "pip install", "settings", "singular H", "same bits twice", "in a control loop")
+    lines = [f"| {' | '.join(columns)} |", "|" + " --- |" * len(columns)]
     for solver in SOLVERS:
         told = {f.name: getattr(solver, f.name) for f in fields(solver) if f.name != "fallback"}  # type: ignore[arg-type]
         if isinstance(solver, QpSolvers):
             told = solver.settings
         settings = ", ".join(f"{key} = {value}" for key, value in told.items()) or "its own"
-        flat, loop = "yes" if solver.semidefinite else "no", "no" if solver.offline else "yes"
-        lines.append(f"| `{solver.name}` | {solver.package} | {settings} | {flat} | {loop} |")
+        marks = ("yes" if mark else "no" for mark in (solver.semidefinite, solver.repeatable, not solver.offline))
+        lines.append(f"| `{solver.name}` | {solver.package} | {settings} | {' | '.join(marks)} |")
     return "\n".join(lines)

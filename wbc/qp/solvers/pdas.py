@@ -107,7 +107,9 @@ class PdasSession(Session):
 
     def _guess(self, qp: QP) -> Answer | None:
         """The minimum with the active rows and variables held; ``None`` where that is not one point."""
-        return self._kkt.solve(qp, self._settings.refinements, 1e-2 * self._settings.accuracy)
+        with np.errstate(all="ignore"):  # a cost that is all but flat may overflow: then there is no guess
+            answer = self._kkt.solve(qp, self._settings.refinements, 1e-2 * self._settings.accuracy)
+        return answer if answer is not None and moderate(answer.x) else None
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
         if proof.within(self._settings.accuracy):
@@ -262,7 +264,9 @@ class _Kkt:
         self.R, info = dpotrf(gram, 1, 0)
         if info:
             # Dependent rows: a trace of compliance decides between equal multipliers, refinement takes its effect away.
-            np.fill_diagonal(gram, (1.0 + 1e-11) * gram.diagonal() + 1e-300)
+            # A row whose variables are all pinned is zero, and its multiplier may be anything.
+            diagonal = gram.diagonal()
+            np.fill_diagonal(gram, np.where(diagonal > 0.0, (1.0 + 1e-11) * diagonal, 1.0))
             self.R, info = dpotrf(gram, 1, 0)
         return not info
 

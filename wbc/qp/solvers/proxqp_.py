@@ -48,6 +48,7 @@ class ProxQp(Solver):
     name = "proxqp"
     requires = ("proxsuite",)
     package = "proxsuite"
+    repeatable = False  # its sums depend on where its memory lies
 
     eps_abs: float = 1e-9
     max_iter: int = 100
