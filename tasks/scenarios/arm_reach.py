@@ -13,6 +13,7 @@ from tasks import Frame, JointPositionLimits, JointVelocityLimits, Posture, Sinu
 from tasks.scenarios import judge
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
@@ -100,27 +101,20 @@ def _stack(robot: PinocchioModel, frame: str, step: float, level: Formulation) -
 
 def _judged(run: wbc.Run, robot: PinocchioModel, task: str) -> ScenarioResult:
     t = run["t"]
-    caught_up = judge.quiet(t, [0.0, STEP_TIME])
-    tracking = judge.tracking(run, caught_up if caught_up.any() else np.ones(len(t), bool))
-    violations = judge.limit_violations(run, robot)
-    certified = judge.solved_share(run, run.meta["statuses"])
-    speed = np.abs(run["plant.v"]) / robot.limits.v_max
-    after = t >= STEP_TIME
+    caught_up = judge.away_from(t, [0.0, STEP_TIME])
+    tracking = measure.tracking(run, keep=caught_up if caught_up.any() else None)
+    violations = measure.violations(run)
     error = np.linalg.norm(run[f"error.{task}"][:, :3], axis=1)
-    late = np.flatnonzero(after & (error > 0.01))
+    late = np.flatnonzero((t >= STEP_TIME) & (error > 0.01))
     figures = {
-        "certified_share": certified,
-        "speed_use": float(speed.max()),
+        "certified_share": judge.certified_share(run),
+        "speed_use": float(measure.use(run)["velocity"].max()),
         "catch_up_s": float(t[late[-1]] - STEP_TIME) if len(late) else 0.0,
     }
     rms = tracking[task]["rms"]
     verdict = [
-        Check("error after catching up, rms", rms, 2e-3, rms < 2e-3, "m, rad"),
-        Check("certified ticks", certified, 1.0, certified == 1.0, "share"),
-        *(
-            Check(f"{kind} beyond its limit", value, judge.TOLERANCE, value <= judge.TOLERANCE, unit)
-            for kind, (value, unit) in violations.items()
-        ),
+        Check("position error after catching up, rms", rms, 2e-3, rms < 2e-3, "m"),
+        *judge.common_checks(run, violations),
     ]
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,

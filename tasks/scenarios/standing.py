@@ -25,6 +25,7 @@ from tasks.scenarios import judge
 from wbc.errors import NotSupported
 from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
 from wbc.sim.disturbance import Push
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Progress, ScenarioResult
@@ -162,22 +163,19 @@ def _judged(
     run: wbc.Run, robot: PinocchioModel, pushes: Sequence[Push], demand: Demand, duration: float
 ) -> ScenarioResult:
     t, contacts = run["t"], feet_of(robot)
-    away = judge.quiet(t, [push.start for push in pushes])
-    tracking = judge.tracking(run, away)
-    violations = judge.limit_violations(run, robot)
-    violations["commanded wrench"] = judge.cone_excess(run, contacts, prefix="f."), "N"
-    outside, weight = judge.cone_excess(run, true_surfaces(robot), prefix="plant.f."), 9.81 * robot.mass
-    stood = float(t[-1]) + run.meta["dt"]
+    tracking = measure.tracking(run, keep=judge.away_from(t, [push.start for push in pushes]))
+    violations = measure.violations(run)
+    outside, weight = judge.cone_excess(run, true_surfaces(robot)), 9.81 * robot.mass
+    stood = measure.seconds(run)
     com_rms, slip = tracking["CenterOfMass"]["rms"], judge.slip(run, contacts)
-    certified = judge.solved_share(run, run.meta["statuses"])
     figures = {
         "stood_s": stood,
         "com_rms_m": com_rms,
         "com_max_with_pushes_m": float(np.linalg.norm(run["error.CenterOfMass"], axis=1).max()),
         "slip_m": slip,
-        "certified_share": certified,
+        "certified_share": judge.certified_share(run),
         "cone_excess_N": outside,
-        "torque_use": float((np.abs(run["tau"]) / robot.limits.tau_max).max()),
+        "torque_use": float(measure.use(run)["torque"].max()),
     }
     verdict = [
         Check("stays up", stood, duration, stood >= duration - 1e-9, "s"),
@@ -185,11 +183,7 @@ def _judged(
         Check("true slip of the feet", slip, demand.slip, slip < demand.slip, "m"),
         # Soft contacts keep their cones to a thousandth of what they carry.
         Check("net wrench of a foot outside its cone", outside, 1e-3 * weight, outside <= 1e-3 * weight, "N"),
-        Check("certified ticks", certified, 1.0, certified == 1.0, "share"),
-        *(
-            Check(f"{kind} beyond its limit", value, judge.TOLERANCE, value <= judge.TOLERANCE, unit)
-            for kind, (value, unit) in violations.items()
-        ),
+        *judge.common_checks(run, violations),
     ]
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,

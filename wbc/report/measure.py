@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 
 
+#: A robot put onto soft contacts sinks into them first; slip counts from then on [s].
+SETTLED = 0.3
+
+
 class TickTimes(NamedTuple):
     """Time of one tick [µs]."""
 
@@ -182,9 +186,12 @@ def contact_track(run: Run, name: str, *, true: bool) -> ContactTrack | None:
 
 
 def slip(run: Run, name: str) -> float | None:
-    """Largest tangential way of the contact's material point [m]; None where the plant did not record it."""
+    """How far the contact's material point slid from where it had settled [m]; None where it was not recorded."""
     column = run.columns.get(f"plant.slip.{name}")
-    return None if column is None else float(np.linalg.norm(column, axis=1).max(initial=0.0))
+    if column is None:
+        return None
+    way = np.asarray(column, dtype=np.float64)[np.searchsorted(times(run), SETTLED) :]
+    return float(np.linalg.norm(way - way[:1], axis=1).max(initial=0.0))
 
 
 def _excess(values: Vec) -> float:

@@ -74,7 +74,8 @@ class Layout:
     def _refuse_what_the_level_cannot_carry(self) -> None:
         level = self.level
         limits = [(law.name, law.quantity, level.bounds) for law in self.motion_limits + self.torque_limits]
-        rows = [(member.name, member.on, level.carries) for member in (*self.linear, *self.constraints)]
+        rows = [(task.name, task.on, level.carries) for task in self.linear]
+        rows += [(law.name, law.on, level.carries) for law in self.constraints]
         for name, quantity, carried in [*limits, *rows]:
             if quantity not in carried:
                 raise NotSupported(

@@ -1,0 +1,91 @@
+"""The shipped scenarios hold what their verdict demands: briefly in every run, whole in physics when asked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tasks.scenarios import SCENARIOS
+from wbc.errors import InvalidInput, ModelError, UnknownFrame, UnknownRobot
+from wbc.models.catalogue import example_robots
+from wbc.sim.scenario import ScenarioResult, silent
+
+
+def has_example_robots() -> bool:
+    try:
+        example_robots()
+    except ModelError:
+        return False
+    return True
+
+
+needs_examples = pytest.mark.skipif(not has_example_robots(), reason="pip install example-robot-data")
+
+
+def run(name: str, *settings: str, duration: float | None = None, plant: str | None = None) -> ScenarioResult:
+    scenario = SCENARIOS[name]
+    chosen = scenario.choose(plant=plant, hierarchy=None, duration=duration)
+    return scenario.run(scenario.parse(settings), solver="pdas", progress=silent, **chosen)
+
+
+def failed(result: ScenarioResult) -> list[Any]:
+    return [check for check in result.verdict if not check.ok]
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("name, robot", [("humanoid-stand", "humanoid"), ("quadruped-stand", "quadruped")])
+def test_our_own_robots_stand_through_the_first_push(name: str, robot: str) -> None:
+    result = run(name, f"robot={robot}", duration=2.5)
+    assert not failed(result)
+    assert result.run.rows == 2500
+    assert result.figures["com_max_with_pushes_m"] > 1e-3, "the push was not felt"
+
+
+@needs_examples
+@pytest.mark.physics
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name, settings",
+    [
+        ("humanoid-stand", ["robot=talos"]),
+        ("humanoid-stand", ["robot=talos", "push=120"]),
+        ("humanoid-stand", ["robot=g1"]),
+        ("quadruped-stand", ["robot=go2"]),
+    ],
+    ids=lambda x: " ".join(x) if isinstance(x, list) else x,
+)
+def test_real_robots_stand_ten_seconds_through_both_pushes(name: str, settings: list[str]) -> None:
+    result = run(name, *settings)
+    assert not failed(result)
+    assert result.figures["stood_s"] == pytest.approx(10.0)
+
+
+@pytest.mark.physics
+def test_a_push_too_strong_is_a_verdict_of_no() -> None:
+    result = run("humanoid-stand", "robot=humanoid", "push=900", duration=2.5)
+    assert not result.ok
+    assert "stays up" in {check.text for check in failed(result)}
+
+
+@pytest.mark.parametrize(
+    "settings, plant",
+    [([], "integrator"), (["level=dynamics"], "integrator"), (["level=dynamics"], "mujoco")],
+    ids=["velocity", "dynamics", "physics"],
+)
+def test_an_arm_runs_into_its_speed_limits_and_catches_up(settings: list[str], plant: str) -> None:
+    result = run("arm-reach", "robot=arm", *settings, plant=plant, duration=3.0)
+    assert not failed(result)
+    assert result.figures["speed_use"] == pytest.approx(1.0, abs=1e-6), "the step never reached a limit"
+    assert result.figures["catch_up_s"] > 0.1
+
+
+def test_bad_parameters_are_refused_before_the_first_tick() -> None:
+    with pytest.raises(UnknownFrame, match="tool"):
+        run("arm-reach", "robot=arm", "frame=tol")
+    with pytest.raises(InvalidInput, match="level"):
+        run("arm-reach", "robot=arm", "level=torque")
+    with pytest.raises(InvalidInput, match="level=dynamics"):
+        run("arm-reach", "robot=arm", plant="mujoco")
+    with pytest.raises(UnknownRobot, match="talos"):
+        run("humanoid-stand", "robot=talo")
