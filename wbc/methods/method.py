@@ -14,8 +14,8 @@ class Method(ABC):
     """Frozen problem data. ``closed_form()`` and ``solve(solver)`` give the same kind of result.
 
     ``difference`` says how far two results are from each other, by name, each number relative to what it measures, so
-    that one tolerance judges all: an unknown where it is unique, residuals and cost always. :func:`wbc.testing.check_method`
-    uses it to compare the closed form with every installed solver.
+    that one tolerance judges all: an unknown where it is unique, residuals and cost always.
+    :func:`wbc.testing.check_method` uses it to compare the closed form with every installed solver.
     """
 
     @abstractmethod
