@@ -1,11 +1,31 @@
-"""Robots: what they must answer (model), Pinocchio behind it, and ``load``. Knows no optimisation.
+"""Robots: what they must answer (model), Pinocchio behind it and ``load``, and planar robots by formula.
 
-Importing this loads no robot library; the first robot does.
+Importing this loads no robot library; the first robot does. It loads no sympy; the first derivation does.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from wbc.models.chain import Chain
 from wbc.models.loading import load
 from wbc.models.model import FrameState, Limits, Pose, RobotModel, RobotState
 
-__all__ = ["FrameState", "Limits", "Pose", "RobotModel", "RobotState", "load"]
+if TYPE_CHECKING:
+    from wbc.models.planar_4p import Planar4P
+    from wbc.models.planar_pr import PlanarPR
+
+__all__ = ["Chain", "FrameState", "Limits", "Planar4P", "PlanarPR", "Pose", "RobotModel", "RobotState", "load"]
+
+_HOME = {"Planar4P": "wbc.models.planar_4p", "PlanarPR": "wbc.models.planar_pr"}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "lagrange":
+        return import_module("wbc.models.lagrange")
+    if name in _HOME:
+        value = getattr(import_module(_HOME[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'wbc.models' has no attribute {name!r}")

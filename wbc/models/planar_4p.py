@@ -1,0 +1,146 @@
+"""Planar4P: four prismatic joints, two along x and two along y, by hand formulas."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Unpack, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInput
+from wbc.models.chain import Chain
+from wbc.models.planar import JointLimits, PlanarRobot
+from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from wbc.models.lagrange import Derivation
+
+#: Coefficients from masses: m1 + m2 + m3 + m4, m2 + m3 + m4, m3 + m4, m4.
+_SUMS = np.triu(np.ones((4, 4)))
+_J = np.array([[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0]])
+
+
+@final
+class Planar4P(PlanarRobot):
+    """Joints 1 and 3 slide along x, joints 2 and 4 along y, upwards. M is constant, so c = 0 and S = 0.
+
+        M = [ a1  0   a3  0  ]      g = [ 0     ]      Y(q̈) = [ q̈1  0        q̈3       0            ]
+            [ 0   a2  0   a4 ]          [ a2 g0 ]             [ 0   q̈2 + g0  0        q̈4           ]
+            [ a3  0   a3  0  ]          [ 0     ]             [ 0   0        q̈1 + q̈3  0            ]
+            [ 0   a4  0   a4 ]          [ a4 g0 ]             [ 0   0        0        q̈2 + q̈4 + g0 ]
+
+    with a = (m1 + m2 + m3 + m4, m2 + m3 + m4, m3 + m4, m4) and M q̈ + g = Y(q̈) a.
+    The end effector is at (q1 + q3, q2 + q4). M is positive definite when m1 + m2, m2 + m3, m3 + m4 and m4 are > 0.
+
+    Args:
+        m: masses of the links (4,) [kg].
+        gravity: along −y [m/s²]; 0 when the plane is horizontal.
+        limits: ``q_min``, ``q_max`` [m], ``v_max`` [m/s], ``tau_max`` [N]: a number or (4,); none by default.
+
+    Raises:
+        InvalidInput: a mass that is negative or not finite, or an M that is singular.
+
+    Source: J.-J. E. Slotine, W. Li, Applied Nonlinear Control, 1991, for the linear parametrisation.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.models import Planar4P
+        >>> robot = Planar4P(m=(4, 3, 2, 1))
+        >>> robot.coefficients.tolist(), robot.cartesian_inertia(np.zeros(4)).tolist()
+        ([10.0, 6.0, 3.0, 1.0], [[3.0, 0.0], [0.0, 1.0]])
+    """
+
+    def __init__(
+        self, *, m: ArrayLike = (1.0, 1.0, 1.0, 1.0), gravity: float = 9.81, **limits: Unpack[JointLimits]
+    ) -> None:
+        masses = np.array(m, dtype=np.float64)
+        if masses.shape != (4,):
+            raise InvalidInput(f"m must have shape (4,), not {masses.shape}")
+        parameters = {f"m{i + 1}": float(mass) for i, mass in enumerate(masses)}
+        super().__init__("planar_4p", Chain.parse("PxPyPxPy"), parameters, gravity=gravity, limits=limits)
+        self._m, self._a = masses, _SUMS @ masses
+        self.check_inertia()
+
+    def M(self, q: ArrayLike) -> Mat:
+        self._constant(q=q)
+        a1, a2, a3, a4 = self._a
+        return np.array([[a1, 0.0, a3, 0.0], [0.0, a2, 0.0, a4], [a3, 0.0, a3, 0.0], [0.0, a4, 0.0, a4]])
+
+    def c(self, q: ArrayLike, v: ArrayLike) -> Vec:
+        self._constant(q=q, v=v)
+        return np.zeros(4)
+
+    def S(self, q: ArrayLike, v: ArrayLike) -> Mat:
+        self._constant(q=q, v=v)
+        return np.zeros((4, 4))
+
+    def g(self, q: ArrayLike) -> Vec:
+        self._constant(q=q)
+        _, a2, _, a4 = self._a
+        return np.array([0.0, a2 * self.g0, 0.0, a4 * self.g0])
+
+    def J(self, q: ArrayLike) -> Mat:
+        self._constant(q=q)
+        return _J.copy()
+
+    def Jdot_v(self, q: ArrayLike, v: ArrayLike) -> Vec:
+        self._constant(q=q, v=v)
+        return np.zeros(2)
+
+    def momentum(self, q: ArrayLike, v: ArrayLike) -> Vec:
+        self._constant(q=q)
+        v1, v2, v3, v4 = self.vector("v", v)
+        a1, a2, a3, a4 = self._a
+        return np.array([a1 * v1 + a3 * v3, a2 * v2 + a4 * v4, a3 * (v1 + v3), a4 * (v2 + v4)])
+
+    def beta(self, q: ArrayLike, v: ArrayLike) -> Vec:
+        self._constant(v=v)
+        return self.g(q)
+
+    def energy(self, q: ArrayLike, v: ArrayLike) -> float:
+        _, q2, _, q4 = self.vector("q", q)
+        v1, v2, v3, v4 = self.vector("v", v)
+        m1, m2, m3, m4 = self._m
+        x, y = (v1 + v3) ** 2, (v2 + v4) ** 2
+        kinetic = 0.5 * (m1 * v1**2 + m2 * (v1**2 + v2**2) + m3 * (x + v2**2) + m4 * (x + y))
+        return float(kinetic + self.g0 * ((m2 + m3) * q2 + m4 * (q2 + q4)))
+
+    # ---- linear parametrisation and the end effector
+    @property
+    def coefficients(self) -> Vec:
+        """(m1 + m2 + m3 + m4, m2 + m3 + m4, m3 + m4, m4) [kg]."""
+        return self._a.copy()
+
+    def Y(self, a: ArrayLike) -> Mat:
+        """Y (4, 4) with Y · coefficients = M a + g, for the acceleration a (4,) [m/s²]."""
+        a1, a2, a3, a4 = self.vector("a", a)
+        Y = np.diag([a1, a2 + self.g0, a1 + a3, a2 + a4 + self.g0])
+        Y[0, 2], Y[1, 3] = a3, a4
+        return Y
+
+    def Y_masses(self, a: ArrayLike) -> Mat:
+        """Y_m (4, 4) with Y_m · m = M a + g, for the acceleration a (4,) [m/s²]."""
+        a1, a2, a3, a4 = self.vector("a", a)
+        x, y, below = a1 + a3, a2 + a4 + self.g0, a2 + self.g0
+        return np.array([[a1, a1, x, x], [0.0, below, below, y], [0.0, 0.0, x, x], [0.0, 0.0, 0.0, y]])
+
+    def regressor(self, q: ArrayLike, v: ArrayLike, v_reference: ArrayLike, a: ArrayLike) -> Mat:
+        self._constant(q=q, v=v, v_reference=v_reference)
+        return self.Y(a)
+
+    def cartesian_inertia(self, q: ArrayLike) -> Mat:
+        """M_r = (J M⁻¹ Jᵀ)⁻¹ = diag(m3 + m4, m4) [kg]: what a force on the end effector has to move."""
+        self._constant(q=q)
+        _, _, a3, a4 = self._a
+        return np.diag([a3, a4])
+
+    def symbolic(self) -> Derivation:
+        """The same formulas, derived: sympy expressions, and ``latex()``."""
+        from wbc.models.lagrange import derive
+
+        return derive(self.chain)
+
+    def _constant(self, **arguments: ArrayLike) -> None:
+        """Nothing depends on these arguments; a wrong shape is refused all the same."""
+        for name, value in arguments.items():
+            self.vector(name, value)
