@@ -13,6 +13,10 @@ Example:
 
 from tasks.com import CenterOfMass as CenterOfMass
 from tasks.contact_force import ContactForce as ContactForce
+from tasks.criteria.clearance import Clearance as Clearance
+from tasks.criteria.criterion import Criterion as Criterion
+from tasks.criteria.manipulability import Manipulability as Manipulability
+from tasks.criteria.mid_range import MidRange as MidRange
 from tasks.damping import Damping as Damping
 from tasks.frame import Frame as Frame
 from tasks.joint_velocity import JointVelocity as JointVelocity
@@ -24,6 +28,7 @@ from tasks.orientation import Orientation as Orientation
 from tasks.point import Point as Point
 from tasks.position import Position as Position
 from tasks.posture import Posture as Posture
+from tasks.projected_gradient import ProjectedGradient as ProjectedGradient
 from tasks.sole import Sole as Sole
 from tasks.torque import Torque as Torque
 from tasks.trajectories import Sinusoid as Sinusoid

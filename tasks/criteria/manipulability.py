@@ -1,0 +1,85 @@
+"""Manipulability: how far a frame is from a singular posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from tasks.criteria.criterion import Criterion
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.types import Mat, Vec
+
+ROWS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@final
+class Manipulability(Criterion):
+    """H = √det(J Jᵀ) = σ_1 … σ_m, the product of the singular values of the rows ``rows`` of a frame's Jacobian.
+
+    J (m, nj) holds the columns of the joints; rows "x", "y", "z" are linear, "rx", "ry", "rz" angular, world axes.
+    With J = U Σ Vᵀ and G = Σ_k (Π_{l≠k} σ_l) u_k v_kᵀ (m, nj), ∂H/∂q_j = Σ G ∘ ∂J/∂q_j. The derivatives of the
+    columns (a_i linear, w_i angular) are exact: for j before i in the chain ∂a_i/∂q_j = w_j × a_i,
+    ∂w_i/∂q_j = w_j × w_i; for j behind i ∂a_i/∂q_j = w_i × a_j, ∂w_i/∂q_j = 0. Where J loses one rank, H has a kink
+    and the gradient is that of one side; it leads away from the singularity.
+    Source: Yoshikawa, Int. J. Robotics Research 1985.
+
+    Raises:
+        InvalidInput: a row that does not exist or comes twice; when a stack is compiled, more rows than joints.
+        UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import Manipulability
+        >>> robot, dexterity = wbc.load("arm"), Manipulability("tool")
+        >>> dexterity.prepare(robot)
+        >>> dexterity.value(robot.state()) > 0.0, dexterity.gradient(robot.state()).shape
+        (True, (7,))
+    """
+
+    def __init__(self, frame: str, *, rows: Sequence[str] = ("x", "y", "z")) -> None:
+        for i, row in enumerate(rows):
+            if row not in ROWS or row in rows[:i]:
+                raise InvalidInput(f"Manipulability.rows[{i}] is {row!r}; each is one of {', '.join(ROWS)}, once")
+        if not rows:
+            raise InvalidInput("Manipulability.rows is empty; give at least one row")
+        self.frame, self.rows = frame, tuple(rows)
+        self.name = f"manipulability of {frame}"
+        linear = sum(len(row) == 1 for row in rows)
+        self.units = " ".join(f"{unit}^{k}" for unit, k in (("m", linear), ("rad", len(rows) - linear)) if k)
+        self._index = [ROWS.index(row) for row in rows]
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+        if len(self.rows) > model.nj:
+            raise InvalidInput(f"Manipulability.rows are {len(self.rows)}, the joints of {model.name} {model.nj}")
+
+    def value(self, state: RobotState) -> float:
+        return float(np.prod(np.linalg.svd(self._jacobian(state)[self._index], compute_uv=False)))
+
+    def gradient(self, state: RobotState) -> Vec:
+        J = self._jacobian(state)
+        left, sizes, right = np.linalg.svd(J[self._index], full_matrices=False)
+        others = np.array([np.prod(np.delete(sizes, k)) for k in range(len(sizes))])
+        G = np.zeros_like(J)
+        G[self._index] = (left * others) @ right
+        return _change_along_joints(J, G)
+
+    def _jacobian(self, state: RobotState) -> Mat:
+        return state.frame(self.frame).jacobian()[:, state.model.nb :]
+
+
+def _change_along_joints(J: Mat, G: Mat) -> Vec:
+    """Σ G ∘ ∂J/∂q_j of each joint j (nj,). Joints of a chain are counted from its base; others have zero columns."""
+    a, w = J[:3].T, J[3:].T
+    Ga, Gw = G[:3].T, G[3:].T
+    # From w_j × x · g = w_j · (x × g): sums over the joints i from j on, of what turns with joint j ...
+    turned = np.cross(a, Ga) + np.cross(w, Gw)
+    behind = np.cumsum(turned[::-1], axis=0)[::-1]
+    # ... and from w_i × a_j · g_i = a_j · (g_i × w_i): over the joints i before j.
+    moved = np.cross(Ga, w)
+    before = np.cumsum(moved, axis=0) - moved
+    change: Vec = (w * behind).sum(axis=1) + (a * before).sum(axis=1)
+    return change

@@ -1,0 +1,66 @@
+"""ProjectedGradient: a redundant robot spends its spare joints on a criterion."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+from tasks.criteria.clearance import Clearance
+from tasks.criteria.criterion import Criterion
+from tasks.criteria.manipulability import Manipulability
+from tasks.criteria.mid_range import MidRange
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows
+
+
+@final
+class ProjectedGradient(Task):
+    """Climb H(q): one row a joint. Below tasks that are laws it is the projected gradient method within all limits.
+
+    Velocity level:      v_joints = gain ∇H
+    Acceleration level:  a_joints = kd (gain ∇H − v_joints), the same with a lag of 1/kd [s]
+
+    With J v = ẏ as a law the optimum of ½ w |v − gain ∇H|² is v = J# ẏ + gain (I − J# J) ∇H while no bound is active,
+    and the nearest feasible velocity when one is. ``gain`` [joint unit / s per unit of ∇H] may be negative: descend.
+    The regularisation of a level pulls v towards zero by the share ε / (w + ε).
+    Source: Rosen's gradient projection; for robots Liégeois, IEEE Trans. Systems, Man, and Cybernetics 1977.
+
+    Raises:
+        InvalidInput: a criterion that is none, a gain that is not finite; when a stack is compiled, what the criterion
+            refuses.
+
+    Example:
+        >>> from tasks import Manipulability, ProjectedGradient
+        >>> ProjectedGradient(Manipulability("tool"), gain=2.0, weight=1e-2)
+        ProjectedGradient[manipulability of tool](weight=0.01)
+    """
+
+    on_joints = True
+
+    def __init__(
+        self, criterion: Criterion, *, gain: float = 1.0, kd: Any = 10.0, weight: Any = 1.0, name: str | None = None
+    ) -> None:
+        if not isinstance(criterion, Criterion):
+            raise InvalidInput(f"ProjectedGradient.criterion must be a Criterion, not {criterion!r}")
+        self.criterion, self.subject = criterion, criterion.name
+        super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
+        self.gain = checks.number(f"{self.name}.gain", gain)
+
+    def prepare(self, model: RobotModel) -> None:
+        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
+        self.criterion.prepare(model)
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        out.e[:] = 0.0
+        out.rate_ref[:] = self.gain * self.criterion.gradient(state)
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame = model.frame_names[-1]
+        return [
+            cls(MidRange(), gain=5.0), cls(Manipulability(frame), kd=20.0),
+            cls(Manipulability(frame, rows=["x", "rz"])),
+            cls(Clearance(frame, point=[0.1, 0.2, 0.3], reach=2.0)),
+            cls(Clearance(frame, plane=([0.0, 1.0, 1.0], 0.2), reach=2.0), gain=-1.0),
+        ]  # fmt: skip
