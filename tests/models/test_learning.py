@@ -19,6 +19,7 @@ READS: dict[str, Callable[[RobotState], np.ndarray]] = {
     "M": lambda s: s.M,
     "h": lambda s: s.h,
     "g": lambda s: s.g,
+    "coriolis": lambda s: s.coriolis,
     "com": lambda s: s.com,
     "com_jacobian": lambda s: s.com_jacobian,
     "com_drift": lambda s: s.com_drift,
@@ -30,7 +31,10 @@ READS: dict[str, Callable[[RobotState], np.ndarray]] = {
     "drift": lambda s: s.frame("left_hand").drift(),
     "drift_local": lambda s: s.frame("left_sole").drift_local(),
 }
-DYNAMICS = ("crba", "nonLinearEffects", "centerOfMass", "forwardKinematics", "computeGeneralizedGravity")
+DYNAMICS = (
+    "crba", "nonLinearEffects", "centerOfMass", "forwardKinematics", "computeGeneralizedGravity",
+    "computeCoriolisMatrix",
+)  # fmt: skip
 
 
 def moments(seed: int, number: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -118,7 +122,7 @@ def test_a_frame_follows_the_state():
 
 def test_views_taken_once_stay_right():
     state = HUMANOID.state()
-    views = {read: READS[read](state) for read in ("M", "h", "g", "com", "com_jacobian", "com_drift")}
+    views = {read: READS[read](state) for read in ("M", "h", "g", "coriolis", "com", "com_jacobian", "com_drift")}
     q, v = moments(3, 1)[0]
     state.update(0.0, q, v)
     assert all(np.array_equal(view, fresh(read, q, v)) for read, view in views.items())

@@ -115,6 +115,16 @@ def test_inertia_and_bias_are_the_recursive_dynamics(robot: RobotModel, seed: in
 
 @robots
 @given(seed=seeds)
+def test_the_coriolis_matrix_gives_the_bias_and_the_rate_of_the_inertia_matrix(robot: RobotModel, seed: int):
+    """Property 56."""
+    q, v = somewhere(robot, seed)
+    state = at(robot, q, v)
+    assert close(state.coriolis @ v + state.g, state.h)
+    assert close(state.coriolis + state.coriolis.T, rate(robot, q, v, lambda s: s.M))
+
+
+@robots
+@given(seed=seeds)
 def test_gravity_is_the_weight_at_the_centre_of_mass(robot: RobotModel, seed: int):
     state = at(robot, *somewhere(robot, seed))
     assert np.allclose(state.g, -robot.mass * state.com_jacobian.T @ robot.gravity, atol=1e-9)

@@ -113,6 +113,11 @@ class RobotState(ABC):
 
     @property
     @abstractmethod
+    def coriolis(self) -> Mat:
+        """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ: p = M v changes by ṗ = Sᵀ τ + Jᵀ f + Cᵀ v − g."""
+
+    @property
+    @abstractmethod
     def com(self) -> Vec:
         """Centre of mass in the world (3,) [m]."""
 

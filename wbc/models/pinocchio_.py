@@ -203,6 +203,7 @@ class PinocchioState(RobotState):
         self._data = data = model.pinocchio.createData()
         self._M, self._com_jacobian = _view(data.M, data, model.nv, model.nv), _view(data.Jcom, data, 3, model.nv)
         self._h, self._g = _view(data.nle, data, model.nv), _view(data.g, data, model.nv)
+        self._coriolis = _view(data.C, data, model.nv, model.nv)
         self._com, self._com_drift = _view(data.com[0], data), _view(data.acom[0], data)
         self._needs: set[str] = set()
         self._frames: dict[str, PinocchioFrame] = {}
@@ -268,6 +269,13 @@ class PinocchioState(RobotState):
         return self._g
 
     @property
+    def coriolis(self) -> Mat:
+        """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ."""
+        if "coriolis" not in self._needs:
+            self._learn("coriolis")
+        return self._coriolis
+
+    @property
     def com(self) -> Vec:
         """Centre of mass in the world (3,) [m]."""
         if "com" not in self._needs:
@@ -309,6 +317,8 @@ class PinocchioState(RobotState):
             plan.append((name, partial(getattr(pin, name), model, data, *arguments)))
 
         placed = with_jacobians = False
+        if "coriolis" in needs:
+            add("computeCoriolisMatrix", q, v)
         if "M" in needs:
             add("crba", q, pin.Convention.WORLD)  # placements and joint Jacobians come with it
             placed = with_jacobians = True

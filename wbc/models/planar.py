@@ -257,6 +257,11 @@ class PlanarState(RobotState):
         return self._view("g", lambda: self.model.g(self._q))
 
     @property
+    def coriolis(self) -> Mat:
+        """The factor S (n, n) of c = S v with Ṁ = S + Sᵀ."""
+        return self._view("coriolis", lambda: self.model.S(self._q, self._v))
+
+    @property
     def com(self) -> Vec:
         """Centre of mass in the world (3,) [m]."""
         return self._view("com", lambda: self._mean([m.com.position for m in self.motion]))
