@@ -7,33 +7,46 @@ from typing import Any, Self, final
 import numpy as np
 
 from tasks.trajectories import Sinusoid
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows, vector_target
 from wbc.stack.tracking import Tracking
 
+#: Rows of a frame's Jacobian by axes; slices, so that views of the state are taken and not copies.
+_ROWS = {
+    "xyz": slice(0, 3), "xy": slice(0, 2), "yz": slice(1, 3), "xz": slice(0, 3, 2),
+    "x": slice(0, 1), "y": slice(1, 2), "z": slice(2, 3),
+}  # fmt: skip
+
 
 @final
 class Position(Tracking, Task):
-    """e = p_target − p [m]: three rows, world axes.
+    """e = p_target − p [m]: one row for each of ``axes``, by default all three, world axes.
 
-    ``target``: (3,), or a function of time giving it or (position, velocity, acceleration).
+    ``target``: as many numbers as there are axes, or a function of time giving them or (position, velocity,
+    acceleration).
 
     Raises:
-        InvalidInput: a target of another shape. UnknownFrame: when a stack is compiled.
+        InvalidInput: axes that are not some of "xyz" in this order, a target of another shape.
+        UnknownFrame: when a stack is compiled.
 
     Example:
         >>> from tasks import Position
-        >>> Position("tool", target=[0.4, 0.0, 0.5]).units
-        'm'
+        >>> Position("tool", target=[0.4, 0.0, 0.5]).units, Position("tool", target=[0.5], axes="z").dim
+        ('m', 1)
     """
 
-    dim, units, labels, convert = 3, "m", "xyz", staticmethod(vector_target(3))
+    units = "m"
 
     def __init__(
-        self, frame: str, *, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0,
-        name: str | None = None,
+        self, frame: str, *, target: Any, axes: str = "xyz", kp: Any = 100.0, kd: Any = None, rate: Any = None,
+        weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
+        if axes not in _ROWS:
+            raise InvalidInput(f"{self.name}.axes is {axes!r}; it must be one of {', '.join(_ROWS)}")
+        self._rows_of_frame, self.dim, self.labels = _ROWS[axes], len(axes), axes
+        self.convert = vector_target(self.dim)
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.target = target
 
@@ -41,13 +54,14 @@ class Position(Tracking, Task):
         model.check_frame(self.frame)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
-        out.J[:] = frame.jacobian()[:3]
-        np.subtract(target.value, frame.position, out.e)
-        out.drift[:] = frame.drift()[:3]
+        frame, target, rows = state.frame(self.frame), self.reference(state.t), self._rows_of_frame
+        out.J[:] = frame.jacobian()[rows]
+        np.subtract(target.value, frame.position[rows], out.e)
+        out.drift[:] = frame.drift()[rows]
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         motion = Sinusoid([0.3, 0.0, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9])
-        return [cls(model.frame_names[-1], target=[0.3, 0.0, 0.5]), cls(model.frame_names[-1], target=motion)]
+        frame = model.frame_names[-1]
+        return [cls(frame, target=[0.3, 0.0, 0.5]), cls(frame, target=motion), cls(frame, target=[0.3, 0.5], axes="xz")]

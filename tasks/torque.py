@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from tasks.trajectories import Sinusoid
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import LinearRows, LinearTask, vector_target
 from wbc.stack.tracking import Tracking
@@ -17,14 +17,15 @@ from wbc.types import Vec
 
 @final
 class Torque(Tracking, LinearTask):
-    """τ = τ₀, one row a joint [N m, N]; the cost is ½ w ‖τ − τ₀‖², or ½ ‖τ − τ₀‖²_{M⁻¹} with weight="inverse_inertia".
+    """τ = τ₀, one row a joint [N m, N]; the cost is ½ w ‖τ − τ₀‖², or ½ ‖τ − τ₀‖²_W with weight="inverse_inertia".
 
-    The second is written as A = L⁻¹, b = L⁻¹ τ₀ with M = L Lᵀ, and needs a fixed base. ``tau_0`` (also ``target``):
-    scalar or (nj,), or a function of time giving it. Source: Khatib, IEEE J. Robotics and Automation 1987.
+    W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are laws this is
+    Gauss' principle: the acceleration nearest, in the metric M, to the one τ₀ alone would give. With M = L Lᵀ the rows
+    are A = (L⁻¹)_joints (its last nj rows and columns, AᵀA = W) and b = A τ₀. ``tau_0`` (also ``target``): scalar or
+    (nj,), or a function of time giving it. Source: Khatib, IEEE J. Robotics and Automation 1987.
 
     Raises:
         InvalidInput: a weight that is neither, a target of another size.
-        NotSupported: "inverse_inertia" on a floating base, when a stack is compiled.
 
     Example:
         >>> from tasks import Torque
@@ -42,8 +43,6 @@ class Torque(Tracking, LinearTask):
         self.target = tau_0
 
     def prepare(self, model: RobotModel) -> None:
-        if self._by_inertia and model.nb:
-            raise NotSupported(f"{self.name} by inverse inertia needs a fixed base; {model.name} has a floating one")
         self.dim, self.labels = model.nj, model.joint_names
         self.units = tuple("N" if unit == "m" else "N m" for unit in model.joint_units)
         self._identity, self._vector = np.eye(model.nj), vector_target(model.nj)
@@ -56,7 +55,9 @@ class Torque(Tracking, LinearTask):
         tau_0 = self.reference(state.t).value
         if self._by_inertia:
             factor, _ = lapack.dpotrf(state.M, 1)
-            out.A[:] = lapack.dtrtri(factor, 1)[0]
+            # L⁻¹ is lower triangular: its joint columns are zero above their own block.
+            nb = state.model.nb
+            out.A[:] = lapack.dtrtri(factor, 1)[0][nb:, nb:]
             np.dot(out.A, tau_0, out.b)
         else:
             out.A[:] = self._identity
@@ -65,5 +66,4 @@ class Torque(Tracking, LinearTask):
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         wave = Sinusoid([1.0] * model.nj, amplitude=2.0, frequency=0.5)
-        by_inertia = [cls(1.0, weight="inverse_inertia")] if model.nb == 0 else []
-        return [cls(), cls(wave, weight=1e-4), *by_inertia]
+        return [cls(), cls(wave, weight=1e-4), cls(1.0, weight="inverse_inertia")]

@@ -11,7 +11,7 @@ from hypothesis import given
 
 from tasks import CenterOfMass, ContactForce, Frame, JointVelocity, Orientation, Position, Posture, Sinusoid, Torque
 from tasks.motions import pose_motion, swing
-from wbc.errors import InvalidInput, NotSupported, UnknownFrame
+from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotState
 from wbc.stack.task import LinearRows, TaskRows
 from wbc.testing import robots
@@ -66,6 +66,8 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(2), np.zeros(3))), "target rate must have"),
         (lambda: CenterOfMass(target=None), "CenterOfMass.target is None"),
         (lambda: ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \(2,\)"),
+        (lambda: Position(TOOL, target=[0.0, 0.0], axes="yx"), "axes is 'yx'; it must be one of xyz, xy, yz"),
+        (lambda: Position(TOOL, target=[0.0] * 3, axes="xy"), r"target must have shape \(2,\), not \(3,\)"),
         (lambda: Torque(weight="inertia"), "weight is 'inertia'; it must be numbers or 'inverse_inertia'"),
         (lambda: Frame(TOOL, target=np.eye(4), weight=[1.0] * 5), r"weight must have shape \(6,\)"),
         (lambda: Frame(TOOL, target=np.eye(4), position_weight=-1.0), "weight"),
@@ -198,9 +200,21 @@ def test_the_inverse_inertia_weight_is_the_kinetic_norm_of_the_torque(state: Rob
     np.testing.assert_allclose(residual @ residual, off @ np.linalg.solve(state.M, off), rtol=1e-9)
 
 
-def test_the_inverse_inertia_weight_needs_a_fixed_base():
-    with pytest.raises(NotSupported, match="needs a fixed base; humanoid has a floating one"):
-        Torque(weight="inverse_inertia").prepare(HUMANOID)
+@given(state=states(HUMANOID))
+def test_on_a_floating_base_the_weight_is_that_of_the_joints(state: RobotState):
+    tau_0 = np.linspace(-3.0, 5.0, HUMANOID.nj)
+    out = linear_rows(Torque(tau_0, weight="inverse_inertia"), state, HUMANOID.nj)
+    weight = np.linalg.inv(state.M)[6:, 6:]
+    np.testing.assert_allclose(out.A.T @ out.A, weight, atol=1e-8 * np.abs(weight).max())
+    np.testing.assert_allclose(out.b, out.A @ tau_0, atol=1e-9)
+
+
+@given(states(ARM))
+def test_a_position_along_some_axes_is_some_rows_of_the_whole(state: RobotState):
+    whole = rows(Position(TOOL, target=[0.3, 0.1, 0.5]), state)
+    part = rows(Position(TOOL, target=[0.3, 0.5], axes="xz"), state)
+    for array in ("e", "J", "drift"):
+        np.testing.assert_array_equal(getattr(part, array), getattr(whole, array)[[0, 2]])
 
 
 def test_a_torque_and_a_force_are_wished_for_row_by_row():
