@@ -10,6 +10,7 @@ import typer
 from wbc import __version__
 from wbc.cli.bench import bench
 from wbc.cli.console import BAD_INPUT, complain
+from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
 from wbc.cli.list_ import list_
 from wbc.cli.run import run
@@ -25,6 +26,7 @@ app.command("run")(run)
 app.command("list")(list_)
 app.command("doctor")(doctor)
 app.command("bench")(bench)
+app.command("derive")(derive)
 
 
 @app.callback(invoke_without_command=True)

@@ -16,7 +16,7 @@ import pinocchio
 from numpy.typing import ArrayLike
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, NotSupported
 from wbc.models.chain import Chain
 from wbc.models.model import FrameState, Limits, RobotModel, RobotState
 from wbc.types import Mat, Vec
@@ -120,6 +120,26 @@ class PlanarRobot(RobotModel):
     @abstractmethod
     def regressor(self, q: ArrayLike, v: ArrayLike, v_reference: ArrayLike, a: ArrayLike) -> Mat:
         """Y (n, p) with Y · coefficients = M(q) a + S(q, v) v_reference + g(q)."""
+
+    def cartesian_inertia(self, q: ArrayLike) -> Mat:
+        """M_r = (J M⁻¹ Jᵀ)⁻¹ (2, 2) [kg]: what a force on the end effector has to move.
+
+        Raises:
+            InvalidInput: at q the end effector cannot move in two directions.
+        """
+        J = self.J(q)
+        if np.linalg.matrix_rank(J) < 2:
+            raise InvalidInput(f"at q = {np.asarray(q).tolist()} the end effector cannot move in two directions")
+        inertia: Mat = np.linalg.inv(J @ np.linalg.solve(self.M(q), J.T))
+        return inertia
+
+    def possible_coefficients(self) -> tuple[Mat, Vec]:
+        """C (k, p) and d (k,): masses that are not negative give coefficients a with C a <= d, and no others.
+
+        Raises:
+            NotSupported: the set is not a polyhedron, or is not known.
+        """
+        raise NotSupported(f"the possible coefficients of {self.name} are not known as a polyhedron")
 
     # ---- what every robot answers
     def state(self) -> PlanarState:

@@ -111,6 +111,10 @@ class Planar4P(PlanarRobot):
         """(m1 + m2 + m3 + m4, m2 + m3 + m4, m3 + m4, m4) [kg]."""
         return self._a.copy()
 
+    def possible_coefficients(self) -> tuple[Mat, Vec]:
+        """a1 >= a2 >= a3 >= a4 >= 0: every mass is a difference of neighbours, m = T⁻¹ a >= 0."""
+        return np.diag(np.ones(3), 1) - np.eye(4), np.zeros(4)
+
     def Y(self, a: ArrayLike) -> Mat:
         """Y (4, 4) with Y · coefficients = M a + g, for the acceleration a (4,) [m/s²]."""
         a1, a2, a3, a4 = self.vector("a", a)

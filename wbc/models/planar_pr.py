@@ -90,7 +90,8 @@ class PlanarPR(PlanarRobot):
 
     def Jdot_v(self, q: ArrayLike, v: ArrayLike) -> Vec:
         q, v = self.vector("q", q), self.vector("v", v)
-        return -self._l * v[1] ** 2 * np.array([np.cos(q[1]), np.sin(q[1])])
+        towards_joint = -self._l * v[1] ** 2
+        return np.array([towards_joint * np.cos(q[1]), towards_joint * np.sin(q[1])])
 
     def momentum(self, q: ArrayLike, v: ArrayLike) -> Vec:
         q, v = self.vector("q", q), self.vector("v", v)

@@ -159,14 +159,14 @@ class Derivation:
             NotSupported: the end effector cannot move in two directions, or there are too many joints.
         """
         if canonical((self.J * self.J.T).det()) == 0:
-            raise NotSupported(f"the end effector of {self.chain} cannot move in two directions: J has rank < 2")
+            raise NotSupported(f"{self.chain} has no Cartesian inertia: its end effector cannot move in two directions")
         if len(self.q) == 2:
             # J⁻ᵀ M J⁻¹, and one division: determinants of a planar J are short.
             adjugate, determinant = self.J.adjugate(), canonical(self.J.det())
             return (adjugate.T * self.M * adjugate).applyfunc(lambda entry: _short_quotient(entry, determinant**2))
         if self.M.free_symbols.isdisjoint(self.q) and self.J.free_symbols.isdisjoint(self.q):
             return (self.J * self.M.inv() * self.J.T).inv().applyfunc(sp.cancel)
-        raise NotSupported(f"(J M⁻¹ Jᵀ)⁻¹ of {self.chain} fills pages; evaluate it with numbers")
+        raise NotSupported(f"the Cartesian inertia of {self.chain} fills pages; evaluate it with numbers")
 
     # ---- linear parametrisation
     @cached_property
