@@ -86,6 +86,25 @@ def test_bounds_it_writes_hold_in_the_same_tick(arm: Any) -> None:
     assert abs(command.tau[2]) <= 1e-8
 
 
+class Failing(wbc.Component):
+    """Takes a joint's torque away in the tick in which the solve fails."""
+
+    def before(self, state: Any, last: Any, plan: Any) -> None:
+        if state.t > 0.5:
+            lower, upper = plan.torque_bounds
+            lower[2] = upper[2] = 0.0
+
+
+def test_bounds_it_writes_hold_for_a_command_that_is_repeated(arm: Any) -> None:
+    control = controller(arm, Failing())
+    q, v = moving(arm, 2)
+    assert abs(control.tick(0.0, q, v).tau[2]) > 0.1
+    control.stack.tasks[0].target = lambda t: np.full(3, 0.4 if t == 0.0 else np.nan)
+    held = control.tick(1.0, q, v)
+    assert held.rung == "hold"
+    assert held.tau[2] == 0.0
+
+
 class Load(wbc.Component):
     """Knows of a generalised force that the model does not."""
 

@@ -12,7 +12,7 @@ from wbc.qp import QP
 from wbc.qp.solvers import by_name, usable
 from wbc.types import Status
 
-FOLDER = Path(os.environ.get("WBC_QPS", Path(__file__).parents[3] / "shared" / "qps")) / "mpc"
+FOLDER = Path(os.environ.get("WBC_QPS", "qps")) / "mpc"
 FILES = sorted(FOLDER.glob("*.npz"))
 SOLVERS = {"pdas": 1e-8, "daqp": 1e-8, "clarabel": 1e-6, "piqp": 1e-6}
 
@@ -27,7 +27,7 @@ def read(path: Path) -> QP:
     )  # fmt: skip
 
 
-@pytest.mark.skipif(not FILES, reason=f"no recorded problems in {FOLDER}; set WBC_QPS to a folder that has mpc/*.npz")
+@pytest.mark.skipif(not FILES, reason="no recorded problems; set WBC_QPS to a folder that has mpc/*.npz")
 @pytest.mark.parametrize("name", SOLVERS)
 def test_recorded_problems_are_certified(name: str):
     if name not in usable():

@@ -10,8 +10,6 @@ import pytest
 from wbc.errors import ModelError
 from wbc.models.catalogue import example_robots
 
-ROOT = Path(__file__).parents[2]
-
 
 @pytest.fixture(scope="session", autouse=True)
 def robots() -> None:
@@ -25,7 +23,7 @@ def robots() -> None:
 @pytest.fixture(scope="session")
 def peers() -> Path:
     """The folder in which other libraries were measured on the same workloads, if there is one."""
-    folder = Path(os.environ.get("WBC_PEERS", ROOT.parent / "shared" / "peers"))
+    folder = Path(os.environ.get("WBC_PEERS", "peers"))
     if not (folder / "results.json").is_file():
         pytest.skip("no results of other libraries; set WBC_PEERS to their folder")
     return folder

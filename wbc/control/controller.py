@@ -120,8 +120,10 @@ class Controller:
         state.update(t, q, v)
         if not self._started:
             self._start()
-        for component in self.components:
-            component.before(state, self.last, plan)
+        if self.components:
+            plan.extra_bias[:] = 0.0
+            for component in self.components:
+                component.before(state, self.last, plan)
         plan.fill(state)
         self.status = status = self._solve()
         if status is Status.SOLVED:
@@ -182,9 +184,11 @@ class Controller:
         self._failures += 1
         if self._good is not None and self._failures <= self.hold_ticks:
             good = self._good
+            # Bounds may have been lowered since: a joint that was declared dead must not be driven from memory.
+            tau = np.clip(good.tau, *self.plan.torque_bounds) if self.level.dynamics else None
             return Command(
                 self, status, "hold", _NO_PROOF, q=good._q_before, v_before=good._v_before,
-                v=good._v, a=good._a, tau=good._tau, forces=good._forces,
+                v=good._v, a=good._a, tau=tau, forces=good._forces,
             )  # fmt: skip
         return self._brake(status, q, v)
 

@@ -125,6 +125,10 @@ class QP:
         )  # fmt: skip
         return qp
 
+    def __repr__(self) -> str:
+        n, n_eq, n_in = self.shape
+        return f"QP({n} variables, {n_eq} equality rows, {n_in} two-sided rows)"
+
     # ---- views
     @property
     def n(self) -> int:
