@@ -41,6 +41,7 @@ BACKENDS = {
             "primal_feasibility_tolerance": 1e-9,
             "dual_feasibility_tolerance": 1e-9,
             "qp_regularization_value": 1e-10,
+            "qp_iteration_limit": 10_000,  # without one it cycles for ever on some problems
         },
     ),
     "hpipm": Backend("hpipm_python", "hpipm_python", {}),
