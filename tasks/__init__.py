@@ -12,6 +12,7 @@ Example:
 """
 
 from tasks.com import CenterOfMass as CenterOfMass
+from tasks.components.measured_wrench import MeasuredWrench as MeasuredWrench
 from tasks.contact_force import ContactForce as ContactForce
 from tasks.criteria.clearance import Clearance as Clearance
 from tasks.criteria.criterion import Criterion as Criterion

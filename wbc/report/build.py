@@ -21,8 +21,10 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
         NotSupported: matplotlib or viser is not installed; the message says what to install.
     """
     sections = []
-    for i, section in enumerate(SECTIONS):
-        progress(i / len(SECTIONS), "drawing the report")
+    first, *others = SECTIONS
+    wanted = [first, *result.sections, *others]
+    for i, section in enumerate(wanted):
+        progress(i / len(wanted), "drawing the report")
         made = section(result)
         if made is not None:
             sections.append(made)

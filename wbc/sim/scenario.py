@@ -11,7 +11,7 @@ import importlib.util
 import inspect
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -57,6 +57,10 @@ class ScenarioResult:
     ``violations`` {kind: (worst, unit)}, 0 when nothing was broken; ``tracking`` {task: {"rms", "max"}} in the
     task's own unit (:mod:`wbc.report.measure` reads both from a run); ``figures`` whatever else the scenario
     measures, JSON values; ``robot`` is drawn in the report.
+
+    ``sections`` are what the scenario itself has to show, in the form of a report's own sections: functions of this
+    result giving a :class:`wbc.report.document.Section`, or None. They stand behind the verdict and are called when a
+    report is drawn.
     """
 
     run: Run
@@ -66,6 +70,7 @@ class ScenarioResult:
     verdict: Sequence[Check]
     figures: Mapping[str, Any] = field(default_factory=dict)
     robot: RobotModel | None = None
+    sections: Sequence[Callable[[ScenarioResult], Any]] = ()
 
 
 class Scenario(ABC):

@@ -30,10 +30,11 @@ def _model(result: ScenarioResult) -> list[str]:
     run = result.run
     plant = run.meta.get("plant") or {}
     kind = plant.get("plant", "the plant")
-    sentences = [
-        f"The plant is {kind}; controller and plant were built from the same robot description, so the model is exact "
-        "unless a disturbance says otherwise."
-    ]
+    known = run.meta.get("model") or (
+        "controller and plant were built from the same robot description, so the model is exact unless a disturbance "
+        "says otherwise"
+    )
+    sentences = [f"The plant is {kind}; {known}."]
     if not any("noise" in str(text) for text in run.meta.get("disturbances", [])):
         sentences.append("The controller was given the true state, base included: no sensor noise, no estimator.")
     if "plant.v" not in run:

@@ -1,0 +1,75 @@
+"""MeasuredWrench: a force on the robot that a sensor measures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.component import Component
+from wbc.stack.task import Target
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.plan import Plan
+
+
+@final
+class MeasuredWrench(Component):
+    """The environment acts on ``frame``'s origin with a force [N] or a wrench [N, N m], world axes: a known term of
+    the dynamics, M a + h = Sᵀ τ + Jᵀ F. Tasks are met in spite of it, with the torque that it spares.
+
+    ``wrench``: (3,), the force alone, or (6,), force before moment; or a function of time giving it. It may be assigned
+    between ticks. A reading that is not finite is not taken: the one before it holds. Signal: ``wrench`` (6,).
+
+    Raises:
+        InvalidInput: a wrench of another shape, or not finite when given. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import MeasuredWrench
+        >>> sensor = MeasuredWrench("tool", wrench=[0.0, 0.0, -5.0])
+        >>> sensor.wrench = [0.0, 0.0, -5.2, 0.0, 0.1, 0.0]  # what it reads now
+    """
+
+    def __init__(self, frame: str, *, wrench: Any = (0.0, 0.0, 0.0), name: str | None = None) -> None:
+        self.frame = frame
+        super().__init__(name=name or f"MeasuredWrench[{frame}]")
+        self._now = np.zeros(6)
+        self.wrench = wrench
+
+    @property
+    def wrench(self) -> Any:
+        """What was given."""
+        return self._given
+
+    @wrench.setter
+    def wrench(self, value: Any) -> None:
+        self._reading = Target(f"{self.name}.wrench", value, 6, _as_wrench)
+        self._given = value
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+
+    def reset(self, state: RobotState) -> None:
+        self._now[:] = 0.0
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+        reading = self._reading.at(state.t).value
+        if np.isfinite(reading).all():
+            self._now[:] = reading
+        plan.extra_bias -= self._now @ state.frame(self.frame).jacobian()
+
+    def signals(self) -> dict[str, Vec]:
+        return {"wrench": self._now}
+
+
+def _as_wrench(name: str, value: Any, strict: bool) -> Vec:
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape not in ((3,), (6,)):
+        raise InvalidInput(f"{name} must have shape (3,) or (6,), not {vector.shape}")
+    if strict and not np.isfinite(vector).all():
+        i = int(np.argmin(np.isfinite(vector)))
+        raise InvalidInput(f"{name}[{i}] is {vector[i]}; it must be finite")
+    return np.concatenate([vector, np.zeros(6 - len(vector))])

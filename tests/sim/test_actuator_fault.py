@@ -1,0 +1,58 @@
+"""A failing actuator delivers what is commanded less what is missing, in its time and on its joint alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInput, UnknownJoint
+from wbc.models import Planar4P
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.plant import ForwardDynamicsPlant
+
+
+class Wanted:
+    """A command."""
+
+    tau, a, v = np.array([5.0, -2.0, 1.0, 3.0]), np.ones(4), np.zeros(4)
+
+
+def delivered(fault: ActuatorFault, t: float) -> np.ndarray:
+    effect = fault.begin(ForwardDynamicsPlant(Planar4P()))
+    effect.push(t)
+    return effect.deliver(Wanted()).tau
+
+
+@pytest.mark.parametrize(
+    ("fault", "arrives"),
+    [
+        (ActuatorFault(joint="q1"), 0.0),
+        (ActuatorFault(joint="q1", effectiveness=0.3), 1.5),
+        (ActuatorFault(joint="q1", effectiveness=1.0, bias=-2.0), 7.0),
+        (ActuatorFault(joint="q1", effectiveness=0.5, bias=1.0), 1.5),
+    ],
+)
+def test_what_arrives_is_what_is_commanded_less_what_is_missing(fault: ActuatorFault, arrives: float):
+    assert delivered(fault, 0.0).tolist() == [arrives, -2.0, 1.0, 3.0]
+    assert 5.0 - fault.missing(0.0, 5.0) == arrives
+
+
+def test_it_lasts_from_start_to_end_whatever_rounding_makes_of_time():
+    fault = ActuatorFault(joint="q3", start=0.3, end=0.6)
+    late = [round(t, 3) for t in 1e-3 * np.arange(1000) if delivered(fault, t)[2] == 0.0]
+    assert (late[0], late[-1], len(late)) == (0.3, 0.599, 300)
+
+
+def test_it_says_what_it_is_and_refuses_what_makes_no_sense():
+    assert str(ActuatorFault(joint="q1", effectiveness=0.5, bias=1.0, end=2.0)) == (
+        "actuator q1 delivers 50 % less 1 from 0 s to 2 s"
+    )
+    for settings, said in (
+        ({"effectiveness": 1.2}, "effectiveness is 1.2; it must be between 0 and 1"),
+        ({"bias": np.nan}, "bias is nan"),
+        ({"start": 2.0, "end": 1.0}, "end is 1; it must be after start, 2"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            ActuatorFault(joint="q1", **settings)
+    with pytest.raises(UnknownJoint):
+        ActuatorFault(joint="q9").begin(ForwardDynamicsPlant(Planar4P()))

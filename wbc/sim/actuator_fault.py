@@ -1,0 +1,82 @@
+"""ActuatorFault: an actuator that does not deliver what is commanded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.sim.disturbance import Disturbance, Effect
+from wbc.sim.plant import Drive, Plant
+from wbc.types import Vec
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ActuatorFault(Disturbance):
+    """From ``start`` [s] to ``end`` the actuator of ``joint`` delivers τ − τ_f, with the missing torque
+
+        τ_f = (1 − effectiveness) τ + bias        [N m, N]
+
+    ``effectiveness`` 0 with no bias is a total fault, between 0 and 1 a partial one, 1 with a bias a bias.
+
+    Raises:
+        InvalidInput: an effectiveness that is not between 0 and 1, a bias that is not finite, an end before the start.
+
+    Example:
+        >>> from wbc.sim.actuator_fault import ActuatorFault
+        >>> fault = ActuatorFault(joint="q1", effectiveness=0.25, start=0.5)
+        >>> print(fault, fault.missing(1.0, 8.0))
+        actuator q1 delivers 25 % from 0.5 s 6.0
+    """
+
+    joint: str
+    effectiveness: float = 0.0
+    bias: float = 0.0
+    start: float = 0.0
+    end: float = np.inf
+
+    def __post_init__(self) -> None:
+        checks.number("effectiveness", self.effectiveness, low=0.0, high=1.0)
+        checks.number("bias", self.bias)
+        checks.number("start", self.start, low=0.0)
+        if not self.end > self.start:
+            raise InvalidInput(f"end is {self.end:g}; it must be after start, {self.start:g}")
+
+    def missing(self, t: float, tau: float) -> float:
+        """τ_f for the command τ at time t [s]."""
+        return (1.0 - self.effectiveness) * tau + self.bias if self.start <= t < self.end else 0.0
+
+    def begin(self, plant: Plant) -> Effect:
+        return _Failing(self, plant)
+
+    def __str__(self) -> str:
+        less = f" less {self.bias:g}" if self.bias else ""
+        until = f" to {self.end:g} s" if np.isfinite(self.end) else ""
+        return f"actuator {self.joint} delivers {100 * self.effectiveness:g} %{less} from {self.start:g} s{until}"
+
+
+@final
+class _Failing(Effect):
+    def __init__(self, fault: ActuatorFault, plant: Plant) -> None:
+        self._fault, self._joint, self._t = fault, plant.model.joint(fault.joint), 0.0
+        self._half_step = 0.5 * plant.dt  # t is a multiple of dt up to rounding
+
+    def push(self, t: float) -> None:
+        self._t = t + self._half_step
+
+    def deliver(self, command: Drive) -> Drive:
+        tau = command.tau.copy()
+        tau[self._joint] -= self._fault.missing(self._t, tau[self._joint])
+        return _Delivered(tau, command)
+
+
+@final
+class _Delivered:
+    """A command whose torques arrive otherwise."""
+
+    def __init__(self, tau: Vec, command: Drive) -> None:
+        self.tau, self.a, self.v = tau, command.a, command.v
