@@ -45,6 +45,15 @@ class SolverMissing(WbcError):
         super().__init__(f"solver {name!r} is not installed; pip install {package}")
 
 
+class SolverFailed(WbcError):
+    """A solver ended without an answer and without knowing that there is none."""
+
+    def __init__(self, name: str, status: object) -> None:
+        self.name = name
+        self.status = status
+        super().__init__(f"solver {name!r} gave no answer: {status}; try another")
+
+
 class ModelError(WbcError):
     """A robot description that cannot be read, or that is not a robot."""
 

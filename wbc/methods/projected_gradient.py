@@ -1,0 +1,346 @@
+"""The largest step along a projected gradient that keeps every joint inside its velocity limits.
+
+A redundant robot follows a task velocity ṙ = J v and climbs a criterion H(q) with what is left,
+
+    v(α) = v_task + α v_null,    v_task = J# ṙ,    v_null = (I − J# J) ∇H,    J v(α) = J J# ṙ for every α.
+
+With joint limits v_min ≤ v ≤ v_max each joint allows an interval of α,
+
+    v_null > 0:   (v_min − v_task) / v_null ≤ α ≤ (v_max − v_task) / v_null
+    v_null < 0:   (v_max − v_task) / v_null ≤ α ≤ (v_min − v_task) / v_null
+    v_null = 0:   every α, or none where v_task is outside
+
+and α* is the upper end of their intersection with [0, α_max]. Where v_task is inside its limits only the upper ends
+count. Where nothing moves (v_null = 0) every α gives the same velocity, and α* = 0 by convention.
+
+Liégeois: Automatic supervisory control of the configuration and behavior of multibody mechanisms, IEEE Transactions
+on Systems, Man, and Cybernetics 7(12), 1977.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput, NotSupported
+from wbc.methods.least_distance import nearest
+from wbc.methods.method import Method
+from wbc.methods.shared import answered, box, factors
+from wbc.qp.problem import QP, Row
+from wbc.qp.solver import Solver
+from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Rounding: a joint this near to its limit, relative to its velocities, is on it.
+ROUNDING = 1e-12
+#: Steps, relative to the step that takes a joint across its range, between which no solver can tell.
+SAME = 1e-8
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Step:
+    """The step α, its velocity v = v_task + α v_null (n,), and what stops it.
+
+    ``interval`` holds all feasible steps; ``active`` the joints at the limit that ends it, none where α_max does.
+    Infeasible: α and v are NaN, and the lower end of ``interval`` is above the upper.
+    """
+
+    alpha: float
+    v: Vec
+    interval: tuple[float, float]
+    active: tuple[int, ...]
+    feasible: bool
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Where v_task and v_null come from: J (m, n), the task velocity ṙ (m,) and the gradient ∇H (n,)."""
+
+    J: Mat
+    task_velocity: Vec
+    gradient: Vec
+
+
+@final
+@dataclass(frozen=True, eq=False, init=False)
+class ProjectedGradientStep(Method):
+    """Largest α in [0, α_max] with v_min ≤ v_task + α v_null ≤ v_max.
+
+    Args:
+        v_task: velocity of the task (n,) [rad/s, m/s].
+        v_null: direction that leaves the task alone (n,) [unit of the gradient].
+        v_min: lower limits (n,), or −inf.
+        v_max: upper limits (n,), or inf; equal to ``v_min`` where a joint is locked.
+        alpha_max: largest step allowed, not negative [velocity per gradient].
+        origin: the projection, where :meth:`from_gradient` made this; the QP over velocities needs it.
+
+    Raises:
+        InvalidInput: shapes, NaN, crossed limits, a negative ``alpha_max``, or a step that nothing ends.
+
+    Example:
+        >>> from wbc.methods import ProjectedGradientStep
+        >>> step = ProjectedGradientStep.from_gradient([[1, 1]], [1.0], [1.0, 0.0], v_min=[-1, -1], v_max=[1, 1])
+        >>> step.closed_form().alpha, step.closed_form().active
+        (1.0, (0,))
+    """
+
+    v_task: Vec
+    v_null: Vec
+    v_min: Vec
+    v_max: Vec
+    alpha_max: float
+    origin: Projection | None
+
+    def __init__(
+        self,
+        v_task: Any,
+        v_null: Any,
+        *,
+        v_min: Any,
+        v_max: Any,
+        alpha_max: float = np.inf,
+        origin: Projection | None = None,
+    ) -> None:
+        v_task = checks.array("v_task", v_task, (None,))
+        lower, upper = box(v_task.size, v_min=v_min, v_max=v_max)
+        fields = {
+            "v_task": v_task, "v_null": checks.array("v_null", v_null, v_task.shape), "v_min": lower, "v_max": upper,
+            "alpha_max": np.inf if alpha_max == np.inf else checks.number("alpha_max", alpha_max, low=0.0),
+            "origin": origin,
+        }  # fmt: skip
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+        if self._moving.any() and not np.isfinite(self._unit()):
+            raise InvalidInput("alpha_max is inf, and so are all limits in the direction of v_null: give alpha_max")
+
+    @classmethod
+    def from_gradient(
+        cls, J: Any, task_velocity: Any, gradient: Any, *, v_min: Any, v_max: Any, alpha_max: float = np.inf
+    ) -> ProjectedGradientStep:
+        """The step for a Jacobian J (m, n), a task velocity (m,) and the gradient (n,) of a criterion to be maximised.
+
+        Any rank: a task velocity out of reach is met in least squares, whatever the step. m = 0: no task.
+
+        Raises:
+            InvalidInput: as the class.
+        """
+        gradient = checks.array("gradient", gradient, (None,))
+        J = checks.array("J", J, (None, gradient.size))
+        task_velocity = checks.array("task_velocity", task_velocity, (len(J),))
+        found = factors(J)
+        return cls(
+            found.inverse(task_velocity), found.projected(gradient), v_min=v_min, v_max=v_max, alpha_max=alpha_max,
+            origin=Projection(J, task_velocity, gradient),
+        )  # fmt: skip
+
+    # ---- what both ways share
+    @property
+    def _moving(self) -> Any:
+        """Joints that the step moves; what is rounding beside the others is zero."""
+        return np.abs(self.v_null) > ROUNDING * np.abs(self.v_null).max(initial=0.0)
+
+    @property
+    def _column(self) -> Vec:
+        """v_null without what is rounding."""
+        column: Vec = np.where(self._moving, self.v_null, 0.0)
+        return column
+
+    @property
+    def _size(self) -> Vec:
+        """The largest finite velocity known of each joint."""
+        known = np.abs([self.v_task, self.v_min, self.v_max])
+        size: Vec = np.where(np.isfinite(known), known, 0.0).max(axis=0)
+        return size
+
+    def _room(self) -> tuple[Vec, Vec]:
+        """From v_task down to v_min and up to v_max (n,); zero where a joint is at its limit."""
+        rounding = ROUNDING * self._size
+        down, up = self.v_min - self.v_task, self.v_max - self.v_task
+        return np.where(np.abs(down) <= rounding, 0.0, down), np.where(np.abs(up) <= rounding, 0.0, up)
+
+    def _unit(self) -> float:
+        """The step that takes some joint, or α, across its range: α* is at most twice that."""
+        ahead = np.where(self.v_null > 0.0, self.v_max, -self.v_min)
+        ends = self._moving & np.isfinite(ahead)
+        steps = np.append(self._size[ends] / np.abs(self.v_null[ends]), self.alpha_max)
+        return float(min(steps[steps > 0.0], default=1.0))
+
+    # ---- closed form
+    def closed_form(self) -> Step:
+        """α* by the sign of each component of v_null."""
+        down, up = self._room()
+        moving = self._moving
+        rest = ~moving
+        if (np.maximum(down, -up)[rest] > 0.5 * SAME * self._size[rest]).any():
+            return self._infeasible(np.inf, -np.inf)
+        if not moving.any():
+            return self._step(0.0, (0.0, self.alpha_max))
+        direction = self.v_null[moving]
+        ends = np.sort(np.array([down[moving], up[moving]]) / direction, axis=0)
+        low, high = max(0.0, float(ends[0].max())), min(self.alpha_max, float(ends[1].min()))
+        if low > high + SAME * self._unit():
+            return self._infeasible(low, high)
+        return self._step(high, (min(low, high), high))
+
+    def _step(self, alpha: float, interval: tuple[float, float]) -> Step:
+        """The result for one step; joints that stop it are at their limit exactly."""
+        down, up = self._room()
+        ahead = np.where(self.v_null > 0.0, up, -down)
+        left = ahead - alpha * np.abs(self.v_null)
+        stopped = self._moving & (left <= 1e-7 * self._size)
+        return Step(
+            alpha, self.v_task + alpha * self.v_null, interval, tuple(int(i) for i in stopped.nonzero()[0]), True
+        )
+
+    def _infeasible(self, low: float, high: float) -> Step:
+        return Step(np.nan, np.full(self.v_task.size, np.nan), (low, high), (), False)
+
+    # ---- QPs
+    def qp(self) -> QP:
+        """max α as a strictly convex QP in α (1,): minimise ½ (α − ᾱ)², ᾱ beyond every feasible step, subject to
+
+        v_min − v_task ≤ v_null α ≤ v_max − v_task (n rows),  0 ≤ α ≤ α_max.
+        """
+        return self._qp_towards(2.0 * self._unit())
+
+    def _qp_towards(self, alpha: float) -> QP:
+        down, up = self._room()
+        reach = 4.0 * self._unit() * np.abs(self._column)  # what no feasible step comes near is no limit
+        down, up = np.where(down < -reach, -np.inf, down), np.where(up > reach, np.inf, up)
+        return QP(
+            [[1.0]], [-alpha], C=self._column[:, None], cl=down, cu=up, lb=[0.0], ub=[self.alpha_max],
+            rows=[*self._joint_rows(), Row("step", "α")],
+        )  # fmt: skip
+
+    def qp_with_velocity(self) -> QP:
+        """The same step in x = (v, α) (n + 1,): minimise ½ |v − v_task − α v_null|² + ½ (α − ᾱ)² subject to
+
+        v − α v_null = v_task (n rows),  v_min ≤ v ≤ v_max,  0 ≤ α ≤ α_max. The first term is zero wherever the rows
+        hold; it makes H positive definite without a price on v.
+        """
+        n, alpha = self.v_task.size, 2.0 * self._unit()
+        link = np.hstack([np.eye(n), -self._column[:, None]])
+        last = np.eye(n + 1)[n]
+        return QP(
+            link.T @ link + np.outer(last, last), -link.T @ self.v_task - alpha * last, A=link, b=self.v_task,
+            lb=np.append(self.v_min, 0.0), ub=np.append(self.v_max, self.alpha_max),
+            rows=[*(Row("velocity", f"joint {i}") for i in range(n)), *self._joint_rows(), Row("step", "α")],
+        )  # fmt: skip
+
+    def qp_over_velocity(self, alpha: float) -> QP:
+        """The general QP in v (n,): minimise ½ |v|² − α ∇Hᵀv subject to J v = ṙ (m rows), v_min ≤ v ≤ v_max.
+
+        Without active limits its answer is v(α); with them it need not stay on the ray v_task + α v_null, so it climbs
+        at least as well and is feasible whenever the task is.
+
+        Raises:
+            NotSupported: this step was not made :meth:`from_gradient`.
+            InvalidInput: ``alpha`` is not a finite number ≥ 0.
+        """
+        if self.origin is None:
+            raise NotSupported("the QP over velocities needs J and the gradient: make the step with from_gradient")
+        alpha, of = checks.number("alpha", alpha, low=0.0), self.origin
+        return QP(
+            np.eye(self.v_task.size), -alpha * of.gradient, A=of.J, b=of.task_velocity, lb=self.v_min, ub=self.v_max,
+            rows=[*(Row("task", f"row {i}") for i in range(len(of.J))), *self._joint_rows()],
+        )  # fmt: skip
+
+    def _joint_rows(self) -> list[Row]:
+        return [Row("velocity limits", f"joint {i}") for i in range(self.v_task.size)]
+
+    def solve(self, solver: str | Solver = "pdas", *, form: Literal["step", "velocity"] = "step") -> Step:
+        """α* by QP: over α alone, or (``form="velocity"``) over velocity and step together.
+
+        The lower end of ``interval`` is a QP too: the feasible step that is nearest to one below zero.
+
+        Raises:
+            UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
+            SolverFailed: the solver ended without an answer.
+        """
+        low = self._furthest(-1.0, solver, form)
+        if np.isnan(low):
+            return self._infeasible(np.inf, -np.inf)
+        if not self._moving.any():
+            return self._step(0.0, (0.0, self.alpha_max))
+        high = self._furthest(1.0, solver, form)
+        return self._step(high, (min(low, high), high))
+
+    def _furthest(self, direction: float, solver: str | Solver, form: str) -> float:
+        """The largest (1.0) or smallest (−1.0) feasible step; NaN where there is none.
+
+        max α in two proximal steps, minimise ½ (α − ᾱ)² with ᾱ beyond all that is feasible, then just beyond the
+        first answer: distances are a thousand times smaller then, and so is what a solver leaves of them.
+        """
+        alpha, slack, unit = 0.0, 0.0, self._unit()
+        for size in (1.0, 1e-3):
+            alpha, slack = self._nearest(alpha + 3.0 * direction * size * unit, size, solver, form)
+            if slack > 1e-6:
+                break
+        return alpha if slack <= 0.5 * SAME else np.nan
+
+    def _nearest(self, alpha: float, size: float, solver: str | Solver, form: str) -> tuple[float, float]:
+        """The feasible step nearest to this one, and the part w of its range by which every limit had to give way.
+
+        The price of w is above any multiplier, so w > 0 says that there is no feasible step; and each solver has a
+        problem with an interior and an answer, also where one step is all that is feasible.
+        """
+        n, unit = self.v_task.size, self._unit()
+        give = np.append(np.where(self._moving, unit * np.abs(self._column), self._size), unit)
+        give[give == 0.0] = 1.0
+        shift = 0 if form == "step" else n  # unknowns: (v − v_task where the form has it, α, w)
+        moved, equal = self._column[:, None], np.zeros((0, shift + 2))
+        centre, root = np.zeros(shift + 2), np.diag(np.concatenate([give[:shift], [unit, 1.0]]))
+        if form == "velocity":
+            moved, equal = np.eye(n, n + 1), np.hstack([np.eye(n), -moved, np.zeros((n, 1))])
+            # The metric |v − v_task − α v_null|² + α²: its first term is zero wherever the equations hold.
+            centre[:n], root[:n, n] = alpha * self._column, unit * self._column
+        centre[shift:] = alpha, -10.0 * size
+        limited = np.vstack([moved, np.eye(shift + 1)[shift:]])
+        down, up = self._room()
+        down, up = np.append(down, 0.0), np.append(up, self.alpha_max)
+        near = 4.0 * give  # limits beyond that are out of every step's reach
+        none = np.full(n + 1, np.inf)
+        qp = QP(
+            np.eye(shift + 2), np.zeros(shift + 2), A=equal, b=np.zeros(len(equal)),
+            C=np.vstack([np.column_stack([limited, -give]), np.column_stack([limited, give])]),
+            cl=np.append(-none, np.where(down < -near, -np.inf, down)),
+            cu=np.append(np.where(up > near, np.inf, up), none),
+            lb=np.append(np.full(shift + 1, -np.inf), 0.0),
+        )  # fmt: skip
+        x = answered(nearest(qp, centre, root, solver), solver).x
+        return float(x[shift]), float(x[-1])
+
+    def difference(self, result: Step, reference: Step) -> Mapping[str, float]:
+        """Steps relative to the step that takes a joint across its range, velocities to what the joints move at."""
+        if result.feasible != reference.feasible:
+            return {"feasible": np.inf}
+        if not result.feasible:
+            return {"feasible": 0.0}
+        unit = self._unit()
+        speed = np.abs(self.v_task).max(initial=0.0) + unit * np.abs(self.v_null).max(initial=0.0)
+        motion = self._size + unit * np.abs(self.v_null)
+        over = np.maximum(result.v - self.v_max, self.v_min - result.v) / np.where(motion > 0.0, motion, 1.0)
+        return {
+            "alpha": abs(result.alpha - reference.alpha) / unit,
+            "interval": abs(result.interval[0] - reference.interval[0]) / unit,
+            "velocity": float(np.abs(result.v - reference.v).max(initial=0.0)) / (speed or 1.0),
+            "limits": max(0.0, float(over.max(initial=0.0))),
+        }
+
+    def plot(self) -> Figure:
+        """The plane (v1, v2) of a robot with two joints: box, task line, gradient, its projection, and the result.
+
+        Raises:
+            NotSupported: n is not 2, or matplotlib is not installed.
+        """
+        from wbc.methods.step_picture import draw
+
+        return draw(self)

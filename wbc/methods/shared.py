@@ -1,0 +1,88 @@
+"""What methods share: limits checked where they enter, and rows that depend on each other made independent."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput, SolverFailed
+from wbc.methods.least_distance import Nearest
+from wbc.qp.solver import Solver
+from wbc.qp.solvers import by_name
+from wbc.types import Mat, Status, Vec
+
+#: Singular values below this part of the largest are zero: a factor 1e4 above rounding, 1e6 below poor conditioning.
+RANK = 1e-12
+
+
+def box(size: int, **sides: Any) -> tuple[Vec, Vec]:
+    """Lower and upper limits (size,) under the names of their arguments; a number stands for all.
+
+    Raises:
+        InvalidInput: wrong shape, NaN, a lower limit above the upper, or an interval with no number in it.
+    """
+    (low_name, low), (high_name, high) = sides.items()
+    lower, upper = (
+        checks.array(name, np.full(size, value) if np.ndim(value) == 0 else value, (size,), finite=False)
+        for name, value in ((low_name, low), (high_name, high))
+    )
+    possible = (lower <= upper) & (lower < np.inf) & (upper > -np.inf)
+    if not possible.all():
+        i = int(possible.argmin())
+        raise InvalidInput(
+            f"{low_name}[{i}] is {lower[i]:g} and {high_name}[{i}] is {upper[i]:g}: no number is between"
+        )
+    return lower, upper
+
+
+def answered(found: Nearest, solver: str | Solver) -> Nearest:
+    """``found``, where the solver has an answer or knows that there is none.
+
+    Raises:
+        SolverFailed: it ended in another way.
+    """
+    if found.status.ok or found.status is Status.INFEASIBLE:
+        return found
+    raise SolverFailed(by_name(solver).name, found.status)
+
+
+class Factors(NamedTuple):
+    """A = U diag(values) V without what is zero: U (m, r), values (r,), V (r, n), rank r; ``rest`` (m, m − r) completes U.
+
+    Rows of V are orthonormal and span the rows of A, so that A x = b says V x = ``solve(b)`` where b can be reached.
+    """
+
+    U: Mat
+    values: Vec
+    V: Mat
+    rest: Mat
+
+    def solve(self, b: Vec) -> Vec:
+        """The right side of V x that belongs to A x = b."""
+        result: Vec = (self.U.T @ b) / self.values
+        return result
+
+    def inverse(self, b: Vec) -> Vec:
+        """A# b, the least-squares solution of least norm."""
+        result: Vec = self.V.T @ self.solve(b)
+        return result
+
+    def projected(self, x: Vec) -> Vec:
+        """(I − A# A) x, what A does not see of x; entries that are rounding are zero.
+
+        A row space is known to rounding times the condition of A, and no better.
+        """
+        result: Vec = x - self.V.T @ (self.V @ x)
+        condition = self.values[0] / self.values[-1] if len(self.values) else 1.0
+        noise = 1e-14 * condition * np.abs(x).max(initial=0.0)
+        result[np.abs(result) <= noise] = 0.0
+        return result
+
+
+def factors(A: Mat) -> Factors:
+    """The singular value decomposition of A (m, n) with its rank decided."""
+    U, values, V = np.linalg.svd(A)
+    rank = int((values > RANK * values.max(initial=0.0)).sum())
+    return Factors(U[:, :rank], values[:rank], V[:rank], U[:, rank:])
