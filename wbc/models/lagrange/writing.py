@@ -15,7 +15,7 @@ from sympy.printing.str import StrPrinter
 from wbc.models.lagrange.steps import Formula, Step
 
 #: A sum of more terms is not written out.
-MAX_TERMS = 150
+MAX_TERMS = 40
 
 _INDENT = "    "
 _TEX_WIDTH = 260  # characters of LaTeX that fit on a line of a page
@@ -204,7 +204,7 @@ def _columns(line: str) -> int:
 
 def _entry_by_entry(left: str, value: Any, width: int) -> Iterator[str]:
     """A matrix that is too wide."""
-    symmetric = "symmetric, " if value.is_square and value.is_symmetric() else ""
+    symmetric = "symmetric, " if value.T == value else ""
     yield f"{left}, {symmetric}entries that are not zero:"
     for i, j in _entries(value):
         index = f"[{i + 1}]" if value.cols == 1 else f"[{i + 1},{j + 1}]"
@@ -213,7 +213,7 @@ def _entry_by_entry(left: str, value: Any, width: int) -> Iterator[str]:
 
 def _entries(value: Any) -> Iterator[tuple[int, int]]:
     """Where a matrix is not zero; of a symmetric one the upper half."""
-    symmetric = value.is_square and value.is_symmetric()
+    symmetric = value.T == value
     for i in range(value.rows):
         yield from ((i, j) for j in range(i if symmetric else 0, value.cols) if value[i, j] != 0)
 
@@ -221,7 +221,7 @@ def _entries(value: Any) -> Iterator[tuple[int, int]]:
 def _in_brackets(left: str) -> str:
     """The name of a matrix, such that an index can follow."""
     name = left.partition(" = ")[0]
-    return f"({name})" if " " in name else name
+    return f"({name})" if " " in name or "_" in name else name
 
 
 # ---- LaTeX

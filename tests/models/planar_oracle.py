@@ -1,0 +1,36 @@
+"""The same planar chains built in Pinocchio: an oracle that shares no formula with ours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.models import Chain
+
+_JOINTS = {"R": pin.JointModelRZ, "Px": pin.JointModelPX, "Py": pin.JointModelPY}
+
+#: Every kind of joint after every kind, constant and moving inertias, one to four joints.
+CHAINS = ("R", "Py", "PR", "RP", "RPy", "PyR", "RR", "PPyPPy", "PRP", "RPyR", "RRR", "RPRPy")
+
+
+def some_parameters(chain: Chain, seed: int = 0) -> dict[str, float]:
+    """Numbers between 0.2 and 1.5 for every parameter, some offsets negative."""
+    rng = np.random.default_rng([seed, len(chain)])
+    sign = {name: -1.0 if name[0] == "d" and rng.random() < 0.3 else 1.0 for name in chain.parameters}
+    return {name: sign[name] * float(rng.uniform(0.2, 1.5)) for name in chain.parameters}
+
+
+def in_pinocchio(chain: Chain, parameters: dict[str, float], gravity: float) -> pin.Model:
+    """A Pinocchio model with frames called link1, …, end_effector."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, -gravity, 0.0])
+    parent, tip = 0, np.zeros(3)
+    for i, kind in enumerate(chain.joints, start=1):
+        mass, length, offset, inertia = (parameters.get(f"{name}{i}", 0.0) for name in "mldI")
+        along = np.array([0.0, 1.0, 0.0]) if kind == "Py" else np.array([1.0, 0.0, 0.0])
+        parent = model.addJoint(parent, _JOINTS[kind](), pin.SE3(np.eye(3), tip), f"q{i}")
+        model.appendBodyToJoint(parent, pin.Inertia(mass, offset * along, inertia * np.eye(3)), pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"link{i}", parent, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+        tip = length * along
+    model.addFrame(pin.Frame("end_effector", parent, pin.SE3(np.eye(3), tip), pin.FrameType.OP_FRAME))
+    return model

@@ -1,0 +1,374 @@
+"""What Lagrange's equations must say about any planar chain: exactly in symbols, and in numbers as Pinocchio has it."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import sympy as sp
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.models.planar_oracle import CHAINS, in_pinocchio, some_parameters
+from wbc.errors import InvalidInput, NotSupported
+from wbc.models import Chain
+from wbc.models.lagrange import derive
+from wbc.models.lagrange.derivation import canonical
+
+chains = pytest.mark.parametrize("word", CHAINS)
+ROBOTS = {word: derive(word).robot(some_parameters(Chain.parse(word))) for word in CHAINS}
+seeds = st.integers(0, 2**32 - 1)
+
+
+def moment(n: int, seed: int, count: int = 2) -> list[np.ndarray]:
+    """Random vectors (n,): positions, velocities, accelerations."""
+    return list(np.random.default_rng(seed).normal(size=(count, n)))
+
+
+def is_zero(matrix: sp.Matrix) -> bool:
+    """Whether an expression is zero for all values of its symbols."""
+    return matrix.applyfunc(canonical) == sp.zeros(*matrix.shape)
+
+
+# ---- the grammar of chains
+@pytest.mark.parametrize(
+    ("word", "joints"),
+    [("PR", ("Px", "R")), ("pr", ("Px", "R")), ("PxPyPxPy", ("Px", "Py") * 2), ("rpyr", ("R", "Py", "R"))],
+)
+def test_a_word_spells_a_chain(word: str, joints: tuple[str, ...]):
+    assert Chain.parse(word).joints == joints
+    assert Chain.parse(str(Chain.parse(word))) == Chain.parse(word)
+
+
+@pytest.mark.parametrize(
+    ("word", "complaint"),
+    [
+        ("", "no joint"),
+        ("PQ", "at 'Q'"),
+        ("Rx", "at 'x'"),
+        ("P R", "at ' R'"),
+        ("R" * 7, "7 joints"),
+        ("4", "at '4'"),
+        (3, "not by int"),
+    ],
+)
+def test_a_word_that_is_no_chain_is_refused_where_it_goes_wrong(word: str, complaint: str):
+    with pytest.raises(InvalidInput, match=complaint):
+        Chain.parse(word)
+
+
+def test_a_chain_is_made_of_known_joints():
+    with pytest.raises(InvalidInput, match=r"joints\[1\] is 'Pz'"):
+        Chain(("R", "Pz"))  # type: ignore[arg-type]
+
+
+def test_links_that_cannot_turn_have_neither_offset_nor_inertia():
+    assert Chain.parse("PyPRP").parameters == (
+        "m1", "m2", "m3", "m4", "l3", "d3", "d4", "I3", "I4",
+    )  # fmt: skip
+    assert Chain.parse("PyPRP").units == ("m", "m", "rad", "m")
+
+
+# ---- exact, in symbols
+@chains
+def test_the_kinetic_energy_is_the_sum_over_links_and_a_quadratic_form(word: str):
+    """Property 30. T = ½ q̇ᵀ M q̇ is the sum of ½ m |ṗ|² + ½ I ω², M is symmetric and g = ∂U/∂q."""
+    d = derive(word)
+    v = sp.Matrix(d.v)
+    energy = sum(
+        d.parameters[f"m{i}"] * d.rate(com).dot(d.rate(com)) / 2
+        + d.parameters.get(f"I{i}", 0) * d.rate(sp.Matrix([angle]))[0] ** 2 / 2
+        for i, (com, angle) in enumerate(zip(d.com, d.angles, strict=True), start=1)
+    )
+    assert canonical(energy - (v.T * d.M * v)[0] / 2) == 0
+    assert canonical(sum(d.T_links) - d.T) == 0
+    assert d.M == d.M.T
+    assert is_zero(d.g - sp.Matrix([sum(d.U_links)]).jacobian(d.q).T)
+
+
+@chains
+def test_the_rate_of_M_minus_two_S_is_skew(word: str):
+    """Property 56. S of Christoffel's symbols: c = S q̇, Ṁ − 2S skew-symmetric, c quadratic in q̇."""
+    d = derive(word)
+    skew = d.rate(d.M) - 2 * d.S
+    assert is_zero(skew + skew.T)
+    assert is_zero(d.S * sp.Matrix(d.v) - d.c)
+    k = sp.Symbol("k")
+    assert is_zero(d.c.xreplace({v: k * v for v in d.v}) - k**2 * d.c)
+
+
+@chains
+def test_the_forces_are_those_of_the_lagrangian(word: str):
+    """d/dt ∂L/∂q̇ − ∂L/∂q = M q̈ + c + g, by differentiating T − U along a motion."""
+    d = derive(word)
+    lagrangian = d.T - d.U
+    slope = sp.Matrix([sp.diff(lagrangian, v) for v in d.v])
+    rate = d.rate(slope) + slope.jacobian(d.v) * sp.Matrix(d.a)
+    along = sp.Matrix([sp.diff(lagrangian, q) for q in d.q])
+    assert is_zero(rate - along - (d.M * sp.Matrix(d.a) + d.c + d.g))
+
+
+@chains
+def test_the_momentum_changes_by_torques_minus_beta(word: str):
+    """Property 65. ṗ = τ − β with β = −Sᵀ q̇ + g, whichever S: adding a skew W with W q̇ = 0 changes nothing."""
+    d = derive(word)
+    v = sp.Matrix(d.v)
+    torque_minus_inertia = d.c + d.g  # τ = M q̈ + c + g, ṗ = Ṁ q̇ + M q̈
+    assert is_zero(d.rate(d.M) * v - (torque_minus_inertia - d.beta))
+    half_gradient = sp.Matrix([-(v.T * sp.diff(d.M, q) * v)[0] / 2 for q in d.q]) + d.g
+    assert is_zero(half_gradient - d.beta)
+    if len(d.q) == 3:
+        W = sp.Matrix([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])  # W x = v × x
+        assert is_zero(W * v) and is_zero(-(d.S + W).T * v + d.g - d.beta)
+
+
+@chains
+def test_the_end_effector_moves_with_its_jacobian(word: str):
+    d = derive(word)
+    velocity = d.J * sp.Matrix(d.v)
+    assert is_zero(velocity - d.rate(d.position))
+    assert is_zero(d.rate(velocity) - d.Jdot_v)
+
+
+@chains
+def test_the_forces_are_linear_in_the_coefficients(word: str):
+    """Property 31. Y a = M q̈ + S q̇_r + g exactly, and Y holds no mass, offset or inertia."""
+    d = derive(word)
+    p = d.parametrisation
+    forces = d.M * sp.Matrix(d.a) + d.S * sp.Matrix(p.v_reference) + d.g
+    assert is_zero(p.Y * p.coefficients - forces)
+    unknown = {symbol for name, symbol in d.parameters.items() if name[0] != "l"}
+    assert p.Y.free_symbols.isdisjoint(unknown)
+    assert p.coefficients.free_symbols.isdisjoint({*d.q, *d.v, *d.a, d.g0})
+    assert is_zero(d.Y * d.coefficients - (d.M * sp.Matrix(d.a) + d.c + d.g))
+
+
+@chains
+def test_no_parametrisation_is_smaller(word: str):
+    """Property 32. Stacked over random motions the regressor has full rank, so every column is needed; and the
+    coefficients are independent functions of the parameters, so they can take any values."""
+    d, robot = derive(word), ROBOTS[word]
+    rng = np.random.default_rng(1)
+    n, p = len(d.q), len(d.coefficients)
+    stacked = np.vstack([robot.regressor(*rng.normal(size=(4, n))) for _ in range(10 * p)])
+    assert np.linalg.matrix_rank(stacked) == p
+    unknown = [symbol for name, symbol in d.parameters.items() if name[0] != "l"]
+    slopes = d.coefficients.jacobian(unknown).subs(
+        {d.parameters[k]: sp.nsimplify(v) for k, v in robot.parameters.items()}
+    )
+    assert slopes.rank() == p
+    forces = stacked @ robot.coefficients
+    for column in range(p):
+        without = np.delete(stacked, column, axis=1)
+        _, residual, _, _ = np.linalg.lstsq(without, forces, rcond=None)
+        assert residual[0] > 1e-6 * (forces @ forces)
+
+
+def test_the_pr_robot_has_the_model_of_the_textbook():
+    d = derive("PR")
+    (_, q2), (v1, v2) = d.q, d.v
+    m1, m2, length, offset, inertia = (d.parameters[name] for name in ("m1", "m2", "l2", "d2", "I2"))
+    s, c, g0 = sp.sin(q2), sp.cos(q2), d.g0
+    first, second = m2 * offset, inertia + m2 * offset**2
+    assert d.M == sp.Matrix([[m1 + m2, -first * s], [-first * s, second]])
+    assert is_zero(d.c - sp.Matrix([-first * c * v2**2, 0]))
+    assert is_zero(d.g - sp.Matrix([0, first * g0 * c]))
+    assert is_zero(d.S - sp.Matrix([[0, -first * c * v2], [0, 0]]))
+    assert d.J == sp.Matrix([[1, -length * s], [0, length * c]])
+    assert is_zero(d.Jdot_v - sp.Matrix([-length * c * v2**2, -length * s * v2**2]))
+    assert is_zero(d.momentum - sp.Matrix([(m1 + m2) * v1 - first * s * v2, -first * s * v1 + second * v2]))
+    assert is_zero(d.beta - sp.Matrix([0, first * c * (v1 * v2 + g0)]))
+    assert canonical(d.U - first * g0 * s) == 0
+    assert list(d.coefficients) == [m1 + m2, sp.expand(second), first]
+
+
+def test_the_pr_robot_has_an_inertia_for_every_angle_when_the_worst_angle_has():
+    """Property 56. det M = (m1 + m2)(I2 + m2 d2²) − m2² d2² sin² q2."""
+    d = derive("PR")
+    m1, m2, offset, inertia = (d.parameters[name] for name in ("m1", "m2", "d2", "I2"))
+    expected = (m1 + m2) * (inertia + m2 * offset**2) - (m2 * offset * sp.sin(d.q[1])) ** 2
+    assert canonical(d.M.det() - expected) == 0
+
+
+def test_the_inverse_inertia_weighted_torque_of_the_pr_robot_in_exact_numbers():
+    """τ = τ0 + Jᵀ (J M⁻¹ Jᵀ)⁻¹ (r̈ − J M⁻¹ (τ0 + J_gᵀ F)) at q = (0, π/2): (104/11, −71/22) for r̈ = 9."""
+    d = derive("PR")
+    half = sp.Rational(1, 2)
+    values = dict(m1=1, m2=1, l2=half, d2=half / 2, I2=sp.Rational(1, 10))
+    numbers = {d.parameters[k]: sp.sympify(v) for k, v in values.items()} | {d.q[0]: 0, d.q[1]: sp.pi / 2}
+    M, J_g = d.M.subs(numbers), d.J.subs(numbers)
+    J, tau_0, F = J_g[:1, :], sp.Matrix([-1, 2]), sp.Matrix([-1, 1])
+    assert M.det() == sp.Rational(21, 80)
+
+    def torque(acceleration: int) -> sp.Matrix:
+        weight = J * M.inv() * J.T
+        return tau_0 + J.T * weight.inv() * (sp.Matrix([acceleration]) - J * M.inv() * (tau_0 + J_g.T * F))
+
+    assert torque(9) == sp.Matrix([sp.Rational(104, 11), sp.Rational(-71, 22)])
+    assert torque(-9) == sp.Matrix([-2, sp.Rational(5, 2)])
+    assert M.inv() * (torque(9) + J_g.T * F) == sp.Matrix([sp.Rational(29, 11), sp.Rational(-140, 11)])
+
+
+def test_the_four_prismatic_joints_have_a_constant_model():
+    """Property 30. M is constant, so Ṁ, S and c are zero; det M is the product of four sums of masses."""
+    d = derive("PxPyPxPy")
+    m1, m2, m3, m4 = d.parameters.values()
+    assert d.M == sp.Matrix([
+        [m1 + m2 + m3 + m4, 0, m3 + m4, 0],
+        [0, m2 + m3 + m4, 0, m4],
+        [m3 + m4, 0, m3 + m4, 0],
+        [0, m4, 0, m4],
+    ])  # fmt: skip
+    assert is_zero(d.rate(d.M)) and is_zero(d.S) and is_zero(d.c)
+    assert is_zero(d.g - d.g0 * sp.Matrix([0, m2 + m3 + m4, 0, m4]))
+    assert sp.factor(d.M.det()) == (m1 + m2) * (m2 + m3) * (m3 + m4) * m4
+
+
+def test_the_end_effector_of_four_prismatic_joints_feels_the_last_two_links():
+    """Property 33. (J M⁻¹ Jᵀ)⁻¹ = diag(m3 + m4, m4), diag(2, 1) kg for unit masses, and only the last two joints move:
+    M⁻¹ Jᵀ M_r = (0, I)."""
+    d = derive("PxPyPxPy")
+    _, _, m3, m4 = masses = list(d.parameters.values())
+    assert d.cartesian_inertia == sp.diag(m3 + m4, m4)
+    assert d.cartesian_inertia.subs(dict.fromkeys(masses, 1)) == sp.diag(2, 1)
+    inverse = (d.M.inv() * d.J.T * d.cartesian_inertia).applyfunc(sp.simplify)
+    assert inverse == sp.Matrix([[0, 0], [0, 0], [1, 0], [0, 1]])
+
+
+def test_the_four_prismatic_joints_have_the_regressor_of_the_dynamic_coefficients():
+    """Property 31. Y of (Σm, m2 + m3 + m4, m3 + m4, m4)."""
+    d = derive("PxPyPxPy")
+    m1, m2, m3, m4 = d.parameters.values()
+    a1, a2, a3, a4 = d.a
+    assert list(d.coefficients) == [m1 + m2 + m3 + m4, m2 + m3 + m4, m3 + m4, m4]
+    rows = [[a1, 0, a3, 0], [0, a2 + d.g0, 0, a4], [0, 0, a1 + a3, 0], [0, 0, 0, a2 + a4 + d.g0]]
+    assert d.Y == sp.Matrix(rows)
+
+
+@pytest.mark.parametrize(
+    ("word", "count"), [("R", 2), ("RR", 4), ("RRR", 6), ("PR", 3), ("Px", 1), ("PxPx", 2), ("RP", 4)]
+)
+def test_coefficients_are_as_few_as_known(word: str, count: int):
+    """Two numbers a revolute joint in the vertical plane; a mass and what the chain adds for prismatic ones."""
+    assert len(derive(word).coefficients) == count
+
+
+@pytest.mark.parametrize("word", ["PR", "RP", "PyR", "RR", "PxPyPxPy", "PyP"])
+def test_the_cartesian_inertia_is_what_its_definition_says(word: str):
+    d = derive(word)
+    robot = d.robot(some_parameters(d.chain))
+    numbers = {d.parameters[name]: value for name, value in robot.parameters.items()}
+    q = np.linspace(0.4, 1.1, len(d.q))
+    exact = np.array(d.cartesian_inertia.subs(numbers | dict(zip(d.q, q, strict=True))), dtype=float)
+    assert np.allclose(exact, robot.cartesian_inertia(q), rtol=1e-9)
+
+
+def test_where_there_is_no_cartesian_inertia_one_is_told():
+    with pytest.raises(NotSupported, match="cannot move in two directions"):
+        _ = derive("PxPx").cartesian_inertia
+    with pytest.raises(NotSupported, match="fills pages"):
+        _ = derive("RRR").cartesian_inertia
+    with pytest.raises(InvalidInput, match="cannot move in two directions"):
+        ROBOTS["RR"].cartesian_inertia([0.3, 0.0])
+    assert ROBOTS["RRR"].cartesian_inertia([0.3, 0.4, 0.5]).shape == (2, 2)
+
+
+# ---- in numbers
+@chains
+@given(seed=seeds)
+def test_the_forces_are_those_of_recursive_newton_euler(word: str, seed: int):
+    robot = ROBOTS[word]
+    model = in_pinocchio(robot.chain, robot.parameters, robot.g0)
+    data, (q, v, a) = model.createData(), moment(robot.nv, seed, 3)
+    forces = pin.rnea(model, data, q, v, a)
+    assert np.allclose(robot.M(q) @ a + robot.c(q, v) + robot.g(q), forces, rtol=1e-10, atol=1e-9)
+    assert np.allclose(robot.regressor(q, v, v, a) @ robot.coefficients, forces, rtol=1e-9, atol=1e-9)
+    assert np.allclose(robot.g(q), pin.computeGeneralizedGravity(model, data, q), rtol=1e-10, atol=1e-9)
+    assert np.allclose(robot.S(q, v), pin.computeCoriolisMatrix(model, data, q, v), atol=1e-9)
+    kinetic = pin.computeKineticEnergy(model, data, q, v)
+    assert robot.energy(q, v) == pytest.approx(kinetic + pin.computePotentialEnergy(model, data, q), abs=1e-9)
+    assert np.allclose(robot.momentum(q, v), pin.crba(model, data, q) @ v, atol=1e-9)
+
+
+@chains
+@given(seed=seeds)
+def test_the_inertia_matrix_is_positive_definite_everywhere(word: str, seed: int):
+    """Property 56. M is positive definite for every q."""
+    robot = ROBOTS[word]
+    assert np.linalg.eigvalsh(robot.M(moment(robot.nv, seed)[0]))[0] > 0
+
+
+def test_a_copy_computes_the_same():
+    robot = ROBOTS["RPyR"]
+    q, v = moment(3, 5)
+    assert np.array_equal(pickle.loads(pickle.dumps(robot)).M(q), robot.M(q))
+    moved = robot.replace(q0=q)
+    assert np.array_equal(moved.c(q, v), robot.c(q, v)) and np.array_equal(moved.q0, q)
+    assert copy.deepcopy(robot) is robot
+    assert derive("rpyr") is derive(robot.chain)
+
+
+# ---- on paper
+@pytest.mark.parametrize("word", ["PR", "PxPyPxPy", "RP", "RRR"])
+def test_the_text_shows_every_step(word: str):
+    text = derive(word).text(100)
+    titles = re.findall(r"^\d+\. (.*)$", text, re.MULTILINE)
+    assert titles == [step.title for step in derive(word).steps()] and len(titles) == 11
+    assert max(len(line) for line in text.splitlines()) < 200
+
+
+def test_the_text_reads_as_one_writes():
+    text = derive("PR").text(120)
+    for line in (
+        "T₁ = ½ m₁ q̇₁²",
+        "M = ⎡  m₁ + m₂     −m₂ d₂ s₂  ⎤",
+        "c₁ = −m₂ d₂ c₂ q̇₂²",
+        "τ₂ = −m₂ d₂ s₂ q̈₁ + (I₂ + m₂ d₂²) q̈₂ + m₂ d₂ g₀ c₂",
+        "a₂ = I₂ + m₂ d₂²",
+        "β₂ = m₂ d₂ c₂ q̇₁ q̇₂ + m₂ d₂ g₀ c₂",
+    ):
+        assert line in text, line
+    assert "cos(" not in text
+
+
+def test_what_fills_pages_is_counted_instead():
+    assert re.search(r"c₁ = a sum of \d+ terms", derive("RRRR").text(100))
+
+
+@pytest.mark.parametrize("word", ["PR", "PxPyPxPy", "RPyR", "RRRR"])
+def test_the_latex_is_well_formed(word: str):
+    document = derive(word).latex()
+    assert document.startswith(r"\documentclass") and document.endswith("\\end{document}\n")
+    assert document.isascii()
+    begun, ended = (re.findall(rf"\\{word}{{(\w+\*?)}}", document) for word in ("begin", "end"))
+    assert sorted(begun) == sorted(ended)
+    depth = 0
+    for brace in re.findall(r"(?<!\\)[{}]", document):
+        depth += 1 if brace == "{" else -1
+        assert depth >= 0
+    assert depth == 0
+    assert not re.search(r"_\{[^{}]*\}_|_\w_", document), "two indices on one symbol"
+    assert document.count(r"\left") == document.count(r"\right")
+    assert document.count(r"\[") == document.count(r"\]")
+
+
+def test_latex_and_text_write_the_same_products():
+    assert r"c_{1} = -m_{2} d_{2} c_{2} \dot{q}_{2}^{2}" in derive("PR").latex()
+
+
+# ---- cost
+def test_planar_robots_work_without_sympy():
+    script = (
+        "import sys, wbc, wbc.models\n"
+        "robot = wbc.models.PlanarPR(m1=1, m2=1, l2=1, d2=0.5, I2=0.1)\n"
+        "state = robot.state(); state.M, state.h, state.frame('end_effector').jacobian()\n"
+        "wbc.models.lagrange.derive\n"
+        "assert 'sympy' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
