@@ -2,13 +2,19 @@
 
 Every cost here is a squared distance, ½ |x − centre|² in the metric H = (R Rᵀ)⁻¹, R = ``root`` (n, n). With
 
-    x = centre + size · R u,      H → I,      rows of unit length, equality rows orthonormal,
+    x = centre + R u,      H → I,      equality rows orthonormal, the others of unit length, u of size one,
 
 all numbers a solver sees are about one, whatever the units, and it needs nothing but a strictly convex cost: an
 accuracy of 1e-9 means nine digits, also of a solver that stops at absolute residuals. Interior-point and splitting
 methods stop beside the answer; the rows they found active are solved once more as equations, and the certificate says
-whether that is better. Where it says that neither will do, the equality rows are eliminated and what is left is posed
-again in its own size, which also shows how far rows that nearly agree are from each other.
+whether that is better. Where neither will do, the equations are eliminated and what is left is posed again in its own
+size, which also shows how far from each other rows are that nearly agree.
+
+A task that is out of reach is scaled: the largest scale first, then the least distance. Both come from one strictly
+convex problem whose slope along the scale is steep enough (an exact penalty).
+
+Mangasarian: Normal solutions of linear programs, Mathematical Programming Study 22, 1984. Friedlander, Tseng: Exact
+regularization of convex programs, SIAM J. Optimization 18(4), 2007.
 """
 
 from __future__ import annotations
@@ -18,8 +24,8 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.certificate import certificate
 from wbc.methods.polish import polished
+from wbc.qp.certificate import Certificate, certificate
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
@@ -29,8 +35,13 @@ from wbc.types import Mat, Status, Vec
 DEPENDENT = 1e-11
 #: Rows that depend on others contradict them where their right sides differ by more than this (of their size).
 CONSISTENT = 1e-9
-#: The certificate at which no second look is needed, in the units of the normal form.
+#: The certificate, in the units of the normal form, at which no second look is needed.
 ACCURATE = 1e-10
+#: Rows of the second look give way by this (of the size of the first), so that rounding does not contradict itself.
+ROUNDING = 1e-12
+#: Slopes along the scale that are tried, and the change of the scale at which one was steep enough.
+SLOPES = (1e1, 1e3, 1e5, 1e7)
+SETTLED = 1e-10
 
 
 @final
@@ -38,7 +49,7 @@ ACCURATE = 1e-10
 class Nearest:
     """Answer of :func:`nearest` in the units of the problem: x (n,), multipliers y, z, z_box; NaN without one.
 
-    ``size`` is the distance from the centre in the metric that x must at least have, up to a factor of √n.
+    ``size``: how far from the centre x must at least be, measured in the metric, up to a factor of √n.
     """
 
     status: Status
@@ -49,12 +60,79 @@ class Nearest:
     size: float
 
 
+def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Nearest:
+    """The point of {A x = b, cl ≤ C x ≤ cu, lb ≤ x ≤ ub} nearest to ``centre``: minimise ½ |root⁻¹(x − centre)|².
+
+    That is the cost of ``qp``, whose H = (root rootᵀ)⁻¹ and g = −H centre are not looked at: the root is often known
+    exactly where H has lost half of its digits.
+    """
+    matrix = np.concatenate([qp.matrix, np.eye(qp.n)])
+    lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
+    equal = lower == upper
+    kept = (np.isfinite(lower) | np.isfinite(upper)) & ~equal
+    at, rows = matrix @ centre, matrix @ root
+    magnitude = np.maximum(np.abs(upper[equal]), np.abs(matrix[equal]) @ np.abs(centre))
+    equations = _Equations(rows[equal], upper[equal] - at[equal], magnitude)
+    length = _lengths(rows[kept])
+    form = _NormalForm(
+        equations.E, equations.e, equations.free,
+        rows[kept] / length[:, None], (lower - at)[kept] / length, (upper - at)[kept] / length,
+    )  # fmt: skip
+    answer = form.solve(by_name(solver)) if equations.consistent else _no_answer(form.qp(), Status.INFEASIBLE)
+    if not answer.status.ok:
+        sizes = (qp.n, qp.n_eq, len(qp.cu), qp.n)
+        return Nearest(answer.status, *(np.full(size, np.nan) for size in sizes), form.size)
+    force = np.zeros(len(matrix))
+    force[equal] = equations.multipliers(answer.y)
+    force[kept] = answer.z / length
+    x = centre + root @ answer.x
+    return Nearest(
+        answer.status, x, force[: qp.n_eq], force[qp.n_eq : len(qp.lower)], force[len(qp.lower) :], form.size
+    )
+
+
+def nearest_at_largest_scale(
+    qp: QP, direction: Vec, centre: Vec, root: Mat, size: float, solver: str | Solver = "pdas"
+) -> tuple[Nearest, float]:
+    """The largest s in [0, 1] with A x = b − (1 − s) direction and all other rows, and :func:`nearest` at that s.
+
+    minimise ½ |root⁻¹(x − centre)|² + ½ size² (s − 1 − slope)² over (x, s): strictly convex, and exact as soon as the
+    slope exceeds the multiplier of s ≤ s_max. Whether it does shows when a steeper one leaves s where it is.
+    """
+    n, n_eq, _ = qp.shape
+    padded = np.zeros((len(qp.matrix), n + 1))
+    padded[:, :n] = qp.matrix
+    padded[:n_eq, n] = -direction
+    scaled = QP(
+        np.eye(n + 1), np.zeros(n + 1), A=padded[:n_eq], b=qp.b - direction, C=padded[n_eq:], cl=qp.cl, cu=qp.cu,
+        lb=np.append(qp.lb, 0.0), ub=np.append(qp.ub, 1.0),
+    )  # fmt: skip
+    wide = np.zeros((n + 1, n + 1))
+    wide[:n, :n] = root
+    wide[n, n] = 1.0 / size
+    found: Nearest | None = None
+    for slope in SLOPES:
+        steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
+        if not steeper.status.ok:
+            found = found or steeper
+            break
+        settled = found is not None and abs(steeper.x[n] - found.x[n]) <= SETTLED
+        if settled:
+            break
+        found = steeper
+        if found.x[n] >= 1.0 - SETTLED:
+            break
+    assert found is not None
+    return replace(found, x=found.x[:n], z_box=found.z_box[:n]), float(np.clip(found.x[n], 0.0, 1.0))
+
+
 @final
-class EqualityRows:
+class _Equations:
     """Independent equations E u = e that say the same as the rows given, which may depend on each other.
 
-    E = Vᵀ of the singular value decomposition of the rows at unit length: orthonormal. ``consistent`` says whether
-    the rows that were dropped agree with those that are kept, to rounding of numbers of this ``magnitude``.
+    E = Vᵀ of the singular value decomposition of the rows at unit length: orthonormal, and ``free`` spans what it
+    leaves. ``consistent`` says whether the rows that depend on others agree with them, to the rounding of numbers of
+    this ``magnitude``.
     """
 
     def __init__(self, rows: Mat, right: Vec, magnitude: Vec) -> None:
@@ -62,12 +140,12 @@ class EqualityRows:
         left, values, basis = np.linalg.svd(rows / self._length[:, None])
         rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         right = right / self._length
-        beside = left[:, rank:].T @ right
+        beside = right @ left[:, rank:]
         self.consistent = bool(np.linalg.norm(beside) <= CONSISTENT * np.linalg.norm(magnitude / self._length))
-        self.matrix: Mat = basis[:rank]
-        self.free: Mat = basis[rank:]
         self._from_rows: Mat = left[:, :rank] / values[:rank]
-        self.right: Vec = right @ self._from_rows
+        self.E: Mat = basis[:rank]
+        self.e: Vec = right @ self._from_rows
+        self.free: Mat = basis[rank:]
 
     def multipliers(self, y: Vec) -> Vec:
         """Multipliers of the rows given: those of least norm that push like ``y``."""
@@ -75,115 +153,82 @@ class EqualityRows:
         return result
 
 
-def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Nearest:
-    """The point of {A x = b, cl ≤ C x ≤ cu, lb ≤ x ≤ ub} that is nearest to ``centre``: minimise ½ |root⁻¹(x − centre)|².
-
-    That is the cost of ``qp``, whose H = (root rootᵀ)⁻¹ and g = −H centre are not looked at: the root is often known
-    exactly where H has lost half of its digits.
-    """
-    bounded = (np.isfinite(qp.lb) | np.isfinite(qp.ub)).nonzero()[0]
-    reach = np.abs(qp.A) @ np.abs(centre)
-    equal = EqualityRows(qp.A @ root, qp.b - qp.A @ centre, np.maximum(np.abs(qp.b), reach))
-    rows = np.concatenate([qp.C @ root, root[bounded]])
-    length = _lengths(rows)
-    start = np.concatenate([qp.C @ centre, centre[bounded]])
-    low = (np.concatenate([qp.cl, qp.lb[bounded]]) - start) / length
-    high = (np.concatenate([qp.cu, qp.ub[bounded]]) - start) / length
-    form = _NormalForm(equal.matrix, equal.right, rows / length[:, None], low, high)
-    size = form.size
-    if not equal.consistent:
-        return _none(qp, Status.INFEASIBLE, size)
-    answer = form.solve(by_name(solver), equal.free)
-    if not answer.status.ok:
-        return _none(qp, answer.status, size)
-    force = answer.z / length
-    z_box = np.zeros(qp.n)
-    z_box[bounded] = force[len(qp.cu) :]
-    return Nearest(
-        Status.SOLVED, centre + root @ answer.x, equal.multipliers(answer.y), force[: len(qp.cu)], z_box, size
-    )
-
-
 @final
 @dataclass(frozen=True)
 class _NormalForm:
-    """minimise ½ |u|²  subject to  E u = e,  low ≤ F u ≤ high;  E orthonormal, rows of F of unit length."""
+    """minimise ½ |u|²  subject to  E u = e,  low ≤ F u ≤ high;  E orthonormal, ``free`` beside it; rows of F of length 1."""
 
     E: Mat
     e: Vec
+    free: Mat
     F: Mat
     low: Vec
     high: Vec
 
     @property
     def size(self) -> float:
-        """How far from the origin u must at least be, up to √n: largest violation there; 1 where it is zero."""
+        """How far from the origin u must at least be, up to √n: the largest violation there; 1 where there is none."""
         outside = float(np.maximum(self.low, -self.high).max(initial=0.0))
         return max(float(np.linalg.norm(self.e)), outside) or 1.0
 
-    def solve(self, solver: Solver, free: Mat) -> Solution:
-        """The answer, at a second look where the first does not satisfy. ``free``: basis of {u: E u = 0} by rows."""
-        first = self._attempt(solver)
+    def qp(self) -> QP:
+        """The problem in u / size."""
+        size, n = self.size, self.F.shape[1]
+        return QP(np.eye(n), np.zeros(n), A=self.E, b=self.e / size, C=self.F, cl=self.low / size, cu=self.high / size)
+
+    def solve(self, solver: Solver) -> Solution:
+        """The answer of the first look if its certificate is good, or of the second."""
+        first = self._look(solver)
         if first.status.ok and first.certificate.within(ACCURATE):
             return first
-        start = self.e @ self.E
-        rows = self.F @ free.T
+        start, width = self.e @ self.E, ROUNDING * self.size
+        rows, at = self.F @ self.free.T, self.F @ start
         length = _lengths(rows)
-        at = self.F @ start
-        none = np.zeros((0, len(free)))
-        again = _NormalForm(
-            none, np.zeros(0), rows / length[:, None], (self.low - at) / length, (self.high - at) / length
-        )
-        second = again._attempt(solver) if len(free) else again._without_variables()
+        low, high = (self.low - at - width) / length, (self.high - at + width) / length
+        n = len(self.free)
+        second = _NormalForm(np.zeros((0, n)), np.zeros(0), np.eye(n), rows / length[:, None], low, high)._look(solver)
         if not second.status.ok:
-            return second
-        u, z = start + second.x @ free, second.z / length
+            return first if first.status.ok and second.status is not Status.INFEASIBLE else second
+        u, z = start + second.x @ self.free, second.z / length
         return replace(second, x=u, y=-self.E @ (u + z @ self.F), z=z)
 
-    def _attempt(self, solver: Solver) -> Solution:
-        size = self.size
-        qp = QP(
-            np.eye(self.F.shape[1]), np.zeros(self.F.shape[1]), A=self.E, b=self.e / size,
-            C=self.F, cl=self.low / size, cu=self.high / size,
-        )  # fmt: skip
-        answer = solver.solve(qp)
-        if not answer.status.ok:
-            return answer
-        answer = _polished(qp, answer)
+    def _look(self, solver: Solver) -> Solution:
+        size, qp = self.size, self.qp()
+        answer = _polished(qp, solver.solve(qp)) if qp.n else _without_variables(qp)
         return replace(answer, x=size * answer.x, y=size * answer.y, z=size * answer.z)
-
-    def _without_variables(self) -> Solution:
-        raise AssertionError
 
 
 def _polished(qp: QP, answer: Solution) -> Solution:
-    """The rows that push, solved as equations, where the certificate says that this is better."""
-    if answer.certificate.within(1e-13):
+    """The same with the rows that push held exactly, where the certificate says that this is better."""
+    exact = polished(qp, answer.x, answer.z)
+    if exact is None:
         return answer
-    values = qp.C @ answer.x
-    room = np.where(answer.z > 0.0, qp.cu - values, values - qp.cl)
-    active = np.abs(answer.z) > np.abs(room)
-    rows = np.concatenate([qp.A, qp.C[active]])
-    right = np.concatenate([qp.b, np.where(answer.z > 0.0, qp.cu, qp.cl)[active]])
-    inverse = np.linalg.pinv(rows, rcond=DEPENDENT)
-    x = inverse @ right
-    force = -x @ inverse
-    z = np.zeros(len(qp.cu))
-    z[active] = force[qp.n_eq :]
-    y = force[: qp.n_eq]
-    proof = certificate(qp, x, y, z, answer.z_box * 0)
-    old = answer.certificate
-    if max(proof.primal, proof.dual, proof.gap) < max(old.primal, old.dual, old.gap):
-        return replace(answer, x=x, y=y, z=z, certificate=proof)
-    return answer
+    x, y, z = exact
+    proof = certificate(qp, x, y, z, np.zeros(qp.n))
+    if not proof.ok or _residual(proof) >= _residual(answer.certificate):
+        return answer
+    return replace(answer, status=Status.SOLVED, x=x, y=y, z=z, certificate=proof)
+
+
+def _residual(proof: Certificate) -> float:
+    return max(proof.primal, proof.dual, proof.gap)
+
+
+def _without_variables(qp: QP) -> Solution:
+    """Back ends do not take a problem without unknowns."""
+    proof = certificate(qp, np.zeros(0), np.zeros(0), np.zeros(len(qp.cu)), np.zeros(0))
+    if not proof.ok:
+        return _no_answer(qp, Status.INFEASIBLE)
+    return Solution(Status.SOLVED, np.zeros(0), np.zeros(0), np.zeros(len(qp.cu)), np.zeros(0), proof)
+
+
+def _no_answer(qp: QP, status: Status) -> Solution:
+    n, n_eq, n_in = qp.shape
+    x, y, z, z_box = (np.full(size, np.nan) for size in (n, n_eq, n_in, n))
+    return Solution(status, x, y, z, z_box, Certificate(np.inf, np.inf, np.inf))
 
 
 def _lengths(rows: Mat) -> Vec:
     """Lengths of the rows (m,), 1 for rows of zeros."""
     length: Vec = np.sqrt(np.einsum("ij,ij->i", rows, rows))
     return np.where(length > 0.0, length, 1.0)
-
-
-def _none(qp: QP, status: Status, size: float) -> Nearest:
-    n, n_eq, n_in = qp.shape
-    return Nearest(status, *(np.full(shape, np.nan) for shape in (n, n_eq, n_in, n)), size)
