@@ -78,10 +78,11 @@ def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Ne
         equations.E, equations.e, equations.free,
         rows[kept] / length[:, None], (lower - at)[kept] / length, (upper - at)[kept] / length,
     )  # fmt: skip
-    answer = form.solve(by_name(solver)) if equations.consistent else _no_answer(form.qp(), Status.INFEASIBLE)
-    if not answer.status.ok:
-        sizes = (qp.n, qp.n_eq, len(qp.cu), qp.n)
-        return Nearest(answer.status, *(np.full(size, np.nan) for size in sizes), form.size)
+    answer = form.solve(by_name(solver)) if equations.consistent else None
+    if answer is None or not answer.status.ok:
+        status = Status.INFEASIBLE if answer is None else answer.status
+        x, y, z = (np.full(size, np.nan) for size in (qp.n, qp.n_eq, len(qp.cu)))
+        return Nearest(status, x, y, z, x, form.size)
     force = np.zeros(len(matrix))
     force[equal] = equations.multipliers(answer.y)
     force[kept] = answer.z / length
@@ -92,7 +93,7 @@ def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Ne
 
 
 def nearest_at_largest_scale(
-    qp: QP, direction: Vec, centre: Vec, root: Mat, size: float, solver: str | Solver = "pdas"
+    qp: QP, direction: Vec, centre: Vec, root: Mat, *, size: float, solver: str | Solver = "pdas"
 ) -> tuple[Nearest, float]:
     """The largest s in [0, 1] with A x = b − (1 − s) direction and all other rows, and :func:`nearest` at that s.
 
@@ -110,19 +111,14 @@ def nearest_at_largest_scale(
     wide = np.zeros((n + 1, n + 1))
     wide[:n, :n] = root
     wide[n, n] = 1.0 / size
-    found: Nearest | None = None
-    for slope in SLOPES:
-        steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
-        if not steeper.status.ok:
-            found = found or steeper
+    found = nearest(scaled, np.append(centre, 1.0 + SLOPES[0]), wide, solver)
+    for slope in SLOPES[1:]:
+        if not found.status.ok or found.x[n] >= 1.0 - SETTLED:
             break
-        settled = found is not None and abs(steeper.x[n] - found.x[n]) <= SETTLED
-        if settled:
+        steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
+        if not steeper.status.ok or steeper.x[n] <= found.x[n] + SETTLED:
             break
         found = steeper
-        if found.x[n] >= 1.0 - SETTLED:
-            break
-    assert found is not None
     return replace(found, x=found.x[:n], z_box=found.z_box[:n]), float(np.clip(found.x[n], 0.0, 1.0))
 
 
@@ -156,7 +152,10 @@ class _Equations:
 @final
 @dataclass(frozen=True)
 class _NormalForm:
-    """minimise ½ |u|²  subject to  E u = e,  low ≤ F u ≤ high;  E orthonormal, ``free`` beside it; rows of F of length 1."""
+    """minimise ½ |u|²  subject to  E u = e,  low ≤ F u ≤ high.
+
+    E orthonormal, completed by ``free``; rows of F of length 1.
+    """
 
     E: Mat
     e: Vec
@@ -186,7 +185,8 @@ class _NormalForm:
         length = _lengths(rows)
         low, high = (self.low - at - width) / length, (self.high - at + width) / length
         n = len(self.free)
-        second = _NormalForm(np.zeros((0, n)), np.zeros(0), np.eye(n), rows / length[:, None], low, high)._look(solver)
+        rest = _NormalForm(np.zeros((0, n)), np.zeros(0), np.eye(n), rows / length[:, None], low, high)
+        second = rest._at_rest() or rest._look(solver)
         if not second.status.ok:
             return first if first.status.ok and second.status is not Status.INFEASIBLE else second
         u, z = start + second.x @ self.free, second.z / length
@@ -194,8 +194,17 @@ class _NormalForm:
 
     def _look(self, solver: Solver) -> Solution:
         size, qp = self.size, self.qp()
-        answer = _polished(qp, solver.solve(qp)) if qp.n else _without_variables(qp)
+        answer = _polished(qp, solver.solve(qp))
         return replace(answer, x=size * answer.x, y=size * answer.y, z=size * answer.z)
+
+    def _at_rest(self) -> Solution | None:
+        """u = 0, where no row is against it or there is nothing to move."""
+        qp = self.qp()
+        zeros = np.zeros(qp.n), np.zeros(qp.n_eq), np.zeros(len(qp.cu)), np.zeros(qp.n)
+        proof = certificate(qp, *zeros)
+        if proof.primal == 0.0:
+            return Solution(Status.SOLVED, *zeros, proof)
+        return None if qp.n else Solution(Status.INFEASIBLE, *zeros, proof)
 
 
 def _polished(qp: QP, answer: Solution) -> Solution:
@@ -212,20 +221,6 @@ def _polished(qp: QP, answer: Solution) -> Solution:
 
 def _residual(proof: Certificate) -> float:
     return max(proof.primal, proof.dual, proof.gap)
-
-
-def _without_variables(qp: QP) -> Solution:
-    """Back ends do not take a problem without unknowns."""
-    proof = certificate(qp, np.zeros(0), np.zeros(0), np.zeros(len(qp.cu)), np.zeros(0))
-    if not proof.ok:
-        return _no_answer(qp, Status.INFEASIBLE)
-    return Solution(Status.SOLVED, np.zeros(0), np.zeros(0), np.zeros(len(qp.cu)), np.zeros(0), proof)
-
-
-def _no_answer(qp: QP, status: Status) -> Solution:
-    n, n_eq, n_in = qp.shape
-    x, y, z, z_box = (np.full(size, np.nan) for size in (n, n_eq, n_in, n))
-    return Solution(status, x, y, z, z_box, Certificate(np.inf, np.inf, np.inf))
 
 
 def _lengths(rows: Mat) -> Vec:
