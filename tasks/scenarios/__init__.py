@@ -2,6 +2,7 @@
 
 from tasks.scenarios.arm_reach import ArmReach
 from tasks.scenarios.humanoid_stand import HumanoidStand
+from tasks.scenarios.pg_step import PgStep
 from tasks.scenarios.quadruped_stand import QuadrupedStand
 
-SCENARIOS = {scenario.name: scenario for scenario in (HumanoidStand(), QuadrupedStand(), ArmReach())}
+SCENARIOS = {scenario.name: scenario for scenario in (HumanoidStand(), QuadrupedStand(), ArmReach(), PgStep())}
