@@ -38,8 +38,10 @@ CONSISTENT = 1e-9
 #: The certificate, in the units of the normal form, at which no second look is needed.
 ACCURATE = 1e-10
 #: Rows of the second look give way by this (of the size of the first), so that rounding does not contradict itself.
-ROUNDING = 1e-12
-#: Slopes along the scale that are tried, and the change of the scale at which one was steep enough.
+ROUNDING = 1e-14
+#: Where a third look ends, in sizes.
+FAR = 100.0
+#: Slopes along the scale that are tried, and what the scale may still gain when one was steep enough.
 SLOPES = (1e1, 1e3, 1e5, 1e7)
 SETTLED = 1e-10
 
@@ -98,7 +100,7 @@ def nearest_at_largest_scale(
     """The largest s in [0, 1] with A x = b − (1 − s) direction and all other rows, and :func:`nearest` at that s.
 
     minimise ½ |root⁻¹(x − centre)|² + ½ size² (s − 1 − slope)² over (x, s): strictly convex, and exact as soon as the
-    slope exceeds the multiplier of s ≤ s_max. Whether it does shows when a steeper one leaves s where it is.
+    slope exceeds the multiplier of s ≤ s_max. Whether it does shows in a proximal step from the answer: it stays there.
     """
     n, n_eq, _ = qp.shape
     padded = np.zeros((len(qp.matrix), n + 1))
@@ -115,10 +117,11 @@ def nearest_at_largest_scale(
     for slope in SLOPES[1:]:
         if not found.status.ok or found.x[n] >= 1.0 - SETTLED:
             break
-        steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
-        if not steeper.status.ok or steeper.x[n] <= found.x[n] + SETTLED:
+        onwards = np.append(np.zeros(n), 1.0)
+        further = nearest(scaled, found.x + onwards, wide, solver)
+        if not further.status.ok or further.x[n] <= found.x[n] + SETTLED:
             break
-        found = steeper
+        found = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
     return replace(found, x=found.x[:n], z_box=found.z_box[:n]), float(np.clip(found.x[n], 0.0, 1.0))
 
 
@@ -170,19 +173,25 @@ class _NormalForm:
         outside = float(np.maximum(self.low, -self.high).max(initial=0.0))
         return max(float(np.linalg.norm(self.e)), outside) or 1.0
 
-    def qp(self) -> QP:
-        """The problem in u / size."""
+    def qp(self, *, reach: float = np.inf) -> QP:
+        """The problem in u / size, which does not go farther than ``reach``."""
         size, n = self.size, self.F.shape[1]
-        return QP(np.eye(n), np.zeros(n), A=self.E, b=self.e / size, C=self.F, cl=self.low / size, cu=self.high / size)
+        far = np.full(n, reach)
+        return QP(
+            np.eye(n), np.zeros(n), A=self.E, b=self.e / size, C=self.F, cl=self.low / size, cu=self.high / size,
+            lb=-far, ub=far,
+        )  # fmt: skip
 
     def solve(self, solver: Solver) -> Solution:
         """The answer of the first look if its certificate is good, or of the second."""
         first = self._look(solver)
         if first.status.ok and first.certificate.within(ACCURATE):
             return first
-        start, width = self.e @ self.E, ROUNDING * self.size
-        rows, at = self.F @ self.free.T, self.F @ start
+        start, rows = self.e @ self.E, self.F @ self.free.T
         length = _lengths(rows)
+        settled = length <= DEPENDENT  # by the equations alone: nothing is left to do about these rows
+        rows[settled], length[settled] = 0.0, 1.0
+        at, width = self.F @ start, np.where(settled, CONSISTENT, ROUNDING) * self.size
         low, high = (self.low - at - width) / length, (self.high - at + width) / length
         n = len(self.free)
         rest = _NormalForm(np.zeros((0, n)), np.zeros(0), np.eye(n), rows / length[:, None], low, high)
@@ -195,6 +204,11 @@ class _NormalForm:
     def _look(self, solver: Solver) -> Solution:
         size, qp = self.size, self.qp()
         answer = _polished(qp, solver.solve(qp))
+        if not answer.status.ok and answer.status is not Status.INFEASIBLE:
+            # Some solvers start far out and do not come back; so far that it does not matter, but no farther.
+            near = solver.solve(self.qp(reach=FAR))
+            proof = certificate(qp, near.x, near.y, near.z, np.zeros(qp.n))
+            answer = _polished(qp, replace(near, certificate=proof)) if proof.ok else answer
         return replace(answer, x=size * answer.x, y=size * answer.y, z=size * answer.z)
 
     def _at_rest(self) -> Solution | None:

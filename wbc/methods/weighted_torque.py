@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -41,6 +41,9 @@ from wbc.types import Mat, Vec
 
 FORMS = ("torque", "acceleration", "joint")
 CLOSED_FORMS = ("pseudo_inverse", "multiplier", "null_space")
+#: Differences of torques are judged beside tau − tau_0, but not beside less than this part of the torques that cancel.
+ROUNDING = 1e-5
+
 WEIGHTS = ("inverse_inertia", "identity", "inverse_inertia_squared")
 
 
@@ -59,6 +62,14 @@ class Torque:
     cost: float
     scale: float
     feasible: bool
+
+
+class _Factors(NamedTuple):
+    """Rows G = A R: Λ = half halfᵀ, G# = right halfᵀ, and a basis (columns of ``beside``) of what no torque can do."""
+
+    half: Mat
+    right: Mat
+    beside: Mat
 
 
 @final
@@ -171,8 +182,10 @@ class WeightedTorque(Method):
         return float(0.5 * away @ self.W @ away)
 
     # ---- closed form
-    def closed_form(self, form: str = "multiplier") -> Torque:
+    def closed_form(self, form: str = "pseudo_inverse") -> Torque:
         """The optimum by formula, in any of the three forms. Where rows depend on each other Λ is a pseudo-inverse.
+
+        The first form keeps the most digits near singularities: the others square the condition of the task.
 
         With damping d, Λ = (A W⁻¹ Aᵀ + d² I)⁻¹ for the task rows.
 
@@ -185,8 +198,8 @@ class WeightedTorque(Method):
         if np.isfinite(self.tau_min).any() or np.isfinite(self.tau_max).any():
             raise NoClosedForm("with torque limits there is no closed form; use solve")
         A, b = self._torque_rows
-        Lambda, beside = self._compliance(A)
-        scale = self._reachable_scale(A, b, beside)
+        factors = self._factors(A)
+        Lambda, scale = factors.half @ factors.half.T, self._reachable_scale(A, b, factors.beside)
         feasible = scale == 1.0
         if np.isnan(scale):
             return self._none()
@@ -198,21 +211,19 @@ class WeightedTorque(Method):
         elif form == "null_space":
             tau = away @ (Lambda @ b) + (self.tau_0 - away @ (Lambda @ (A @ self.tau_0)))
         else:
-            start, R = self._acceleration(self.tau_0), self._inverse @ self._root
-            inverse = R @ (R.T @ self._rows.T) @ Lambda  # J# in the metric M W M, whose inverse is R Rᵀ
-            y = self._wanted - (1.0 - scale) * np.concatenate([self.task_acceleration, np.zeros(len(self.e))])
-            tau = self.tau_0 + self.M @ (inverse @ (y - self._rows @ start))
+            inverse = (self._inverse @ self._root) @ factors.right @ factors.half.T  # J# in the metric M W M
+            tau = self.tau_0 + self.M @ (inverse @ missing)
         return Torque(tau, self._acceleration(tau), Lambda @ missing, self._cost(tau), scale, feasible)
 
-    def _compliance(self, A: Mat) -> tuple[Mat, Mat]:
-        """Λ, and a basis (columns) of what no torque can do: left null space of the rows."""
+    def _factors(self, A: Mat) -> _Factors:
+        """Of A R, R Rᵀ = W⁻¹, and of the slacks beside it."""
         G = np.hstack([A @ self._root, np.eye(len(A), len(self.J)) * self.damping])
         length = np.linalg.norm(G, axis=1)
         length[length == 0.0] = 1.0
-        left, values, _ = np.linalg.svd(G / length[:, None])
+        left, values, right = np.linalg.svd(G / length[:, None])
         rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         half = (left[:, :rank] / values[:rank]) / length[:, None]
-        return half @ half.T, left[:, rank:] / length[:, None]
+        return _Factors(half, right[:rank, : len(self.n)].T, left[:, rank:] / length[:, None])
 
     def _reachable_scale(self, A: Mat, b: Vec, beside: Mat) -> float:
         """1 where all rows can be met, the only s in [0, 1] that can be where there is one, else NaN."""
@@ -336,21 +347,24 @@ class WeightedTorque(Method):
         """tau and cost relative to tau − tau_0 in the weighted norm, rows relative to their terms, scale in [0, 1]."""
         if np.isnan(result.scale) or np.isnan(reference.scale):
             return {"feasible": 0.0 if np.isnan(result.scale) and np.isnan(reference.scale) else np.inf}
-        away, other = (np.sqrt(2.0 * self._cost(torque.tau)) for torque in (result, reference))
+        torques = np.abs(self.tau_0) + np.abs(self.n) + np.abs(self.tau_external)
+        rounding = ROUNDING * float(np.sqrt(self.W.diagonal() @ torques**2))
+        size = max(np.sqrt(2.0 * result.cost), np.sqrt(2.0 * reference.cost), rounding) or 1.0
         apart = np.sqrt(2.0 * self._cost(self.tau_0 + result.tau - reference.tau))
-        size = max(away, other, 1e-9 * np.sqrt(2.0 * self._cost(2.0 * self.tau_0))) or 1.0
-        limits = np.where(np.isfinite([self.tau_min, self.tau_max]), [self.tau_min, self.tau_max], 0.0)
+        torques += np.abs(result.tau)
         over = np.maximum(result.tau - self.tau_max, self.tau_min - result.tau).max(initial=0.0)
+        dynamics = self.M @ result.a + self.n - result.tau - self.tau_external
         differences = {
             "scale": abs(result.scale - reference.scale),
             "tau": apart / size,
             "cost": abs(result.cost - reference.cost) / size**2,
-            "limits": max(0.0, float(over)) / (np.abs([*limits, result.tau]).max(initial=0.0) or 1.0),
-            "dynamics": _relative(self.M @ result.a, self.n, -result.tau, -self.tau_external),
+            "limits": max(0.0, float(over)) / (torques.max(initial=0.0) or 1.0),
+            "dynamics": _part(dynamics, np.abs(self.M) @ np.abs(result.a) + torques),
         }
         if self.damping == 0.0:
             wanted = np.concatenate([result.scale * self.task_acceleration - self.drift, self.e])
-            differences["task"] = _relative(self._rows @ result.a, -wanted)
+            terms = np.abs(self._rows) @ (np.abs(self._inverse) @ torques) + np.abs(wanted)
+            differences["task"] = _part(self._rows @ result.a - wanted, terms)
         return differences
 
 
@@ -377,6 +391,6 @@ def _weight(weight: Any, M: Mat, inverse: Mat) -> tuple[Mat, Mat]:
     raise InvalidInput(f"weight is {weight!r}; it must be an array or one of {', '.join(WEIGHTS)}")
 
 
-def _relative(*terms: Vec) -> float:
-    """Length of the sum relative to the lengths of its terms."""
-    return float(np.linalg.norm(np.sum(terms, axis=0)) / (sum(float(np.linalg.norm(term)) for term in terms) or 1.0))
+def _part(rest: Vec, terms: Vec) -> float:
+    """What is left of a sum, relative to its terms."""
+    return float(np.linalg.norm(rest) / (np.linalg.norm(terms) or 1.0))
