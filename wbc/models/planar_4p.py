@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Unpack, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInput
+from wbc import checks
 from wbc.models.chain import Chain
 from wbc.models.planar import JointLimits, PlanarRobot
 from wbc.types import Mat, Vec
@@ -53,10 +53,8 @@ class Planar4P(PlanarRobot):
     def __init__(
         self, *, m: ArrayLike = (1.0, 1.0, 1.0, 1.0), gravity: float = 9.81, **limits: Unpack[JointLimits]
     ) -> None:
-        masses = np.array(m, dtype=np.float64)
-        if masses.shape != (4,):
-            raise InvalidInput(f"m must have shape (4,), not {masses.shape}")
-        parameters = {f"m{i + 1}": float(mass) for i, mass in enumerate(masses)}
+        masses = checks.array("m", m, (4,))
+        parameters = {f"m{i + 1}": checks.number(f"m[{i}]", mass, low=0.0) for i, mass in enumerate(masses)}
         super().__init__("planar_4p", Chain.parse("PxPyPxPy"), parameters, gravity=gravity, limits=limits)
         self._m, self._a = masses, _SUMS @ masses
         self.check_inertia()
