@@ -37,7 +37,8 @@ def test_gains_may_differ_by_row():
 
 
 def test_without_damping_there_is_no_rate_to_guess():
-    assert Plain(kp=4.0, kd=0.0).gains()[2].tolist() == [0.0, 0.0]
+    assert Plain(kp=4.0, kd=0.0).gains()[2].tolist() == [np.inf, np.inf]
+    assert Plain(kp=0.0, kd=0.0).gains()[2].tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(

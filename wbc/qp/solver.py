@@ -64,12 +64,28 @@ class Solution:
     solver: str = ""
 
 
+@final
+@dataclass(slots=True)
+class Counts:
+    """How often the first guess of the active set was right, had to be repaired, or was given up for DAQP."""
+
+    first: int = 0
+    repaired: int = 0
+    fallback: int = 0
+
+    @property
+    def total(self) -> int:
+        """All solves."""
+        return self.first + self.repaired + self.fallback
+
+
 class Session(ABC):
-    """Memory of one solver for QPs of one shape: workspace and warm start."""
+    """Memory of one solver for QPs of one shape: workspace and warm start. ``counts`` is kept by those that guess."""
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         self.solver = solver
         self.shape = shape
+        self.counts = Counts()
 
     @abstractmethod
     def _solve(self, qp: QP) -> Answer:

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio
 
 from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.tracking import pose_target
 from wbc.types import Mat, Vec
@@ -65,8 +66,6 @@ class Contact(ABC):
         target: Any = None,
         name: str | None = None,
     ) -> None:
-        from wbc.errors import InvalidInput
-
         self.frame = frame
         self._name = name
         self.friction = checks.number(f"{self.name}.friction", friction, low=0.0, strict=True)
@@ -76,12 +75,28 @@ class Contact(ABC):
         self.kp = checks.number(f"{self.name}.kp", kp, low=0.0)
         self.kd = 2.0 * self.kp**0.5 if kd is None else checks.number(f"{self.name}.kd", kd, low=0.0)
         self.force_weight = checks.number(f"{self.name}.force_weight", force_weight, low=0.0)
-        self.target: Anchor | None = None if target is None else _as_anchor(f"{self.name}.target", target)
+        self.target = target
 
     @property
     def name(self) -> str:
         """Given, or the class and the frame; ``command.f`` is read by this name or by the frame's."""
         return self._name or f"{type(self).__name__}[{self.frame}]"
+
+    @property
+    def target(self) -> Anchor | None:
+        """Where the contact is to be held, read when it is made; None: where the frame is then."""
+        return self._target
+
+    @target.setter
+    def target(self, value: Any) -> None:
+        if np.shape(value) == (3,) and self.dim != 3:
+            raise InvalidInput(f"{self.name}.target is a position; a contact of {self.dim} rows needs a pose")
+        self._target = None if value is None else _as_anchor(f"{self.name}.target", value)
+
+    @property
+    def short_name(self) -> str:
+        """Given, or the frame: what stands in brackets in the names of its rows."""
+        return self._name or self.frame
 
     @property
     def mu(self) -> float:

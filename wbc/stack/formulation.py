@@ -37,9 +37,9 @@ class Formulation(ABC):
 
     @property
     def bounds(self) -> frozenset[str]:
-        """Quantities of a joint that may be limited: what the level carries, and accelerations, which are changes of
-        the measured velocity where the level decides velocities."""
-        return self.carries | {"acceleration"}
+        """Quantities of a joint that may be limited. Where velocities are decided, an acceleration is the change from
+        the measured one."""
+        return self.carries | {"position", "acceleration"}
 
     @final
     def compile(self, model: RobotModel, stack: Stack, *, dt: float) -> Plan:
@@ -65,7 +65,7 @@ class VelocityLevel(Formulation):
 
     @property
     def carries(self) -> frozenset[str]:
-        return frozenset({"position", "velocity"})
+        return frozenset({"velocity"})
 
 
 @final
@@ -79,7 +79,7 @@ class AccelerationLevel(Formulation):
 
     @property
     def carries(self) -> frozenset[str]:
-        return frozenset({"position", "velocity", "acceleration"})
+        return frozenset({"velocity", "acceleration"})
 
 
 @final
@@ -97,4 +97,4 @@ class InverseDynamics(Formulation):
 
     @property
     def carries(self) -> frozenset[str]:
-        return frozenset({"position", "velocity", "acceleration", "torque", "force"})
+        return frozenset({"velocity", "acceleration", "torque", "force"})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, final
 
-from wbc.errors import NotSupported
+from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
 from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
@@ -43,6 +43,7 @@ class Layout:
         self.torque_limits = [law for law in intervals if law.quantity == "torque"]
         for member in (*stack.tasks, *stack.subject_to, *stack.contacts, *stack.components):
             (member.task if isinstance(member, Exactly) else member).prepare(model)
+        self._refuse_what_has_no_kind(stack)
         self._refuse_what_the_level_cannot_carry()
 
         dynamics = level.dynamics
@@ -71,6 +72,24 @@ class Layout:
         self.force_columns, _ = _starts(self.contacts, model.nv)
         self.n_rows = row
 
+    def _refuse_what_has_no_kind(self, stack: Stack) -> None:
+        sorted_members: list[object] = [*self.linear, *self.kinematic, *self.on_joints, *self.exact, *self.barriers]
+        sorted_members += [*self.constraints, *self.motion_limits, *self.torque_limits]
+        for member in (*stack.tasks, *stack.subject_to):
+            if not any(member is known for known in sorted_members):
+                raise NotSupported(
+                    f"{member.name} is a {type(member).__name__}, neither a Task nor a LinearTask, Barrier, "
+                    "LinearConstraint or JointInterval: nothing says what its rows are"
+                )
+        tasks = [*self.linear, *self.kinematic, *self.on_joints, *(law.task for law in self.exact)]
+        sizes = [(task.name, getattr(task, "dim", None)) for task in tasks]
+        sizes += [(law.name, getattr(law, "dim", None)) for law in (*self.barriers, *self.constraints)]
+        for name, dim in sizes:
+            if dim is None or dim < 1:
+                raise InvalidInput(
+                    f"{name}.dim is {dim}; set it, and units, in __init__: a member has at least one row"
+                )
+
     def _refuse_what_the_level_cannot_carry(self) -> None:
         level = self.level
         limits = [(law.name, law.quantity, level.bounds) for law in self.motion_limits + self.torque_limits]
@@ -96,6 +115,12 @@ class Layout:
                 return i
         raise UnknownName(member.contact, [c.frame for c in self.contacts], f"{member.name} needs a contact")
 
+    def size_of(self, member: LinearTask | LinearConstraint) -> int:
+        """Size of the quantity that a member is about."""
+        if member.on == "force":
+            return self.contacts[self.contact(member)].dim
+        return self.model.nj if member.on == "torque" else self.model.nv
+
     # ---- names
     def names(self) -> list[Row]:
         """Owner, label and unit of every row of G, then of every unknown."""
@@ -108,7 +133,7 @@ class Layout:
             rows += [Row(owner, joint, unit) for joint, unit in zip(model.joint_names, effort, strict=True)]
         if level.dynamics:
             for contact in self.contacts:
-                rows += [Row(f"friction[{contact.frame}]", label, unit) for label, unit in contact.cone_labels()]
+                rows += [Row(f"friction[{contact.short_name}]", label, unit) for label, unit in contact.cone_labels()]
         for barrier in self.barriers:
             rows += [Row(barrier.name, barrier.label(i), barrier.units + suffix) for i in range(barrier.dim)]
         for law in self.constraints:
@@ -121,7 +146,7 @@ class Layout:
             rows += [Row(exact.name, exact.task.label(i), exact.task.unit(i) + suffix) for i in range(exact.task.dim)]
         for contact in self.contacts:
             labels = zip(_AXES, contact.motion_units(), strict=False)
-            rows += [Row(f"contact[{contact.frame}]", label, unit + suffix) for label, unit in labels]
+            rows += [Row(f"contact[{contact.short_name}]", label, unit + suffix) for label, unit in labels]
         return rows + list(self._unknowns(suffix))
 
     def _unknowns(self, suffix: str) -> Iterator[Row]:
@@ -134,7 +159,7 @@ class Layout:
         if self.level.dynamics:
             for contact in self.contacts:
                 for i in range(contact.dim):
-                    yield Row(f"force[{contact.frame}]", _WRENCH[i], "N" if i < 3 else "N m")
+                    yield Row(f"force[{contact.short_name}]", _WRENCH[i], "N" if i < 3 else "N m")
 
 
 def _of(members: Any, kind: type[Any]) -> list[Any]:

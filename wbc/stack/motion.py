@@ -49,8 +49,20 @@ class MotionRows:
             out.J[:] = np.nan
         out.e, out.drift, out.ed = self.e[rows], self.drift[rows], self._own_ed[rows]
         out.rate_ref, out.acc_ref = self.rate_ref[rows], self.acc_ref[rows]
-        self.kp[rows], self.kd[rows], self.rate[rows] = task.gains()
+        self.set_gains(first, task)
         return out
+
+    def set_gains(self, first: int, task: Task) -> None:
+        """Read the gains of a task.
+
+        Raises:
+            InvalidInput: at the velocity level, a task with kp > 0, kd = 0 and no rate.
+        """
+        rows = slice(first, first + task.dim)
+        self.kp[rows], self.kd[rows], rate = task.gains()
+        if self.order == 1 and np.isinf(rate).any():
+            raise InvalidInput(f"{task.name} has kd = 0, so kp / kd says nothing at the velocity level; give it a rate")
+        self.rate[rows] = rate
 
     def contact_rows(self, first: int, contact: Contact) -> ContactRows:
         """The views a contact writes into."""
@@ -61,6 +73,11 @@ class MotionRows:
         self.kp[rows], self.kd[rows] = contact.kp, contact.kd
         self.rate[rows] = contact.kp / contact.kd if contact.kd > 0 else 0.0
         return out
+
+    def clear(self) -> None:
+        """References that a task does not write are zero, in every tick."""
+        self.rate_ref.fill(0.0)
+        self.acc_ref.fill(0.0)
 
     def check_written(self, first: int, dim: int, name: str) -> None:
         """After a first fill on poisoned memory: everything needed must have been written.

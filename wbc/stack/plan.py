@@ -16,14 +16,14 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.contact import Anchor
 from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
 from wbc.stack.stack import Stack
-from wbc.stack.task import LinearRows, LinearTask, Objective
+from wbc.stack.task import Objective
+from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, Writer
 from wbc.types import Vec
 
 
@@ -32,7 +32,8 @@ class Plan:
     """A compiled stack: sizes, memory, views and row names; made by ``level.compile(model, stack, dt=…)``.
 
     Components may write into ``torque_bounds`` (lower, upper), (nj,) each, and ``extra_bias`` (nv,), a generalised
-    force added to h, before the plan is filled.
+    force added to h, before the plan is filled, and may ``replace`` bounds on position, velocity and acceleration in
+    ``intervals`` (None where the stack has none).
     """
 
     def __init__(self, model: RobotModel, stack: Stack, level: Formulation, dt: float) -> None:
@@ -48,15 +49,14 @@ class Plan:
         self.motion = MotionRows(level.order, p.G[motion, :nv], self._column[motion], model.nj, len(layout.on_joints))
         self.anchors = [Anchor(np.eye(3), np.zeros(3)) for _ in layout.contacts]
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
-        self._after: list[Callable[[RobotState], None]] = []
         self.extra_bias = np.zeros(nv)
         self._has_extra_bias = bool(stack.components)
 
         self._give_views()
         if level.dynamics:
             self._prepare_dynamics()
-        self._prepare_barriers_and_constraints()
-        self._joints = JointIntervals.compose(layout.motion_limits, model, dt) if layout.motion_limits else None
+        self._writers = self._make_writers()
+        self.intervals = JointIntervals.compose(layout.motion_limits, model, dt) if layout.motion_limits else None
         self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
@@ -91,10 +91,17 @@ class Plan:
         self._J_contacts_T = p.G[contacts, :nv].T
         lower, upper = p.range_bounds()
         self.torque_bounds = (lower[: model.nj], upper[: model.nj])
+        low, high = self.torque_bounds
         for law in layout.torque_limits:
-            low, high = law.bounds(model)
-            np.maximum(self.torque_bounds[0], low, out=self.torque_bounds[0])
-            np.minimum(self.torque_bounds[1], high, out=self.torque_bounds[1])
+            law_low, law_high = law.bounds(model)
+            np.maximum(low, law_low, out=low)
+            np.minimum(high, law_high, out=high)
+        if (low > high).any():
+            i = int(np.argmax(low > high))
+            raise InvalidInput(
+                f"joint {model.joint_names[i]!r} is left no torque: lower {low[i]:g} > upper {high[i]:g}"
+            )
+        self._torque_laws = low.copy(), high.copy()
         self._force_weights = np.concatenate(
             [np.full(c.dim, c.force_weight) for c in layout.contacts] or [np.zeros(0)]
         )  # fmt: skip
@@ -110,129 +117,45 @@ class Plan:
             p.upper[p.item(row) : p.item(row + len(cone))] = 0.0
             row += len(cone)
 
-    def _prepare_barriers_and_constraints(self) -> None:
-        layout = self.layout
+    def _make_writers(self) -> list[Writer]:
+        layout, p = self.layout, self.problem
+        writers: list[Writer] = []
         for barrier, row in zip(layout.barriers, layout.barrier_rows, strict=True):
-            self._after.append(self._barrier_filler(barrier, row))
+            writers.append(BarrierWriter(barrier, row, p, layout))
         for law, row in zip(layout.constraints, layout.constraint_rows, strict=True):
-            self._after.append(self._constraint_filler(law, row))
+            writers.append(ConstraintWriter(law, row, p, layout, self.dt))
         for task, row in zip(layout.linear, layout.linear_rows, strict=True):
-            self._after.append(self._linear_filler(task, row))
-
-    def _barrier_filler(self, barrier: Barrier, row: int) -> Callable[[RobotState], None]:
-        p, nv = self.problem, self.model.nv
-        rows, items = slice(row, row + barrier.dim), slice(p.item(row), p.item(row + barrier.dim))
-        out = BarrierRows()
-        out.J, out.h, out.drift = p.G[rows, :nv], np.zeros(barrier.dim), np.zeros(barrier.dim)
-        right, lower, rate, order = self._column[rows], p.lower[items], barrier.rate, self.level.order
-
-        def fill(state: RobotState) -> None:
-            barrier.fill(state, out)
-            if order == 1:
-                np.multiply(out.h, -rate, lower)
-            else:
-                right[:] = out.drift
-                lower[:] = -2.0 * rate * (out.J @ state.v) - rate**2 * out.h
-
-        return fill
-
-    def _quantity_map(self, on: str, member: LinearTask | LinearConstraint) -> Callable[[Any, Any, Vec], None]:
-        """Writes rows A y as rows of x̂ for a quantity y: ``write(rows of G, A, state velocity)``."""
-        p, model, layout = self.problem, self.model, self.layout
-        nv, nb = model.nv, model.nb
-        if on == "torque":
-            torques = p.G[nb:nv]
-            return lambda rows, A, v: np.matmul(A, torques, out=rows)
-        if on == "force":
-            i = layout.contact(member)
-            columns = slice(layout.force_columns[i], layout.force_columns[i] + layout.contacts[i].dim)
-
-            def on_force(rows: Any, A: Any, v: Vec) -> None:
-                np.multiply(A, p.scale[columns], out=rows[:, columns])
-
-            return on_force
-        if on == "acceleration" or self.level.order == 1:
-
-            def on_unknown(rows: Any, A: Any, v: Vec) -> None:
-                rows[:, :nv] = A
-
-            return on_unknown
-
-        def on_next_velocity(rows: Any, A: Any, v: Vec) -> None:
-            np.multiply(A, self.dt, out=rows[:, :nv])
-            rows[:, -1] = A @ v
-
-        return on_next_velocity
-
-    def _size_of(self, member: LinearTask | LinearConstraint) -> int:
-        if member.on == "force":
-            return self.layout.contacts[self.layout.contact(member)].dim
-        return self.model.nj if member.on == "torque" else self.model.nv
-
-    def _linear_filler(self, task: LinearTask, row: int) -> Callable[[RobotState], None]:
-        rows = self.problem.G[row : row + task.dim]
-        out = LinearRows()
-        out.A, out.b = np.full((task.dim, self._size_of(task)), np.nan), np.full(task.dim, np.nan)
-        write = self._quantity_map(task.on, task)
-
-        def fill(state: RobotState) -> None:
-            task.fill(state, out)
-            write(rows, out.A, state.v)
-            rows[:, -1] -= out.b
-
-        return self._clearing(rows, task.on, fill)
-
-    def _constraint_filler(self, law: LinearConstraint, row: int) -> Callable[[RobotState], None]:
-        p = self.problem
-        rows, items = p.G[row : row + law.dim], slice(p.item(row), p.item(row + law.dim))
-        out = ConstraintRows()
-        out.A = np.full((law.dim, self._size_of(law)), np.nan)
-        out.lo, out.hi = p.lower[items], p.upper[items]
-        write = self._quantity_map(law.on, law)
-
-        def fill(state: RobotState) -> None:
-            law.fill(state, out)
-            write(rows, out.A, state.v)
-
-        return self._clearing(rows, law.on, fill)
-
-    @staticmethod
-    def _clearing(rows: Any, on: str, fill: Callable[[RobotState], None]) -> Callable[[RobotState], None]:
-        """The last column is added to, so it starts from zero unless the quantity writes all of it."""
-        if on == "torque":
-            return fill
-
-        def cleared(state: RobotState) -> None:
-            rows[:, -1] = 0.0
-            fill(state)
-
-        return cleared
+            writers.append(LinearWriter(task, row, p, layout, self.dt))
+        return writers
 
     def _first_fill(self) -> None:
-        """Fill once at the model's reference, on poisoned memory: a row nobody writes is found now, by name."""
+        """Fill once at the model's reference, on poisoned memory: what nobody writes is found now, by name."""
         state, layout, motion = self.model.state(), self.layout, self.motion
         self.start(state)
-        for fill, out in self._fills:
-            fill(state, *out)
         first = layout.motion_row
         members: list[Any] = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts]
         starts = [*layout.kinematic_rows, *layout.exact_rows, *layout.contact_rows]
-        for member, row in zip(members, starts, strict=True):
+        behind = range(layout.n_rows, layout.n_rows + len(layout.on_joints) * self.model.nj, self.model.nj)
+        for member, row, (fill, out) in zip(
+            [*members, *layout.on_joints], [*starts, *behind], self._fills, strict=True
+        ):
+            _explained(member.name, fill, state, *out)
             motion.check_written(row - first, member.dim, member.name)
-        for i, task in enumerate(layout.on_joints):
-            motion.check_written(layout.n_rows - first + i * self.model.nj, task.dim, task.name)
         motion.freeze()
+        if self.level.dynamics:
+            self._fill_dynamics(state)  # rows about torques are made of these
+        for writer in self._writers:
+            _explained(writer.name, writer.fill, state)
+            writer.check()
         self.fill(state)
-        for row in range(layout.n_rows):
-            if not np.isfinite(self.problem.G[row]).all():
-                raise InvalidInput(f"{self.problem.rows[row].owner}.fill left NaN in a row")
 
     # ---- weights: read again when a task was assigned to
-    def _objectives(self) -> list[Objective]:
-        return [*self.layout.linear, *self.layout.kinematic, *self.layout.on_joints]
-
     def _read_weights(self) -> None:
         layout, p = self.layout, self.problem
+        exact = [law.task for law in layout.exact]
+        self._tasks: list[Objective] = [*layout.linear, *layout.kinematic, *layout.on_joints, *exact]
+        self._stamp = sum(task.stamp for task in self._tasks)
+        self._read_gains()
         p.weights[:] = np.concatenate([t.weights() for t in (*layout.linear, *layout.kinematic)] or [np.zeros(0)])
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
         joints = np.full(self.model.nj, eps)
@@ -250,12 +173,24 @@ class Plan:
             self._force_scale_negative = -p.scale[nv:]
             self._write_cones()
         p.version += 1
-        self._stamp = sum(task.stamp for task in self._objectives())
-        self._tasks = self._objectives()
+
+    def _read_gains(self) -> None:
+        layout, first = self.layout, self.layout.motion_row
+        exact = [law.task for law in layout.exact]
+        for task, row in zip([*layout.kinematic, *exact], [*layout.kinematic_rows, *layout.exact_rows], strict=True):
+            self.motion.set_gains(row - first, task)
+        for i, task in enumerate(layout.on_joints):
+            self.motion.set_gains(layout.n_rows - first + i * self.model.nj, task)
 
     # ---- the hot path
     def start(self, state: RobotState) -> None:
-        """Make the contacts where the robot is now (or at their targets)."""
+        """Make the contacts where the robot is now (or at their targets), and take back what components changed."""
+        self.extra_bias[:] = 0.0
+        if self.level.dynamics:
+            for bounds, laws in zip(self.torque_bounds, self._torque_laws, strict=True):
+                bounds[:] = laws
+        if self.intervals is not None:
+            self.intervals.reset()
         for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
             made = contact.target or contact.anchor(state)
             anchor.rotation[:], anchor.position[:] = made.rotation, made.position
@@ -267,6 +202,7 @@ class Plan:
             stamp += task.stamp
         if stamp != self._stamp:
             self._read_weights()
+        self.motion.clear()
         for fill, out in self._fills:
             fill(state, *out)
         self.motion.lower(state.v, state.v_joints)
@@ -277,9 +213,9 @@ class Plan:
                 self._centre_joints += share * wanted
         if self.level.dynamics:
             self._fill_dynamics(state)
-        for fill_rows in self._after:
-            fill_rows(state)
-        if self._joints is not None:
+        for writer in self._writers:
+            writer.fill(state)
+        if self.intervals is not None:
             self._fill_joint_bounds(state)
 
     def _fill_dynamics(self, state: RobotState) -> None:
@@ -292,11 +228,11 @@ class Plan:
             np.multiply(self._J_contacts_T, self._force_scale_negative, self._T_f)
 
     def _fill_joint_bounds(self, state: RobotState) -> None:
-        assert self._joints is not None
+        assert self.intervals is not None
         if self.level.order == 1:
-            self._joints.velocity(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
+            self.intervals.velocity(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
         else:
-            self._joints.acceleration(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
+            self.intervals.acceleration(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
 
     # ---- what others read
     @property
@@ -325,8 +261,8 @@ class Plan:
     def bound_owner(self, unknown: int, *, upper: bool) -> str:
         """Which law gives an unknown the bound it has now."""
         joint = unknown - self.model.nb
-        if self._joints is not None and 0 <= joint < self.model.nj:
-            return self._joints.owner(joint, upper=upper)
+        if self.intervals is not None and 0 <= joint < self.model.nj:
+            return self.intervals.owner(joint, upper=upper)
         return self.problem.rows[self.layout.n_rows + unknown].owner
 
     def __repr__(self) -> str:
@@ -335,3 +271,17 @@ class Plan:
             f"Plan({self.model.name}, {self.level.name}: {n} unknowns, {n_eq} equalities, {n_in} two-sided rows, "
             f"{self.problem.n_soft} soft rows)"
         )
+
+
+def _explained(name: str, fill: Callable[..., None], *arguments: Any) -> None:
+    """Call a member's fill for the first time: what goes wrong there is said by its name.
+
+    Raises:
+        InvalidInput: wrong shapes or indices inside the member's fill.
+    """
+    try:
+        fill(*arguments)
+    except (IndexError, ValueError, TypeError, AttributeError) as cause:
+        if isinstance(cause, InvalidInput):
+            raise
+        raise InvalidInput(f"{name}.fill: {cause}") from cause

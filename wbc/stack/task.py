@@ -90,12 +90,13 @@ class Objective(ABC):
             if (weights < 0).any():
                 i = int(np.argmax(weights < 0))
                 raise InvalidInput(f"{self.name}.weight[{i}] is {weights[i]:g}; a weight is >= 0")
+            weights.flags.writeable = False  # assign to change it: writing into it would go unseen
             self._weight = weights
         self.stamp += 1
 
     @property
     def active(self) -> bool:
-        """Whether the task counts at all."""
+        """Whether the task counts among the wishes; as a law (``exactly``) it holds whatever this says."""
         return self._active
 
     @active.setter
@@ -161,22 +162,53 @@ class Task(Objective):
         self._kd = None if kd is None else self._gain("kd", kd)
         self._rate = None if rate is None else self._gain("rate", rate)
 
+    @property
+    def kp(self) -> float | Vec:
+        """Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``."""
+        return self._kp
+
+    @kp.setter
+    def kp(self, value: Any) -> None:
+        self._kp = self._gain("kp", value)
+        self.stamp += 1
+
+    @property
+    def kd(self) -> float | Vec | None:
+        """Gain on the error's rate [1/s]; None: critical, 2 √kp."""
+        return self._kd
+
+    @kd.setter
+    def kd(self, value: Any) -> None:
+        self._kd = None if value is None else self._gain("kd", value)
+        self.stamp += 1
+
+    @property
+    def rate(self) -> float | Vec | None:
+        """Gain at the velocity level [1/s]; None: kp / kd."""
+        return self._rate
+
+    @rate.setter
+    def rate(self, value: Any) -> None:
+        self._rate = None if value is None else self._gain("rate", value)
+        self.stamp += 1
+
     def _gain(self, what: str, value: Any) -> float | Vec:
         if np.ndim(value) == 0:
             return checks.number(f"{self.name}.{what}", value, low=0.0)
         gains = checks.array(f"{self.name}.{what}", value, (getattr(self, "dim", None),))
         if (gains < 0).any():
             raise InvalidInput(f"{self.name}.{what}[{int(np.argmax(gains < 0))}] is negative")
+        gains.flags.writeable = False
         return gains
 
     def gains(self) -> tuple[Vec, Vec, Vec]:
-        """kp, kd and rate of each row, (dim,) each."""
+        """kp, kd and rate of each row, (dim,) each; a rate is infinite where kp > 0 and kd = 0 and none was given."""
         kp = self._rows("kp", self._kp)
         kd = 2.0 * np.sqrt(kp) if self._kd is None else self._rows("kd", self._kd)
         if self._rate is not None:
             rate = self._rows("rate", self._rate)
         else:
-            rate = np.divide(kp, kd, out=np.zeros(self.dim), where=kd > 0)
+            rate = np.divide(kp, kd, out=np.where(kp > 0, np.inf, 0.0), where=kd > 0)
         return kp, kd, rate
 
     @abstractmethod
@@ -230,14 +262,14 @@ class Target:
     NaN that comes later is caught by the certificate. Rates and accelerations are (dim,).
     """
 
-    __slots__ = ("_convert", "_dim", "_function", "_name", "rate", "second", "value")
+    __slots__ = ("_convert", "_dim", "_function", "_name", "_still", "rate", "second", "value")
 
     def __init__(self, name: str, value: Any, dim: int, convert: Callable[[str, Any, bool], Any]) -> None:
         self._name, self._dim, self._convert = name, dim, convert
         self._function: Callable[[float], Any] | None = None
         self.value: Any = None
-        self.rate = np.zeros(dim)
-        self.second = np.zeros(dim)
+        self._still = np.zeros(dim)
+        self.rate = self.second = self._still
         if callable(value):
             self._function = value
             self._read(0.0, strict=True)
@@ -264,6 +296,8 @@ class Target:
             result, rate, second = result
             self.rate = self._vector("rate", rate, strict)
             self.second = self._vector("acceleration", second, strict)
+        else:
+            self.rate = self.second = self._still
         self.value = self._convert(self._name, result, strict)
 
     def _vector(self, what: str, value: Any, strict: bool) -> Vec:

@@ -51,6 +51,9 @@ class Tracking(Objective):
         dim = getattr(self, "dim", None)
         if dim is not None:
             self._reference = Target(f"{self.name}.target", value, dim, self.convert)
+        if isinstance(value, np.ndarray):  # writing into what was given would go unseen
+            value = value.copy()
+            value.flags.writeable = False
         self._given = value
 
     def reference(self, t: float) -> Target:

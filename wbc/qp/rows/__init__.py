@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from wbc.qp.certificate import certificate
 from wbc.qp.problem import QP
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.solver import Counts, RowSolver
-from wbc.qp.solver import Solution, Solver
+from wbc.qp.rows.solver import RowSolver
+from wbc.qp.solver import Answer, Counts, Solution, Solver
 from wbc.types import Status
 
 __all__ = ["Counts", "RowProblem", "RowSolver", "open_rows", "solution_of"]
@@ -21,21 +19,25 @@ def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:
     bounds. Any other solver, and any other problem, gets the standard form.
     """
     from wbc.qp.rows.standard import StandardSolver
+    from wbc.qp.solvers.pdas import Pdas
 
-    if solver.name == "pdas":
+    if isinstance(solver, Pdas):
         from wbc.qp.rows.box import BoxSolver
         from wbc.qp.rows.dual import DualSolver, fits_dual
 
         if not (problem.n_u or problem.n_range or problem.n_law):
-            return BoxSolver(problem)
+            return BoxSolver(problem, tolerance=solver.accuracy)
         if fits_dual(problem):
-            return DualSolver(problem)
+            return DualSolver(problem, tolerance=solver.accuracy, tries=solver.tries)
     return StandardSolver(problem, solver)
 
 
 def solution_of(solver: RowSolver, qp: QP, status: Status) -> Solution:
     """The solution of the standard form ``qp``, with the full certificate recomputed from its data."""
-    x = solver.answer() if status.ok else np.full(qp.n, np.nan)
-    y, z, z_box = solver.multipliers()
+    if not status.ok:
+        answer = Answer.none(qp.shape, status)
+        x, y, z, z_box = answer.x, answer.y, answer.z, answer.z_box
+    else:
+        x, (y, z, z_box) = solver.answer(), solver.multipliers()
     proof = certificate(qp, x, y, z, z_box)
     return Solution(status, x, y, z, z_box, proof, solver.iterations, solver=solver.form)

@@ -12,7 +12,7 @@ laws, so that E is one contiguous block of G.
 The working set of the last tick is a guess. It is verified: one product G x̂ gives every row, one comparison the
 largest violation, and the multipliers their signs. A wrong guess is repaired by block principal pivoting (Júdice and
 Pires, 1994): all wrong rows are exchanged at once while their number falls, three more times if it does not, and one
-at a time after that. A few tries cost as much as one call of DAQP, so what five do not settle goes to DAQP, whose
+at a time after that. A few tries cost as much as one call of DAQP, so what three do not settle goes to DAQP, whose
 answer gives the next guess: no tick takes much longer than the two together.
 
 Signs: here D (y − c) = Eᵀλ, so the multiplier of the standard form is −λ.
@@ -34,6 +34,9 @@ from wbc.types import Index, Mat, Status, Vec
 
 # A soft row of weight zero: so compliant that it pushes on nothing.
 _FREE = 1e30
+# Multipliers below this share of the largest are rounding. A larger one of the wrong sign, however small, may hold the
+# answer a long way from the minimum where the cost is all but flat.
+_ROUNDING = 1e-12
 
 
 @final
@@ -66,7 +69,7 @@ class DualSolver(RowSolver):
 
     form = "dual"
 
-    def __init__(self, problem: RowProblem, *, tolerance: float = 1e-8, tries: int = 5) -> None:
+    def __init__(self, problem: RowProblem, *, tolerance: float = 1e-8, tries: int = 3) -> None:
         super().__init__(problem)
         self.tolerance, self.tries = tolerance, tries
         p = problem
@@ -220,25 +223,29 @@ class DualSolver(RowSolver):
         dual = 0.0
         if len(self._slot_rows) or len(self._pins):
             self._wrong = wrong = self._wrong_signs()
-            dual = float(wrong[wrong.argmax()]) * p.unit
+            dual = float(wrong[wrong.argmax()])
+            self._rounding = _ROUNDING * float(np.abs(self._lam).max())
         else:
-            self._wrong = np.zeros(0)
-        if not primal <= self.tolerance or not dual <= self.tolerance:
+            self._wrong, self._rounding = np.zeros(0), 0.0
+        if not primal <= self.tolerance or not dual <= self._rounding:
             return False
         slots = len(self._slot_rows)
         gap = p.unit * float(np.abs(self._lam[-slots:] * now.rows[-slots:]).sum()) if slots else 0.0
-        self.certificate = Certificate(max(float(primal), 0.0), max(dual, 0.0), gap)
+        self.certificate = Certificate(max(float(primal), 0.0), max(dual * p.unit, 0.0), gap)
         return True
 
     def _wrong_signs(self) -> Vec:
         """λ · side of each active row, then of each pin: positive means that it pulls the wrong way."""
         p = self.problem
         rows = self._lam[p.n_soft + p.n_law :] * self._slot_side
+        rows[p.lower[self._slot_items] == p.upper[self._slot_items]] = 0.0  # one value: it may push either way
         if not len(self._pins):
             return rows
         pins = self._pins
         gradient = p.metric[pins] * (self._y[pins] - p.centre[pins]) - self._Er[pins] @ self._lam
-        return np.concatenate([rows, gradient * self._pin_side])
+        gradient *= self._pin_side
+        gradient[p.lower[pins + p.n_u] == p.upper[pins + p.n_u]] = 0.0
+        return np.concatenate([rows, gradient])
 
     # ---- a wrong guess
     def _repair(self) -> bool:
@@ -251,7 +258,7 @@ class DualSolver(RowSolver):
         broken[p.n : p.item(p.range.start)] = False
         broken[items] = False
         new = np.flatnonzero(broken)
-        keep = self._wrong * p.unit <= self.tolerance
+        keep = self._wrong <= self._rounding
         wrong = len(new) + int((~keep).sum())
         if wrong == 0:
             return False

@@ -3,27 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import final
 
 from wbc.qp.certificate import Certificate
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.solver import Counts
 from wbc.types import Status, Vec
-
-
-@final
-@dataclass(slots=True)
-class Counts:
-    """How often the first guess of the active set was right, had to be repaired, or was given up for DAQP."""
-
-    first: int = 0
-    repaired: int = 0
-    fallback: int = 0
-
-    @property
-    def total(self) -> int:
-        """All solves."""
-        return self.first + self.repaired + self.fallback
 
 
 class RowSolver(ABC):

@@ -26,12 +26,12 @@ class StandardSolver(RowSolver):
         self.qp = problem.empty_qp()
         self.session = solver.open(self.qp.shape)
         self.solution: Solution | None = None
+        self.counts = self.session.counts  # a session that guesses counts; for others they stay zero
 
     def solve(self) -> Status:
         p = self.problem
         p.write_qp(self.qp)
         self.solution = None
-        self.counts.first += 1
         try:
             solution = self.session.solve(self.qp)
         except InvalidProblem:  # NaN or crossed bounds reached the rows: the controller falls back

@@ -21,16 +21,19 @@ from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from wbc import checks
 from wbc.qp.certificate import Certificate, certificate
 from wbc.qp.problem import QP, Shape, moderate
-from wbc.qp.rows.solver import Counts
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.qp.solvers.daqp_ import Daqp
 from wbc.types import Index, Mat, Status, Vec
+
+#: Multipliers below this share of the largest are rounding.
+_ROUNDING = 1e-12
 
 
 @final
@@ -80,7 +83,6 @@ class PdasSession(Session):
 
     def __init__(self, solver: Pdas, shape: Shape) -> None:
         super().__init__(solver, shape)
-        self.counts = Counts()
         self._settings = solver
         self._daqp = solver.fallback.open(shape)
         self._guessed = False
@@ -112,7 +114,7 @@ class PdasSession(Session):
         return answer if answer is not None and moderate(answer.x) else None
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        if proof.within(self._settings.accuracy):
+        if proof.within(self._settings.accuracy) and not (self._guessed and self._pulls(qp, answer).any()):
             if self._guessed:
                 self.counts.first += 1
                 self._misses = 0
@@ -137,7 +139,7 @@ class PdasSession(Session):
             guess = self._guess(qp)
             if guess is None:
                 return None
-            if self._proof(qp, guess).within(self._settings.accuracy):
+            if self._proof(qp, guess).within(self._settings.accuracy) and not self._pulls(qp, guess).any():
                 guess.iterations = tried + 1
                 return guess
             answer = guess
@@ -149,10 +151,19 @@ class PdasSession(Session):
         values = np.concatenate([qp.C.dot(answer.x), answer.x])
         over = values - np.concatenate([qp.cu, qp.ub])
         under = np.concatenate([qp.cl, qp.lb]) - values
-        forces = np.concatenate([answer.z, answer.z_box])
-        pulls = self._side * forces < -tolerance * (1.0 + np.abs(qp.g).max(initial=0.0))
+        pulls = self._pulls(qp, answer)
         enters = (self._side == 0.0) & (np.maximum(over, under) > tolerance)
         return np.where(pulls, 0.0, np.where(enters, np.where(over > under, 1.0, -1.0), self._side))
+
+    def _pulls(self, qp: QP, answer: Answer) -> NDArray[np.bool_]:
+        """Active rows that pull where they may only push, to rounding: where the cost is all but flat a multiplier
+        far below any tolerance still holds the answer a long way from the minimum."""
+        forces = np.concatenate([answer.z, answer.z_box])
+        largest = max(forces[forces.argmax()], -forces[forces.argmin()])
+        pulls: NDArray[np.bool_] = self._side * forces < -_ROUNDING * largest
+        if pulls.any():  # a row with one value may push either way
+            pulls &= np.concatenate([qp.cl < qp.cu, qp.lb < qp.ub])
+        return pulls
 
     def _proof(self, qp: QP, answer: Answer) -> Certificate:
         return certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
@@ -175,7 +186,11 @@ class PdasSession(Session):
         if answer.status.ok:
             self._hold(_side(answer))
             polished = self._guess(qp)
-            if polished is not None and self._proof(qp, polished).within(self._settings.accuracy):
+            if (
+                polished is not None
+                and self._proof(qp, polished).within(self._settings.accuracy)
+                and not self._pulls(qp, polished).any()
+            ):
                 return polished
         return answer
 
