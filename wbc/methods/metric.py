@@ -44,8 +44,7 @@ def metric(name: str, value: Any, size: int) -> Mat:
 
 def root(matrix: Mat) -> Mat:
     """R (n, n), lower triangular, with R Rᵀ = matrix."""
-    result: Mat = np.linalg.cholesky(matrix)
-    return result
+    return np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
 
 
 def inverse_root(matrix: Mat) -> Mat:

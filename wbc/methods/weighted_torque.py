@@ -42,7 +42,7 @@ from wbc.types import Mat, Vec
 FORMS = ("torque", "acceleration", "joint")
 CLOSED_FORMS = ("pseudo_inverse", "multiplier", "null_space")
 #: Differences of torques are judged beside tau − tau_0, but not beside less than this part of the torques that cancel.
-ROUNDING = 1e-5
+ROUNDING = 1e-4
 
 WEIGHTS = ("inverse_inertia", "identity", "inverse_inertia_squared")
 
@@ -344,10 +344,13 @@ class WeightedTorque(Method):
         return Torque(tau, a, multipliers, self._cost(tau), scale, feasible)
 
     def difference(self, result: Torque, reference: Torque) -> Mapping[str, float]:
-        """tau and cost relative to tau − tau_0 in the weighted norm, rows relative to their terms, scale in [0, 1]."""
+        """tau and cost relative to tau − tau_0 in the weighted norm, rows relative to their terms, scale in [0, 1].
+
+        Where the task is scaled, tau is as sensitive as the limits are degenerate, and judged by its rows and its cost.
+        """
         if np.isnan(result.scale) or np.isnan(reference.scale):
             return {"feasible": 0.0 if np.isnan(result.scale) and np.isnan(reference.scale) else np.inf}
-        torques = np.abs(self.tau_0) + np.abs(self.n) + np.abs(self.tau_external)
+        torques = np.abs(self.tau_0) + np.abs(self.n) + np.abs(self.tau_external) + np.abs(self.M) @ np.abs(reference.a)
         rounding = ROUNDING * float(np.sqrt(self.W.diagonal() @ torques**2))
         size = max(np.sqrt(2.0 * result.cost), np.sqrt(2.0 * reference.cost), rounding) or 1.0
         apart = np.sqrt(2.0 * self._cost(self.tau_0 + result.tau - reference.tau))
@@ -356,11 +359,12 @@ class WeightedTorque(Method):
         dynamics = self.M @ result.a + self.n - result.tau - self.tau_external
         differences = {
             "scale": abs(result.scale - reference.scale),
-            "tau": apart / size,
             "cost": abs(result.cost - reference.cost) / size**2,
             "limits": max(0.0, float(over)) / (torques.max(initial=0.0) or 1.0),
-            "dynamics": _part(dynamics, np.abs(self.M) @ np.abs(result.a) + torques),
+            "dynamics": _part(dynamics, torques),
         }
+        if min(result.scale, reference.scale) == 1.0:
+            differences["tau"] = apart / size
         if self.damping == 0.0:
             wanted = np.concatenate([result.scale * self.task_acceleration - self.drift, self.e])
             terms = np.abs(self._rows) @ (np.abs(self._inverse) @ torques) + np.abs(wanted)

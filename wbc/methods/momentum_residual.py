@@ -1,0 +1,130 @@
+"""The momentum residual: missing torques, from positions, velocities and commands alone.
+
+A robot whose actuators deliver τ − τ_f obeys  ṗ = τ − τ_f − β  with the momentum p = M v and β = −Sᵀ v + g, where S is
+any matrix of Coriolis terms with Ṁ − 2 S skew-symmetric (β does not depend on which). The residual
+
+    r(t) = K [ ∫₀ᵗ (τ − β − r) ds − (p(t) − p(0)) ],   K > 0 diagonal,
+
+obeys ṙ = K (τ_f − r), r(0) = 0, whatever the robot does: every component sees its own actuator only. Neither
+accelerations, nor the inverse of M, nor torque sensors are needed. Without p(0) it would start at −K p(0).
+
+The sign is that of a *missing* torque. A torque that the environment adds, M a + h = τ + τ_ext, shows as −τ_ext: a
+wrench F that is measured is compensated by giving τ + Jᵀ F instead of τ.
+
+De Luca, Mattone: Actuator failure detection and isolation using generalized momenta, IEEE ICRA 2003. Haddadin, De Luca,
+Albu-Schäffer: Robot collisions: a survey on detection, isolation, and identification, IEEE Transactions on Robotics
+33(6), 2017.
+"""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput, NotSupported
+from wbc.types import Vec
+
+SCHEMES = ("exact", "euler", "implicit")
+
+
+@final
+class MomentumResidual:
+    """The residual in steps of dt. With w = τ − β − Δp/dt, the mean of τ_f over the interval, r ← r + φ (w − r):
+
+    * "exact": φ = 1 − exp(−K dt), the solution for constant τ_f;
+    * "euler": φ = K dt, stable for K dt < 2 and monotone up to 1;
+    * "implicit": φ = K dt / (1 + K dt), stable always.
+
+    White noise of variance σ² in each sample of p gives r the variance 2 φ² σ² / (dt² (2 − φ)), with "euler"
+    2 K² σ² / (2 − K dt): K trades speed for noise.
+
+    Args:
+        gain: K [1/s], a positive number or positive (n,).
+        dt: time between updates [s], positive.
+        scheme: one of the three.
+
+    Raises:
+        InvalidInput: a gain or dt that is not positive, no such scheme, or "euler" with gain · dt ≥ 2.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.methods import MomentumResidual
+        >>> residual = MomentumResidual(gain=10.0, dt=0.1)
+        >>> residual.reset(np.zeros(1))
+        >>> print(residual.update(np.zeros(1), np.zeros(1), np.array([5.0])))  # commanded 5 N, nothing moves
+        [3.16060279]
+    """
+
+    def __init__(self, *, gain: Any, dt: float, scheme: str = "exact") -> None:
+        self.dt = checks.number("dt", dt, low=0.0, strict=True)
+        if np.ndim(gain) == 0:
+            self.gain = np.array(checks.number("gain", gain, low=0.0, strict=True))
+        else:
+            self.gain = checks.array("gain", gain, (None,))
+        if scheme not in SCHEMES:
+            raise InvalidInput(f"scheme is {scheme!r}; it must be one of {', '.join(SCHEMES)}")
+        self.scheme = scheme
+        self._refuse_gains()
+        product = self.gain * self.dt
+        self._share: Vec = {"exact": -np.expm1(-product), "euler": product, "implicit": product / (1.0 + product)}[
+            scheme
+        ]
+        self._momentum: Vec | None = None
+        self._residual: Vec | None = None
+
+    def _refuse_gains(self) -> None:
+        gains = np.atleast_1d(self.gain)
+        for i, value in enumerate(gains):
+            name = f"gain[{i}]" if self.gain.ndim else "gain"
+            if value <= 0.0:
+                raise InvalidInput(f"{name} is {value:g}; it must be positive")
+            if self.scheme == "euler" and value * self.dt >= 2.0:
+                raise InvalidInput(
+                    f"{name} is {value:g}, so {name} dt is {value * self.dt:g}; the scheme 'euler' is stable below 2,"
+                    " 'exact' and 'implicit' always"
+                )
+
+    def reset(self, p0: Any) -> None:
+        """Start, or start again, with the momentum p0 (n,) of this moment; r becomes zero.
+
+        Raises:
+            InvalidInput: not finite, or another size than the gain's.
+        """
+        size = len(self.gain) if self.gain.ndim else None
+        self._momentum = checks.array("p0", p0, (size,))
+        self._residual = np.zeros(len(self._momentum))
+
+    @property
+    def value(self) -> Vec:
+        """The residual (n,) as it is [N m, N].
+
+        Raises:
+            NotSupported: before the first reset.
+        """
+        return self._started()[1].copy()
+
+    def update(self, p: Any, beta: Any, tau: Any) -> Vec:
+        """The residual (n,) [N m, N] at the end of one more interval dt.
+
+        Args:
+            p: momentum M v at the end of the interval (n,) [kg m/s, kg m²/s].
+            beta: −Sᵀ v + g of the interval (n,): at its middle the error is O(dt²), at its end O(dt).
+            tau: what was commanded during the interval (n,).
+
+        Raises:
+            NotSupported: before the first reset.
+            InvalidInput: shapes, or numbers that are not finite; the residual stays what it was.
+        """
+        before, residual = self._started()
+        size = len(before)
+        p, beta, tau = (checks.array(name, value, (size,)) for name, value in (("p", p), ("beta", beta), ("tau", tau)))
+        missing = tau - beta - (p - before) / self.dt
+        self._momentum, self._residual = p, residual + self._share * (missing - residual)
+        return self._residual.copy()
+
+    def _started(self) -> tuple[Vec, Vec]:
+        if self._momentum is None or self._residual is None:
+            raise NotSupported("there is no residual before reset(p0), which takes the momentum at the start")
+        return self._momentum, self._residual

@@ -1,0 +1,238 @@
+"""Adaptation of parameters that never leaves a set: gradient law, tangent cone, projection.
+
+A controller with regressor Y adapts its estimate by  dâ/dt = Γ Yᵀ s  (s the reference velocity error). Inside the set
+
+    {a : lower ≤ a ≤ upper,  C a ≤ d}
+
+that is kept; on its boundary the rate is the nearest one that does not leave, in the metric of the gain:
+
+    minimise ½ (x − Γ Yᵀ s)ᵀ Γ⁻¹ (x − Γ Yᵀ s)   subject to   (rows on the boundary) x ≤ 0.
+
+With that metric, and only with it, the projection never makes the Lyapunov function of the closed loop grow faster:
+(â − a)ᵀ Γ⁻¹ (x − Γ Yᵀ s) ≤ 0 for every true parameter a in the set. A step of length dt is the nearest point of the
+set to â + dt Γ Yᵀ s.
+
+Slotine, Li: On the adaptive control of robot manipulators, International Journal of Robotics Research 6(3), 1987.
+Ioannou, Sun: Robust Adaptive Control, 1996, section 8.4 (projection).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput, NoClosedForm, SolverFailed
+from wbc.methods.least_distance import nearest
+from wbc.methods.method import Method
+from wbc.methods.metric import metric, root
+from wbc.methods.shared import answered, box
+from wbc.qp.problem import QP, Row
+from wbc.qp.solver import Solver
+from wbc.qp.solvers import by_name
+from wbc.types import Mat, Vec
+
+#: Distance from a row, as a part of the length of â in the metric, below which â lies on it.
+ON_BOUNDARY = 1e-8
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ParameterRate:
+    """a_hat_dot (p,), the rows that hold it back, and whether there is one (always: zero is).
+
+    ``active``: the rows of C by index, then parameters on a bound by len(C) + index; with a box alone, parameters.
+    """
+
+    a_hat_dot: Vec
+    active: tuple[int, ...]
+    feasible: bool
+
+
+@final
+@dataclass(frozen=True, eq=False, init=False)
+class ParameterUpdate(Method):
+    """One instant of an adaptive law with p parameters and n rows of the regressor.
+
+    Args:
+        Y: regressor (n, p) [N m or N per unit of the parameter].
+        s: q̇_r − q̇ (n,) [rad/s, m/s].
+        gain: Γ; a positive number, positive (p,), or symmetric positive definite (p, p).
+        a_hat: estimate (p,), inside the set.
+        lower: lower bounds (p,), a number for all, or None.
+        upper: upper bounds (p,), a number for all, or None.
+        C: rows (k, p) of C a ≤ d.
+        d: their right sides (k,).
+
+    Raises:
+        InvalidInput: shapes, NaN, a gain that is not positive definite, crossed bounds, C without d, a_hat outside.
+
+    Example:
+        >>> from wbc.methods import ParameterUpdate
+        >>> update = ParameterUpdate([[1.0, 2.0]], [-3.0], gain=[1.0, 0.5], a_hat=[4.0, 0.0], lower=0.0)
+        >>> print(update.closed_form().a_hat_dot, update.closed_form().active, update.step(2.0))
+        [-3.  0.] (1,) [0. 0.]
+    """
+
+    Y: Mat
+    s: Vec
+    gain: Mat
+    a_hat: Vec
+    lower: Vec
+    upper: Vec
+    C: Mat
+    d: Vec
+
+    def __init__(
+        self,
+        Y: Any,
+        s: Any,
+        *,
+        gain: Any,
+        a_hat: Any,
+        lower: Any = None,
+        upper: Any = None,
+        C: Any = None,
+        d: Any = None,
+    ) -> None:
+        a_hat = checks.array("a_hat", a_hat, (None,))
+        p = len(a_hat)
+        Y = checks.array("Y", Y, (None, p))
+        if (C is None) != (d is None):
+            raise InvalidInput("C and d come together: one of them is missing")
+        C = np.zeros((0, p)) if C is None else checks.array("C", C, (None, p))
+        low, high = box(p, lower=-np.inf if lower is None else lower, upper=np.inf if upper is None else upper)
+        fields = {
+            "Y": Y, "s": checks.array("s", s, (len(Y),)), "gain": metric("gain", gain, p), "a_hat": a_hat,
+            "lower": low, "upper": high, "C": C, "d": np.zeros(0) if d is None else checks.array("d", d, (len(C),)),
+        }  # fmt: skip
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+        self._refuse_outside()
+
+    @staticmethod
+    def partial_sums(size: int) -> tuple[Mat, Vec]:
+        """C and d that say a₁ ≥ a₂ ≥ … ≥ a_p ≥ 0: partial sums a_i = m_i + … + m_p of masses that are not negative.
+
+        These are the dynamic coefficients of a chain of prismatic joints, kg; the gradient law alone leaves the set.
+
+        Example:
+            >>> C, d = ParameterUpdate.partial_sums(3)
+            >>> print(C @ [6.0, 3.0, 1.0] <= d)
+            [ True  True  True]
+        """
+        return np.eye(size, k=1) - np.eye(size), np.zeros(size)
+
+    # ---- the set
+    def _lengths(self) -> tuple[Vec, Vec]:
+        """Of the rows of C and of the bounds, in the metric Γ; 1 for rows of zeros."""
+        rows = np.sqrt(np.einsum("ij,jk,ik->i", self.C, self.gain, self.C))
+        return np.where(rows > 0.0, rows, 1.0), np.sqrt(self.gain.diagonal())
+
+    def _margins(self) -> tuple[Vec, Vec, Vec]:
+        """Distances of â from the rows of C, the lower and the upper bounds, in the metric Γ⁻¹; inf: no bound."""
+        rows, sides = self._lengths()
+        return (
+            (self.d - self.C @ self.a_hat) / rows, (self.a_hat - self.lower) / sides, (self.upper - self.a_hat) / sides
+        )  # fmt: skip
+
+    def _rounding(self) -> float:
+        return ON_BOUNDARY * float(np.linalg.norm(np.linalg.solve(root(self.gain), self.a_hat)))
+
+    def _refuse_outside(self) -> None:
+        rows, low, high = self._margins()
+        rounding = self._rounding()
+        for i in (rows < -rounding).nonzero()[0]:
+            raise InvalidInput(f"a_hat is outside the set: C[{i}] a_hat is {self.C[i] @ self.a_hat:g} > {self.d[i]:g}")
+        for i in (np.minimum(low, high) < -rounding).nonzero()[0]:
+            bound = f"< {self.lower[i]:g}" if low[i] < 0.0 else f"> {self.upper[i]:g}"
+            raise InvalidInput(f"a_hat[{i}] is {self.a_hat[i]:g} {bound}: outside the set")
+
+    @property
+    def _free_rate(self) -> Vec:
+        """Γ Yᵀ s."""
+        result: Vec = self.gain @ (self.Y.T @ self.s)
+        return result
+
+    @property
+    def _boxed(self) -> bool:
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
+    def _has_formula(self) -> bool:
+        diagonal = np.count_nonzero(self.gain - np.diag(self.gain.diagonal())) == 0
+        return not len(self.C) and (diagonal or not self._boxed)
+
+    # ---- closed form
+    def closed_form(self) -> ParameterRate:
+        """Γ Yᵀ s; in a box, zero for a parameter on a bound that it would leave.
+
+        Raises:
+            NoClosedForm: rows C, or a box with a gain that is not diagonal.
+        """
+        if not self._has_formula():
+            raise NoClosedForm("rows C, or a box with a gain that is not diagonal, have no closed form; use solve")
+        _, low, high = self._margins()
+        rate, rounding = self._free_rate, self._rounding()
+        held = ((low <= rounding) & (rate < 0.0)) | ((high <= rounding) & (rate > 0.0))
+        return ParameterRate(np.where(held, 0.0, rate), tuple(int(i) for i in held.nonzero()[0]), True)
+
+    # ---- QP
+    def qp(self) -> QP:
+        """The rate x (p): H = Γ⁻¹, g = −Yᵀ s; C x ≤ 0 for rows on the boundary, x ≥ 0 or ≤ 0 for such bounds."""
+        rows, low, high = self._margins()
+        rounding = self._rounding()
+        inverse = np.linalg.inv(self.gain)
+        return QP(
+            0.5 * (inverse + inverse.T), -self.Y.T @ self.s,
+            C=self.C, cu=np.where(rows <= rounding, 0.0, np.inf),
+            lb=np.where(low <= rounding, 0.0, -np.inf), ub=np.where(high <= rounding, 0.0, np.inf),
+            rows=[
+                *(Row("set", f"row {i}") for i in range(len(self.C))),
+                *(Row("bounds", f"parameter {i}") for i in range(len(self.a_hat))),
+            ],
+        )  # fmt: skip
+
+    def solve(self, solver: str | Solver = "pdas") -> ParameterRate:
+        """The nearest rate that does not leave the set.
+
+        Raises:
+            UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
+            SolverFailed: the solver ended without an answer.
+        """
+        found = answered(nearest(self.qp(), self._free_rate, root(self.gain), solver), solver)
+        push = np.concatenate([found.z, found.z_box])
+        return ParameterRate(found.x, tuple(int(i) for i in push.nonzero()[0]), found.status.ok)
+
+    def step(self, dt: float, solver: str | Solver = "pdas") -> Vec:
+        """The estimate after dt [s] (p,): the point of the set nearest to â + dt Γ Yᵀ s in the metric Γ⁻¹.
+
+        Raises:
+            InvalidInput: dt is not positive.
+            SolverFailed: the solver ended without an answer.
+        """
+        aim = self.a_hat + checks.number("dt", dt, low=0.0, strict=True) * self._free_rate
+        if self._has_formula():
+            return np.clip(aim, self.lower, self.upper)
+        qp = QP(np.eye(len(aim)), np.zeros(len(aim)), C=self.C, cu=self.d, lb=self.lower, ub=self.upper)
+        found = nearest(qp, aim, root(self.gain), solver)
+        if not found.status.ok:  # never because there is no point: â is one
+            raise SolverFailed(by_name(solver).name, found.status)
+        return np.clip(found.x, self.lower, self.upper)  # of rounding
+
+    def difference(self, result: ParameterRate, reference: ParameterRate) -> Mapping[str, float]:
+        """Rates relative to Γ Yᵀ s, both in the metric of the gain; what a row on the boundary gives way, likewise."""
+        if result.feasible != reference.feasible:
+            return {"feasible": np.inf}
+        inverse = np.linalg.inv(root(self.gain))
+        size = float(np.linalg.norm(inverse @ self._free_rate)) or 1.0
+        near, x = self._rounding(), result.a_hat_dot
+        (rows, low, high), (row_lengths, sides) = self._margins(), self._lengths()
+        outwards = [self.C @ x / row_lengths, -x / sides, x / sides]
+        leaves = np.concatenate([np.where(m <= near, o, 0.0) for m, o in zip((rows, low, high), outwards, strict=True)])
+        return {
+            "a_hat_dot": float(np.linalg.norm(inverse @ (x - reference.a_hat_dot))) / size,
+            "set": max(0.0, float(leaves.max(initial=0.0))) / size,
+        }
