@@ -92,7 +92,7 @@ class FaultFraction(Method):
         return Fraction(np.clip(ratio, 0.0, 1.0), known)
 
     def _wanted(self) -> Vec:
-        """diag(τ) l of the identifiable joints that is best without bounds: r, and what Q couples to it of the others."""
+        """diag(τ) l of the identifiable joints that is best without bounds: r, and what Q couples to it."""
         known = self.identifiable
         Q, coupled = self.weight[np.ix_(known, known)], self.weight[np.ix_(known, ~known)]
         result: Vec = self.residual[known] + np.linalg.solve(Q, coupled @ self.residual[~known])

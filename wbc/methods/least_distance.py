@@ -39,6 +39,8 @@ CONSISTENT = 1e-9
 ACCURATE = 1e-10
 #: Rows of the second look give way by this (of the size of the first), so that rounding does not contradict itself.
 ROUNDING = 1e-14
+#: A row that the equations leave less freedom than this (of its length) is settled by them.
+FIXED = 1e-8
 #: Where a third look ends, in sizes.
 FAR = 100.0
 #: Slopes along the scale that are tried, and what the scale may still gain when one was steep enough.
@@ -189,7 +191,7 @@ class _NormalForm:
             return first
         start, rows = self.e @ self.E, self.F @ self.free.T
         length = _lengths(rows)
-        settled = length <= DEPENDENT  # by the equations alone: nothing is left to do about these rows
+        settled = length <= FIXED
         rows[settled], length[settled] = 0.0, 1.0
         at, width = self.F @ start, np.where(settled, CONSISTENT, ROUNDING) * self.size
         low, high = (self.low - at - width) / length, (self.high - at + width) / length
