@@ -16,7 +16,7 @@ MUTATIONS = [
     (PR, "np.cos(q[1]) * v[1] ** 2, 0.0]", "np.cos(q[1]) * v[0] * v[1], 0.0]", HAND),
     (PR, '+ p["m2"] * p["d2"] ** 2', "", HAND),
     (PR, "towards_joint * np.sin(q[1])", "towards_joint * np.cos(q[1])", HAND),
-    (FOUR, "[a3, 0.0, a3, 0.0]", "[a3, 0.0, a4, 0.0]", HAND),
+    (FOUR, "0.0, a4 * self.g0])", "0.0, a2 * self.g0])", HAND),
     (FOUR, "((m2 + m3) * q2 + m4", "(m2 * q2 + m4", HAND),
     (
         FOUR,
@@ -36,7 +36,7 @@ MUTATIONS = [
     (DERIVATION, "-self.S.T * sp.Matrix(self.v)", "-self.S * sp.Matrix(self.v)", LAGRANGE),
     (DERIVATION, "sp.Matrix([-along[1], along[0]])", "sp.Matrix([along[1], along[0]])", LAGRANGE),
     (DERIVATION, " + inertia * omega**2 / 2)", ")", LAGRANGE),
-    (PARAMETRISATION, "second - mass * offset**2", "second", LAGRANGE),
+    (PARAMETRISATION, "common = -common", "pass", LAGRANGE),
     (PARAMETRISATION, "term.factor * share * term.function", "share * term.function", LAGRANGE),
-    (PARAMETRISATION, "for j in pivots]", "for j in range(len(pivots))]", LAGRANGE),
+    (PARAMETRISATION, "[entries[row, j] for row", "[entries[0, j] for row", LAGRANGE),
 ]
