@@ -216,6 +216,8 @@ class ParameterUpdate(Method):
         aim = self.a_hat + checks.number("dt", dt, low=0.0, strict=True) * self._free_rate
         if self._has_formula():
             return np.clip(aim, self.lower, self.upper)
+        if (self.C @ aim <= self.d).all() and (self.lower <= aim).all() and (aim <= self.upper).all():
+            return aim
         qp = QP(np.eye(len(aim)), np.zeros(len(aim)), C=self.C, cu=self.d, lb=self.lower, ub=self.upper)
         found = nearest(qp, aim, root(self.gain), solver)
         if not found.status.ok:  # never because there is no point: â is one
