@@ -139,8 +139,8 @@ def use(run: Run) -> dict[str, Vec]:
         result["torque"] = np.abs(run.columns["tau"]) / _positive(bound["tau_max"])
     result["velocity"] = np.abs(v) / _positive(bound["v_max"])
     bounded = np.isfinite(bound["q_min"]) & np.isfinite(bound["q_max"])
-    centre = np.where(bounded, 0.5 * (bound["q_min"] + bound["q_max"]), 0.0)
-    half = np.where(bounded, 0.5 * (bound["q_max"] - bound["q_min"]), np.inf)
+    low, high = (np.where(bounded, bound[name], 0.0) for name in ("q_min", "q_max"))
+    centre, half = 0.5 * (low + high), np.where(bounded, 0.5 * (high - low), np.inf)
     result["position"] = np.abs(q - centre) / _positive(half)
     return {kind: np.nan_to_num(share, nan=0.0) for kind, share in result.items()}
 
