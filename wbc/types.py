@@ -52,12 +52,12 @@ class Status(Enum):
     """
 
     SOLVED = "an optimum was found and certified"
-    INFEASIBLE = "the laws contradict each other; controller.explain() names the rows"
+    INFEASIBLE = "the rows contradict each other: no point meets them all; loosen or drop one"
     UNBOUNDED = "the cost has no minimum; add a posture or damping task"
     MAX_ITERATIONS = "the iteration limit came first; raise it or choose another solver"
     INACCURATE = "the solver reported success but the certificate fails; tighten its tolerances"
-    FAILED = "numerical breakdown; save the QP with qp.save(path) and look at its scaling"
-    INVALID_STATE = "the state was not finite or not plausible; the last safe command is held"
+    FAILED = "a row that is not finite, or a numerical breakdown; save the QP with qp.save(path), look at its scaling"
+    INVALID_STATE = "the state was not finite or not plausible"
 
     @property
     def ok(self) -> bool:

@@ -79,6 +79,14 @@ class Dead(wbc.Component):
         lower[2] = upper[2] = 0.0
 
 
+def test_reset_takes_back_what_it_wrote(arm: Any) -> None:
+    control = controller(arm, Dead())
+    control.tick(0.0, *moving(arm, 2))
+    control.components = ()
+    control.reset()
+    assert abs(control.tick(0.0, *moving(arm, 2)).tau[2]) > 0.1
+
+
 def test_bounds_it_writes_hold_in_the_same_tick(arm: Any) -> None:
     q, v = moving(arm, 2)
     command = controller(arm, Dead()).tick(0.0, q, v)

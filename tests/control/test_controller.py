@@ -106,7 +106,7 @@ def test_a_state_that_is_not_finite_gives_the_last_command_then_brakes(arm: Any,
         held = control.tick(k * 1e-3, broken, v)
         assert (held.status, held.rung) == (Status.INVALID_STATE, "hold")
         np.testing.assert_array_equal(held.tau, good.tau)
-        np.testing.assert_array_equal(held.v, good.v)
+        np.testing.assert_array_equal(*((c.v if level.order == 1 else c.a) for c in (held, good)))
     damped = control.tick(3e-3, broken, v)
     assert damped.rung == "damped"
     decided = damped.tau if level.dynamics else damped.v
@@ -135,7 +135,9 @@ def test_a_target_that_becomes_nan_is_never_followed(arm: Any) -> None:
         command = control.tick(1.0, arm.q0, np.zeros(7))
         assert not command.status.ok
         assert command.rung == "hold"
-        np.testing.assert_array_equal(command.v, good.v)
+        decided = [c.tau if level.dynamics else c.v for c in (command, good)]
+        np.testing.assert_array_equal(*decided)
+        assert "Position[tool]" in control.explain(), "what is not a number is named"
         assert control.tick(0.1, arm.q0, np.zeros(7)).status.ok
 
 
@@ -147,7 +149,11 @@ def test_an_infeasible_stack_is_said_and_survived(arm: Any) -> None:
     assert command.status is Status.INFEASIBLE
     assert command.rung == "damped"
     assert (np.abs(command.tau) <= 1.0).all()
-    assert "infeasible" in control.explain()
+    text = control.explain()
+    assert "infeasible" in text
+    assert "up exactly" in text, "the rows that conflict are named"
+    assert "TorqueLimits" in text
+    assert "the robot brakes" in text
 
 
 @final
@@ -181,6 +187,104 @@ def test_a_solver_that_lies_is_not_believed_and_another_answers(humanoid: Any, v
     assert command.status is Status.SOLVED
     assert command.certificate.ok
     np.testing.assert_allclose(command.tau, truth.tau, atol=1e-4)
+
+
+def test_forces_and_held_commands_do_not_change_when_weights_do(humanoid: Any) -> None:
+    stack = standing(humanoid)
+    control = wbc.Controller(humanoid, stack, level=wbc.InverseDynamics())
+    q, v = humanoid.q0, np.zeros(humanoid.nv)
+    first = control.tick(0.0, q, v)
+    stack.tasks[2].weight = 1e-1
+    control.tick(1e-3, q, v)
+    total = sum(f[2] for f in first.f.values())
+    assert total == pytest.approx(9.81 * humanoid.mass, rel=0.02)
+
+
+def test_a_command_cannot_be_written_into(arm: Any) -> None:
+    command = reaching(arm).tick(0.0, *moving(arm, 1))
+    with pytest.raises(ValueError, match="read-only"):
+        command.tau[:] = 0.0
+
+
+def test_a_quaternion_is_normalised_or_refused(humanoid: Any) -> None:
+    v = np.zeros(humanoid.nv)
+    control = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics())
+    q = humanoid.integrate(humanoid.q0, np.r_[0.0, 0.0, 0.0, 0.1, 0.2, 0.0, np.zeros(humanoid.nj)])
+    good = control.tick(0.0, q, v)
+    near = q.copy()
+    near[3:7] *= 1.0005
+    np.testing.assert_allclose(control.tick(0.0, near, v).tau, good.tau, atol=1e-4)
+    for norm in (0.0, 1e-3, 1.05, 2.0, 1e90):
+        far = q.copy()
+        far[3:7] *= norm
+        command = control.tick(0.0, far, v)
+        assert command.status is Status.INVALID_STATE
+        assert np.isfinite(np.r_[command.tau, command.a, command.q]).all()
+        assert "quaternion" in control.explain()
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()])
+@pytest.mark.parametrize("hold_ticks", [0, 200])
+def test_what_is_commanded_without_a_solution_keeps_the_joints_limits(arm: Any, level: Any, hold_ticks: int) -> None:
+    reach = Position("tool", target=lambda t: np.full(3, 0.6 if t < 0.05 else np.nan), rate=100.0, kp=400)
+    stack = wbc.Stack(
+        [reach, Posture(arm.q0, weight=1e-3)], subject_to=[JointVelocityLimits(1.0), JointPositionLimits()]
+    )
+    control = wbc.Controller(arm, stack, level=level, dt=0.01, hold_ticks=hold_ticks)
+    q, v = np.array(arm.q0), np.zeros(7)
+    for k in range(150):
+        command = control.tick(k * 0.01, q, v)
+        q, v = command.q, command.v
+        assert np.abs(v).max() <= 1.0 + 1e-9
+        assert (q >= arm.limits.q_min - 1e-9).all() and (q <= arm.limits.q_max + 1e-9).all()
+    assert not command.status.ok
+    if hold_ticks == 0:
+        assert np.abs(v).max() < 1e-3, "the robot has come to rest"
+
+
+def test_braking_is_stable_for_any_time_step(arm: Any) -> None:
+    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e6, name="up")
+    down = Position("tool", target=[0.5, 0.2, -5.0], kp=1e6, name="down")
+    stack = wbc.Stack([Posture(arm.q0)], subject_to=[up.exactly(), down.exactly()])
+    control = wbc.Controller(arm, stack, level=wbc.AccelerationLevel(), dt=0.2)
+    q, v = np.array(arm.q0), np.full(7, 0.1)
+    for k in range(10):
+        command = control.tick(0.2 * k, q, v)
+        q, v = command.q, command.v
+    assert np.abs(v).max() <= 0.1
+
+
+def test_a_solution_is_not_read_after_reset_and_is_nan_where_there_is_none(arm: Any) -> None:
+    control = reaching(arm)
+    q, v = moving(arm, 1)
+    command = control.tick(0.0, q, v)
+    control.reset()
+    control.tick(0.0, *moving(arm, 2))
+    with pytest.raises(WbcError, match="before the next tick"):
+        _ = command.solution
+    bad = control.tick(0.0, np.full(7, np.nan), v).solution
+    assert np.isnan(np.r_[bad.x, bad.y, bad.z, bad.z_box]).all()
+
+
+def test_qps_that_are_kept_stay_what_they_were(arm: Any) -> None:
+    control = reaching(arm)
+    kept = []
+    for k in range(2):
+        control.tick(0.0, *moving(arm, k))
+        kept.append(control.qp)
+    assert not np.array_equal(kept[0].g, kept[1].g)
+
+
+def test_arguments_that_make_no_sense_are_refused_in_a_sentence(arm: Any) -> None:
+    control = reaching(arm)
+    for t, q, v in ((None, arm.q0, arm.q0), ("0", "abc", arm.q0), (0.0, ["a"] * 7, arm.q0)):
+        with pytest.raises(InvalidInput, match="tick"):
+            control.tick(t, q, v)
+    for settings in ({"hierarchy": "weighted"}, {"hierarchy": wbc.Weighted}, {"hold_ticks": "x"}, {"hold_ticks": -1}):
+        with pytest.raises(InvalidInput, match=next(iter(settings))):
+            reaching(arm, **settings)
+    with pytest.raises(InvalidInput, match=r"VelocityLevel\(\)"):
+        reaching(arm, level="velocity")
 
 
 def test_reset_makes_contacts_anew(humanoid: Any) -> None:

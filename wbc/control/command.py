@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
@@ -28,6 +28,13 @@ class Forces(dict[str, Vec]):
             return self[self._frames[key]]
         raise KeyError(f"no contact {key!r}; there are {', '.join(self)}")
 
+    def __contains__(self, key: object) -> bool:
+        return super().__contains__(key) or key in self._frames
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """The wrench of a contact or frame, or ``default``."""
+        return self[key] if key in self else default
+
 
 @final
 class Command:
@@ -35,12 +42,12 @@ class Command:
 
     tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
     decide is NaN. ``status`` says how the tick ended, ``rung`` which step of the fallback ladder spoke ("solved",
-    "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the command's own
-    and stay valid.
+    "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the command's own,
+    stay valid, and are read-only.
     """
 
     __slots__ = (
-        "_a", "_controller", "_f", "_forces", "_q", "_q_before", "_solution", "_tau", "_tick", "_v", "_v_before",
+        "_a", "_controller", "_f", "_forces", "_q", "_q_before", "_serial", "_solution", "_tau", "_v", "_v_before",
         "certificate", "rung", "status",
     )  # fmt: skip
 
@@ -58,7 +65,7 @@ class Command:
         tau: Vec | None = None,
         forces: Vec | None = None,
     ) -> None:
-        self._controller, self._tick = controller, controller.ticks
+        self._controller, self._serial = controller, controller.serial
         self.status, self.rung, self.certificate = status, rung, certificate
         self._q_before, self._v_before = q, v_before
         self._v, self._a, self._tau, self._forces = v, a, tau, forces
@@ -96,6 +103,11 @@ class Command:
         return self._q
 
     @property
+    def forces(self) -> Vec | None:
+        """All contact forces (nf,) in the order of the stack's contacts; None where the level decides none."""
+        return self._forces
+
+    @property
     def f(self) -> Forces:
         """Wrench of each contact, by its name or frame; NaN where none was decided."""
         if self._f is None:
@@ -110,7 +122,7 @@ class Command:
             WbcError: the controller has ticked since; read it before the next tick.
         """
         if self._solution is None:
-            if self._controller.ticks != self._tick:
+            if self._controller.serial != self._serial:
                 raise WbcError("the controller has ticked since; read command.solution before the next tick")
             self._solution = self._controller.solution()
         return self._solution

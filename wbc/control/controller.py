@@ -7,7 +7,9 @@ a bounded command all the same, from the next rung of a short ladder:
 
     solved   certified by the solver asked for, or by DAQP where that one failed
     hold     the last certified command, for at most ``hold_ticks`` ticks
-    damped   brake: τ = g − D v within the torque limits; v or a that slows down at the velocity and acceleration levels
+    damped   brake; see :mod:`wbc.control.fallback`
+
+Both are within the limits on position, velocity, acceleration and torque.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.control.command import Command, Forces
+from wbc.control.fallback import Fallback
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.certificate import Certificate
@@ -32,7 +35,6 @@ from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
 
 _NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
-_BRAKE_TIME = 0.05  # [s] time constant with which a damped stop takes the velocity out
 
 
 @final
@@ -75,13 +77,20 @@ class Controller:
         dt: float = 1e-3,
         hold_ticks: int = 10,
     ) -> None:
-        for name, value, kind in (("robot", robot, RobotModel), ("stack", stack, Stack), ("level", level, Formulation)):
+        levels = "VelocityLevel(), AccelerationLevel() or InverseDynamics()"
+        for name, value, kind, what in (
+            ("robot", robot, RobotModel, "a robot from wbc.load(...)"),
+            ("stack", stack, Stack, "a wbc.Stack"),
+            ("level", level, Formulation, levels),
+        ):
             if not isinstance(value, kind):
-                raise InvalidInput(f"{name} must be a {kind.__name__}, not {value!r}")
+                raise InvalidInput(f"{name} is {value!r}; it must be {what}")
         self.model, self.stack, self.level = robot, stack, level
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
-        self.hold_ticks = hold_ticks
+        self.hold_ticks = int(checks.number("hold_ticks", hold_ticks, low=0))
         self.hierarchy = Weighted() if hierarchy is None else hierarchy
+        if not isinstance(self.hierarchy, Hierarchy):
+            raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be an object such as Weighted()")
         self.solver = by_name(solver)
         if self.solver.offline:
             raise NotSupported(
@@ -91,13 +100,19 @@ class Controller:
         self._solver = self.hierarchy.open(self.plan.problem, self.solver)
         self._second: RowSolver | None = None
         self._answered = self._solver
+        self._nf = self.plan.layout.nf
+        self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
+        self._fallback = Fallback(self.plan)
         self.state = robot.state()
         self.components = stack.components
+        #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
+        self.serial = 0
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: contacts are made anew at the next tick, components start again."""
+        """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
         self.ticks = 0
+        self.why = ""
         self.last: Command | None = None
         self.status = Status.FAILED
         self._good: Command | None = None
@@ -112,10 +127,49 @@ class Controller:
         Raises:
             InvalidInput: q or v has another shape, or is not numbers.
         """
-        q, v = self._copied("q", q, self.model.nq), self._copied("v", v, self.model.nv)
+        t, q, v = self._read(t, q, v)
         self.ticks += 1
+        self.serial += 1
+        self.why = self._implausible(t, q, v)
+        if self.why:
+            command = self._fall_back(Status.INVALID_STATE, *self._expected())
+        else:
+            command = self._decide(t, q, v)
+        for component in self.components:
+            component.after(self.state, command)
+        self.last = command
+        return command
+
+    def _read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
+        """Copies of the arguments as numbers of the right shape."""
+        try:
+            time = float(t)
+            vectors = np.array(q, dtype=np.float64), np.array(v, dtype=np.float64)
+        except (TypeError, ValueError) as cause:
+            raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of numbers: {cause}") from None
+        for name, vector, size in zip("qv", vectors, (self.model.nq, self.model.nv), strict=True):
+            if vector.shape != (size,):
+                raise InvalidInput(f"{name} must have shape ({size},), not {vector.shape}")
+        return time, *vectors
+
+    def _implausible(self, t: float, q: Vec, v: Vec) -> str:
+        """What is wrong with a state, or nothing. A quaternion that is nearly of norm 1 is normalised in place."""
         if not isfinite(q.dot(q) + v.dot(v) + t):
-            return self._fall_back(Status.INVALID_STATE, q, v)
+            for name, vector in (("q", q), ("v", v)):
+                if not np.isfinite(vector).all():
+                    i = int(np.argmin(np.isfinite(vector)))
+                    return f"{name}[{i}] is {vector[i]}"
+            return "q or v is too large to be squared" if isfinite(t) else f"t is {t}"
+        if self._has_quaternion:
+            quaternion = q[3:7]
+            square = quaternion.dot(quaternion)
+            if abs(square - 1.0) > 1e-12:
+                if abs(square - 1.0) > 2e-3:
+                    return f"the base's quaternion q[3:7] has norm {square**0.5:g}"
+                quaternion /= square**0.5
+        return ""
+
+    def _decide(self, t: float, q: Vec, v: Vec) -> Command:
         state, plan = self.state, self.plan
         state.update(t, q, v)
         if not self._started:
@@ -127,20 +181,9 @@ class Controller:
         plan.fill(state)
         self.status = status = self._solve()
         if status is Status.SOLVED:
-            command = self._decode(q, v)
-        else:
-            command = self._fall_back(status, q, v)
-        for component in self.components:
-            component.after(state, command)
-        self.last = command
-        return command
-
-    @staticmethod
-    def _copied(name: str, value: Any, size: int) -> Vec:
-        vector = np.array(value, dtype=np.float64)
-        if vector.shape != (size,):
-            raise InvalidInput(f"{name} must have shape ({size},), not {vector.shape}")
-        return vector
+            return self._decode(q, v)
+        self.why = plan.not_finite()
+        return self._fall_back(status, q, v)
 
     def _start(self) -> None:
         self.plan.start(self.state)
@@ -152,7 +195,7 @@ class Controller:
         """The solver asked for; where it fails, DAQP."""
         self._answered = self._solver
         status = self._solver.solve()
-        if status.ok or self.solver.name == "daqp":
+        if status.ok or self.solver.name in ("daqp", "pdas"):  # pdas has asked DAQP itself
             return status
         if self._second is None:
             self._second = Weighted().open(self.plan.problem, by_name("daqp"))
@@ -165,6 +208,9 @@ class Controller:
         p, model = self.plan.problem, self.model
         value = p.value.copy()
         nv, proof = model.nv, self._answered.certificate
+        if self._nf:
+            value[nv : p.n] *= p.scale[nv:]  # forces in newtons
+        value.flags.writeable = False
         if self.level.order == 1:
             command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, v=value[:nv])
         elif not self.level.dynamics:
@@ -179,47 +225,37 @@ class Controller:
         return command
 
     # ---- when it went wrong
+    def _expected(self) -> tuple[Vec, Vec]:
+        """The state that the last command was to reach; before any, the robot's reference at rest."""
+        if self.last is None:
+            return np.array(self.model.q0), np.zeros(self.model.nv)
+        return self.last.q, self.last.v
+
     def _fall_back(self, status: Status, q: Vec, v: Vec) -> Command:
         self.status = status
         self._failures += 1
-        if self._good is not None and self._failures <= self.hold_ticks:
-            good = self._good
-            # Bounds may have been lowered since: a joint that was declared dead must not be driven from memory.
-            tau = np.clip(good.tau, *self.plan.torque_bounds) if self.level.dynamics else None
-            return Command(
-                self, status, "hold", _NO_PROOF, q=good._q_before, v_before=good._v_before,
-                v=good._v, a=good._a, tau=tau, forces=good._forces,
-            )  # fmt: skip
-        return self._brake(status, q, v)
-
-    def _brake(self, status: Status, q: Vec, v: Vec) -> Command:
-        """Slow down within the limits, from what is still known of the state."""
-        known = bool(np.isfinite(v).all() and np.isfinite(q).all())
-        q, v = (q, v) if known else (self.state.q.copy(), np.zeros(self.model.nv))
+        self.state.update(self.state.t, q, v)
+        good = self._good
+        held = good if good is not None and self._failures <= self.hold_ticks else None
+        rung = "damped" if held is None else "hold"
+        fallback, state = self._fallback, self.state
         if self.level.order == 1:
-            slower = v * max(0.0, 1.0 - self.dt / _BRAKE_TIME)
-            return Command(self, status, "damped", _NO_PROOF, q=q, v_before=v, v=slower)
-        a = -v / _BRAKE_TIME
+            last = v if self.last is None else self.last.v
+            decided = fallback.velocity(state, None if held is None else held.v, last)
+            return Command(self, status, rung, _NO_PROOF, q=q, v_before=v, v=decided)
+        a = fallback.acceleration(state, None if held is None else held.a)
         if not self.level.dynamics:
-            return Command(self, status, "damped", _NO_PROOF, q=q, v_before=v, a=a)
-        if known:
-            self.state.update(self.state.t, q, v)
-        return Command(self, status, "damped", _NO_PROOF, q=q, v_before=v, a=a, tau=self._damped_torque(v))
-
-    def _damped_torque(self, v: Vec) -> Vec:
-        """τ_ref − D v, D = diag(M)/T. τ_ref is gravity on a fixed base, the last certified torque on legs."""
-        nb, good = self.model.nb, self._good
-        reference = self.state.g if nb == 0 or good is None or good._tau is None else np.r_[np.zeros(nb), good._tau]
-        damping = self.state.M.diagonal()[nb:] / _BRAKE_TIME
-        low, high = self.plan.torque_bounds
-        torque: Vec = np.clip(reference[nb:] - damping * v[nb:], low, high)
-        return torque
+            return Command(self, status, rung, _NO_PROOF, q=q, v_before=v, a=a)
+        carrying = None if good is None else good.tau
+        tau = fallback.torque(state, None if held is None else held.tau, carrying)
+        forces = None if held is None else held.forces
+        return Command(self, status, rung, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
 
     # ---- what others read
     @property
     def qp(self) -> QP:
-        """The last tick's QP in standard form."""
-        return self.plan.qp
+        """The last tick's QP in standard form, a copy; ``plan.qp`` is the same in memory that the next call reuses."""
+        return self.plan.qp.copy()
 
     @property
     def active_count(self) -> int:
@@ -246,15 +282,14 @@ class Controller:
         return solution_of(self._answered, self.plan.qp, self.status)
 
     def split_forces(self, forces: Vec | None) -> Forces:
-        """Scaled force unknowns (nf,) as wrenches by contact name."""
-        contacts, layout = self.stack.contacts, self.plan.layout
-        physical = None if forces is None else forces * self.plan.problem.scale[self.model.nv :]
+        """Contact forces (nf,) as wrenches by contact name."""
+        contacts = self.stack.contacts
         wrenches, start = {}, 0
         for contact in contacts:
             part = slice(start, start + contact.dim)
-            wrenches[contact.name] = np.full(contact.dim, np.nan) if physical is None else physical[part].copy()
+            wrenches[contact.name] = np.full(contact.dim, np.nan) if forces is None else forces[part]
             start += contact.dim
-        return Forces(wrenches, {c.frame: c.name for c in layout.contacts})
+        return Forces(wrenches, {c.frame: c.name for c in contacts})
 
     def explain(self) -> str:
         """The last tick in words and units: tasks with residual and share of the cost, active rows with multipliers."""

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.types import Vec
+from wbc.qp.relax import least_violation
+from wbc.types import Status, Vec
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
@@ -24,9 +25,24 @@ def explain(controller: Controller) -> str:
         return "no tick yet"
     head = f"tick {controller.ticks} at t = {controller.state.t:.3f} s: {controller.status}"
     if not controller.status.ok:
-        return f"{head}\n  {controller.status.value}"
+        return "\n".join([head, *_failure(controller)])
     lines = [f"{head} ({controller.form} form, {controller.iterations} iterations)"]
     return "\n".join(lines + _tasks(controller) + _active_rows(controller) + _regularisation(controller))
+
+
+def _failure(controller: Controller) -> list[str]:
+    """Why there is no answer, which rows cannot hold together, and what was commanded instead."""
+    lines = [f"  {controller.why or controller.status.value}"]
+    if controller.status is Status.INFEASIBLE:
+        lines.append("  at the point that breaks the laws least:")
+        for row, amount in least_violation(controller.qp, keep=lambda row: row.owner == "base dynamics"):
+            lines.append(
+                f"    {row} is {abs(amount):.3g} {row.unit} {'above' if amount > 0 else 'below'} what it may be"
+            )
+    if controller.last is not None:
+        said = {"hold": "the last certified command is held", "damped": "the robot brakes"}
+        lines.append(f"  instead: {said.get(controller.last.rung, controller.last.rung)}, within its limits")
+    return lines
 
 
 def _tasks(controller: Controller) -> list[str]:
@@ -37,7 +53,8 @@ def _tasks(controller: Controller) -> list[str]:
     tasks = (*layout.linear, *layout.kinematic)
     for task, first in zip(tasks, (*layout.linear_rows, *layout.kinematic_rows), strict=True):
         residual = rows[first : first + task.dim]
-        found.append((task.name, _size(errors.get(task.name)), task.unit(0), residual, task.weights()))
+        weights = p.weights[first - p.soft.start : first - p.soft.start + task.dim]
+        found.append((task.name, _size(errors.get(task.name)), task.unit(0), residual, weights))
     joints = p.x[controller.model.nb : controller.model.nv]
     behind = layout.n_rows - layout.motion_row
     nj = controller.model.nj
@@ -61,7 +78,9 @@ def _active_rows(controller: Controller) -> list[str]:
     solution, qp = controller.solution(), controller.qp
     pushing = np.concatenate([solution.z, solution.z_box])
     names = qp.rows[qp.n_eq :]
-    lower, upper = np.concatenate([qp.cl, qp.lb]), np.concatenate([qp.cu, qp.ub])
+    # The bounds of the rows as they were set: in the standard form the rows' constant parts are moved into them.
+    low, high = controller.plan.problem.range_bounds()
+    lower, upper = np.concatenate([low, qp.lb]), np.concatenate([high, qp.ub])
     active = np.flatnonzero(np.abs(pushing) > _SHOWN * max(1e-3, np.abs(pushing).max(initial=0.0)))
     if not len(active):
         return ["active rows: none"]

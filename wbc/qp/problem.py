@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -87,6 +88,8 @@ class QP:
         bad = InvalidProblem
         g = checks.array("g", g, (None,), error=bad)
         n = g.size
+        if n == 0:
+            raise bad("a QP has at least one variable: g is empty")
         H = checks.array("H", H, (n, n), error=bad)
         if (A is None) != (b is None):
             raise bad("A and b come together: one of them is missing")
@@ -206,7 +209,7 @@ class QP:
             row = self.rows[int(unequal.argmax())]
             raise InvalidProblem(f"row {row} is an equality: its lower and upper side must be the same number")
         asymmetry = np.abs(self.H - self.H.T)
-        if asymmetry.size and asymmetry.max() > 1e-9 * (1.0 + np.abs(self.H).max()):
+        if asymmetry.size and asymmetry.max() > 1e-9 * np.abs(self.H).max():
             i, j = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
             raise InvalidProblem(f"H is not symmetric: H[{i}, {j}] = {self.H[i, j]:g}, H[{j}, {i}] = {self.H[j, i]:g}")
 
@@ -235,6 +238,13 @@ class QP:
                     f"H is not positive semidefinite, the problem is not convex: an eigenvalue is {smallest:g}"
                 ) from None
 
+    def copy(self) -> QP:
+        """The same problem in memory of its own."""
+        qp = object.__new__(QP)
+        arrays = {name: getattr(self, name).copy() for name in ("H", "g", "matrix", "lower", "upper", "lb", "ub")}
+        qp._set(**arrays, n_eq=self.n_eq, rows=self.rows)
+        return qp
+
     # ---- files and other libraries
     def save(self, path: str | Path) -> None:
         """Write an .npz that :meth:`load` reads back to the same bits (no pickle)."""
@@ -254,7 +264,7 @@ class QP:
             with np.load(path, allow_pickle=False) as file:
                 data = {k: file[k] for k in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")}
                 rows = [Row(*r) for r in json.loads(str(file["rows"]))]
-        except (OSError, KeyError, ValueError, TypeError) as cause:
+        except (OSError, EOFError, BadZipFile, KeyError, ValueError, TypeError) as cause:
             raise InvalidProblem(f"{path} is not a QP saved by this library: {cause}") from cause
         return cls(data.pop("H"), data.pop("g"), rows=rows, **data)
 

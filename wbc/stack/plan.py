@@ -235,6 +235,16 @@ class Plan:
             self.intervals.acceleration(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
 
     # ---- what others read
+    def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
+        """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
+
+        None where the stack limits neither.
+        """
+        if self.intervals is None:
+            return None
+        self._fill_joint_bounds(state)
+        return self._joint_lower.copy(), self._joint_upper.copy()
+
     @property
     def qp(self) -> QP:
         """The standard form of what was filled last; the same memory each time."""
@@ -242,6 +252,13 @@ class Plan:
             self._qp = self.problem.empty_qp()
         self.problem.write_qp(self._qp)
         return self._qp
+
+    def not_finite(self) -> str:
+        """Which row is not a number, or nothing."""
+        bad = ~np.isfinite(self.problem.G[: self.layout.n_rows].sum(axis=1))
+        if bad[self.layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
+            bad[: self.layout.motion_row] = False
+        return f"{self.problem.rows[int(np.argmax(bad))]} is not finite" if bad.any() else ""
 
     def errors(self) -> Mapping[str, Vec]:
         """Error e of each kinematic task (dim,), a copy."""
