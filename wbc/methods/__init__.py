@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+from wbc.methods.fault_fraction import FaultFraction
+from wbc.methods.force_distribution import ForceDistribution
 from wbc.methods.method import Method
+from wbc.methods.momentum_residual import MomentumResidual
 from wbc.methods.null_space_saturation import NullSpaceSaturation
+from wbc.methods.parameter_update import ParameterUpdate
 from wbc.methods.projected_gradient import ProjectedGradientStep
+from wbc.methods.weighted_torque import WeightedTorque
 
-__all__ = ["Method", "NullSpaceSaturation", "ProjectedGradientStep"]
+__all__ = [
+    "FaultFraction", "ForceDistribution", "Method", "MomentumResidual", "NullSpaceSaturation", "ParameterUpdate",
+    "ProjectedGradientStep", "WeightedTorque",
+]  # fmt: skip

@@ -33,7 +33,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
 from wbc.methods.method import Method
-from wbc.methods.scaling import Box, ScaledTask, largest_scale
+from wbc.methods.scaling import Box, ScaledTask, largest_scale, unit_of
 from wbc.methods.shared import box
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
@@ -58,7 +58,7 @@ class Saturation:
 @final
 @dataclass(frozen=True, eq=False)
 class PrioritisedSaturation:
-    """x (n,) of least norm, one scale per level (``None``: the level admits none and is dropped), whether any is kept."""
+    """x (n,) of least norm, a scale per level (``None``: it admits none and is dropped), whether any level is kept."""
 
     x: Vec
     scales: tuple[float | None, ...]
@@ -172,7 +172,8 @@ class NullSpaceSaturation(Method):
             SolverFailed: the solver ended without an answer.
         """
         task = ScaledTask(self.J, self.target, self.drift)
-        found = largest_scale(task, Box(self.lower, self.upper), solver)
+        n = len(self.lower)
+        found = largest_scale(task, Box(self.lower, self.upper), solver, (np.zeros((0, n)), np.zeros(0)))
         return (
             self._result(found.x, found.size, task, optimal=True) if found.feasible else self._infeasible(optimal=True)
         )
@@ -188,7 +189,7 @@ class NullSpaceSaturation(Method):
         if not reference.feasible:
             return {"feasible": np.inf if reference.optimal else 0.0}
         task, limits = ScaledTask(self.J, self.target, self.drift), Box(self.lower, self.upper)
-        size = float(max(np.linalg.norm(result.x), np.linalg.norm(reference.x))) or 1.0
+        size = max(float(np.linalg.norm(result.x)), float(np.linalg.norm(reference.x)), 1e-3 * unit_of(task, limits))
         range_ = np.where(limits.range > 0.0, limits.range, size)
         over = np.maximum(result.x - self.upper, self.lower - result.x) / range_
         missing = task.V @ result.x + task.drift - result.scale * task.full * task.direction
@@ -201,7 +202,7 @@ class NullSpaceSaturation(Method):
             "task": float(np.linalg.norm(missing)) / size,
             "limits": max(0.0, float(over.max(initial=0.0))),
         }
-        if abs(less) <= 1e-8:
+        if abs(less) * task.full <= 1e-8 * size:
             found["norm"] = abs(longer) if both else max(0.0, longer)
         if both and min(result.scale, reference.scale) >= 1.0:
             found["x"] = float(np.linalg.norm(result.x - reference.x)) / size
@@ -243,7 +244,7 @@ class PrioritisedTasks(Method):
         x, scales = np.full(limits.size, np.nan), list[float | None]()
         for entry in self.tasks:
             task = ScaledTask(*entry)
-            found = largest_scale(task, limits, solver, rows=rows, right=right)
+            found = largest_scale(task, limits, solver, (rows, right))
             if not found.feasible:
                 scales.append(None)
                 continue

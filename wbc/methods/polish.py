@@ -12,9 +12,9 @@ import numpy as np
 from wbc.qp.problem import QP
 from wbc.types import Vec
 
-#: Violations and wrong signs below this, beside numbers of about one, are rounding.
-EXACT = 1e-12
-TRIES = 3
+#: Violations beside numbers of about one, and multipliers of a wrong sign beside the largest, that are rounding.
+EXACT = 1e-11
+TRIES = 8
 
 
 def polished(qp: QP, x: Vec, z: Vec) -> tuple[Vec, Vec, Vec] | None:
@@ -40,10 +40,14 @@ def polished(qp: QP, x: Vec, z: Vec) -> tuple[Vec, Vec, Vec] | None:
         values, force = qp.C @ x, np.zeros(len(side))
         force[held] = push[qp.n_eq :]
         over, under = values - qp.cu, qp.cl - values
-        wrong = (side * force < -EXACT) & (qp.cl < qp.cu)
+        wrong = (side * force < -EXACT * np.abs(force).max(initial=0.0)) & (qp.cl < qp.cu)
         enters = (np.maximum(over, under) > EXACT) & (side == 0.0)
+        if np.abs(E @ x - e).max(initial=0.0) > EXACT:
+            if not len(held):
+                return None
+            side[held[np.abs(z[held]).argmin()]] = 0.0  # they cannot all hold: the one that pushes least does not
+            continue
         if not (wrong.any() or enters.any()):
-            unmet = np.abs(E @ x - e).max(initial=0.0)
-            return (x, push[: qp.n_eq], force) if unmet <= EXACT else None
+            return x, push[: qp.n_eq], force
         side = np.where(wrong, 0.0, np.where(enters, np.where(over > under, 1.0, -1.0), side))
     return None

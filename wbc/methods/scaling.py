@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wbc.methods.least_distance import nearest
-from wbc.methods.shared import answered, factors
-from wbc.qp.problem import QP
+from wbc.methods.projection import projection
+from wbc.methods.shared import factors
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
+
+Mask = NDArray[np.bool_]
 
 #: Limits that must give way by more than this part of their size cannot be met.
 SAME = 5e-9
 #: A part of a target or drift, relative to the whole, that counts as out of the range of J.
 OUT_OF_RANGE = 1e-9
+#: Pushes towards larger scales, in units of x: nine tasks in ten need the first or second.
+PUSHES = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
+#: Prices of limits, in units of the push, and what a step gains, in units of x, when there is nothing to gain.
+PRICES = (1e1, 1e2, 1e3, 1e4)
+GAIN = 1e-10
+STEPS = 20
 
 
 @final
@@ -56,17 +64,15 @@ class Box:
         known = np.abs([lower, upper])
         self.range: Vec = np.where(np.isfinite(known), known, 0.0).max(axis=0, initial=0.0)
 
-    def exceeded(self, x: Vec) -> Vec:
+    def exceeded(self, x: Vec) -> Mask:
         """Joints beyond a limit."""
         rounding = 1e-12 * np.maximum(self.range, np.abs(x))
-        result: Vec = (x > self.upper + rounding) | (x < self.lower - rounding)
-        return result
+        return (x > self.upper + rounding) | (x < self.lower - rounding)
 
-    def reached(self, x: Vec) -> Vec:
+    def reached(self, x: Vec) -> Mask:
         """Joints at a limit."""
         rounding = 1e-7 * self.range
-        result: Vec = (x >= self.upper - rounding) | (x <= self.lower + rounding)
-        return result
+        return (x >= self.upper - rounding) | (x <= self.lower + rounding)
 
     def scales(self, start: Vec, rate: Vec) -> tuple[Vec, Vec]:
         """Smallest and largest σ with start + σ rate inside, joint by joint (n,); crossed where there is none."""
@@ -75,6 +81,15 @@ class Box:
         still, outside = rate == 0.0, self.exceeded(start)
         low, high = np.where(still, -np.inf, ends[0]), np.where(still, np.inf, ends[1])
         return np.where(still & outside, np.inf, low), np.where(still & outside, -np.inf, high)
+
+
+def unit_of(task: ScaledTask, box: Box) -> float:
+    """A size of x, about as large as the answer: no σ is larger than what the box reaches along the task."""
+    along = task.V.T @ task.direction
+    with np.errstate(invalid="ignore"):
+        ends = np.array([along * box.lower, along * box.upper]).max(axis=0)
+    reach = float(np.where(along == 0.0, 0.0, ends).sum() + task.direction @ task.drift)
+    return (max(0.0, min(task.high, reach)) + float(np.linalg.norm(task.drift))) or task.full
 
 
 @final
@@ -87,24 +102,36 @@ class Scaled:
     feasible: bool
 
 
-def largest_scale(
-    task: ScaledTask, box: Box, solver: str | Solver, *, rows: Mat | None = None, right: Vec | None = None
-) -> Scaled:
-    """Largest σ, then least norm, of one task inside the box, with other rows (k, n) kept at ``right``.
+def largest_scale(task: ScaledTask, box: Box, solver: str | Solver, kept: tuple[Mat, Vec]) -> Scaled:
+    """Largest σ, then least norm, of one task inside the box, with other rows ``kept``: (A (k, n), b (k,)), A x = b.
 
     Raises:
         SolverFailed: the solver ended without an answer.
     """
-    if task.low <= task.high:
-        steps = _ProximalSteps(task, box, solver, rows, right)
-        for push in (1e1, 1e2, 1e3, 1e4, 1e5, 1e6):
-            found = steps.from_zero(push)
-            if found is None:
-                break
-            sharper = steps.onwards(found, push)
-            if sharper is None or sharper.size <= found.size + 1e-7 * push * steps.unit:
-                return sharper or found
-    return Scaled(np.full(box.size, np.nan), np.nan, False)
+    none = Scaled(np.full(box.size, np.nan), np.nan, False)
+    if task.low > task.high:
+        return none
+    offset = max(float(np.linalg.norm(kept[1])), float(np.linalg.norm(task.drift)))
+    unit = unit_of(task, box) + offset
+    while True:
+        found = _largest(_ProximalSteps(task, box, solver, kept=kept, unit=unit))
+        if not found.feasible:
+            return none
+        size = max(float(np.linalg.norm(found.x)), offset)
+        if not 1e-9 * unit < size < 0.1 * unit:
+            return found
+        unit = size  # the box was much larger than the answer: once more in units that fit
+
+
+def _largest(steps: _ProximalSteps) -> Scaled:
+    """From zero with larger and larger pushes, until a step from the answer gains nothing."""
+    found = further = steps.from_zero(PUSHES[0])
+    for push in PUSHES[1:]:
+        further = steps.onwards(found, push) if found.feasible else found
+        if further.size <= found.size + GAIN * steps.unit:
+            return found
+        found = steps.from_zero(push)
+    return further
 
 
 @final
@@ -112,62 +139,81 @@ class _ProximalSteps:
     """Points (x, σ) of V x − σ direction = −drift, σ in [low, high], x in the box, nearest to others.
 
     Every limit gives way by the same part w ≥ 0 of its size, at a price above its multiplier: a solver then has an
-    interior and an answer, also where one point or none is feasible, and w tells.
+    interior and an answer, also where one point or none is feasible, and w tells. Unknowns (x, σ, w), x and σ in
+    units of their own.
     """
 
-    def __init__(self, task: ScaledTask, box: Box, solver: str | Solver, rows: Mat | None, right: Vec | None) -> None:
-        self.task, self.box, self.solver = task, box, solver
-        n = box.size
-        rows = np.zeros((0, n)) if rows is None else rows
-        self.right = np.append(np.zeros(0) if right is None else right, -task.drift)
-        self.equal = np.vstack([
-            np.column_stack([rows, np.zeros((len(rows), 2))]),
-            np.column_stack([task.V, -task.direction, np.zeros(len(task.V))]),
-        ])  # fmt: skip
-        self.unit = self._unit()
-        self.give = np.minimum(box.range, self.unit)
-        self.give[self.give == 0.0] = self.unit
+    def __init__(self, task: ScaledTask, box: Box, solver: str | Solver, *, kept: tuple[Mat, Vec], unit: float) -> None:
+        (rows, right), n, self.unit = kept, box.size, unit
+        self.solver = solver
+        right = np.append(right, -task.drift) / self.unit
+        equal = np.column_stack([np.vstack([rows, task.V]), np.zeros(len(right)), np.zeros(len(right))])
+        equal[len(rows) :, n] = -task.direction
+        self.equal, self.factors = (equal, right), factors(equal)
+        missing = self.factors.rest.T @ right
+        self.consistent = float(np.linalg.norm(missing)) <= OUT_OF_RANGE * float(np.linalg.norm(right))
+        self.give = np.append(np.where(box.range > 0.0, np.clip(box.range / unit, 1e-4, 1.0), 1.0), 1.0)
+        self.low = np.append(box.lower, task.low) / self.unit
+        self.high = np.append(box.upper, task.high) / self.unit
+        one, none = np.eye(n + 1), np.full(n + 1, np.inf)
+        self.limits = (
+            np.block([[one, -self.give[:, None]], [one, self.give[:, None]], [np.eye(n + 2)[-1:]]]),
+            np.concatenate([-none, self.low, [0.0]]),
+            np.concatenate([self.high, none, [np.inf]]),
+        )
 
-    def _unit(self) -> float:
-        """A size of x to start with: no σ is larger than what the box reaches along the task."""
-        task, box = self.task, self.box
-        along = task.V.T @ task.direction
-        with np.errstate(invalid="ignore"):
-            ends = np.array([along * box.lower, along * box.upper])
-        reach = float(np.where(along == 0.0, 0.0, ends.max(axis=0)).sum() + task.direction @ task.drift)
-        drift = float(np.linalg.norm(self.right))
-        return (max(0.0, min(task.high, reach)) + drift) or task.full
-
-    def from_zero(self, push: float) -> Scaled | None:
-        """The answer, if this push is enough; ``None`` where limits cannot be met."""
-        centre, before = np.zeros(self.box.size + 1), np.inf
-        for price in (1e1, 1e3, 1e5, 1e7):
-            found, w = self._nearest(centre, push, price * push)
+    def from_zero(self, push: float) -> Scaled:
+        """The answer, if this push is enough; not feasible where the limits have to give way at any price."""
+        zero = Scaled(np.zeros(len(self.give) - 1), 0.0, self.consistent)
+        if not self.consistent:
+            return zero
+        inside = zero
+        for price in PRICES:
+            found, w = self._nearest(zero, push, price)
             if w <= SAME:
                 return found
-            if w > 0.5 * before:
-                return None
+            if price == PRICES[0]:
+                inside = self._inside(found)
+                if not inside.feasible:
+                    break
+        return inside
+
+    def _inside(self, found: Scaled) -> Scaled:
+        """A point within the limits, in steps that only make w smaller: any, not the best."""
+        before = np.inf
+        for _ in range(STEPS):
+            found, w = self._nearest(found, 0.0, 1.0)
+            if w <= SAME or w > 0.999 * before:
+                return replace(found, feasible=w <= SAME)
             before = w
-        return None
+        return replace(found, feasible=False)
 
-    def onwards(self, found: Scaled, push: float) -> Scaled | None:
-        """A small step on from there: distances are smaller, and so is what a solver leaves of them."""
-        better, w = self._nearest(np.append(found.x, found.size), 1e-3 * push, 1e-2 * push)
-        return better if w <= SAME else None
+    def onwards(self, found: Scaled, push: float) -> Scaled:
+        """One more step from a point within the limits; that point where no price keeps them from giving way."""
+        for price in PRICES:
+            further, w = self._nearest(found, push, price)
+            if w <= SAME:
+                return further
+        return found
 
-    def _nearest(self, centre: Vec, push: float, price: float) -> tuple[Scaled, float]:
-        """The point nearest to ``centre`` pushed towards larger σ, and w; both pushes in units of x."""
-        n, unit, box, task = self.box.size, self.unit, self.box, self.task
-        none = np.full(n, np.inf)
-        limited = np.eye(n, n + 1)
-        qp = QP(
-            np.eye(n + 2), np.zeros(n + 2), A=self.equal, b=self.right,
-            C=np.vstack([np.column_stack([limited, -self.give]), np.column_stack([limited, self.give])]),
-            cl=np.append(-none, box.lower), cu=np.append(box.upper, none),
-            lb=np.concatenate([-none, [task.low, 0.0]]), ub=np.concatenate([none, [task.high, np.inf]]),
-        )  # fmt: skip
-        towards = np.append(centre, -price)
-        towards[n] += push * unit
-        root = np.diag(np.append(np.full(n + 1, unit), 1.0))
-        x = answered(nearest(qp, towards, root, self.solver), self.solver).x
-        return Scaled(x[:n], float(x[n]), True), float(x[n + 1])
+    def _nearest(self, centre: Scaled, push: float, price: float) -> tuple[Scaled, float]:
+        """The point nearest to ``centre`` pushed towards larger σ, and w, which costs ``price`` times what σ gains.
+
+        Not a push towards w < 0 but the unit of w makes the price, so that no distance is large: it is w · price that
+        is pushed, as much as σ is, or by a hundred where σ is not.
+        """
+        start = np.append(centre.x, centre.size) / self.unit
+        towards = np.append(start, -(push or 1e2))
+        towards[-2] += push
+        (rows, low, high), units = self.limits, np.append(np.ones(len(start)), 1.0 / price)
+        feasible = self._met(start)
+        x = projection(towards, self.equal, (rows * units, low, high), feasible / units, self.solver)
+        return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), float(abs(x[-1]) / price)
+
+    def _met(self, start: Vec) -> Vec:
+        """The point on the equations nearest to this one, with the w that it takes there."""
+        (equal, right), point = self.equal, np.append(start, 0.0)
+        point += self.factors.inverse(right - equal @ point)
+        over = np.maximum(point[:-1] - self.high, self.low - point[:-1])
+        point[-1] = max(0.0, float((over / self.give).max()))
+        return point

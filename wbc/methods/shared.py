@@ -49,7 +49,9 @@ def answered(found: Nearest, solver: str | Solver) -> Nearest:
 
 
 class Factors(NamedTuple):
-    """A = U diag(values) V without what is zero: U (m, r), values (r,), V (r, n), rank r; ``rest`` (m, m − r) completes U.
+    """A = U diag(values) V with what is not zero: U (m, r), values (r,), V (r, n).
+
+    ``rest`` (m, m − r) and ``null`` (n − r, n) complete U and V: what A cannot reach, and what it does not see.
 
     Rows of V are orthonormal and span the rows of A, so that A x = b says V x = ``solve(b)`` where b can be reached.
     """
@@ -58,6 +60,7 @@ class Factors(NamedTuple):
     values: Vec
     V: Mat
     rest: Mat
+    null: Mat
 
     def solve(self, b: Vec) -> Vec:
         """The right side of V x that belongs to A x = b."""
@@ -85,4 +88,4 @@ def factors(A: Mat) -> Factors:
     """The singular value decomposition of A (m, n) with its rank decided."""
     U, values, V = np.linalg.svd(A)
     rank = int((values > RANK * values.max(initial=0.0)).sum())
-    return Factors(U[:, :rank], values[:rank], V[:rank], U[:, rank:])
+    return Factors(U[:, :rank], values[:rank], V[:rank], U[:, rank:], V[rank:])
