@@ -215,12 +215,12 @@ class _NormalForm:
 
     def _at_rest(self) -> Solution | None:
         """u = 0, where no row is against it or there is nothing to move."""
-        qp = self.qp()
-        zeros = np.zeros(qp.n), np.zeros(qp.n_eq), np.zeros(len(qp.cu)), np.zeros(qp.n)
-        proof = certificate(qp, *zeros)
-        if proof.primal == 0.0:
-            return Solution(Status.SOLVED, *zeros, proof)
-        return None if qp.n else Solution(Status.INFEASIBLE, *zeros, proof)
+        n, m = len(self.free), len(self.low)
+        against = bool((self.low > 0.0).any() or (self.high < 0.0).any())
+        if against and n:
+            return None
+        status = Status.INFEASIBLE if against else Status.SOLVED
+        return Solution(status, np.zeros(n), np.zeros(0), np.zeros(m), np.zeros(n), Certificate(0.0, 0.0, 0.0))
 
 
 def _polished(qp: QP, answer: Solution) -> Solution:

@@ -65,11 +65,12 @@ class Torque:
 
 
 class _Factors(NamedTuple):
-    """Rows G = A R: Λ = half halfᵀ, G# = right halfᵀ, and a basis (columns of ``beside``) of what no torque can do."""
+    """Rows G = A R of some ``length``: Λ = half halfᵀ, G# = right halfᵀ; no torque moves ``beside``ᵀ (rows / length)."""
 
     half: Mat
     right: Mat
     beside: Mat
+    length: Vec
 
 
 @final
@@ -199,7 +200,7 @@ class WeightedTorque(Method):
             raise NoClosedForm("with torque limits there is no closed form; use solve")
         A, b = self._torque_rows
         factors = self._factors(A)
-        Lambda, scale = factors.half @ factors.half.T, self._reachable_scale(A, b, factors.beside)
+        Lambda, scale = factors.half @ factors.half.T, self._reachable_scale(A, b, factors)
         feasible = scale == 1.0
         if np.isnan(scale):
             return self._none()
@@ -223,16 +224,17 @@ class WeightedTorque(Method):
         left, values, right = np.linalg.svd(G / length[:, None])
         rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         half = (left[:, :rank] / values[:rank]) / length[:, None]
-        return _Factors(half, right[:rank, : len(self.n)].T, left[:, rank:] / length[:, None])
+        return _Factors(half, right[:rank, : len(self.n)].T, left[:, rank:], length)
 
-    def _reachable_scale(self, A: Mat, b: Vec, beside: Mat) -> float:
+    def _reachable_scale(self, A: Mat, b: Vec, factors: _Factors) -> float:
         """1 where all rows can be met, the only s in [0, 1] that can be where there is one, else NaN."""
+        away = factors.beside.T / factors.length
         magnitude = np.maximum(np.abs(b), np.abs(A) @ np.abs(self.tau_0))
-        rounding = CONSISTENT * float(np.linalg.norm(np.abs(beside).max(axis=1, initial=0.0) * magnitude))
-        unmet = beside.T @ (b - A @ self.tau_0)
+        rounding = CONSISTENT * float(np.linalg.norm(magnitude / factors.length))
+        unmet = away @ (b - A @ self.tau_0)
         if np.linalg.norm(unmet) <= rounding:
             return 1.0
-        task = beside[: len(self.J)].T @ self.task_acceleration
+        task = away[:, : len(self.J)] @ self.task_acceleration
         if np.linalg.norm(task) <= rounding:
             return np.nan
         scale = 1.0 - float(task @ unmet / (task @ task))
