@@ -151,7 +151,7 @@ def stand(
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
     friction = max(foot.friction for foot in robot.feet.values())
     plant = MujocoPlant(robot, contacts=stack.contacts, friction=friction, sole_geometry=stance.geometry)
-    plant.reset(plant.on_floor(robot.q0))
+    plant.reset(plant.settled(robot.q0))
     run = simulate(
         controller, plant, duration=duration, disturbances=pushes, progress=progress,
         meta={"scenario": name, "parameters": dict(parameters)},

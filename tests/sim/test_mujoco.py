@@ -9,7 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import wbc
 from tasks import Sinusoid
+from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.standing import standing_stack
 from wbc.errors import SimulationError, UnknownFrame
 from wbc.models import load
 from wbc.sim.engine import PhysicsSettings
@@ -274,3 +277,16 @@ def test_joints_stop_at_their_limits_where_there_are_stops(stops, command):
         plant.step(command(ARM, tau=0.3 * ARM.limits.tau_max))
     beyond = (plant.q - ARM.limits.q_max).max()
     assert 0.0 < beyond < 0.1 if stops else beyond > 1.0
+
+
+def test_a_settled_robot_is_carried_from_the_first_step():
+    robot = wbc.load("humanoid")
+    contacts = standing_stack(robot, STANCES["humanoid"]).contacts
+    plant = MujocoPlant(robot, contacts=contacts)
+    plant.reset(plant.settled(robot.q0))
+    controller = wbc.Controller(robot, standing_stack(robot, STANCES["humanoid"]), level=wbc.InverseDynamics())
+    weight = 9.81 * robot.mass
+    for k in range(20):
+        plant.step(controller.tick(k * 1e-3, plant.q, plant.v))
+        carried = sum(float(np.asarray(f)[2]) for name, f in plant.truth().items() if name.startswith("plant.f."))
+        assert 0.9 * weight < carried < 1.1 * weight

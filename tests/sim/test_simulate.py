@@ -9,10 +9,10 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from tasks import JointVelocityLimits, Position, Posture
 from wbc.control.controller import Controller
 from wbc.control.recorder import Run
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.models import load
 from wbc.sim.disturbance import Delay, Push, SensorNoise
-from wbc.sim.plant import IntegratorPlant
+from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.simulate import simulate
 from wbc.stack.component import Component
 from wbc.stack.formulation import AccelerationLevel, VelocityLevel
@@ -128,10 +128,27 @@ def test_a_short_record_keeps_only_time_status_and_duration():
     assert set(run) == {"t", "status", "tick_us"} and run.rows == 20
 
 
-def test_a_command_that_is_not_finite_ends_the_run_with_a_reason():
-    run = simulate(reaching(), IntegratorPlant(ARM, level="acceleration"), duration=0.02)
-    assert run.meta["ended"].startswith("command.a[0] is nan at t = 0.0000 s")
-    assert run.rows == 1
+class Breaking(Plant):
+    """Takes velocities, and breaks down after three steps."""
+
+    takes = "velocity"
+
+    def _place(self, q, v):
+        self.steps = 0
+
+    def _advance(self, command):
+        self.steps += 1
+        if self.steps > 3:
+            raise SimulationError("the gears are gone")
+        return self.q, self.v
+
+
+def test_physics_that_breaks_down_ends_the_run_with_a_reason():
+    plant = Breaking(ARM, 1e-3)
+    plant.reset(ARM.q0)
+    run = simulate(reaching(), plant, duration=0.02)
+    assert run.meta["ended"] == "the gears are gone"
+    assert run.rows == 4
 
 
 def test_a_run_survives_the_disk(tmp_path):
@@ -150,10 +167,13 @@ def test_what_does_not_fit_together_is_refused_before_the_first_tick():
         simulate(controller, IntegratorPlant(ARM, dt=2e-3), duration=1.0)
     with pytest.raises(InvalidInput, match="the controller drives arm, the plant is quadruped"):
         simulate(controller, IntegratorPlant(LEGS), duration=1.0)
+    with pytest.raises(InvalidInput, match="use IntegratorPlant\\(robot, level='velocity'\\)"):
+        simulate(controller, IntegratorPlant(ARM), duration=1.0)
+    plant = IntegratorPlant(ARM, level="velocity")
     with pytest.raises(InvalidInput, match="shorter than one tick"):
-        simulate(controller, IntegratorPlant(ARM), duration=1e-4)
+        simulate(controller, plant, duration=1e-4)
     with pytest.raises(NotSupported, match="nothing can push 'tool'"):
-        simulate(controller, IntegratorPlant(ARM), duration=1.0, disturbances=[Push("tool", (1, 0, 0), 0, 1)])
+        simulate(controller, plant, duration=1.0, disturbances=[Push("tool", (1, 0, 0), 0, 1)])
 
 
 def test_linear_algebra_has_one_thread_while_it_runs_and_its_threads_back_after():

@@ -25,6 +25,8 @@ from wbc.types import Mat, Vec
 FALL_TILT = np.pi / 4
 #: … or has lost more than this share of its height.
 FALL_DROP = 0.4
+#: No robot sinks deeper than this into the floor it stands on [m].
+MOST_SINKING = 0.02
 
 SOLE_GEOMETRIES = ("box", "spheres")
 
@@ -117,6 +119,37 @@ class MujocoPlant(Plant):
         placed = [(foot, state.frame(foot.link)) for foot in self.feet]
         q[2] += self.floor - min(foot.lowest(frame.rotation, frame.position) for foot, frame in placed)
         return q
+
+    def settled(self, q: Vec) -> Vec:
+        """``q`` (nq,) with the base where the feet carry the robot's weight at rest: it starts standing, not landing.
+
+        The plant is left there.
+
+        Raises:
+            InvalidInput: as :meth:`on_floor`.
+        """
+        q = self.on_floor(q)
+        touching, weight = q[2], self.model.mass * float(np.linalg.norm(self.model.gravity))
+        sunk, above = touching - MOST_SINKING, touching
+        for _ in range(50):  # halves of 2 cm down to rounding
+            q[2] = 0.5 * (sunk + above)
+            self.reset(q)
+            if self._resting_force() > weight:
+                sunk = q[2]
+            else:
+                above = q[2]
+        return q
+
+    def _resting_force(self) -> float:
+        """Sum of the normal forces that the feet's penetration gives when nothing accelerates [N]."""
+        mj, physics, data = self._mj, self.physics, self.data
+        data.qacc[:] = 0.0
+        mj.mj_inverse(physics, data)
+        force, total = np.zeros(6), 0.0
+        for i in range(data.ncon):
+            mj.mj_contactForce(physics, data, i, force)
+            total += force[0]
+        return total
 
     def _place(self, q: Vec, v: Vec) -> None:
         self._masses.restore()

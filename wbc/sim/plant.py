@@ -35,8 +35,10 @@ class Plant(ABC):
     """A robot that moves: a true state (t, q, v), and ``step``, which lets it move for ``dt`` seconds.
 
     ``q`` and ``v`` are ordered as :mod:`wbc.types` says and are read-only; every step makes new ones. Time is
-    start + k dt, so it does not drift.
+    start + k dt, so it does not drift. ``takes`` is what of a command moves it: "velocity", "acceleration", "torque".
     """
+
+    takes: str = "torque"
 
     def __init__(self, model: RobotModel, dt: float) -> None:
         self.model = model
@@ -161,7 +163,7 @@ class IntegratorPlant(Plant):
         super().__init__(model, dt)
         if level not in ("velocity", "acceleration"):
             raise InvalidInput(f"level is {level!r}; an integrator follows 'velocity' or 'acceleration'")
-        self.level = level
+        self.level = self.takes = level
 
     def _place(self, q: Vec, v: Vec) -> None:
         """An integrator has no other memory than q and v."""

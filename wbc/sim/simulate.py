@@ -176,6 +176,12 @@ def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
         raise InvalidInput(f"the controller ticks every {controller.dt:g} s, the plant steps {plant.dt:g} s")
     if controller.model.joint_names != plant.model.joint_names or controller.model.nb != plant.model.nb:
         raise InvalidInput(f"the controller drives {controller.model.name}, the plant is {plant.model.name}")
+    level = controller.level
+    if plant.takes not in level.carries:
+        raise InvalidInput(
+            f"{type(plant).__name__} takes {plant.takes}s, which the {level.name} does not decide; "
+            f"use IntegratorPlant(robot, level='{'velocity' if level.order == 1 else 'acceleration'}')"
+        )
     ticks = round(duration / plant.dt)
     if ticks < 1:
         raise InvalidInput(f"duration is {duration:g} s, shorter than one tick of {plant.dt:g} s")
