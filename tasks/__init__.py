@@ -13,6 +13,8 @@ Example:
 
 from tasks.com import CenterOfMass as CenterOfMass
 from tasks.components.measured_wrench import MeasuredWrench as MeasuredWrench
+from tasks.components.momentum_observer import MomentumObserver as MomentumObserver
+from tasks.components.slotine_li import SlotineLi as SlotineLi
 from tasks.contact_force import ContactForce as ContactForce
 from tasks.criteria.clearance import Clearance as Clearance
 from tasks.criteria.criterion import Criterion as Criterion

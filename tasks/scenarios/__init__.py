@@ -1,8 +1,16 @@
 """Scenarios that ``wbc run`` finds by name. One file a scenario, one line here."""
 
 from tasks.scenarios.arm_reach import ArmReach
+from tasks.scenarios.four_p_adaptive import FourPAdaptive
 from tasks.scenarios.humanoid_stand import HumanoidStand
 from tasks.scenarios.pg_step import PgStep
+from tasks.scenarios.pr_fault import PrFault
+from tasks.scenarios.pr_torque import PrTorque
 from tasks.scenarios.quadruped_stand import QuadrupedStand
 
-SCENARIOS = {scenario.name: scenario for scenario in (HumanoidStand(), QuadrupedStand(), ArmReach(), PgStep())}
+SCENARIOS = {
+    scenario.name: scenario
+    for scenario in (
+        HumanoidStand(), QuadrupedStand(), ArmReach(), PgStep(), FourPAdaptive(), PrTorque(), PrFault(),
+    )
+}  # fmt: skip

@@ -1,0 +1,203 @@
+"""Four sliding masses that nobody knows: tracking to zero, and what of the masses is found out on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple, final
+
+import numpy as np
+
+import wbc
+from tasks import SlotineLi, TorqueLimits
+from tasks.scenarios import judge
+from tasks.scenarios.exact_plant import ExactPlant
+from tasks.scenarios.torque_run import TorqueRun
+from wbc.models import Planar4P
+from wbc.report import measure, style
+from wbc.report.document import Section, Table, Text
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.types import Vec
+
+#: The motion that excites everything: amplitudes [m] and angular frequencies [rad/s]; and the place to stay at [m].
+AMPLITUDE, FREQUENCY = np.array([0.5, 0.4, 0.3, 0.3]), np.array([2.0, 0.9, 3.1, 1.7])
+PLACE = np.array([0.3, 0.2, -0.1, 0.1])
+NAMES = ("a1 = m1 + m2 + m3 + m4", "a2 = m2 + m3 + m4", "a3 = m3 + m4", "a4 = m4")
+#: Errors at the end count from so long before it [s].
+LAST = 2.0
+
+
+def exciting(t: float) -> tuple[Vec, Vec, Vec]:
+    """q_d, q̇_d, q̈_d of a motion along which all four coefficients can be told apart."""
+    sin, cos = AMPLITUDE * np.sin(FREQUENCY * t), AMPLITUDE * np.cos(FREQUENCY * t)
+    return sin, FREQUENCY * cos, -(FREQUENCY**2) * sin
+
+
+class Adapted(NamedTuple):
+    """A run and the true coefficients (4,) [kg]."""
+
+    run: wbc.Run
+    truth: Vec
+    still: bool
+
+    def signal(self, name: str) -> Vec:
+        """What the component recorded."""
+        return np.asarray(self.run[f"signal.SlotineLi.{name}"])
+
+    @property
+    def error(self) -> Vec:
+        """q_d − q (N, 4) [m]."""
+        wanted = PLACE if self.still else np.array([exciting(t)[0] for t in self.run["t"]])
+        return np.asarray(wanted - self.run["q"])
+
+    @property
+    def last_error(self) -> float:
+        """Largest error of the last two seconds [m]."""
+        t = self.run["t"]
+        return float(np.abs(self.error[t >= t[-1] - LAST]).max())
+
+    @property
+    def rise(self) -> float:
+        """Largest rise of V in one tick, relative to V(0)."""
+        V = self.signal("V")
+        return float(max(0.0, np.diff(V).max()) / V[0])
+
+    @property
+    def off(self) -> Vec:
+        """|a − â| (4,) [kg] at the end."""
+        return np.asarray(np.abs(self.truth - self.signal("a_hat")[-1]))
+
+
+@final
+class FourPAdaptive(Scenario):
+    """A 4P robot of unknown masses ``m`` [kg] follows a motion from â = 0, then another one only goes to a place.
+
+    The controller's model has unit masses and none of them is used. ``gain`` is Γ; with ``physical`` the coefficients
+    stay among those that masses can have, a1 ≥ a2 ≥ a3 ≥ a4 ≥ 0.
+    """
+
+    name: ClassVar[str] = "4p-adaptive"
+    summary: ClassVar[str] = "adaptive tracking with unknown masses, with and without excitation"
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "m": (2.0, 1.0, 1.5, 0.5), "kp": 100.0, "kd": 40.0, "gain": 20.0, "physical": True,
+    }  # fmt: skip
+    duration = 10.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant  # there is one of each
+        meta = {
+            "scenario": self.name,
+            "parameters": dict(parameters),
+            "model": "the controller's model has other masses than the plant, and uses none of them",
+        }
+        go = TorqueRun(solver, duration, progress, meta)
+        moving, still = (_adapted(parameters, go, still=still) for still in (False, True))
+        return _judged(moving, still, parameters)
+
+
+def _adapted(parameters: Mapping[str, Any], go: TorqueRun, *, still: bool) -> Adapted:
+    limits: dict[str, Any] = {"v_max": 5.0, "tau_max": 500.0}
+    true, model = Planar4P(m=parameters["m"], **limits), Planar4P(**limits)
+    adaptive = SlotineLi(
+        PLACE if still else exciting, kp=parameters["kp"], kd=parameters["kd"], gain=parameters["gain"],
+        physical=parameters["physical"], truth=true.coefficients,
+    )  # fmt: skip
+    stack = wbc.Stack([adaptive.torque], subject_to=[TorqueLimits()], components=[adaptive])
+    return Adapted(go(model, stack, ExactPlant(true)), true.coefficients, still)
+
+
+def _judged(moving: Adapted, still: Adapted, parameters: Mapping[str, Any]) -> ScenarioResult:
+    run, violations = moving.run, measure.violations(moving.run)
+    law = float(np.abs(run["tau"] - moving.signal("tau")).max())
+    ordered = max(_out_of_order(of.signal("a_hat")) for of in (moving, still))
+    unit_masses = Planar4P().cartesian_inertia(np.zeros(4))
+    figures = {
+        "cartesian_inertia_x_kg": float(unit_masses[0, 0]),
+        "cartesian_inertia_y_kg": float(unit_masses[1, 1]),
+        "last_error_moving_m": moving.last_error,
+        "last_error_still_m": still.last_error,
+        **{f"off_a{i + 1}_moving_kg": float(x) for i, x in enumerate(moving.off)},
+        **{f"off_a{i + 1}_still_kg": float(x) for i, x in enumerate(still.off)},
+    }
+    verdict = [
+        Check("M_r of unit masses, less diag(2, 1)", float(np.abs(unit_masses - np.diag([2.0, 1.0])).max()), 1e-12,
+              bool(np.abs(unit_masses - np.diag([2.0, 1.0])).max() <= 1e-12), "kg"),
+        Check("command less the law τ_SL", law, 1e-9, law <= 1e-9, "N"),
+        Check("largest error of the last 2 s, moving", moving.last_error, 1e-3, moving.last_error < 1e-3, "m"),
+        Check("largest error of the last 2 s, at rest", still.last_error, 1e-3, still.last_error < 1e-3, "m"),
+        Check("rise of V in one tick over V(0), moving", moving.rise, 1e-6, moving.rise <= 1e-6),
+        Check("rise of V in one tick over V(0), at rest", still.rise, 1e-6, still.rise <= 1e-6),
+        Check("coefficients not found, moving", float(moving.off.max()), 0.05, bool(moving.off.max() < 0.05), "kg"),
+        Check("a2 and a4 not found, at rest", float(still.off[[1, 3]].max()), 1e-3,
+              bool(still.off[[1, 3]].max() < 1e-3), "kg"),
+        *judge.common_checks(run, violations),
+    ]  # fmt: skip
+    if parameters["physical"]:
+        verdict.append(Check("coefficients that no masses have", ordered, 1e-9, ordered <= 1e-9, "kg"))
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
+        figures=figures,
+        sections=[lambda result: _coefficients(moving, still), lambda result: _errors(moving, still)],
+    )  # fmt: skip
+
+
+def _out_of_order(a_hat: Vec) -> float:
+    """By how much â breaks a1 ≥ a2 ≥ a3 ≥ a4 ≥ 0 [kg]."""
+    return float(max(0.0, np.diff(a_hat, axis=1).max(), -a_hat[:, 3].min()))
+
+
+def _coefficients(moving: Adapted, still: Adapted) -> Section:
+    with style.Canvas(2, 1, height=5.6) as canvas:
+        for axes, of, title in zip(
+            canvas.axes, (moving, still), ("Along a motion that excites all of them", "At rest"), strict=True
+        ):
+            t = measure.times(of.run)
+            for i, colour in enumerate(style.CYCLE[:4]):
+                style.curve(axes, t, of.signal("a_hat")[:, i], color=colour, label=f"â{i + 1}")
+                axes.axhline(of.truth[i], color=colour, linewidth=0.9, linestyle=(0, (4, 3)))
+            style.over_time(axes, of.run, title, "coefficient [kg]")
+            style.legend(axes)
+        caption = (
+            "Estimates from â = 0; dashed: the truth. At rest gravity alone excites, so a2 and a4 are found; a1 "
+            "and a3 stop where they happen to be, though the error vanishes."
+        )
+        figure = canvas.figure("adaptive-coefficients", caption)
+    rows = [
+        (NAMES[i], float(moving.truth[i]), float(moving.signal("a_hat")[-1, i]), float(still.signal("a_hat")[-1, i]))
+        for i in range(4)
+    ]
+    table = Table(("coefficient [kg]", "truth", "moving, at the end", "at rest, at the end"), rows)
+    return Section("What is found out", [figure, table])
+
+
+def _errors(moving: Adapted, still: Adapted) -> Section:
+    with style.Canvas(2, 1, height=5.0) as canvas:
+        error, energy = canvas.axes
+        for name, of, colour in (("moving", moving, style.BLUE), ("at rest", still, style.ORANGE)):
+            t = measure.times(of.run)
+            style.curve(error, t, np.maximum(1e3 * np.abs(of.error).max(axis=1), 1e-6), color=colour, label=name)
+            style.curve(energy, t, of.signal("V"), color=colour, label=name)
+        for axes in canvas.axes:
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            style.legend(axes)
+        style.over_time(error, moving.run, "Largest error of the four joints", "|q_d − q| [mm]")
+        style.over_time(energy, moving.run, "Lyapunov's function", "V")
+        caption = (
+            "V = ½ sᵀM s + eᵀK_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â). What is left of it at rest is the part of a − â that "
+            "nothing excites; what is left of it and of the error in motion is what ticks of a millisecond leave."
+        )
+        figure = canvas.figure("adaptive-lyapunov", caption)
+    text = Text(
+        f"No tick of the two runs raises V by more than {max(moving.rise, still.rise):.1g} of its first value. "
+        "The law needs neither accelerations nor an inverse of the estimated inertia matrix, so â may start at zero."
+    )
+    return Section("Errors and Lyapunov's function", [figure, text])

@@ -1,0 +1,230 @@
+"""The PR robot loses actuators; an observer of its momentum says which one, and how much of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, final
+
+import numpy as np
+
+import wbc
+from tasks import MomentumObserver, Torque
+from tasks.scenarios import judge
+from tasks.scenarios.exact_plant import ExactPlant
+from tasks.scenarios.torque_run import TorqueRun
+from wbc.methods import FaultFraction
+from wbc.models import PlanarPR
+from wbc.models.planar import PlanarRobot
+from wbc.report import measure, style
+from wbc.report.document import Section, Table, Text
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.types import Vec
+
+#: Where the robot is when the fault comes [m, rad], how it moves, and what is asked of its actuators [N, N m].
+Q_START, V_START, TAU = np.array([0.0, np.pi / 2]), np.array([1.0, -1.0]), np.array([5.0, -2.0])
+UNITS = ("N", "N m")
+#: At this time [s] the source's numbers are read, for its two gains [1/s].
+AT, PUBLISHED = 0.1, {10.0: 3.1606, 3.0: 1.2959}
+#: What the integrators of plant and observer leave [N, N m]; link 2 turns faster and faster, so it is not zero.
+LEFT = 5e-4
+
+FAULTS: Mapping[str, Sequence[ActuatorFault]] = {
+    "total, joint 1": [ActuatorFault(joint="q1")],
+    "partial, 60 % of joint 1 lost": [ActuatorFault(joint="q1", effectiveness=0.4)],
+    "bias, 0.5 N m of joint 2": [ActuatorFault(joint="q2", effectiveness=1.0, bias=0.5)],
+    "concurrent, 60 % of 1 and all of 2": [ActuatorFault(joint="q1", effectiveness=0.4), ActuatorFault(joint="q2")],
+}
+
+
+class Seen(NamedTuple):
+    """A run with one kind of fault, and the missing torques (2,) [N, N m]."""
+
+    run: wbc.Run
+    missing: Vec
+
+    def residual(self, gain: float) -> Vec:
+        """r (N, 2) of the observer with this gain."""
+        return np.asarray(self.run[f"signal.{_name(gain)}.residual"])
+
+    def expected(self, gain: float) -> Vec:
+        """τ_f (1 − e^(−K t)) (N, 2): the tick at t knows of the interval before it."""
+        return np.asarray((1.0 - np.exp(-gain * self.run["t"]))[:, None] * self.missing)
+
+    def off(self) -> float:
+        """Largest difference between residual and expectation, over joints, ticks and gains."""
+        return max(float(np.abs(self.residual(k) - self.expected(k)).max()) for k in PUBLISHED)
+
+
+@final
+class PrFault(Scenario):
+    """At t = 0 actuator 1 dies while (5 N, −2 N m) are asked for; two observers watch, K = 10 and K = 3 [1/s].
+
+    Then the same with a partial fault, a bias, and two faults at once. ``threshold`` [N, N m] raises the alarm.
+    """
+
+    name: ClassVar[str] = "pr-fault"
+    summary: ClassVar[str] = "the PR robot's actuators fail; the momentum residual says which and how much"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"threshold": (0.5, 0.1)}
+    duration = 1.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant  # there is one of each
+        robot = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, v_max=[10.0, 40.0], tau_max=[10.0, 5.0])
+        meta = {"scenario": self.name, "parameters": dict(parameters)}
+        go = TorqueRun(solver, duration, progress, meta)
+        seen = {kind: _seen(robot, faults, parameters["threshold"], go) for kind, faults in FAULTS.items()}
+        return _judged(seen, robot, parameters["threshold"], solver)
+
+
+def _name(gain: float) -> str:
+    return f"K={gain:g}"
+
+
+def _seen(robot: PlanarRobot, faults: Sequence[ActuatorFault], threshold: Any, go: TorqueRun) -> Seen:
+    observers = [MomentumObserver(gain=gain, threshold=threshold, name=_name(gain)) for gain in PUBLISHED]
+    stack = wbc.Stack([Torque(TAU, weight=1e6)], components=observers)
+    plant = ExactPlant(robot)
+    plant.reset(Q_START, V_START)
+    run = go(robot, stack, plant, disturbances=faults)
+    missing = np.zeros(2)
+    for fault in faults:
+        joint = robot.joint(fault.joint)
+        missing[joint] += fault.missing(0.0, TAU[joint])
+    return Seen(run, missing)
+
+
+def _fractions(of: Seen, solver: str) -> tuple[Vec, Vec]:
+    """What share of each command is lost at the end, by formula and by QP: min |diag(τ) l − r|, 0 ≤ l ≤ 1."""
+    problem = FaultFraction(TAU, of.residual(max(PUBLISHED))[-1])
+    return problem.closed_form().fraction, problem.solve(solver).fraction
+
+
+def _judged(seen: Mapping[str, Seen], robot: PlanarRobot, threshold: Sequence[float], solver: str) -> ScenarioResult:
+    total = next(iter(seen.values()))
+    run, row = total.run, round(AT / total.run.meta["dt"])
+    violations = measure.violations(run)
+    momentum = robot.momentum(Q_START, V_START)
+    fast = max(PUBLISHED)
+    alarm = run[f"signal.{_name(fast)}.alarm"]
+    detected = float(run["t"][np.argmax(alarm[:, 0] > 0)]) if alarm[:, 0].any() else np.inf
+    latest = -np.log(1.0 - threshold[0] / abs(total.missing[0])) / fast
+    late, lost = float(detected - latest), _fractions(total, solver)
+    figures: dict[str, Any] = {
+        f"r1_at_{AT:g}_s_K_{gain:g}_N": float(total.residual(gain)[row, 0]) for gain in PUBLISHED
+    }
+    figures |= {
+        "largest_r2_Nm": max(float(np.abs(total.residual(gain)[:, 1]).max()) for gain in PUBLISHED),
+        "detected_s": detected,
+        "share_lost_joint_1": float(lost[1][0]),
+        "share_lost_joint_2": float(lost[1][1]),
+        "momentum_start_1": float(momentum[0]),
+        "momentum_start_2": float(momentum[1]),
+    }
+    off = {gain: abs(float(total.residual(gain)[row, 0]) - value) for gain, value in PUBLISHED.items()}
+    verdict = [
+        *(
+            Check(f"r1({AT:g} s) for K = {gain:g}, less {value}", off[gain], 5e-5, off[gain] <= 5e-5, "N")
+            for gain, value in PUBLISHED.items()
+        ),
+        Check("residual of the healthy joint, total fault", figures["largest_r2_Nm"], LEFT,
+              figures["largest_r2_Nm"] <= LEFT, "N m"),
+        *(
+            Check(f"residual less its formula: {kind}", of.off(), LEFT, of.off() <= LEFT, "N, N m")
+            for kind, of in seen.items()
+        ),
+        Check("alarm of joint 1 later than the formula says", late, 2e-3, 0 <= late <= 2e-3, "s"),
+        Check("alarms of the healthy joint", float(alarm[:, 1].sum()), 0.0, not alarm[:, 1].any(), "ticks"),
+        Check("share lost of joint 1, formula and QP apart", float(np.abs(lost[0] - lost[1]).max()), 1e-6,
+              bool(np.abs(lost[0] - lost[1]).max() <= 1e-6)),
+        *judge.common_checks(run, violations),
+    ]  # fmt: skip
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
+        figures=figures,
+        sections=[
+            lambda result: _total_fault(result, total, momentum),
+            lambda result: _other_faults(seen, solver),
+        ],
+    )  # fmt: skip
+
+
+def _total_fault(result: ScenarioResult, total: Seen, momentum: Vec) -> Section:
+    t = measure.times(result.run)
+    with style.Canvas(2, 1, height=5.2) as canvas:
+        first, second = canvas.axes
+        style.bound(first, TAU[0], "τ1 asked for")
+        for gain, colour in zip(PUBLISHED, (style.RED, style.BLUE), strict=True):
+            r, printed = total.residual(gain), gain * momentum[0] * np.exp(-gain * t)
+            style.curve(first, t, r[:, 0], color=colour, label=f"K1 = {gain:g}")
+            style.curve(first, t, total.expected(gain)[:, 0] - printed, color=colour, linestyle=":", linewidth=0.9)
+            style.curve(second, t, 1e3 * r[:, 1], color=colour, label=f"K2 = {gain:g}")
+            first.plot([AT], [PUBLISHED[gain]], "o", color=colour, markersize=4)
+        first.set_ylim(-2.0, 6.0)
+        second.set_ylim(-1.0, 1.0)
+        style.over_time(first, result.run, "Actuator 1 is dead from t = 0", "r1 [N]")
+        style.over_time(second, result.run, "The residual of the healthy actuator", "r2 [mN m]")
+        for axes in canvas.axes:
+            style.legend(axes)
+        caption = (
+            "Dots: 5 (1 − e^(−K/10)). Dotted: the residual without p(0), r = K (∫ … − p), which starts at −K p1(0), "
+            "far below the picture, whatever the fault. Once r1 stands at the command, the fault is total."
+        )
+        figure = canvas.figure("fault-total", caption)
+    text = Text(
+        f"At the fault p = ({momentum[0]:g} kg m/s, {momentum[1]:g} kg m²/s). The residual is "
+        "r = K (∫ (τ − β − r) dt − (p − p(0))), and ṙ = K (τ_f − r) from r(0) = 0, whatever the robot does."
+    )
+    rows = [
+        (f"K1 = {gain:g}", float(total.residual(gain)[round(AT / result.run.meta["dt"]), 0]),
+         float(TAU[0] * (1 - np.exp(-gain * AT))), float(-gain * momentum[0]))
+        for gain in PUBLISHED
+    ]  # fmt: skip
+    table = Table(("gain", "r1(0.1 s) [N]", "by formula [N]", "r1(0) without p(0) [N]"), rows)
+    return Section("Total fault of actuator 1", [text, figure, table])
+
+
+def _other_faults(seen: Mapping[str, Seen], solver: str) -> Section:
+    others = list(seen.items())[1:]
+    fast = max(PUBLISHED)
+    with style.Canvas(len(others), 1, height=1.9 * len(others) + 0.4) as canvas:
+        for axes, (kind, of) in zip(canvas.axes, others, strict=True):
+            t = measure.times(of.run)
+            for joint, colour in enumerate((style.BLUE, style.ORANGE)):
+                label = f"r{joint + 1} [{UNITS[joint]}]"
+                style.curve(axes, t, of.residual(fast)[:, joint], color=colour, label=label)
+                axes.axhline(of.missing[joint], color=colour, linewidth=0.9, linestyle=(0, (4, 3)))
+            style.over_time(axes, of.run, kind[0].upper() + kind[1:], "residual")
+            style.legend(axes)
+        figure = canvas.figure("fault-others", f"Residuals for K = {fast:g} 1/s; dashed: what is missing.")
+    rows = []
+    for kind, of in seen.items():
+        by_formula, by_qp = _fractions(of, solver)
+        for joint in range(2):
+            rows.append(
+                (kind, f"q{joint + 1}", UNITS[joint], float(of.missing[joint]), float(of.residual(fast)[-1, joint]),
+                 float(by_formula[joint]), float(by_qp[joint]))
+            )  # fmt: skip
+    columns = (
+        "fault",
+        "joint",
+        "unit",
+        "missing",
+        "residual at the end",
+        "share lost, formula",
+        f"share lost, {solver}",
+    )
+    caption = (
+        "Residuals at the end. The share l of the command that is lost solves min |diag(τ) l − r|² under 0 ≤ l ≤ 1. A "
+        "bias that takes away from the command looks like a loss, one that adds to it like none."
+    )
+    return Section("Other faults", [figure, Table(columns, rows, caption)])

@@ -1,0 +1,213 @@
+"""The PR robot follows one coordinate with the torque nearest to a preferred one, while something pulls at its tip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any, ClassVar, NamedTuple, final
+
+import numpy as np
+
+import wbc
+from tasks import MeasuredWrench, Position, Torque, TorqueLimits
+from tasks.scenarios import judge
+from tasks.scenarios.exact_plant import ExactPlant
+from tasks.scenarios.torque_run import TorqueRun
+from wbc.methods import WeightedTorque
+from wbc.models import PlanarPR
+from wbc.models.planar import PlanarRobot
+from wbc.report import measure, style
+from wbc.report.document import Section, Table, Text
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.types import Vec
+
+TIP = "end_effector"
+Q_START = np.array([0.0, np.pi / 2])
+TAU_0 = np.array([-1.0, 2.0])
+#: What the environment does to the tip [N], and the task acceleration at t = 0 [m/s²].
+FORCE, ACCELERATION = np.array([-1.0, 1.0]), 9.0
+#: The optimal torque at t = 0 [N, N m].
+TAU_START = (Fraction(104, 11), Fraction(-71, 22))
+#: The torque that an acceleration of −9 m/s² would need; it is also τ₀ + J_gᵀ F, because J_gᵀ F = −J_tᵀ there.
+TAU_WRONG_SIGN = (Fraction(-2), Fraction(5, 2))
+
+#: Ticks between two at which the closed form is asked too.
+EVERY = 5
+
+
+class Tracking(NamedTuple):
+    """A run with null-space damping D [N s/m, N m s] or without."""
+
+    run: wbc.Run
+    damping: Vec
+
+    @property
+    def off(self) -> float:
+        """Largest |x_d − x| [m]."""
+        return float(np.abs(self.run["error.x"]).max())
+
+
+@final
+class PrTorque(Scenario):
+    """The tip's x follows 1 − cos 3t; among all torques that do it the one nearest to τ₀ in the norm of M⁻¹ is taken.
+
+    A constant force of (−1, 1) N acts at the tip; a sensor measures it. ``damping`` is the diagonal of D in
+    τ₀ = (−1, 2) − D q̇ [N s/m, N m s], which damps what the task leaves free; a second run goes without it.
+    """
+
+    name: ClassVar[str] = "pr-torque"
+    summary: ClassVar[str] = "the PR robot's optimal torque in exact numbers, and tracking with a force at its tip"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"damping": (0.0, 2.0), "kp": 100.0}
+    duration = 4.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant  # there is one of each
+        robot = PlanarPR(
+            m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, gravity=0.0, v_max=[20.0, 60.0], tau_max=[1000.0, 100.0]
+        )  # fmt: skip
+        damping = np.array(parameters["damping"])
+        meta = {"scenario": self.name, "parameters": dict(parameters)}
+        go = TorqueRun(solver, duration, progress, meta)
+        damped, free = (Tracking(_tracked(robot, D, parameters["kp"], go), D) for D in (damping, np.zeros(2)))
+        return _judged(robot, damped, free, solver)
+
+
+def _at_start(acceleration: float) -> WeightedTorque:
+    """The problem at t = 0, at rest; M, J and J_gᵀ F by hand."""
+    M, J = [[2.0, -0.25], [-0.25, 0.1625]], [[1.0, -0.5]]
+    external = [FORCE[0], -0.5 * FORCE[0]]  # cos q2 = 0: the force along y does nothing
+    return WeightedTorque(M, [0.0, 0.0], J, [acceleration], tau_0=TAU_0, tau_external=external)
+
+
+def _tracked(robot: PlanarRobot, D: Vec, kp: float, go: TorqueRun) -> wbc.Run:
+    def wanted(t: float) -> tuple[Vec, Vec, Vec]:
+        return tuple(np.array([x]) for x in (1 - np.cos(3 * t), 3 * np.sin(3 * t), 9 * np.cos(3 * t)))  # type: ignore[return-value]
+
+    preferred = Torque(TAU_0, weight="inverse_inertia")
+    stack = wbc.Stack(
+        [preferred],
+        subject_to=[Position(TIP, axes="x", target=wanted, kp=kp).exactly(name="x"), TorqueLimits()],
+        components=[MeasuredWrench(TIP, wrench=np.append(FORCE, 0.0))],
+    )
+    wrench = np.concatenate([FORCE, np.zeros(4)])
+    plant = ExactPlant(robot, frame=TIP, wrench=lambda t: wrench)
+    plant.reset(Q_START)
+
+    def damp(t: float) -> None:
+        preferred.target = TAU_0 - D * plant.v
+
+    return go(robot, stack, plant, before_tick=damp)
+
+
+def _by_formula(robot: PlanarRobot, run: wbc.Run, D: Vec, kp: float) -> Vec:
+    """The closed form at every fifth tick of a run (k, 2)."""
+    torques = []
+    for t, q, v in zip(*(run[name][::EVERY] for name in ("t", "q", "v")), strict=True):
+        J, drift = robot.J(q), robot.Jdot_v(q, v)
+        x, rate = q[0] + 0.5 * np.cos(q[1]), J[0] @ v
+        wish = 9 * np.cos(3 * t) + 2 * np.sqrt(kp) * (3 * np.sin(3 * t) - rate) + kp * (1 - np.cos(3 * t) - x)
+        problem = WeightedTorque(
+            robot.M(q), robot.c(q, v), J[:1], [wish], drift=drift[:1], tau_0=TAU_0 - D * v, tau_external=J.T @ FORCE
+        )
+        torques.append(problem.closed_form().tau)
+    return np.array(torques)
+
+
+def _judged(robot: PlanarRobot, damped: Tracking, free: Tracking, solver: str) -> ScenarioResult:
+    run = damped.run
+    exact, wrong = (np.array([float(x) for x in torque]) for torque in (TAU_START, TAU_WRONG_SIGN))
+    formula = float(np.abs(_at_start(ACCELERATION).closed_form().tau - exact).max())
+    forms = {
+        form: float(np.abs(_at_start(ACCELERATION).solve(solver, form=form).tau - exact).max())
+        for form in ("torque", "acceleration", "joint")
+    }
+    mirrored = float(np.abs(_at_start(-ACCELERATION).closed_form().tau - wrong).max())
+    first = float(np.abs(run["tau"][0] - exact).max())
+    apart = float(
+        np.abs(run["tau"][::EVERY] - _by_formula(robot, run, damped.damping, run.meta["parameters"]["kp"])).max()
+    )
+    spins = {name: float(np.abs(of.run["plant.v"][:, 1]).max()) for name, of in (("damped", damped), ("free", free))}
+    violations = measure.violations(run)
+    figures = {
+        "tau_start_1_N": float(run["tau"][0, 0]),
+        "tau_start_2_Nm": float(run["tau"][0, 1]),
+        "task_acceleration_start": float((robot.J(Q_START) @ run["a"][0])[0]),
+        "largest_error_damped_m": damped.off,
+        "largest_error_free_m": free.off,
+        "fastest_turn_damped_rad_s": spins["damped"],
+        "fastest_turn_free_rad_s": spins["free"],
+    }
+    verdict = [
+        Check("τ(0) by formula, less (104/11, −71/22)", formula, 1e-12, formula <= 1e-12, "N, N m"),
+        *(Check(f"τ(0) by {solver} over {form}, less the same", off, 1e-8, off <= 1e-8) for form, off in forms.items()),
+        Check("τ(0) for r̈ = −9, less (−2, 5/2)", mirrored, 1e-12, mirrored <= 1e-12, "N, N m"),
+        Check("τ(0) of the stack, less (104/11, −71/22)", first, 1e-8, first <= 1e-8, "N, N m"),
+        Check("stack and formula apart along the run", apart, 1e-6, apart <= 1e-6, "N, N m"),
+        Check("error of x, damped", damped.off, 1e-3, damped.off < 1e-3, "m"),
+        Check("error of x, not damped", free.off, 1e-2, free.off < 1e-2, "m"),
+        Check("fastest turn, damped over not damped", spins["damped"] / spins["free"], 1.0,
+              spins["damped"] < spins["free"]),
+        *judge.common_checks(run, violations),
+    ]  # fmt: skip
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
+        verdict=verdict, figures=figures,
+        sections=[lambda result: _first_instant(solver), lambda result: _the_run(result, damped, free)],
+    )  # fmt: skip
+
+
+def _first_instant(solver: str) -> Section:
+    text = Text(
+        "At t = 0 the robot is at rest at q = (0, π/2): M = [[2, −1/4], [−1/4, 13/80]], J_t = (1, −1/2), "
+        "J_gᵀF = (−1, 1/2), τ₀ + J_gᵀF = (−2, 5/2). A = J_t M⁻¹ = (1/7, −20/7), Λ = (A J_tᵀ)⁻¹ = 7/11 and r̈ = +9, so "
+        "λ = Λ (9 + 52/7) = 115/11 and τ = τ₀ + J_tᵀ λ = (104/11, −71/22). With −9 in place of 9, λ = −1 and τ = "
+        "(−2, 5/2): that torque accelerates the task the wrong way."
+    )
+    rows: list[tuple[str | float, ...]] = []
+    forms = ("torque", "acceleration", "joint")
+    for sign, exact in ((1.0, TAU_START), (-1.0, TAU_WRONG_SIGN)):
+        problem, by_hand = _at_start(sign * ACCELERATION), " and ".join(str(x) for x in exact)
+        rows.append((f"r̈ = {sign * ACCELERATION:+g}, by hand", by_hand, *map(float, exact)))
+        answers = [("closed form", problem.closed_form())]
+        answers += [(f"{solver}, QP over {form}", problem.solve(solver, form=form)) for form in forms]
+        for how, answer in answers:
+            rows.append((f"r̈ = {sign * ACCELERATION:+g}, {how}", f"cost {answer.cost:.9g}", *map(float, answer.tau)))
+    table = Table(("τ(0)", "exact, or cost", "τ1 [N]", "τ2 [N m]"), rows)
+    return Section("The first instant", [text, table])
+
+
+def _the_run(result: ScenarioResult, damped: Tracking, free: Tracking) -> Section:
+    t = measure.times(result.run)
+    with style.Canvas(3, 1, height=6.6) as canvas:
+        path, turn, torque = canvas.axes
+        x = result.run["q"][:, 0] + 0.5 * np.cos(result.run["q"][:, 1])
+        style.curve(path, t, 1 - np.cos(3 * t), color="#f2b27a", linewidth=3.4, label="1 − cos 3t")
+        style.curve(path, t, x, color=style.BLUE, label="x of the tip")
+        style.over_time(path, result.run, "The task", "x [m]")
+        for name, of, colour in (("not damped", free, style.ORANGE), ("damped", damped, style.BLUE)):
+            style.curve(turn, measure.times(of.run), of.run["plant.v"][:, 1], color=colour, label=name)
+            style.curve(torque, measure.times(of.run), of.run["tau"][:, 1], color=colour, label=name)
+        style.over_time(turn, result.run, "What the task leaves free: how fast link 2 turns", "q̇2 [rad/s]")
+        style.over_time(torque, result.run, "Torque of joint 2", "τ2 [N m]")
+        for axes in canvas.axes:
+            style.legend(axes)
+        caption = (
+            "The task is met in both runs. τ₀ and the force keep turning link 2 faster and faster where nothing damps "
+            "it; τ₀ − D q̇ does, and does not touch the task."
+        )
+        figure = canvas.figure("pr-tracking", caption)
+    rows = [
+        (name, float(of.damping[0]), float(of.damping[1]), 1e3 * of.off, float(np.abs(of.run["plant.v"][:, 1]).max()))
+        for name, of in (("damped", damped), ("not damped", free))
+    ]
+    table = Table(("run", "D1 [N s/m]", "D2 [N m s]", "largest error of x [mm]", "fastest turn [rad/s]"), rows)
+    return Section("Tracking with a force at the tip", [figure, table])

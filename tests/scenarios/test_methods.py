@@ -1,0 +1,93 @@
+"""The scenarios of the methods are good, show the numbers of their exercises, and can say no."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tasks.scenarios import SCENARIOS
+from wbc.errors import InvalidInput
+from wbc.report import run_report
+from wbc.report.document import Figure
+from wbc.sim.scenario import ScenarioResult, silent
+
+
+def run(name: str, *settings: str, duration: float | None = None, solver: str = "pdas") -> ScenarioResult:
+    scenario = SCENARIOS[name]
+    chosen = scenario.choose(plant=None, hierarchy=None, duration=duration)
+    return scenario.run(scenario.parse(settings), solver=solver, progress=silent, **chosen)
+
+
+def failed(result: ScenarioResult) -> list[str]:
+    return [check.text for check in result.verdict if not check.ok]
+
+
+def pictures(result: ScenarioResult) -> list[str]:
+    """Names of the figures that the scenario's own sections hold."""
+    sections: list[Any] = [section(result) for section in result.sections]
+    return [item.name for section in sections for item in section.items if isinstance(item, Figure)]
+
+
+def test_the_first_torque_is_that_of_the_exercise_and_so_is_the_one_with_the_wrong_sign():
+    result = run("pr-torque", duration=1.0)
+    assert not failed(result)
+    start = [result.figures["tau_start_1_N"], result.figures["tau_start_2_Nm"]]
+    np.testing.assert_allclose(start, [104 / 11, -71 / 22], atol=1e-8)
+    assert result.figures["task_acceleration_start"] == pytest.approx(9.0, abs=1e-8)
+    assert "τ(0) for r̈ = −9, less (−2, 5/2)" in [check.text for check in result.verdict]
+    assert pictures(result) == ["pr-tracking"]
+
+
+def test_without_damping_the_two_runs_are_the_same_and_that_is_not_good():
+    assert failed(run("pr-torque", "damping=0,0", duration=0.5)) == ["fastest turn, damped over not damped"]
+
+
+def test_residuals_are_those_of_the_exercise_for_every_kind_of_fault():
+    result = run("pr-fault")
+    assert not failed(result)
+    assert result.figures["r1_at_0.1_s_K_10_N"] == pytest.approx(3.1606, abs=5e-5)
+    assert result.figures["r1_at_0.1_s_K_3_N"] == pytest.approx(1.2959, abs=5e-5)
+    assert result.figures["largest_r2_Nm"] < 5e-4
+    assert result.figures["share_lost_joint_1"] == pytest.approx(1.0, abs=1e-3)
+    assert pictures(result) == ["fault-total", "fault-others"]
+
+
+def test_a_threshold_that_is_never_reached_is_not_called_a_detection():
+    assert failed(run("pr-fault", "threshold=4.9999,1", duration=0.5)) == [
+        "alarm of joint 1 later than the formula says"
+    ]
+
+
+def test_the_adaptive_law_is_the_command_from_the_first_tick_on():
+    result = run("4p-adaptive", "physical=false", "m=1,1,1,1", duration=2.5)
+    late = {"largest error of the last 2 s, moving", "largest error of the last 2 s, at rest"}
+    assert set(failed(result)) <= {*late, "coefficients not found, moving"}
+    assert (result.figures["cartesian_inertia_x_kg"], result.figures["cartesian_inertia_y_kg"]) == (2.0, 1.0)
+    assert pictures(result) == ["adaptive-coefficients", "adaptive-lyapunov"]
+
+
+@pytest.mark.slow
+def test_unknown_masses_are_tracked_and_found():
+    result = run("4p-adaptive")
+    assert not failed(result)
+    assert result.figures["off_a1_still_kg"] > 0.1, "at rest nothing excites the masses that slide along x"
+
+
+def test_other_solvers_give_the_same_verdict():
+    assert not failed(run("pr-fault", duration=0.3, solver="proxqp"))
+
+
+def test_settings_that_make_no_sense_are_refused_before_the_first_tick():
+    for name, setting in (("4p-adaptive", "kd=0"), ("4p-adaptive", "m=0,0,0,0"), ("pr-fault", "threshold=0,1")):
+        with pytest.raises(InvalidInput):
+            run(name, setting)
+
+
+def test_what_a_scenario_shows_stands_behind_the_verdict():
+    report = run_report(run("pr-fault", duration=0.2))
+    assert [section.title for section in report.sections[:3]] == [
+        "Verdict", "Total fault of actuator 1", "Other faults",
+    ]  # fmt: skip
+    assert report.sections[-1].title == "Limits of this run"
