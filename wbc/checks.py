@@ -27,7 +27,7 @@ def array(
     try:
         result = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as cause:
-        raise error(f"{name} must be an array of numbers, not {type(value).__name__}") from cause
+        raise error(f"{name} must be an array of numbers, not {value!r}") from cause
     wanted = tuple(shape)
     if result.ndim != len(wanted) or any(w is not None and w != s for w, s in zip(wanted, result.shape, strict=True)):
         text = "(" + ", ".join("any" if w is None else str(w) for w in wanted) + ("," if len(wanted) == 1 else "") + ")"

@@ -50,6 +50,10 @@ class ArmReach(Scenario):
         progress: Progress,
     ) -> ScenarioResult:
         del hierarchy  # there is one
+        if duration <= STEP_TIME + 1.0:
+            raise InvalidInput(
+                f"duration is {duration:g} s; the target steps at {STEP_TIME:g} s: give at least 1 s more"
+            )
         robot = wbc.load(parameters["robot"], base="fixed")
         frame = parameters["frame"] or TOOLS.get(parameters["robot"], robot.frame_names[-1])
         level = _level(parameters["level"], plant)
@@ -102,7 +106,7 @@ def _stack(robot: PinocchioModel, frame: str, step: float, level: Formulation) -
 def _judged(run: wbc.Run, robot: PinocchioModel, task: str) -> ScenarioResult:
     t = run["t"]
     caught_up = judge.away_from(t, [0.0, STEP_TIME])
-    tracking = measure.tracking(run, keep=caught_up if caught_up.any() else None)
+    tracking = measure.tracking(run, keep=caught_up)
     violations = measure.violations(run)
     error = np.linalg.norm(run[f"error.{task}"][:, :3], axis=1)
     late = np.flatnonzero((t >= STEP_TIME) & (error > 0.01))

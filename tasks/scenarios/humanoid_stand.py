@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from tasks.scenarios.standing import Demand, Stance, stand, two_pushes
+from tasks.scenarios.standing import Demand, Stance, push_force, pushes_within, stand
 from wbc.errors import UnknownRobot
 from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
 
@@ -33,12 +33,13 @@ PUSH: Mapping[str, float] = {"talos": 60.0, "g1": 30.0, "humanoid": 40.0}
 class HumanoidStand(Scenario):
     """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the torso.
 
-    ``push`` [N], 0: the robot's own size of push. ``robot``: talos, g1 (both need example-robot-data) or humanoid.
+    ``push`` [N]; auto: as strong as is usual for the robot. ``robot``: talos, g1 (both need example-robot-data) or
+    humanoid.
     """
 
     name: ClassVar[str] = "humanoid-stand"
     summary: ClassVar[str] = "a humanoid sways on its feet, draws a circle with a hand and takes two pushes"
-    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": 0.0}
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": "auto"}
     plants = ("mujoco",)
     duration = 10.0
 
@@ -56,8 +57,9 @@ class HumanoidStand(Scenario):
         name = parameters["robot"]
         if name not in STANCES:
             raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
-        stance, force = STANCES[name], parameters["push"] or PUSH[name]
+        stance, force = STANCES[name], push_force(parameters["push"], PUSH[name])
+        parameters = {**parameters, "push": force}
         return stand(
-            self.name, stance.robot(name), stance, two_pushes(stance.upright, force), DEMANDS[name],
+            self.name, stance.robot(name), stance, pushes_within(duration, stance.upright, force), DEMANDS[name],
             parameters=parameters, solver=solver, duration=duration, progress=progress,
         )  # fmt: skip

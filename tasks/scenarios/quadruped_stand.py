@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from tasks.scenarios.standing import Demand, Stance, stand, two_pushes
+from tasks.scenarios.standing import Demand, Stance, pushes_within, stand
 from wbc.errors import UnknownRobot
 from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
 
@@ -45,6 +45,6 @@ class QuadrupedStand(Scenario):
             raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         stance = STANCES[name]
         return stand(
-            self.name, stance.robot(name), stance, two_pushes(stance.upright, parameters["push"]), DEMAND,
+            self.name, stance.robot(name), stance, pushes_within(duration, stance.upright, parameters["push"]), DEMAND,
             parameters=parameters, solver=solver, duration=duration, progress=progress,
         )  # fmt: skip

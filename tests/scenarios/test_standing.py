@@ -65,7 +65,7 @@ def test_real_robots_stand_ten_seconds_through_both_pushes(name: str, settings: 
 def test_a_push_too_strong_is_a_verdict_of_no() -> None:
     result = run("humanoid-stand", "robot=humanoid", "push=900", duration=2.5)
     assert not result.ok
-    assert "stays up" in {check.text for check in failed(result)}
+    assert "stays up through 1 pushes" in {check.text for check in failed(result)}
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,19 @@ def test_an_arm_runs_into_its_speed_limits_and_catches_up(settings: list[str], p
     assert result.figures["catch_up_s"] > 0.1
 
 
+@pytest.mark.physics
+def test_a_push_that_does_not_come_is_not_counted_as_survived() -> None:
+    for settings, duration in (([], 1.0), (["push=0"], 2.5)):
+        result = run("humanoid-stand", "robot=humanoid", *settings, duration=duration)
+        assert "stays up through 0 pushes" in {check.text for check in result.verdict}
+        assert not result.run["push"].any()
+
+
 def test_bad_parameters_are_refused_before_the_first_tick() -> None:
+    with pytest.raises(InvalidInput, match=r"1\.5 s"):
+        run("arm-reach", "robot=arm", duration=2.0)
+    with pytest.raises(InvalidInput, match="push"):
+        run("humanoid-stand", "robot=humanoid", "push=hard")
     with pytest.raises(UnknownFrame, match="tool"):
         run("arm-reach", "robot=arm", "frame=tol")
     with pytest.raises(InvalidInput, match="level"):

@@ -18,9 +18,9 @@ from wbc.stack.task import Exactly, Objective
 class Stack:
     """Tasks in levels, laws, contacts and components.
 
-    A flat list of tasks is one level; a list of lists is levels, the first wins. Laws and contacts stand above
-    every level. What the levels mean is the hierarchy's business: :class:`~wbc.stack.hierarchy.Weighted` adds all
-    tasks up with their weights.
+    A flat list of tasks is one level; a list of lists is levels. Laws and contacts stand above every level. What the
+    levels mean is the hierarchy's business: :class:`~wbc.stack.hierarchy.Weighted`, the default, knows no priorities
+    and adds all tasks of all levels up with their weights.
 
     Raises:
         InvalidInput: something that is not a task, law, contact or component in its place; two equal names.
@@ -48,7 +48,9 @@ class Stack:
         contacts: Iterable[Contact] = (),
         components: Iterable[Component] = (),
     ) -> None:
-        tasks = list(tasks)  # type: ignore[assignment]
+        tasks = _listed("tasks", tasks)
+        subject_to, contacts = _listed("subject_to", subject_to), _listed("contacts", contacts)
+        components = _listed("components", components)
         nested = any(isinstance(t, list | tuple) for t in tasks)
         if nested and not all(isinstance(t, list | tuple) for t in tasks):
             raise InvalidInput("tasks must be one flat list, or a list of lists (levels), not a mixture")
@@ -90,8 +92,27 @@ class Stack:
         return "\n".join(lines)
 
 
+def _listed(where: str, members: Any) -> list[Any]:
+    """``members`` as a list; one member alone is a slip of the pen."""
+    if isinstance(members, Iterable) and not isinstance(members, str):
+        return list(members)
+    raise InvalidInput(f"{where} must be a list, not {members!r}; write {where}=[…]")
+
+
+#: Where a member that stands in the wrong place belongs.
+_PLACES = (
+    (Objective, "tasks; task.exactly() makes a law of it"),
+    (Constraint, "subject_to"),
+    (Exactly, "subject_to"),
+    (Contact, "contacts"),
+    (Component, "components"),
+)
+
+
 def _only(where: str, members: Iterable[Any], kinds: Any) -> None:
     for i, member in enumerate(members):
         if not isinstance(member, kinds):
-            what = member.__name__ + " itself, not an instance" if isinstance(member, type) else repr(member)
-            raise InvalidInput(f"{where}[{i}] is {what}; it does not belong there")
+            if isinstance(member, type):
+                raise InvalidInput(f"{where}[{i}] is the class {member.__name__}; write {member.__name__}(…)")
+            place = next((place for kind, place in _PLACES if isinstance(member, kind)), "no stack")
+            raise InvalidInput(f"{where}[{i}] is {member!r}; it belongs in {place}")
