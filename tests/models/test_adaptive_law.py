@@ -127,29 +127,30 @@ def random_loop(seed: int) -> tuple[Loop, np.ndarray]:
 @few
 @given(seed=seeds)
 def test_the_lyapunov_function_never_grows_and_falls_as_computed(seed: int):
-    """Property 36. V does not increase, and dV/dt = −ėᵀK_Dė − eᵀK_PK_D⁻¹K_Pe by central differences."""
+    """Property 36. V does not increase, and changes by the integral of −ėᵀK_Dė − eᵀK_PK_D⁻¹K_Pe (Simpson's rule)."""
     loop, x = random_loop(seed)
     h = 1e-3
     samples = loop.run(x, 0.5, h)
     V = np.array([loop.V(now) for now in samples])
     assert (np.diff(V) <= 1e-9 * V[0]).all()
     rates = np.array([loop.V_rate(now) for now in samples])
-    assert np.allclose((V[2:] - V[:-2]) / (2 * h), rates[1:-1], rtol=1e-3, atol=1e-3 * np.abs(rates).max())
+    integrals = h / 3 * (rates[:-2] + 4 * rates[1:-1] + rates[2:])
+    assert np.allclose(V[2:] - V[:-2], integrals, rtol=1e-5, atol=1e-5 * np.abs(integrals).max())
 
 
 @few
 @given(seed=seeds)
 def test_errors_vanish_from_any_start_with_any_adaptation_gain(seed: int):
-    """Property 37. e, ė → 0 along any smooth bounded reference; |a − â|² in Γ⁻¹ stays below 2 V(0)."""
+    """Property 37. e, ė → 0 along any smooth bounded reference: ∫ ėᵀK_Dė + eᵀK_PK_D⁻¹K_Pe <= V(0), which leaves them no
+    other way; |a − â|² in Γ⁻¹ stays below 2 V(0)."""
     loop, x = random_loop(seed)
-    samples = loop.run(x, 40.0, 1e-2)
+    samples = loop.run(x, 25.0)
     bound = 2.0 * loop.V(samples[0])
     weight = np.linalg.inv(loop.gamma)
     assert max((TRUE - now.a_hat) @ weight @ (TRUE - now.a_hat) for now in samples) <= bound * (1 + 1e-9)
-    early, late = (
-        np.mean([now.e @ now.e + now.ed @ now.ed for now in part]) for part in (samples[:400], samples[-400:])
-    )
-    assert late < 1e-3 * early
+    losses = -np.array([loop.V_rate(now) for now in samples])
+    assert np.trapezoid(losses, dx=5e-3) <= loop.V(samples[0]) * (1 + 1e-3)
+    assert losses[-400:].mean() < 1e-2 * losses[:400].mean()
 
 
 def test_a_perfect_start_stays_perfect():
@@ -279,7 +280,7 @@ def test_a_leak_keeps_everything_bounded_under_any_bounded_disturbance(seed: int
     loop.leak, loop.disturbance = 0.2, lambda t: amplitude * np.cos(frequency * t)
     decay = min(loop.K_D.min() / np.linalg.eigvalsh(M)[-1], loop.leak * np.linalg.eigvalsh(loop.gamma)[0])
     supply = 0.5 * amplitude @ (amplitude / loop.K_D) + 0.5 * loop.leak * TRUE @ TRUE
-    samples = loop.run(x, 10.0, 1e-2)
+    samples = loop.run(x, 6.0)
     bound = max(loop.stored(samples[0]), supply / decay)
     assert max(map(loop.stored, samples)) <= bound * (1 + 1e-6)
 
