@@ -229,6 +229,13 @@ def test_acceleration_limits_at_the_velocity_level_bound_the_change_of_velocity(
 
 
 # ---- linear tasks
+def test_a_torque_task_as_a_law_is_met_exactly(arm: PinocchioModel) -> None:
+    tau_0 = np.linspace(-2.0, 3.0, arm.nj)
+    stack = wbc.Stack([Posture(arm.q0, kp=1e4, weight=1e3)], subject_to=[Torque(tau_0).exactly()])
+    command = controller(arm, stack).tick(0.0, *moving(arm, 1))
+    np.testing.assert_allclose(command.tau, tau_0, atol=1e-7)
+
+
 def test_a_torque_task_alone_is_met_and_a_force_task_is_met_in_its_contact(
     arm: PinocchioModel, quadruped: PinocchioModel
 ) -> None:

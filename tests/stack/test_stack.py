@@ -40,9 +40,11 @@ def test_a_mixture_of_lists_and_tasks_is_refused():
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: wbc.Stack([JointVelocityLimits()]), r"tasks\[0\] is JointVelocityLimits; it does not belong there"),
-        (lambda: wbc.Stack([hand(), Damping]), r"tasks\[1\] is Damping itself, not an instance"),
-        (lambda: wbc.Stack([], subject_to=[Damping()]), r"subject_to\[0\] is Damping"),
+        (lambda: wbc.Stack([JointVelocityLimits()]), r"tasks\[0\] is JointVelocityLimits; it belongs in subject_to"),
+        (lambda: wbc.Stack([hand(), Damping]), r"tasks\[1\] is the class Damping"),
+        (lambda: wbc.Stack([], subject_to=[Damping()]), r"belongs in tasks; task\.exactly\(\) makes a law"),
+        (lambda: wbc.Stack(Damping()), r"tasks must be a list, not Damping"),  # type: ignore[arg-type]
+        (lambda: wbc.Stack([], contacts=3), r"contacts must be a list, not 3"),  # type: ignore[arg-type]
         (lambda: wbc.Stack([], contacts=["left_sole"]), r"contacts\[0\] is 'left_sole'"),
         (lambda: wbc.Stack([], components=[Damping()]), r"components\[0\] is Damping"),
     ],

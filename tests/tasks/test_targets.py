@@ -60,7 +60,7 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
         (lambda: Orientation(TOOL, target=np.eye(3) + 1e-5), "not a rotation"),
         (lambda: Orientation(TOOL, target=[1.0, 0.0, 0.0]), r"must have shape \(3, 3\)"),
         (lambda: Position(TOOL, target=[0.0, np.inf, 0.0]), r"Position\[\w+\].target\[1\] is inf"),
-        (lambda: Position(TOOL, target="here"), "must be an array of numbers, not str"),
+        (lambda: Position(TOOL, target="here"), "must be an array of numbers, not .here"),
         (lambda: Position(TOOL, target=lambda t: np.zeros(2)), r"must have shape \(3,\), not \(2,\)"),
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(3))), r"\(value, rate, acceleration\)"),
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(2), np.zeros(3))), "target rate must have"),

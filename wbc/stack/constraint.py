@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import LinearRows, LinearTask
 from wbc.types import Mat, Vec
 
 Quantity = Literal["position", "velocity", "acceleration", "torque"]
@@ -127,6 +128,35 @@ class LinearConstraint(Constraint):
     def label(self, row: int) -> str:
         """What one row is called in reports."""
         return "" if self.dim == 1 else str(row)
+
+
+@final
+class _LinearExactly(LinearConstraint):
+    """A linear task turned into a law: lo = hi = b."""
+
+    def __init__(self, task: LinearTask, name: str) -> None:
+        super().__init__(name=name)
+        self._task, self._rows = task, LinearRows()
+        self.contact = task.contact
+
+    @property
+    def on(self) -> Any:  # type: ignore[override]
+        """What the task is about."""
+        return self._task.on
+
+    def prepare(self, model: RobotModel) -> None:
+        self._task.prepare(model)
+        self.dim, self.units = self._task.dim, self._task.unit(0)
+
+    def fill(self, state: RobotState, out: ConstraintRows) -> None:
+        self._rows.A, self._rows.b = out.A, out.lo
+        self._task.fill(state, self._rows)
+        out.hi[:] = out.lo
+
+
+def exactly(task: LinearTask, *, name: str) -> LinearConstraint:
+    """The law A y = b of a linear task; called as ``task.exactly()``."""
+    return _LinearExactly(task, name)
 
 
 Law = Any  # Constraint | Exactly: what ``subject_to`` takes

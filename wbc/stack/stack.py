@@ -54,7 +54,7 @@ class Stack:
         nested = any(isinstance(t, list | tuple) for t in tasks)
         if nested and not all(isinstance(t, list | tuple) for t in tasks):
             raise InvalidInput("tasks must be one flat list, or a list of lists (levels), not a mixture")
-        levels = tuple(tuple(level) for level in tasks) if nested else (tuple(tasks),)  # type: ignore[arg-type]
+        levels = tuple(tuple(level) for level in tasks) if nested else (tuple(tasks),)
         set_field = object.__setattr__
         set_field(self, "levels", levels)
         set_field(self, "subject_to", tuple(subject_to))

@@ -249,6 +249,12 @@ class LinearTask(Objective):
     #: For ``on = "force"``: the name or frame of the contact.
     contact: str = ""
 
+    def exactly(self, *, name: str | None = None) -> Any:
+        """The same task as a law: A y = b holds exactly, above every weight."""
+        from wbc.stack.constraint import exactly
+
+        return exactly(self, name=name or f"{self.name} exactly")
+
     @abstractmethod
     def fill(self, state: RobotState, out: LinearRows) -> None:
         """Write A (dim, size) and b (dim,) for this state. Pure."""
