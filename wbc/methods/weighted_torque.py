@@ -65,7 +65,7 @@ class Torque:
 
 
 class _Factors(NamedTuple):
-    """Rows G = A R of some ``length``: Λ = half halfᵀ, G# = right halfᵀ; no torque moves ``beside``ᵀ (rows / length)."""
+    """Rows G = A R of some ``length``: Λ = half halfᵀ, G# = right halfᵀ; ``beside``ᵀ rows / length = 0."""
 
     half: Mat
     right: Mat

@@ -1,0 +1,150 @@
+"""The fault fraction as a specification: between sound and dead, or not known."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from wbc.errors import InvalidInput, NoClosedForm
+from wbc.methods import FaultFraction
+from wbc.qp import solve
+from wbc.testing import check_method
+from wbc.testing.strategies import magnitudes, spd
+
+
+@st.composite
+def faults(draw: Any, *, coupled: bool | None = None) -> FaultFraction:
+    """Actuators that are sound, weak, dead, or show more than was asked of them; some are asked for nothing."""
+    n = draw(st.integers(1, 10))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    tau = rng.normal(size=n) * 10.0 ** rng.uniform(-2, 2, n)
+    tau[rng.uniform(size=n) < 0.15] = 0.0
+    residual = tau * rng.choice([0.0, 0.3, 0.9, 1.0, 1.4, -0.2], n) + 1e-2 * rng.normal(size=n) * np.abs(tau).max()
+    kind = draw(st.sampled_from(["none", "number", "diagonal"])) if not coupled else "full"
+    if coupled is None and draw(st.booleans()):
+        kind = "full"
+    weight = {
+        "none": lambda: None, "number": lambda: draw(magnitudes()), "diagonal": lambda: 10.0 ** rng.uniform(-3, 3, n),
+        "full": lambda: draw(magnitudes()) * draw(spd(n, condition=1e4)),
+    }[kind]()  # fmt: skip
+    return FaultFraction(tau, residual, weight=weight)
+
+
+@given(faults())
+def test_closed_form_and_qp_agree_on_every_solver(fault: FaultFraction):
+    check_method(fault)
+
+
+@given(faults(coupled=False))
+def test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum(fault: FaultFraction):
+    known = fault.identifiable
+    if not known.any():
+        return
+    answer = solve(fault.qp(), "daqp")
+    assert answer.status.ok
+    curvature = fault.qp().H.diagonal()
+    away = answer.x - fault.closed_form().fraction[known]
+    assert curvature @ away**2 <= 1e-9 * (curvature.sum() + 1.0)
+
+
+@given(faults())
+def test_the_fractions_are_those_of_bounded_least_squares(fault: FaultFraction):
+    """scipy's bounded-variable least squares on |Q^½ (diag(τ) l − r)|, 0 ≤ l ≤ 1."""
+    known = fault.identifiable
+    answer = fault.solve()
+    np.testing.assert_array_equal(np.isnan(answer.fraction), ~known)
+    if not known.any():
+        return
+    half = np.linalg.cholesky(fault.weight).T
+    matrix = (half * fault.tau)[:, known]
+    unit = np.linalg.norm(matrix, axis=0)
+    found = lsq_linear(matrix / unit, half @ fault.residual, (0.0 * unit, unit), method="bvls", tol=1e-15)
+    misfit = [
+        float(np.linalg.norm(matrix @ x - half @ fault.residual)) for x in (answer.fraction[known], found.x / unit)
+    ]
+    assert misfit[0] <= misfit[1] * (1 + 1e-9) + 1e-12
+    np.testing.assert_allclose(
+        answer.fraction[known] * unit, found.x, atol=1e-6 * np.linalg.norm(half @ fault.residual)
+    )
+
+
+@given(faults())
+def test_fractions_are_between_sound_and_dead(fault: FaultFraction):
+    """Property 69."""
+    answer = fault.solve()
+    assert ((answer.fraction >= 0.0) & (answer.fraction <= 1.0) == answer.identifiable).all()
+
+
+@given(st.lists(st.floats(-50, 50).filter(lambda x: abs(x) > 1e-3), min_size=1, max_size=8), st.data())
+def test_a_known_loss_is_found(tau: list[float], data: st.DataObject):
+    """Property 69: r = l τ gives l, whatever the weight."""
+    loss = np.array(data.draw(st.lists(st.floats(0, 1), min_size=len(tau), max_size=len(tau))))
+    weight = data.draw(spd(len(tau), condition=1e2))
+    for answer in (
+        FaultFraction(tau, loss * tau).closed_form(), FaultFraction(tau, loss * tau, weight=weight).solve()
+    ):  # fmt: skip
+        np.testing.assert_allclose(answer.fraction, loss, atol=1e-9)
+
+
+def test_a_joint_that_is_asked_for_nothing_is_not_known():
+    answer = FaultFraction([5.0, 0.0], [5.0, 3.0]).solve()
+    assert answer.fraction[0] == pytest.approx(1.0) and np.isnan(answer.fraction[1])
+    assert answer.identifiable.tolist() == [True, False]
+    nothing = FaultFraction([0.0, 0.0], [0.0, 0.0])
+    assert np.isnan(nothing.solve().fraction).all() and np.isnan(nothing.closed_form().fraction).all()
+
+
+def test_a_coupled_weight_lets_joints_explain_each_other():
+    """By hand: Q = [[2, 1], [1, 2]], τ = (1, 0), r = (0.2, 0.4): l = 0.2 + ½ 0.4."""
+    fault = FaultFraction([1.0, 0.0], [0.2, 0.4], weight=[[2.0, 1.0], [1.0, 2.0]])
+    assert fault.solve().fraction[0] == pytest.approx(0.4)
+    with pytest.raises(NoClosedForm, match="not diagonal"):
+        fault.closed_form()
+
+
+def test_the_examples_have_active_bounds_and_joints_that_are_not_known():
+    seen: Counter[str] = Counter()
+
+    @settings(max_examples=200, derandomize=True, database=None)
+    @given(faults())
+    def look(fault: FaultFraction) -> None:
+        fraction = fault.solve().fraction
+        seen["examples"] += 1
+        seen["active"] += bool(((fraction == 0.0) | (fraction == 1.0)).any())
+        seen["deficient"] += not fault.identifiable.all()
+
+    look()
+    assert seen["active"] >= 0.3 * seen["examples"]
+    assert seen["deficient"] >= 0.05 * seen["examples"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([1.0, 2.0], [1.0]), r"residual must have shape \(2,\), not \(1,\)"),
+        (([1.0, np.inf], [1.0, 1.0]), r"tau\[1\] is inf"),
+        (([1.0, 2.0], [1.0, np.nan]), r"residual\[1\] is nan"),
+    ],
+)
+def test_bad_arguments_are_named(arguments: tuple[Any, Any], message: str):
+    with pytest.raises(InvalidInput, match=message):
+        FaultFraction(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("weight", "message"),
+    [
+        (0.0, "weight is 0; it must be > 0"),
+        ([1.0, -1.0], r"weight\[1\] is -1; it must be positive"),
+        ([[1.0, 3.0], [3.0, 1.0]], "weight is not positive definite: an eigenvalue is -2"),
+    ],
+)
+def test_bad_weights_are_named(weight: Any, message: str):
+    with pytest.raises(InvalidInput, match=message):
+        FaultFraction([1.0, 1.0], [0.0, 0.0], weight=weight)

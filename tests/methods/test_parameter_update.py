@@ -1,0 +1,249 @@
+"""The parameter update as a specification: projections in the metric of the gain, on every solver, for every set."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear, nnls
+
+from wbc.errors import InvalidInput, NoClosedForm
+from wbc.methods import ParameterUpdate
+from wbc.models import Planar4P
+from wbc.qp import solve
+from wbc.testing import check_method
+from wbc.testing.strategies import jacobians, magnitudes, spd
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@st.composite
+def updates(draw: Any, kinds: tuple[str, ...] = ("free", "box", "coupled box", "rows", "both")) -> ParameterUpdate:
+    """Updates in sets of all kinds, the estimate on a part of their boundary."""
+    p, n, kind = draw(st.integers(1, 10)), draw(st.integers(1, 10)), draw(st.sampled_from(kinds))
+    rng = np.random.default_rng(draw(SEEDS))
+    Y = draw(jacobians(n, p))
+    s = draw(magnitudes()) * rng.normal(size=n)
+    a_hat = draw(magnitudes()) * rng.normal(size=p)
+    diagonal = kind == "box" or (kind == "free" and draw(st.booleans()))
+    gain = draw(magnitudes()) * (10.0 ** rng.uniform(-3, 3, p) if diagonal else draw(spd(p)))
+    options: dict[str, Any] = {}
+    room = np.abs(a_hat).max() * np.where(rng.uniform(size=(2, p)) < 0.4, 0.0, rng.uniform(size=(2, p)))
+    room[rng.uniform(size=(2, p)) < 0.3] = np.inf
+    if kind in ("box", "coupled box", "both"):
+        options |= {"lower": a_hat - room[0], "upper": a_hat + room[1]}
+    if kind in ("rows", "both"):
+        k = draw(st.integers(1, 2 * p))
+        C = rng.normal(size=(k, p)) * 10.0 ** rng.uniform(-3, 3, (k, 1))
+        slack = np.where(rng.uniform(size=k) < 0.5, 0.0, rng.uniform(size=k)) * np.linalg.norm(C, axis=1)
+        options |= {"C": C, "d": C @ a_hat + slack * np.abs(a_hat).max()}
+    return ParameterUpdate(Y, s, gain=gain, a_hat=a_hat, **options)
+
+
+def lengths(update: ParameterUpdate, x: np.ndarray) -> float:
+    """In the metric Γ⁻¹."""
+    return float(np.linalg.norm(np.linalg.solve(np.linalg.cholesky(update.gain), x)))
+
+
+def free_rate(update: ParameterUpdate) -> np.ndarray:
+    return update.gain @ update.Y.T @ update.s
+
+
+def points(update: ParameterUpdate, seed: int) -> np.ndarray:
+    """Points of the set, found by walking from the estimate as far as the set allows."""
+    rng, found = np.random.default_rng(seed), [update.a_hat]
+    rows = np.vstack([update.C, -np.eye(len(update.a_hat)), np.eye(len(update.a_hat))])
+    right = np.concatenate([update.d, -update.lower, update.upper])
+    for _ in range(20):
+        way = np.linalg.cholesky(update.gain) @ rng.normal(size=len(update.a_hat)) * lengths(update, update.a_hat)
+        for _ in range(20):
+            along = rows @ way
+            room = right - rows @ update.a_hat
+            if not ((room <= 0.0) & (along > 0.0)).any():
+                break
+            worst = int(np.argmax(np.where(room <= 0.0, along, -np.inf)))
+            way = way - rows[worst] * along[worst] / (rows[worst] @ rows[worst])
+        else:
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.where(along > 0.0, room / along, np.inf)
+        step = min(1.0, max(0.0, float(steps.min(initial=np.inf))))
+        found.append(update.a_hat + rng.uniform() * step * way)
+    return np.array(found)
+
+
+# ---- every solver
+@given(updates())
+def test_closed_form_and_qp_agree_on_every_solver(update: ParameterUpdate):
+    check_method(update)
+
+
+@given(updates(kinds=("free", "box")), st.sampled_from(["pdas", "daqp"]))
+def test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum(update: ParameterUpdate, solver: str):
+    """Without the units in which methods solve their QPs, where those of the parameters are not far apart."""
+    rates = np.sqrt(update.gain.diagonal())
+    if np.linalg.cond(update.gain) > 1e4 or not 1e-2 < rates.max() < 1e2:
+        return
+    answer, expected = solve(update.qp(), solver), update.closed_form().a_hat_dot
+    assert answer.status.ok
+    assert lengths(update, answer.x - expected) <= 1e-5 * (1.0 + lengths(update, free_rate(update)))
+
+
+def test_the_examples_have_active_rows_and_regressors_without_full_rank():
+    seen: Counter[str] = Counter()
+
+    @settings(max_examples=200, derandomize=True, database=None)
+    @given(updates())
+    def look(update: ParameterUpdate) -> None:
+        seen["examples"] += 1
+        seen["active"] += bool(update.solve().active)
+        seen["deficient"] += bool(np.linalg.matrix_rank(update.Y) < min(update.Y.shape))
+
+    look()
+    assert seen["active"] >= 0.3 * seen["examples"]
+    assert seen["deficient"] >= 0.05 * seen["examples"]
+
+
+# ---- oracles
+@given(updates(kinds=("box", "coupled box")))
+def test_in_a_box_the_rate_is_that_of_bounded_least_squares(update: ParameterUpdate):
+    """scipy's bounded-variable least squares with |R⁻¹ (x − Γ Yᵀ s)|, Γ = R Rᵀ."""
+    near = 1e-9 * np.abs(update.a_hat).max()
+    low = np.where(update.a_hat - update.lower <= near, 0.0, -np.inf)
+    high = np.where(update.upper - update.a_hat <= near, 0.0, np.inf)
+    both = low == high
+    if both.all():
+        np.testing.assert_array_equal(update.solve().a_hat_dot, 0.0)
+        return
+    inverse = np.linalg.inv(np.linalg.cholesky(update.gain))
+    rate = free_rate(update)
+    found = lsq_linear(inverse[:, ~both], inverse @ rate, (low[~both], high[~both]), method="bvls", tol=1e-15)
+    expected = np.zeros(len(rate))
+    expected[~both] = found.x
+    assert lengths(update, update.solve().a_hat_dot - expected) <= 1e-6 * lengths(update, rate)
+
+
+@given(updates(kinds=("rows",)))
+def test_in_a_polyhedron_what_is_taken_from_the_rate_is_a_push_of_its_rows(update: ParameterUpdate):
+    """Moreau: Γ Yᵀ s − x = Γ Cᵀ μ with μ ≥ 0, by scipy's non-negative least squares."""
+    on = (update.d - update.C @ update.a_hat) <= 1e-12 * np.linalg.norm(update.C, axis=1) * np.abs(update.a_hat).max()
+    R = np.linalg.cholesky(update.gain)
+    rate = free_rate(update)
+    u = np.linalg.solve(R, rate)
+    rows = update.C[on] @ R
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    expected = rate - R @ (rows.T @ nnls(rows.T, u, maxiter=10_000)[0]) if on.any() else rate
+    assert lengths(update, update.solve().a_hat_dot - expected) <= 1e-6 * lengths(update, rate)
+
+
+# ---- what the projection is for
+@given(updates(), SEEDS)
+def test_projection_never_makes_the_lyapunov_function_grow(update: ParameterUpdate, seed: int):
+    """Property 41: (â − a)ᵀ Γ⁻¹ (x − Γ Yᵀ s) ≤ 0 for every a of the set, so V̇ is at most what it was."""
+    taken = update.solve().a_hat_dot - free_rate(update)
+    force = np.linalg.solve(update.gain, taken)
+    for a in points(update, seed):
+        size = lengths(update, update.a_hat - a) * lengths(update, free_rate(update))
+        assert (update.a_hat - a) @ force <= 1e-7 * size + 1e-300
+
+
+@given(updates(), st.floats(1e-3, 1e3))
+def test_steps_never_leave_the_set(update: ParameterUpdate, dt: float):
+    """Property 41: the next estimate is accepted as an estimate, ten times over; a_hat outside the set is an error."""
+    for _ in range(10):
+        a_hat = update.step(dt)
+        assert (a_hat >= update.lower).all() and (a_hat <= update.upper).all()
+        update = ParameterUpdate(
+            update.Y, update.s, gain=update.gain, a_hat=a_hat, lower=update.lower, upper=update.upper,
+            C=update.C, d=update.d,
+        )  # fmt: skip
+
+
+@given(updates(), st.floats(1e-3, 1e3), SEEDS)
+def test_a_step_is_the_nearest_point_of_the_set(update: ParameterUpdate, dt: float, seed: int):
+    """(aim − a⁺)ᵀ Γ⁻¹ (a − a⁺) ≤ 0 for every a of the set."""
+    aim = update.a_hat + dt * free_rate(update)
+    after = update.step(dt)
+    force = np.linalg.solve(update.gain, aim - after)
+    for a in points(update, seed):
+        size = (lengths(update, aim - after) + lengths(update, a)) * (lengths(update, a - after) + lengths(update, a))
+        assert force @ (a - after) <= 1e-6 * size
+
+
+@given(updates())
+def test_short_steps_follow_the_rate(update: ParameterUpdate):
+    answer = update.solve()
+    size = lengths(update, answer.a_hat_dot) + lengths(update, free_rate(update))
+    if size == 0.0:
+        return
+    dt = 1e-6 * lengths(update, update.a_hat) / size
+    assert lengths(update, (update.step(dt) - update.a_hat) / dt - answer.a_hat_dot) <= 1e-3 * size
+
+
+@given(updates(), st.floats(1e-4, 1e2))
+def test_the_rate_is_proportional_to_the_gain(update: ParameterUpdate, share: float):
+    """Property 41: Γ → 0 leaves the estimate where it is, PD control and a fixed feed-forward."""
+    other = ParameterUpdate(update.Y, update.s, gain=share * update.gain, a_hat=update.a_hat, lower=update.lower,
+                            upper=update.upper, C=update.C, d=update.d)  # fmt: skip
+    expected = share * update.solve().a_hat_dot
+    assert lengths(update, other.solve().a_hat_dot - expected) <= 1e-7 * share * lengths(update, free_rate(update))
+
+
+def test_cutting_each_parameter_is_not_the_projection_when_the_gain_couples_them():
+    """By hand: Γ = [[2, 1], [1, 2]], rate (−1, −0.5) at a bound of the first: the second keeps −0.5 + 0.5 · 1 = 0."""
+    update = ParameterUpdate(np.eye(2), np.linalg.solve([[2.0, 1.0], [1.0, 2.0]], [-1.0, -0.5]),
+                             gain=[[2.0, 1.0], [1.0, 2.0]], a_hat=[0.0, 1.0], lower=[0.0, -np.inf])  # fmt: skip
+    answer = update.solve()
+    np.testing.assert_allclose(answer.a_hat_dot, [0.0, 0.0], atol=1e-12)
+    assert answer.active == (0,) and answer.feasible
+    with pytest.raises(NoClosedForm, match="not diagonal"):
+        update.closed_form()
+
+
+def test_masses_stay_masses():
+    """The four coefficients of four prismatic joints keep a₁ ≥ a₂ ≥ a₃ ≥ a₄ ≥ 0; the gradient law alone does not."""
+    robot, rng = Planar4P(m=(1, 1, 1, 1)), np.random.default_rng(0)
+    C, d = ParameterUpdate.partial_sums(4)
+    kept = free = robot.coefficients
+    left = False
+    for _ in range(200):
+        Y, s = robot.Y(rng.normal(size=4)), rng.normal(size=4)
+        kept = ParameterUpdate(Y, s, gain=np.diag([1.0, 2.0, 0.5, 1.0]), a_hat=kept, C=C, d=d).step(0.05)
+        free = ParameterUpdate(Y, s, gain=[1.0, 2.0, 0.5, 1.0], a_hat=free).step(0.05)
+        masses = np.append(kept[:-1] - kept[1:], kept[-1])
+        assert (masses >= -1e-9).all()
+        left |= bool((np.append(free[:-1] - free[1:], free[-1]) < 0.0).any())
+    assert left
+
+
+# ---- what is refused
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"a_hat": [1.0, -0.5]}, r"a_hat\[1\] is -0.5 < 0: outside the set"),
+        ({"a_hat": [1.0, 3.0], "upper": 2.0}, r"a_hat\[1\] is 3 > 2: outside the set"),
+        ({"C": [[1.0, 1.0]], "d": [1.5]}, r"a_hat is outside the set: C\[0\] a_hat is 2 > 1.5"),
+        ({"C": [[1.0, 1.0]]}, "C and d come together"),
+        ({"gain": -1.0}, "gain is -1; it must be > 0"),
+        ({"gain": [1.0, 0.0]}, r"gain\[1\] is 0; it must be positive"),
+        ({"gain": [[1.0, 2.0], [2.0, 1.0]]}, "gain is not positive definite: an eigenvalue is -1"),
+        ({"lower": [0.0, 2.0], "upper": [1.0, 1.0]}, r"lower\[1\] is 2 and upper\[1\] is 1"),
+    ],
+)  # fmt: skip
+def test_bad_arguments_are_named(change: dict[str, object], message: str):
+    arguments: dict[str, Any] = {"gain": 1.0, "a_hat": [1.0, 1.0], "lower": 0.0} | change
+    with pytest.raises(InvalidInput, match=message):
+        ParameterUpdate(np.eye(2), [1.0, 1.0], **arguments)
+
+
+def test_shapes_and_steps_are_checked():
+    with pytest.raises(InvalidInput, match=r"Y must have shape \(any, 2\), not \(2, 3\)"):
+        ParameterUpdate(np.ones((2, 3)), [1, 1], gain=1.0, a_hat=[0.0, 0.0])
+    with pytest.raises(InvalidInput, match=r"s must have shape \(2,\), not \(3,\)"):
+        ParameterUpdate(np.eye(2), [1, 1, 1], gain=1.0, a_hat=[0.0, 0.0])
+    with pytest.raises(InvalidInput, match="dt is 0; it must be > 0"):
+        ParameterUpdate(np.eye(2), [1, 1], gain=1.0, a_hat=[0.0, 0.0]).step(0.0)
