@@ -21,6 +21,7 @@ from tasks.criteria.criterion import Criterion as Criterion
 from tasks.criteria.manipulability import Manipulability as Manipulability
 from tasks.criteria.mid_range import MidRange as MidRange
 from tasks.damping import Damping as Damping
+from tasks.feet import feet as feet
 from tasks.frame import Frame as Frame
 from tasks.joint_velocity import JointVelocity as JointVelocity
 from tasks.limits.joint_acceleration import JointAccelerationLimits as JointAccelerationLimits

@@ -14,17 +14,15 @@ from tasks import (
     JointPositionLimits,
     JointVelocityLimits,
     Orientation,
-    Point,
     Position,
     Posture,
     Sinusoid,
     Sole,
     TorqueLimits,
+    feet,
 )
 from tasks.scenarios import judge
 from wbc import checks
-from wbc.errors import NotSupported
-from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.disturbance import Push
@@ -77,33 +75,19 @@ class Demand:
     slip: float
 
 
-def feet_of(robot: PinocchioModel) -> list[Contact]:
-    """One contact for each foot of the robot, held by damping alone: the floor has no position to go back to.
-
-    Raises:
-        NotSupported: a robot without feet.
-    """
-    if not robot.feet:
-        raise NotSupported(f"{robot.name} has no feet to stand on")
-    return [_contact(foot, foot.half_size, FRICTION_SHARE * foot.friction) for foot in robot.feet.values()]
-
-
 def true_surfaces(robot: PinocchioModel) -> list[Contact]:
     """The feet as physics has them: all the friction, and all the area where a foot stands on balls."""
-    surfaces = []
-    for foot in robot.feet.values():
-        half_size = foot.half_size
-        if half_size is not None and foot.balls:
+    surfaces = feet(robot, friction_share=1.0)
+    for i, foot in enumerate(robot.feet.values()):
+        if foot.half_size is not None and foot.balls:
             reach = np.abs(np.array(foot.balls) - foot.origin).max(axis=0)
-            half_size = (float(reach[0]), float(reach[1]))
-        surfaces.append(_contact(foot, half_size, foot.friction))
+            surfaces[i] = Sole(foot.frame, half_size=reach[:2], origin=foot.origin, friction=foot.friction)
     return surfaces
 
 
-def _contact(foot: Foot, half_size: tuple[float, float] | None, friction: float) -> Contact:
-    if half_size is None:
-        return Point(foot.frame, radius=foot.radius, friction=friction, kp=0.0, kd=20.0)
-    return Sole(foot.frame, half_size=half_size, origin=foot.origin, friction=friction, kp=0.0, kd=20.0)
+def _held_by_damping(robot: PinocchioModel) -> list[Contact]:
+    """Feet that are not pulled back to where they were: the floor has no position to go back to."""
+    return feet(robot, friction_share=FRICTION_SHARE, kp=0.0, kd=20.0)
 
 
 def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
@@ -124,7 +108,7 @@ def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
         tasks.append(Position(stance.hand, target=circle, kp=100))
     return wbc.Stack(
         tasks,
-        contacts=feet_of(robot),
+        contacts=_held_by_damping(robot),
         subject_to=[
             TorqueLimits(),
             JointVelocityLimits(SPEED_SHARE * limits.v_max),
@@ -177,7 +161,7 @@ def stand(
 def _judged(
     run: wbc.Run, robot: PinocchioModel, pushes: Sequence[Push], demand: Demand, duration: float
 ) -> ScenarioResult:
-    t, contacts = run["t"], feet_of(robot)
+    t, contacts = run["t"], feet(robot)
     tracking = measure.tracking(run, keep=judge.away_from(t, [push.start for push in pushes], after=RECOVERY))
     violations = measure.violations(run)
     outside, weight = judge.cone_excess(run, true_surfaces(robot)), 9.81 * robot.mass

@@ -12,7 +12,7 @@ Four kinds, told apart by what they are written about:
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, final
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState

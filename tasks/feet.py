@@ -1,0 +1,38 @@
+"""feet: a contact for each foot that a robot's description knows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tasks.point import Point
+from tasks.sole import Sole
+from wbc.errors import NotSupported
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.stack.contact import Contact
+
+
+def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any) -> list[Contact]:
+    """One :class:`~tasks.sole.Sole` or :class:`~tasks.point.Point` for each of ``robot.feet``, of its size and place.
+
+    ``friction_share`` is how much of the foot's friction the controller may count on; ``settings`` (kp, kd,
+    force_weight, friction_model) are each contact's.
+
+    Raises:
+        NotSupported: a robot without feet.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import feet
+        >>> feet(wbc.load("quadruped"))[0]
+        Point[front_left_foot](friction=0.48)
+    """
+    if not robot.feet:
+        raise NotSupported(f"{robot.name} has no feet to stand on; write its contacts out")
+    contacts: list[Contact] = []
+    for foot in robot.feet.values():
+        common: dict[str, Any] = {"friction": friction_share * foot.friction, **settings}
+        if foot.half_size is None:
+            contacts.append(Point(foot.frame, radius=foot.radius, **common))
+        else:
+            contacts.append(Sole(foot.frame, half_size=foot.half_size, origin=foot.origin, **common))
+    return contacts
