@@ -24,7 +24,9 @@ def test_asking_for_the_acceleration_leaves_the_next_configuration_alone():
 
 
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
-@pytest.mark.parametrize("laws", [(), (JointVelocityLimits(),)], ids=["free", "limited"])
+@pytest.mark.parametrize(
+    "laws", [(), (JointVelocityLimits(),), (JointVelocityLimits(1e-4),)], ids=["free", "limited", "held"]
+)
 def test_a_posture_alone_is_a_stack(level: Formulation, laws: tuple[wbc.Constraint, ...]):
     answer = command(level, *laws)
     assert answer.status is wbc.Status.SOLVED

@@ -224,7 +224,7 @@ class DualSolver(RowSolver):
         if len(self._slot_rows) or len(self._pins):
             self._wrong = wrong = self._wrong_signs()
             dual = float(wrong[wrong.argmax()])
-            self._rounding = _ROUNDING * float(np.abs(self._lam).max())
+            self._rounding = _ROUNDING * float(np.abs(np.concatenate([self._lam, wrong])).max())
         else:
             self._wrong, self._rounding = np.zeros(0), 0.0
         if not primal <= self.tolerance or not dual <= self._rounding:
