@@ -9,12 +9,13 @@ from tasks.scenarios.standing import Demand, Stance, push_force, pushes_within, 
 from wbc.errors import UnknownRobot
 from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
 
-#: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles [rad].
+#: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles; soles
+#: flat, the three pitch angles of a leg adding up to nothing [rad].
 _TALOS = {
     f"{limb}_{side}_{i}_joint": angle
     for side, sign in (("left", 1.0), ("right", -1.0))
     for limb, i, angle in (("arm", 1, 0.1 * sign), ("arm", 2, 0.25 * sign), ("arm", 4, -1.2), ("leg", 3, -0.456),
-                           ("leg", 5, -0.403))
+                           ("leg", 4, 0.859), ("leg", 5, -0.403), ("leg", 6, 0.0))
 }  # fmt: skip
 STANCES: Mapping[str, Stance] = {
     "talos": Stance("torso_2_link", (0.02, 0.05, 0.03), (0.5, 0.4, 0.6), hand="gripper_left_base_link", joints=_TALOS),
