@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
@@ -94,9 +93,7 @@ class ForceDistribution(Method):
     @property
     def _root(self) -> Mat:
         """R with W⁻¹ = R Rᵀ: f = R u has the norm of u."""
-        factor = np.linalg.cholesky(self.weight)
-        root: Mat = solve_triangular(factor, np.eye(len(factor)), lower=True).T
-        return root
+        return np.linalg.inv(np.linalg.cholesky(self.weight)).T
 
     def closed_form(self) -> Distribution:
         """The pseudo-inverse of G in the metric of W.

@@ -14,7 +14,7 @@ from wbc.types import Vec
 
 #: Violations beside numbers of about one, and multipliers of a wrong sign beside the largest, that are rounding.
 EXACT = 1e-11
-TRIES = 8
+TRIES = 16
 
 
 def polished(qp: QP, x: Vec, z: Vec) -> tuple[Vec, Vec, Vec] | None:
@@ -27,7 +27,7 @@ def polished(qp: QP, x: Vec, z: Vec) -> tuple[Vec, Vec, Vec] | None:
         return None
     values = qp.C @ x
     side = np.where(z > qp.cu - values, 1.0, np.where(-z > values - qp.cl, -1.0, 0.0))
-    for _ in range(TRIES):
+    for attempt in range(TRIES):
         held = side.nonzero()[0]
         E = np.concatenate([qp.A, qp.C[held]])
         e = np.concatenate([qp.b, np.where(side > 0.0, qp.cu, qp.cl)[held]])
@@ -37,17 +37,21 @@ def polished(qp: QP, x: Vec, z: Vec) -> tuple[Vec, Vec, Vec] | None:
         x = inverse @ e
         x += inverse @ (e - E @ x)
         push = -(inverse.T @ x)
-        values, force = qp.C @ x, np.zeros(len(side))
-        force[held] = push[qp.n_eq :]
-        over, under = values - qp.cu, qp.cl - values
-        wrong = (side * force < -EXACT * np.abs(force).max(initial=0.0)) & (qp.cl < qp.cu)
-        enters = (np.maximum(over, under) > EXACT) & (side == 0.0)
         if np.abs(E @ x - e).max(initial=0.0) > EXACT:
             if not len(held):
                 return None
             side[held[np.abs(z[held]).argmin()]] = 0.0  # they cannot all hold: the one that pushes least does not
             continue
-        if not (wrong.any() or enters.any()):
+        values, force = qp.C @ x, np.zeros(len(side))
+        force[held] = push[qp.n_eq :]
+        over, under = values - qp.cu, qp.cl - values
+        pulls = np.where(qp.cl < qp.cu, -side * force, 0.0) / max(np.abs(force).max(initial=0.0), EXACT)
+        violates = np.where(side == 0.0, np.maximum(over, under), 0.0)
+        wrong = np.maximum(pulls, violates)
+        if wrong.max(initial=0.0) <= EXACT:
             return x, push[: qp.n_eq], force
-        side = np.where(wrong, 0.0, np.where(enters, np.where(over > under, 1.0, -1.0), side))
+        # All that are wrong at once, which may go in circles; then the worst alone.
+        change = wrong > (EXACT if attempt < TRIES // 2 else 0.999 * wrong.max())
+        side = np.where(change, np.where(side != 0.0, 0.0, np.where(over > under, 1.0, -1.0)), side)
+        z = np.where(side == 0.0, 0.0, force)
     return None

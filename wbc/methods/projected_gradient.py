@@ -284,7 +284,8 @@ class ProjectedGradientStep(Method):
             alpha, slack = self._nearest(alpha + 3.0 * direction * size * unit, size, solver, form)
             if slack > 1e-6:
                 break
-        return alpha if slack <= 0.5 * SAME else np.nan
+        # Both ends of [0, α_max] are limits of the QP too: what is beyond them is rounding.
+        return min(max(alpha, 0.0), self.alpha_max) if slack <= 0.5 * SAME else np.nan
 
     def _nearest(self, alpha: float, size: float, solver: str | Solver, form: str) -> tuple[float, float]:
         """The feasible step nearest to this one, and the part w of its range by which every limit had to give way.

@@ -24,6 +24,7 @@ PUSHES = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
 #: Prices of limits, in units of the push, and what a step gains, in units of x, when there is nothing to gain.
 PRICES = (1e1, 1e2, 1e3, 1e4)
 GAIN = 1e-10
+ROUNDING = 1e-12
 STEPS = 20
 
 
@@ -118,6 +119,8 @@ def largest_scale(task: ScaledTask, box: Box, solver: str | Solver, kept: tuple[
         if not found.feasible:
             return none
         size = max(float(np.linalg.norm(found.x)), offset)
+        if abs(found.size - task.high) <= ROUNDING * max(size, task.high):
+            found = replace(found, size=task.high)
         if not 1e-9 * unit < size < 0.1 * unit:
             return found
         unit = size  # the box was much larger than the answer: once more in units that fit

@@ -84,7 +84,7 @@ def vectors(n: int, *, low: float = _SMALL, high: float = _BIG) -> st.SearchStra
 def limits(draw: Any, n: int, *, low: float = _SMALL, high: float = _BIG) -> tuple[Vec, Vec]:
     """Limits lower <= 0 <= upper (n,), not symmetric: some infinite, some zero, some joints locked (both zero)."""
     rare = st.sampled_from([0.0, np.inf])
-    side = st.integers(0, 5).flatmap(lambda kind: rare if kind == 5 else magnitudes(low, high))
+    side = st.integers(0, 15).flatmap(lambda kind: rare if kind == 7 else magnitudes(low, high))
     below, above = (np.array(draw(st.lists(side, min_size=n, max_size=n))) for _ in range(2))
     return 0.0 - below, above
 

@@ -1,0 +1,376 @@
+"""Saturation in the null space: largest scale, least norm, and what follows for several tasks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.optimize import linprog, lsq_linear
+
+from tests.methods.problems import scaled_tasks
+from wbc import qp
+from wbc.errors import InvalidInput, NoClosedForm
+from wbc.methods import NullSpaceSaturation
+from wbc.qp.solvers import usable
+from wbc.testing import check_method
+from wbc.testing.strategies import jacobians, magnitudes, vectors
+
+INF = np.inf
+ANY = scaled_tasks()
+AT_REST = scaled_tasks(drift=False)
+
+
+def changed(task: NullSpaceSaturation, **new: object) -> NullSpaceSaturation:
+    """The same task with other arguments."""
+    arguments = {"J": task.J, "target": task.target, "lower": task.lower, "upper": task.upper, "drift": task.drift}
+    return NullSpaceSaturation(**(arguments | new))  # type: ignore[arg-type]
+
+
+def size(task: NullSpaceSaturation) -> float:
+    """|x| that does the whole task without limits."""
+    return float(np.linalg.norm(np.linalg.pinv(task.J, rcond=1e-12) @ task.target))
+
+
+def scaled_rows(task: NullSpaceSaturation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """V x + d = s w with independent rows V of unit length, as scipy's solvers need them."""
+    U, values, V = np.linalg.svd(task.J)
+    rank = int((values > 1e-12 * values.max(initial=0.0)).sum())
+    inverse = U[:, :rank].T / values[:rank, None]
+    return V[:rank], inverse @ task.target, inverse @ task.drift
+
+
+def largest_scale(task: NullSpaceSaturation) -> float | None:
+    """By scipy's simplex: shares no code with the method."""
+    V, w, d = scaled_rows(task)
+    length = float(np.linalg.norm(w)) or 1.0
+    n = V.shape[1]
+    answer = linprog(
+        np.append(np.zeros(n), -1.0), A_eq=np.column_stack([V, -w / length]), b_eq=-d,
+        bounds=[*zip(task.lower, task.upper, strict=True), (0.0, length)], method="highs-ds",
+    )  # fmt: skip
+    return float(answer.x[-1]) / length if answer.status == 0 else None
+
+
+# ---- closed form and QP
+@given(ANY)
+def test_the_loop_is_never_better_than_the_qp_and_all_solvers_agree(task: NullSpaceSaturation):
+    """Property 17, first half: s of the loop <= s of the linear program."""
+    check_method(task)
+
+
+@given(AT_REST)
+def test_the_scale_is_that_of_the_linear_program(task: NullSpaceSaturation):
+    """Property 17, second half: the task is done whole exactly where the linear program says so."""
+    found, expected = task.solve(), largest_scale(task)
+    assume(expected is not None)
+    assert found.feasible
+    assert found.scale == pytest.approx(expected, abs=1e-7)
+
+
+@given(scaled_tasks(drift=True, deficient=False))
+def test_with_a_drift_some_tasks_admit_no_scale(task: NullSpaceSaturation):
+    found, expected = task.solve(), largest_scale(task)
+    assert found.feasible == (expected is not None)
+    if expected is not None:
+        assert found.scale == pytest.approx(expected, abs=1e-7)
+    else:
+        assert np.isnan(found.x).all() and np.isnan(found.scale) and found.saturated == ()
+
+
+@given(ANY)
+def test_limits_hold_and_the_task_is_done_to_scale(task: NullSpaceSaturation):
+    """Property 16."""
+    V, w, d = scaled_rows(task)
+    for found in (task.solve(), task.closed_form()):
+        if not found.feasible:
+            continue
+        range_ = np.where(np.isfinite([task.lower, task.upper]), np.abs([task.lower, task.upper]), 0.0).max(axis=0)
+        length = np.linalg.norm(found.x) + np.linalg.norm(d)
+        assert (np.maximum(found.x - task.upper, task.lower - found.x) <= 1e-9 * (range_ + length)).all()
+        assert np.linalg.norm(V @ found.x + d - found.scale * w) <= 1e-9 * (length or 1.0)
+        assert 0.0 <= found.scale <= 1.0
+
+
+@given(AT_REST)
+def test_the_answer_is_the_shortest_at_its_scale(task: NullSpaceSaturation):
+    """Property 18. Multipliers that prove it are found by scipy: x - V'y + up - down = 0 with up, down >= 0."""
+    found = task.solve()
+    length = float(np.linalg.norm(found.x))
+    assume(found.feasible and length > 1e-9 * size(task) and size(task) > 0.0 and found.scale == 1.0)
+    V, x = scaled_rows(task)[0], found.x / length
+    at_upper, at_lower = (np.abs(found.x - limit) <= 1e-9 * length for limit in (task.upper, task.lower))
+    pushes = np.hstack([V.T, -np.eye(len(x))[:, at_upper], np.eye(len(x))[:, at_lower]])
+    lowest = np.append(np.full(len(V), -INF), np.zeros(pushes.shape[1] - len(V)))
+    proof = lsq_linear(pushes, x, bounds=(lowest, INF), method="bvls")
+    assert np.linalg.norm(pushes @ proof.x - x) <= 1e-7
+
+
+@given(AT_REST)
+def test_an_answer_from_bounded_least_squares_is_no_shorter(task: NullSpaceSaturation):
+    """Oracle: scipy's lsq_linear with the task as heavy rows."""
+    found = task.solve()
+    assume(found.feasible and found.scale == 1.0 and 1e-3 < np.linalg.norm(found.x) < 1e3)
+    V, w, _ = scaled_rows(task)
+    open_box = task.upper > task.lower
+    assume(open_box.all())
+    heavy = 1e4
+    other = lsq_linear(np.vstack([heavy * V, np.eye(V.shape[1])]), np.append(heavy * w, np.zeros(V.shape[1])),
+                       bounds=(task.lower, task.upper), tol=1e-13)  # fmt: skip
+    assert np.linalg.norm(found.x) <= np.linalg.norm(other.x) * (1.0 + 1e-4) + 1e-6
+
+
+@given(AT_REST, st.floats(1.0, 10.0))
+def test_a_faster_task_is_scaled_down_in_proportion(task: NullSpaceSaturation, k: float):
+    """Property 19."""
+    slow, fast = task.solve(), changed(task, target=k * task.target).solve()
+    assert fast.scale <= slow.scale + 1e-9
+    if slow.scale < 1.0 - 1e-9:
+        assert k * fast.scale == pytest.approx(slow.scale, abs=1e-8)
+        np.testing.assert_allclose(fast.x, slow.x, atol=1e-6 * (np.linalg.norm(slow.x) + 1e-9 * size(task)))
+
+
+@given(ANY, st.data())
+def test_wider_limits_never_make_the_scale_smaller(task: NullSpaceSaturation, data: st.DataObject):
+    """Property 20, first half."""
+    n = len(task.lower)
+    more = [np.array(data.draw(st.lists(magnitudes(), min_size=n, max_size=n))) for _ in range(2)]
+    found, wider = task.solve(), changed(task, lower=task.lower - more[0], upper=task.upper + more[1]).solve()
+    if found.feasible:
+        assert wider.feasible and wider.scale >= found.scale - 1e-8
+
+
+@given(ANY)
+def test_a_pseudo_inverse_solution_inside_the_limits_is_the_answer(task: NullSpaceSaturation):
+    """Property 20, second half."""
+    V, w, d = scaled_rows(task)
+    x = V.T @ (w - d)
+    J, drift = task.J, task.drift
+    assume(np.linalg.norm(J @ x + drift - task.target) <= 1e-12 * np.linalg.norm(J, 2) * (np.linalg.norm(x) + 1e-300))
+    wide = changed(task, lower=np.minimum(task.lower, x - 1.0), upper=np.maximum(task.upper, x + 1.0))
+    for found in (wide.closed_form(), wide.solve()):
+        assert found.scale == 1.0
+        np.testing.assert_allclose(found.x, x, atol=1e-9 * (np.linalg.norm(x) + np.linalg.norm(d)) + 1e-12)
+
+
+@given(AT_REST, st.data())
+def test_another_joint_never_makes_the_scale_smaller(task: NullSpaceSaturation, data: st.DataObject):
+    """Property 21."""
+    column = data.draw(vectors(len(task.target)))[:, None] * np.linalg.norm(task.J, 2)
+    more = changed(
+        task, J=np.hstack([task.J, column]), lower=np.append(task.lower, -1.0), upper=np.append(task.upper, 1.0)
+    )
+    assume(np.linalg.matrix_rank(more.J, tol=1e-9) == np.linalg.matrix_rank(task.J, tol=1e-9))
+    assert more.solve().scale >= task.solve().scale - 1e-7
+
+
+@given(scaled_tasks(deficient=False), st.data())
+def test_repeated_and_empty_rows_change_nothing(task: NullSpaceSaturation, data: st.DataObject):
+    """Property 22."""
+    assume(np.linalg.cond(task.J) < 1e4)
+    again = data.draw(st.integers(0, len(task.J) - 1))
+    longer = changed(
+        task, J=np.vstack([task.J, task.J[again], np.zeros(task.J.shape[1])]),
+        target=np.concatenate([task.target, [task.target[again], 0.0]]),
+        drift=np.concatenate([task.drift, [task.drift[again], 0.0]]),
+    )  # fmt: skip
+    one, other = task.solve(), longer.solve()
+    assert one.feasible == other.feasible
+    if one.feasible:
+        assert other.scale == pytest.approx(one.scale, abs=1e-7)
+
+
+# ---- several tasks
+@st.composite
+def two_tasks(draw, *, compatible: bool = False):
+    """Two tasks of 4 joints, both of full rank; ``compatible``: one motion inside the limits does both."""
+    first, second = draw(jacobians(2, 4, deficient=False, condition=10.0, low=0.1)), draw(
+        jacobians(1, 4, deficient=False, condition=10.0, low=0.1))  # fmt: skip
+    assume(np.linalg.cond(np.vstack([first, second])) < 1e3)
+    limit = np.array(draw(st.lists(st.floats(0.1, 10.0), min_size=4, max_size=4)))
+    x = limit * np.array(draw(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4)))
+    fast = 0.99 if compatible else draw(st.sampled_from([0.5, 3.0]))
+    return [(first, fast * first @ x), (second, fast * second @ x)], limit
+
+
+@given(two_tasks())
+def test_a_task_below_takes_nothing_from_one_above(drawn):
+    """Property 23."""
+    tasks, limit = drawn
+    alone = NullSpaceSaturation.prioritised(tasks[:1], lower=-limit, upper=limit).solve()
+    both = NullSpaceSaturation.prioritised(tasks, lower=-limit, upper=limit).solve()
+    assert both.scales[0] == pytest.approx(alone.scales[0], abs=1e-9)
+    J, target = tasks[0]
+    residual = J @ both.x - both.scales[0] * target
+    assert np.linalg.norm(residual) <= 1e-8 * (np.linalg.norm(target) + 1e-9)
+
+
+@given(two_tasks(compatible=True))
+def test_tasks_that_can_all_be_done_are_the_recursive_null_space_solution(drawn):
+    """Property 25, where no limit is active: x2 = x1 + (J2 N1)# (y2 - J2 x1) (Siciliano, Slotine)."""
+    tasks, _ = drawn
+    (J1, y1), (J2, y2) = tasks
+    x = np.linalg.pinv(J1) @ y1
+    null = np.eye(4) - np.linalg.pinv(J1) @ J1
+    x = x + np.linalg.pinv(J2 @ null, rcond=1e-9) @ (y2 - J2 @ x)
+    found = NullSpaceSaturation.prioritised(tasks, lower=-INF, upper=INF).solve()
+    assert found.scales == (1.0, 1.0)
+    np.testing.assert_allclose(found.x, x, atol=1e-9 * (1.0 + np.linalg.norm(x)))
+
+
+@given(two_tasks(compatible=True))
+def test_the_order_of_tasks_that_can_all_be_done_does_not_matter(drawn):
+    """Property 26, first half."""
+    tasks, limit = drawn
+    answers = [NullSpaceSaturation.prioritised(t, lower=-limit, upper=limit).solve() for t in (tasks, tasks[::-1])]
+    for answer in answers:
+        assert answer.scales == pytest.approx((1.0, 1.0), abs=1e-9)
+    np.testing.assert_allclose(answers[0].x, answers[1].x, atol=1e-7 * (1.0 + limit.max()))
+
+
+def test_the_order_of_tasks_that_exclude_each_other_matters():
+    """Property 26, second half."""
+    up, down = ([[1.0, 1.0]], [1.0]), ([[1.0, 1.0]], [-1.0])
+    first = NullSpaceSaturation.prioritised([up, down], lower=-1, upper=1).solve()
+    second = NullSpaceSaturation.prioritised([down, up], lower=-1, upper=1).solve()
+    np.testing.assert_allclose(first.x, -second.x, atol=1e-12)
+    assert first.scales == second.scales == (1.0, None)
+
+
+def test_a_level_that_admits_no_scale_is_dropped_and_the_next_one_kept():
+    tasks = [([[1, 0, 0]], [5.0]), ([[1, 0, 0]], [1.0], [3.0]), ([[0, 1, 1]], [1.0])]
+    for solver in usable():
+        found = NullSpaceSaturation.prioritised(tasks, lower=-1, upper=1).solve(solver)
+        assert found.scales[0] == pytest.approx(0.2, abs=1e-8)
+        assert found.scales[1] is None and found.scales[2] == pytest.approx(1.0, abs=1e-8)
+        np.testing.assert_allclose(found.x, [1.0, 0.5, 0.5], atol=1e-7)
+
+
+def test_several_tasks_agree_on_every_solver():
+    tasks = [([[1.0, 0.5, -0.2, 0.1], [0.3, 1.0, 0.7, -0.4]], [2.0, 1.0]), ([[0.0, 0.1, 1.0, 1.0]], [0.5])]
+    prioritised = NullSpaceSaturation.prioritised(tasks, lower=-1.1, upper=1.2)
+    check_method(prioritised)
+    with pytest.raises(NoClosedForm):
+        prioritised.closed_form()
+
+
+def test_no_level_may_be_kept():
+    nothing = NullSpaceSaturation.prioritised([([[1.0]], [1.0], [5.0])], lower=-1, upper=1).solve()
+    assert not nothing.feasible and nothing.scales == (None,) and np.isnan(nothing.x).all()
+
+
+# ---- acceleration level, time
+@given(scaled_tasks(drift=False, n=4), vectors(4, high=1.0))
+def test_at_rest_accelerations_are_scaled_like_velocities(task: NullSpaceSaturation, v: np.ndarray):
+    """Property 28. The drift is what moves the task at v; at rest there is none."""
+    resting = changed(task, drift=0.0 * (task.J @ v))
+    one, other = task.solve(), resting.solve()
+    assert one.scale == other.scale
+    np.testing.assert_array_equal(one.x, other.x)
+
+
+def test_the_drift_is_never_scaled():
+    task = NullSpaceSaturation([[1.0, 1.0]], [10.0], lower=-1, upper=1, drift=[-1.0])
+    for found in (task.closed_form(), task.solve("daqp")):
+        assert found.scale == pytest.approx(0.1) and found.x.sum() - 1.0 == pytest.approx(
+            found.scale * 10.0 - 2.0 + 2.0
+        )
+
+
+def test_shaped_velocity_limits_keep_position_and_velocity_for_ever():
+    """Property 27. ub = min{(Q - q)/T, V, sqrt(2 A (Q - q))}, mirrored below; ICRA 2012, equation 12."""
+    rng, T, Q, V, A = np.random.default_rng(7), 0.01, 1.0, 2.0, 8.0
+    q = np.zeros(4)
+    for step in range(600):
+        upper, lower = ([(Q - side * q) / T, np.full(4, V), np.sqrt(2.0 * A * np.maximum(Q - side * q, 0.0))]
+                        for side in (1.0, -1.0))  # fmt: skip
+        J = np.array([[np.cos(0.01 * step), 1.0, 0.5, -0.2], [0.1, np.sin(0.02 * step), 1.0, 0.7]])
+        task = NullSpaceSaturation(
+            J, 5.0 * rng.normal(size=2), lower=-np.min(lower, axis=0), upper=np.min(upper, axis=0)
+        )
+        found = task.solve("daqp") if step % 2 else task.closed_form()
+        q = q + T * found.x
+        assert (np.abs(q) <= Q + 1e-12).all() and (np.abs(found.x) <= V + 1e-12).all()
+    assert np.abs(q).max() > 0.5
+
+
+# ---- penalties
+@given(st.integers(1, 3), vectors(4, low=0.1, high=10.0), magnitudes(0.1, 100.0), st.data())
+def test_a_quadratic_penalty_is_biased_and_a_linear_one_is_not(m: int, x: np.ndarray, mu: float, data: st.DataObject):
+    """Property 29. s = mu / (mu + |J# y|^2) although the whole task is possible; linear: s = 1."""
+    J = data.draw(jacobians(m, 4, deficient=False, condition=10.0, low=0.1))
+    shortest = float(np.linalg.norm(np.linalg.pinv(J) @ J @ x)) ** 2
+    assume(0.1 < shortest < 1e3)
+    A = np.column_stack([J, -J @ x])
+    quadratic = qp.QP(np.diag([1.0] * 4 + [mu]), [0] * 4 + [-mu], A=A, b=np.zeros(m), lb=[-INF] * 4 + [0],
+                      ub=[INF] * 4 + [1])  # fmt: skip
+    assert qp.solve(quadratic, "daqp").x[-1] == pytest.approx(mu / (mu + shortest), rel=1e-6)
+    task = NullSpaceSaturation(J, J @ x, lower=-INF, upper=INF)
+    assert qp.solve(task.qp(), "daqp").x[-1] == pytest.approx(1.0, abs=1e-8)
+
+
+# ---- examples
+def test_the_joint_that_limits_most_is_saturated_and_the_others_take_over():
+    task = NullSpaceSaturation([[1.0, 1.0]], [2.5], lower=[-1, -1], upper=[1, 2])
+    for found in (task.closed_form(), *(task.solve(solver) for solver in usable())):
+        np.testing.assert_allclose(found.x, [1.0, 1.5], atol=1e-8)
+        assert found.scale == pytest.approx(1.0) and found.saturated == (0,)
+
+
+def test_the_loop_may_miss_the_largest_scale():
+    """A direction that has to be left again; its joint stays where the loop put it."""
+    rng = np.random.default_rng(0)
+    gaps = []
+    for _ in range(200):
+        J = rng.normal(size=(2, 4))
+        task = NullSpaceSaturation(
+            J, 4.0 * rng.normal(size=2), lower=-rng.uniform(0.1, 1, 4), upper=rng.uniform(0.1, 1, 4)
+        )
+        gaps.append(task.solve("daqp").scale - task.closed_form().scale)
+    assert min(gaps) >= -1e-9 and max(gaps) > 1e-3
+
+
+def test_ties_go_to_the_first_joint():
+    task = NullSpaceSaturation([[1.0, 1.0, 1.0]], [6.0], lower=-1, upper=[1, 1, 9])
+    np.testing.assert_array_equal(task.closed_form().x, task.closed_form().x)
+    np.testing.assert_allclose(task.closed_form().x, [1.0, 1.0, 4.0])
+
+
+def test_a_target_out_of_reach_of_the_rows_asks_for_scale_zero():
+    task = NullSpaceSaturation([[1.0, 0.0], [1.0, 0.0]], [1.0, 2.0], lower=-1, upper=1)
+    for found in (task.closed_form(), task.solve("daqp")):
+        assert found.feasible and found.scale == 0.0
+        np.testing.assert_allclose(found.x, 0.0, atol=1e-12)
+
+
+def test_a_drift_out_of_reach_is_infeasible_unless_one_scale_meets_it():
+    never = NullSpaceSaturation([[1.0, 0.0], [0.0, 0.0]], [1.0, 0.0], lower=-1, upper=1, drift=[0.0, 0.3])
+    once = NullSpaceSaturation([[1.0, 0.0], [0.0, 0.0]], [1.0, 1.0], lower=-1, upper=1, drift=[0.0, 0.3])
+    for how in (NullSpaceSaturation.closed_form, NullSpaceSaturation.solve):
+        assert not how(never).feasible
+        assert how(once).scale == pytest.approx(0.3) and how(once).x[0] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"target": [1.0, 2.0]}, "target must have shape"),
+        ({"J": [[np.nan, 1.0]]}, r"J\[\(0, 0\)\] is nan"),
+        ({"lower": [2.0, 0.0]}, r"lower\[0\] is 2 and upper\[0\] is 1"),
+        ({"upper": [1.0, 1.0, 1.0]}, "upper must have shape"),
+        ({"drift": [INF]}, r"drift\[0\] is inf"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict[str, object], sentence: str):
+    good: dict[str, object] = {"J": [[1.0, 1.0]], "target": [1.0], "lower": -1.0, "upper": 1.0}
+    with pytest.raises(InvalidInput, match=sentence):
+        NullSpaceSaturation(**(good | arguments))  # type: ignore[arg-type]
+
+
+def test_wrong_lists_of_tasks_are_named():
+    with pytest.raises(InvalidInput, match="empty"):
+        NullSpaceSaturation.prioritised([], lower=-1, upper=1)
+    with pytest.raises(InvalidInput, match=r"tasks\[1\].target"):
+        NullSpaceSaturation.prioritised([([[1.0]], [1.0]), ([[1.0]], [1.0, 2.0])], lower=-1, upper=1)
+    with pytest.raises(InvalidInput, match=r"tasks\[1\].J has 2 columns"):
+        NullSpaceSaturation.prioritised([([[1.0]], [1.0]), ([[1.0, 2.0]], [1.0])], lower=-1, upper=1)

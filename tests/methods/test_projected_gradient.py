@@ -1,0 +1,439 @@
+"""The projected gradient step: what holds for every task, gradient and box, and what the exercise asks for."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from tests.methods.problems import bare_steps, steps
+from wbc import qp
+from wbc.errors import InvalidInput, NotSupported
+from wbc.methods import ProjectedGradientStep
+from wbc.qp.solvers import usable
+from wbc.testing import check_method
+from wbc.testing.strategies import magnitudes, spd, vectors
+
+INF = np.inf
+ANY = st.one_of(steps(), bare_steps())
+FROM_GRADIENT = steps()
+
+
+def changed(step: ProjectedGradientStep, **new: object) -> ProjectedGradientStep:
+    """The same step with other arguments."""
+    of = step.origin
+    assert of is not None
+    arguments = {"J": of.J, "task_velocity": of.task_velocity, "gradient": of.gradient, "v_min": step.v_min,
+                 "v_max": step.v_max, "alpha_max": step.alpha_max} | new  # fmt: skip
+    return ProjectedGradientStep.from_gradient(**arguments)
+
+
+def unit(step: ProjectedGradientStep) -> float:
+    """The step that takes some joint across its range: what a difference of steps is measured by."""
+    return step._unit()
+
+
+def same(
+    one: ProjectedGradientStep, other: ProjectedGradientStep, *, factor: float = 1.0, tolerance: float = 1e-9
+) -> None:
+    """Both are feasible or neither is, and the first step is ``factor`` times the second."""
+    a, b = one.closed_form(), other.closed_form()
+    assert a.feasible == b.feasible
+    if a.feasible:
+        assert abs(a.alpha - factor * b.alpha) <= tolerance * (unit(one) + factor * unit(other))
+
+
+def well_conditioned(step: ProjectedGradientStep) -> bool:
+    """Whether no decision hangs on rounding: null components that may as well be zero, resting joints at a limit."""
+    size = np.abs(step.v_null).max(initial=0.0)
+    components = np.abs(step.v_null[step.v_null != 0.0])
+    at_rest = np.abs(step.v_null) <= 1e-6 * size
+    edge = np.minimum(np.abs(step.v_task - step.v_min), np.abs(step.v_max - step.v_task)) <= 1e-6 * step._size
+    return bool((components > 1e-6 * size).all() and not (at_rest & edge).any())
+
+
+# ---- closed form and QP
+@given(ANY)
+def test_closed_form_and_qp_agree_on_every_solver(step: ProjectedGradientStep):
+    check_method(step)
+
+
+@given(ANY)
+def test_the_qp_in_velocity_and_step_gives_the_same_step(step: ProjectedGradientStep):
+    expected = step.closed_form()
+    for solver in ("pdas", "daqp"):
+        found = step.difference(step.solve(solver, form="velocity"), expected)
+        assert max(found.values()) <= 1e-9, found
+
+
+@pytest.mark.parametrize("solver", usable())
+@pytest.mark.parametrize("form", ["step", "velocity"])
+def test_both_forms_on_each_solver(solver: str, form: str):
+    step = ProjectedGradientStep([0.2, 0.1, -0.5], [1.0, -2.0, 1e-3], v_min=[-1, -1, -1], v_max=[1, 1, 1])
+    assert step.solve(solver, form=form).alpha == pytest.approx(0.55, abs=1e-8)  # type: ignore[arg-type]
+
+
+@given(ANY)
+def test_both_written_qps_have_the_step_as_their_minimum(step: ProjectedGradientStep):
+    expected = step.closed_form()
+    assume(expected.feasible and expected.alpha > 0.1 * unit(step) and 1e-2 < unit(step) < 1e2)
+    for problem in (step.qp(), step.qp_with_velocity()):
+        answer = qp.solve(problem, "daqp")
+        assert answer.x[-1] == pytest.approx(expected.alpha, rel=1e-6)
+
+
+def test_the_step_in_exact_numbers():
+    lower, upper = [Fraction(-1), Fraction(-2), Fraction(-1, 3)], [Fraction(1), Fraction(5, 7), Fraction(2)]
+    v, w = [Fraction(1, 5), Fraction(-1, 7), Fraction(0)], [Fraction(3, 11), Fraction(5, 13), Fraction(-2, 17)]
+    ends = [((high if b > 0 else low) - a) / b for a, b, low, high in zip(v, w, lower, upper, strict=True) if b]
+    numbers = ([float(x) for x in values] for values in (v, w, lower, upper))
+    v_task, v_null, v_min, v_max = numbers
+    step = ProjectedGradientStep(v_task, v_null, v_min=v_min, v_max=v_max).closed_form()
+    assert min(ends) == Fraction(78, 35)
+    assert step.alpha == pytest.approx(78 / 35, rel=1e-15)
+    assert step.active == (1,)
+
+
+# ---- properties
+@given(FROM_GRADIENT, st.floats(0.0, 10.0))
+def test_the_task_does_not_notice_the_step(step: ProjectedGradientStep, alpha: float):
+    """Property 1."""
+    assert step.origin is not None
+    J, ask = step.origin.J, step.origin.task_velocity
+    alpha *= unit(step)
+    v = step.v_task + alpha * step.v_null
+    reached = J @ (np.linalg.pinv(J, rcond=1e-12) @ ask)
+    size = np.linalg.norm(J, 2) if J.size else 0.0
+    allowed = 1e-9 * size * (np.linalg.norm(step.v_task) + alpha * np.linalg.norm(step.origin.gradient))
+    assert np.linalg.norm(J @ v - reached) <= allowed + 1e-9 * np.linalg.norm(ask)
+
+
+@given(ANY)
+def test_the_step_is_feasible_and_any_larger_one_is_not(step: ProjectedGradientStep):
+    """Property 2."""
+    found = step.closed_form()
+    assume(found.feasible and found.alpha > 0.0)
+
+    def outside(alpha: float) -> float:
+        v = step.v_task + alpha * step.v_null
+        room = np.maximum(step.v_min - v, v - step.v_max) / (step._size + unit(step) * np.abs(step.v_null) + 1e-300)
+        return float(room.max())
+
+    assert outside(found.alpha) <= 1e-9
+    assert outside(found.alpha + 1e-3 * unit(step)) > 0.0 or found.alpha == step.alpha_max
+
+
+@given(ANY)
+def test_the_step_is_the_optimum_of_the_linear_program(step: ProjectedGradientStep):
+    """Property 3. An oracle that shares no code: scipy's simplex on the rows as they are."""
+    found, u = step.closed_form(), unit(step)
+    scale = np.where(step._moving, u * np.abs(step.v_null), step._size)
+    scale[scale == 0.0] = 1.0
+    rows = (np.where(step._moving, step.v_null, 0.0) * u / scale)[:, None]
+    up, down = (step.v_max - step.v_task) / scale, (step.v_task - step.v_min) / scale
+    up, down = (np.where(np.abs(room) < 1e-11, 0.0, room) for room in (up, down))
+    finite = np.isfinite(np.append(up, down))
+    moving = bool(step._moving.any())
+    answer = linprog(
+        [-1.0 if moving else 1.0], A_ub=np.vstack([rows, -rows])[finite], b_ub=np.append(up, down)[finite],
+        bounds=[(0.0, step.alpha_max / u)], method="highs-ds",
+    )  # fmt: skip
+    assert found.feasible == (answer.status == 0)
+    if found.feasible:
+        assert found.alpha == pytest.approx(u * float(answer.x[0]), abs=1e-9 * u)
+
+
+@given(ANY)
+def test_a_step_that_could_be_larger_ends_at_a_limit(step: ProjectedGradientStep):
+    """Property 4."""
+    found = step.closed_form()
+    assume(found.feasible and step._moving.any() and found.alpha < step.alpha_max * (1.0 - 1e-9))
+    assert found.active
+    for i in found.active:
+        limit = step.v_max[i] if step.v_null[i] > 0.0 else step.v_min[i]
+        assert found.v[i] == pytest.approx(limit, abs=1e-6 * step._size[i])
+
+
+@given(FROM_GRADIENT, st.randoms(use_true_random=False))
+def test_the_order_of_joints_does_not_matter(step: ProjectedGradientStep, random: object):
+    """Property 5."""
+    assume(well_conditioned(step) and step.origin is not None)
+    of = step.origin
+    order = np.arange(step.v_task.size)
+    random.shuffle(order)  # type: ignore[attr-defined]
+    other = changed(
+        step, J=of.J[:, order], gradient=of.gradient[order], v_min=step.v_min[order], v_max=step.v_max[order]
+    )
+    same(other, step)
+    if step.closed_form().feasible:
+        scale = np.abs(step.v_task).max() + unit(step) * np.abs(step.v_null).max()
+        np.testing.assert_allclose(other.closed_form().v, step.closed_form().v[order], atol=1e-8 * scale)
+
+
+@given(FROM_GRADIENT, st.data())
+def test_the_sense_of_a_joint_does_not_matter(step: ProjectedGradientStep, data: st.DataObject):
+    """Property 6."""
+    assume(well_conditioned(step) and step.origin is not None)
+    of = step.origin
+    n = step.v_task.size
+    sign = np.array(data.draw(st.lists(st.sampled_from([-1.0, 1.0]), min_size=n, max_size=n)))
+    low, high = np.where(sign > 0, step.v_min, -step.v_max), np.where(sign > 0, step.v_max, -step.v_min)
+    same(changed(step, J=of.J * sign, gradient=of.gradient * sign, v_min=low, v_max=high), step)
+
+
+@given(FROM_GRADIENT, magnitudes(0.01, 100.0))
+def test_a_longer_gradient_makes_a_shorter_step_to_the_same_velocity(step: ProjectedGradientStep, k: float):
+    """Property 7."""
+    assume(step.origin is not None)
+    same(changed(step, gradient=k * step.origin.gradient, alpha_max=step.alpha_max / k), step, factor=1.0 / k)
+
+
+@given(FROM_GRADIENT, magnitudes(0.01, 100.0))
+def test_speeds_and_limits_times_k_make_the_step_times_k(step: ProjectedGradientStep, k: float):
+    """Property 8."""
+    assume(step.origin is not None)
+    of = step.origin
+    scaled = changed(
+        step, task_velocity=k * of.task_velocity, v_min=k * step.v_min, v_max=k * step.v_max,
+        alpha_max=k * step.alpha_max,
+    )  # fmt: skip
+    same(scaled, step, factor=k)
+
+
+@given(FROM_GRADIENT, st.data())
+def test_wider_limits_never_shorten_the_step(step: ProjectedGradientStep, data: st.DataObject):
+    """Property 9, first half."""
+    n = step.v_task.size
+    more = [np.array(data.draw(st.lists(magnitudes(), min_size=n, max_size=n))) for _ in range(2)]
+    wider = changed(
+        step, v_min=step.v_min - more[0], v_max=step.v_max + more[1],
+        alpha_max=step.alpha_max + data.draw(magnitudes()),
+    )  # fmt: skip
+    found = step.closed_form()
+    if found.feasible:
+        assert wider.closed_form().alpha >= found.alpha - 1e-9 * unit(step)
+
+
+@given(FROM_GRADIENT, st.data())
+def test_the_step_is_concave_in_the_limits(step: ProjectedGradientStep, data: st.DataObject):
+    """Property 9, second half: halfway between two boxes the step is at least the mean of both steps."""
+    n = step.v_task.size
+    more = [np.array(data.draw(st.lists(magnitudes(), min_size=n, max_size=n))) for _ in range(2)]
+    other = changed(step, v_min=step.v_min - more[0], v_max=step.v_max + more[1])
+    middle = changed(step, v_min=step.v_min - 0.5 * more[0], v_max=step.v_max + 0.5 * more[1])
+    results = [each.closed_form() for each in (step, other, middle)]
+    if results[0].feasible:
+        mean = 0.5 * (results[0].alpha + results[1].alpha)
+        assert results[2].alpha >= mean - 1e-9 * (unit(step) + unit(other))
+
+
+@given(FROM_GRADIENT, st.data())
+def test_only_the_projection_of_the_gradient_matters(step: ProjectedGradientStep, data: st.DataObject):
+    """Property 10."""
+    assume(well_conditioned(step) and step.origin is not None)
+    of = step.origin
+    row_space = np.linalg.svd(of.J)[2][: np.linalg.matrix_rank(of.J, tol=1e-12 * np.abs(of.J).max(initial=1e-300))]
+    added = row_space.T @ data.draw(vectors(len(row_space), low=1e-3, high=1.0))
+    assume(np.abs(added).max(initial=0.0) < 1e3 * np.abs(step.v_null).max(initial=0.0))
+    other = changed(step, gradient=of.gradient + added)
+    assume(well_conditioned(other))
+    condition = np.linalg.cond(of.J) if len(row_space) else 1.0
+    same(other, step, tolerance=1e-9 + 1e-11 * min(condition, 1e6))
+
+
+@given(steps(deficient=False), st.data())
+def test_the_axes_of_the_task_do_not_matter(step: ProjectedGradientStep, data: st.DataObject):
+    """Property 11."""
+    assume(well_conditioned(step) and step.origin is not None)
+    of = step.origin
+    assume(len(of.J) and np.linalg.cond(of.J) < 1e3)
+    turn = data.draw(spd(len(of.J), condition=10.0))
+    same(changed(step, J=turn @ of.J, task_velocity=turn @ of.task_velocity), step)
+
+
+@given(FROM_GRADIENT)
+def test_no_velocity_on_the_task_climbs_more_along_a_line_and_never_less_beyond(step: ProjectedGradientStep):
+    """Property 12. Oracle: scipy's linear program max ∇Hᵀv on the task and in the box."""
+    assume(step.origin is not None)
+    of, found = step.origin, step.closed_form()
+    assume(found.feasible and np.isfinite(step.v_min).all() and np.isfinite(step.v_max).all())
+    n, rank = step.v_task.size, np.linalg.matrix_rank(of.J, tol=1e-12 * np.abs(of.J).max(initial=1e-300))
+    free = changed(step, alpha_max=INF).closed_form() if step._moving.any() else found
+    null = np.linalg.svd(of.J)[2][rank:]
+    down, up = step.v_min - step.v_task, step.v_max - step.v_task
+    size, slope = float(np.abs([down, up]).max()), float(np.linalg.norm(null @ of.gradient))
+    assume(len(null) and size > 0.0 and slope > 1e-6 * np.abs(of.gradient).max())
+    answer = linprog(
+        -(null @ of.gradient) / slope, A_ub=np.vstack([null.T, -null.T]),
+        b_ub=np.maximum(np.append(up, -down) / size, 0.0), bounds=[(None, None)] * len(null), method="highs",
+    )  # fmt: skip
+    assert answer.status == 0
+    climbed = free.alpha * slope / size
+    assert -answer.fun >= climbed - 1e-7
+    if n - rank == 1:
+        assert -answer.fun == pytest.approx(climbed, abs=1e-6)
+
+
+@given(steps(deficient=False), st.floats(0.0, 0.9))
+def test_the_qp_over_velocities_without_active_limits_is_the_projected_gradient(
+    step: ProjectedGradientStep, part: float
+):
+    """Property 13."""
+    found = step.closed_form()
+    assume(
+        found.feasible and step.origin is not None and np.linalg.cond(step.origin.J) < 1e3 if step.origin.J.size else 1
+    )
+    alpha = part * found.alpha
+    v = step.v_task + alpha * step.v_null
+    size = np.abs(v).max(initial=0.0) + alpha * np.abs(step.origin.gradient).max(initial=0.0)
+    assume(((v > step.v_min + 1e-6) & (v < step.v_max - 1e-6)).all() and size < 1e3)
+    answer = qp.solve(step.qp_over_velocity(alpha), "daqp")
+    assume(answer.status.ok)
+    np.testing.assert_allclose(answer.x, v, atol=1e-6 * (1.0 + size))
+
+
+def test_the_qp_over_velocities_leaves_the_ray_where_that_climbs_more():
+    step = ProjectedGradientStep.from_gradient([[1, 1, 1]], [0.0], [3.0, 1.0, -4.0], v_min=[-1] * 3, v_max=[1] * 3)
+    along_ray = step.closed_form()
+    answer = qp.solve(step.qp_over_velocity(10.0), "daqp")
+    gradient = np.array([3.0, 1.0, -4.0])
+    assert gradient @ answer.x > gradient @ along_ray.v + 0.1
+    assert (np.abs(answer.x) <= 1.0 + 1e-9).all() and abs(answer.x.sum()) < 1e-9
+
+
+@given(bare_steps(), st.floats(0.0, 100.0))
+def test_where_nothing_moves_every_step_is_the_same(step: ProjectedGradientStep, alpha: float):
+    """Property 14."""
+    still = ProjectedGradientStep(
+        step.v_task, np.zeros_like(step.v_task), v_min=step.v_min, v_max=step.v_max, alpha_max=step.alpha_max
+    )
+    found = still.closed_form()
+    inside = ((step.v_task >= step.v_min - 1e-12) & (step.v_task <= step.v_max + 1e-12)).all()
+    if found.feasible:
+        assert found.alpha == 0.0 and found.active == () and found.interval == (0.0, step.alpha_max)
+        np.testing.assert_array_equal(found.v, step.v_task)
+        np.testing.assert_array_equal(found.v, still.v_task + alpha * still.v_null)
+    else:
+        assert not inside and found.interval[0] > found.interval[1]
+
+
+@given(bare_steps())
+def test_an_infeasible_start_is_flagged_or_restored_and_never_clipped(step: ProjectedGradientStep):
+    """Property 15."""
+    found = step.closed_form()
+    low, high = found.interval
+    if not found.feasible:
+        assert low > high and np.isnan(found.alpha) and np.isnan(found.v).all() and found.active == ()
+        return
+    np.testing.assert_array_equal(found.v, step.v_task + found.alpha * step.v_null)
+    assert 0.0 <= low <= high <= step.alpha_max and found.alpha in (high, 0.0)
+    scale = step._size + unit(step) * np.abs(step.v_null) + 1e-300
+    for alpha in (low, 0.5 * (low + min(high, 1e9))):
+        v = step.v_task + alpha * step.v_null
+        assert (np.maximum(v - step.v_max, step.v_min - v) / scale <= 1e-7).all()
+
+
+# ---- edge cases
+def test_a_joint_at_its_limit_pushed_outwards_stops_everything():
+    step = ProjectedGradientStep([1.0, 0.0], [1.0, 1.0], v_min=[-1, -1], v_max=[1, 1]).closed_form()
+    assert step.alpha == 0.0 and step.active == (0,) and step.feasible
+
+
+def test_a_joint_at_its_limit_pushed_inwards_stops_nothing():
+    step = ProjectedGradientStep([1.0, 0.0], [-1.0, 1.0], v_min=[-1, -1], v_max=[1, 1]).closed_form()
+    assert step.alpha == 1.0 and step.active == (1,)
+
+
+def test_rounding_at_a_limit_decides_nothing():
+    step = ProjectedGradientStep([1.0 + 1e-16, 0.0], [1e-17, 1.0], v_min=[-1, -1], v_max=[1, 1])
+    assert step.closed_form().alpha == step.solve().alpha == 1.0
+
+
+def test_a_locked_joint_that_would_move_stops_everything():
+    step = ProjectedGradientStep([0.0, 0.0], [1.0, 1.0], v_min=[0, -1], v_max=[0, 1])
+    assert step.closed_form().alpha == 0.0 == step.solve("daqp").alpha
+
+
+def test_alpha_max_zero_and_alpha_max_reached():
+    box = {"v_min": [-1.0], "v_max": [1.0]}
+    assert ProjectedGradientStep([0.0], [1.0], **box, alpha_max=0.0).closed_form().alpha == 0.0
+    reached = ProjectedGradientStep([0.0], [1.0], **box, alpha_max=0.25).closed_form()
+    assert reached.alpha == 0.25 and reached.active == ()
+
+
+def test_the_null_motion_may_restore_feasibility():
+    step = ProjectedGradientStep([1.5, 0.0], [-1.0, 0.1], v_min=[-1, -1], v_max=[1, 1])
+    assert step.closed_form().interval == pytest.approx((0.5, 2.5))
+    assert step.solve("daqp").interval == pytest.approx((0.5, 2.5))
+
+
+@pytest.mark.parametrize("v_task", [[1.5, 0.0], [0.0, 2.0]])
+def test_infeasible_starts_that_nothing_restores(v_task: list[float]):
+    step = ProjectedGradientStep(v_task, [1.0, 0.0], v_min=[-1, -1], v_max=[1, 1])
+    for found in (step.closed_form(), step.solve("daqp"), step.solve("proxqp", form="velocity")):
+        assert not found.feasible and np.isnan(found.v).all() and found.interval[0] > found.interval[1]
+
+
+def test_no_task_and_a_square_task():
+    free = ProjectedGradientStep.from_gradient(np.zeros((0, 2)), [], [1.0, -0.5], v_min=[-1, -1], v_max=[1, 1])
+    assert free.closed_form().alpha == 1.0
+    square = ProjectedGradientStep.from_gradient([[1, 2], [3, 4]], [0, 0], [1, 1], v_min=[-1, -1], v_max=[1, 1])
+    assert square.closed_form().alpha == 0.0 and square.closed_form().active == ()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"v_null": [1.0]}, r"v_null must have shape"),
+        ({"v_task": [np.nan, 0.0]}, r"v_task\[0\] is nan"),
+        ({"v_min": [2.0, -1.0]}, r"v_min\[0\] is 2 and v_max\[0\] is 1"),
+        ({"v_max": [1.0, np.nan]}, r"v_max\[1\] is nan"),
+        ({"alpha_max": -1.0}, "alpha_max is -1"),
+        ({"v_max": [INF, INF]}, "alpha_max is inf"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict[str, object], sentence: str):
+    good: dict[str, object] = {"v_task": [0.0, 0.0], "v_null": [1.0, 1.0], "v_min": [-1.0, -1.0], "v_max": [1.0, 1.0]}
+    with pytest.raises(InvalidInput, match=sentence):
+        ProjectedGradientStep(**(good | arguments))  # type: ignore[arg-type]
+
+
+def test_the_qp_over_velocities_needs_the_gradient():
+    with pytest.raises(NotSupported, match="from_gradient"):
+        ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).qp_over_velocity(1.0)
+
+
+# ---- the picture
+def test_the_picture_shows_box_line_gradient_projection_and_result():
+    step = ProjectedGradientStep.from_gradient([[1.0, 0.5]], [0.6], [0.2, 1.3], v_min=[-1, -0.8], v_max=[1, 0.8])
+    axes = step.plot().axes[0]
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    for word in ("limits", "task", "null space", "feasible", "gradient", "projection", "v_task", "result"):
+        assert any(word in label for label in labels), word
+    assert "joint 2 at its limit" in axes.get_title(loc="left")
+    line = next(line for line in axes.lines if line.get_label() == "task, J v = ṙ")
+    np.testing.assert_allclose(np.array([1.0, 0.5]) @ line.get_xydata().T, 0.6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        ProjectedGradientStep([0.0, 0.0], [0.0, 0.0], v_min=[-1, -1], v_max=[1, 1]),
+        ProjectedGradientStep([3.0, 0.0], [0.0, 1.0], v_min=[-1, -1], v_max=[1, 1]),
+        ProjectedGradientStep([0.5, 0.0], [1.0, 1.0], v_min=[-INF, -1], v_max=[1, INF]),
+        ProjectedGradientStep.from_gradient([[1, 0], [0, 1]], [0.5, 0.5], [1, 1], v_min=[-1, -1], v_max=[1, 1]),
+    ],
+    ids=["still", "infeasible", "open", "square"],
+)
+def test_every_step_of_two_joints_can_be_drawn(step: ProjectedGradientStep, tmp_path):
+    step.plot().savefig(tmp_path / "step.svg")
+    assert (tmp_path / "step.svg").stat().st_size > 5000
+
+
+def test_only_two_joints_have_a_plane():
+    with pytest.raises(NotSupported, match="2 joints"):
+        ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).plot()
