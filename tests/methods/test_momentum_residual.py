@@ -174,7 +174,7 @@ def test_high_gains_follow_every_fault_and_ramps_lag_by_slope_over_gain():
     worst = []
     for gain in (20.0, 50.0, 100.0):
         r = motion.residual(gain)
-        np.testing.assert_allclose(truth[-1] - r[-1], slope / gain - slope * 5e-4, rtol=0.02)
+        np.testing.assert_allclose(truth[-1] - r[-1], slope / gain, rtol=0.01)
         worst.append(np.abs(truth - r).max())
     assert worst[2] < worst[1] < worst[0]
 

@@ -72,7 +72,8 @@ def points(update: ParameterUpdate, seed: int) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.where(along > 0.0, room / along, np.inf)
         step = min(1.0, max(0.0, float(steps.min(initial=np.inf))))
-        found.append(update.a_hat + rng.uniform() * step * way)
+        if lengths(update, step * way) > 1e-6 * lengths(update, update.a_hat):
+            found.append(update.a_hat + rng.uniform(0.1, 1.0) * step * way)
     return np.array(found)
 
 

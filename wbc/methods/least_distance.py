@@ -41,8 +41,8 @@ ACCURATE = 1e-10
 ROUNDING = 1e-14
 #: A row that the equations leave less freedom than this (of its length) is settled by them.
 FIXED = 1e-8
-#: Where a third look ends, in sizes.
-FAR = 100.0
+#: The unit of another try, and where it ends, in sizes.
+FINE, FAR = 1e-3, 1e2
 #: Slopes along the scale that are tried, and what the scale may still gain when one was steep enough.
 SLOPES = (1e1, 1e3, 1e5, 1e7)
 SETTLED = 1e-10
@@ -175,12 +175,12 @@ class _NormalForm:
         outside = float(np.maximum(self.low, -self.high).max(initial=0.0))
         return max(float(np.linalg.norm(self.e)), outside) or 1.0
 
-    def qp(self, *, reach: float = np.inf) -> QP:
-        """The problem in u / size, which does not go farther than ``reach``."""
-        size, n = self.size, self.F.shape[1]
+    def qp(self, unit: float, *, reach: float = np.inf) -> QP:
+        """The problem in u / unit, which does not go farther than ``reach`` units."""
+        n = self.F.shape[1]
         far = np.full(n, reach)
         return QP(
-            np.eye(n), np.zeros(n), A=self.E, b=self.e / size, C=self.F, cl=self.low / size, cu=self.high / size,
+            np.eye(n), np.zeros(n), A=self.E, b=self.e / unit, C=self.F, cl=self.low / unit, cu=self.high / unit,
             lb=-far, ub=far,
         )  # fmt: skip
 
@@ -204,13 +204,15 @@ class _NormalForm:
         return replace(second, x=u, y=-self.E @ (u + z @ self.F), z=z)
 
     def _look(self, solver: Solver) -> Solution:
-        size, qp = self.size, self.qp()
+        size, qp = self.size, self.qp(self.size)
         answer = _polished(qp, solver.solve(qp))
         if not answer.status.ok and answer.status is not Status.INFEASIBLE:
-            # Some solvers start far out and do not come back; so far that it does not matter, but no farther.
-            near = solver.solve(self.qp(reach=FAR))
-            proof = certificate(qp, near.x, near.y, near.z, np.zeros(qp.n))
-            answer = _polished(qp, replace(near, certificate=proof)) if proof.ok else answer
+            # Some solvers take small numbers for zero, or start far out and do not come back.
+            again = solver.solve(self.qp(FINE * size, reach=FAR / FINE))
+            x, y, z = FINE * again.x, FINE * again.y, FINE * again.z
+            proof = certificate(qp, x, y, z, np.zeros(qp.n))
+            if proof.ok:
+                answer = _polished(qp, replace(again, x=x, y=y, z=z, certificate=proof))
         return replace(answer, x=size * answer.x, y=size * answer.y, z=size * answer.z)
 
     def _at_rest(self) -> Solution | None:

@@ -213,16 +213,21 @@ class ParameterUpdate(Method):
             InvalidInput: dt is not positive.
             SolverFailed: the solver ended without an answer.
         """
-        aim = self.a_hat + checks.number("dt", dt, low=0.0, strict=True) * self._free_rate
+        away = checks.number("dt", dt, low=0.0, strict=True) * self._free_rate
         if self._has_formula():
-            return np.clip(aim, self.lower, self.upper)
-        if (self.C @ aim <= self.d).all() and (self.lower <= aim).all() and (aim <= self.upper).all():
-            return aim
-        qp = QP(np.eye(len(aim)), np.zeros(len(aim)), C=self.C, cu=self.d, lb=self.lower, ub=self.upper)
-        found = nearest(qp, aim, root(self.gain), solver)
-        if not found.status.ok:  # never because there is no point: â is one
-            raise SolverFailed(by_name(solver).name, found.status)
-        return np.clip(found.x, self.lower, self.upper)  # of rounding
+            return np.clip(self.a_hat + away, self.lower, self.upper)
+        # In changes of â, so that none is possible to the last digit.
+        p = len(away)
+        qp = QP(
+            np.eye(p), np.zeros(p), C=self.C, cu=np.maximum(self.d - self.C @ self.a_hat, 0.0),
+            lb=np.minimum(self.lower - self.a_hat, 0.0), ub=np.maximum(self.upper - self.a_hat, 0.0),
+        )  # fmt: skip
+        for _ in range(2):  # and once more from there, for what rounding of a long way has left
+            found = nearest(qp, away, root(self.gain), solver)
+            if not found.status.ok:
+                raise SolverFailed(by_name(solver).name, found.status)
+            away = found.x
+        return np.clip(self.a_hat + away, self.lower, self.upper)  # of rounding
 
     def difference(self, result: ParameterRate, reference: ParameterRate) -> Mapping[str, float]:
         """Rates relative to Γ Yᵀ s, both in the metric of the gain; what a row on the boundary gives way, likewise."""
