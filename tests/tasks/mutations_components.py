@@ -1,0 +1,45 @@
+"""Slips in criteria, torque tasks and components, and the test that each must fail."""
+
+OBSERVER, ADAPTIVE = "tasks/components/momentum_observer.py", "tasks/components/slotine_li.py"
+MANIPULABILITY, TORQUE = "tasks/criteria/manipulability.py", "tasks/torque.py"
+GRADIENTS = "tests/tasks/test_projected_gradient.py::test_gradients_are_analytic_and_equal_central_differences"
+CLOSED_FORM = "tests/tasks/test_projected_gradient.py::test_without_active_limits_it_is_the_closed_form"
+TARGETS = "tests/tasks/test_targets.py"
+WRENCH = "tests/tasks/test_measured_wrench.py"
+SEES, ADAPTS = "tests/tasks/test_momentum_observer.py", "tests/tasks/test_slotine_li.py"
+LAW = f"{ADAPTS}::test_with_no_limit_active_the_command_is_the_law"
+
+#: (file, old text, new text, test that must fail)
+MUTATIONS = [
+    # criteria and their task
+    (MANIPULABILITY, "np.cross(a, Ga) + np.cross(w, Gw)", "np.cross(a, Ga) - np.cross(w, Gw)", GRADIENTS),
+    (MANIPULABILITY, "np.cumsum(moved, axis=0) - moved", "np.cumsum(moved, axis=0)", GRADIENTS),
+    (MANIPULABILITY, "(left * others) @ right", "(left * sizes) @ right", GRADIENTS),
+    ("tasks/criteria/mid_range.py", "self._middle - state.q_joints", "state.q_joints - self._middle", GRADIENTS),
+    ("tasks/criteria/clearance.py", "self.reach - d) * away", "self.reach + d) * away", GRADIENTS),
+    ("tasks/projected_gradient.py", "= self.gain * self", "= -self.gain * self", CLOSED_FORM),
+    # torques and forces
+    (TORQUE, "[0][nb:, nb:]", "[0][: state.model.nj, : state.model.nj]", TARGETS),
+    (TORQUE, "np.dot(out.A, tau_0, out.b)", "np.copyto(out.b, tau_0)", TARGETS),
+    ("tasks/position.py", '"xz": slice(0, 3, 2)', '"xz": slice(0, 2)', TARGETS),
+    ("tasks/components/measured_wrench.py", "plan.extra_bias -= ", "plan.extra_bias += ", WRENCH),
+    ("wbc/control/controller.py", "plan.extra_bias[:] = 0.0", "pass", WRENCH),
+    # the observer
+    (OBSERVER, "state.g - state.v @ state.coriolis", "state.g - state.coriolis @ state.v", SEES),
+    (OBSERVER, "state.g - state.v", "-state.v", SEES),
+    (OBSERVER, "0.5 * (self._beta + beta)", "beta", SEES),
+    (OBSERVER, "command.tau - self._plan.extra_bias", "command.tau", SEES),
+    (OBSERVER, "self._observer.reset(p)", "self._observer.reset(0.0 * p)", SEES),
+    # the adaptive law
+    (ADAPTIVE, "self._kp / self._kd", "self._kd / self._kp", LAW),
+    (ADAPTIVE, "wanted.second + self._ratio", "wanted.second - self._ratio", LAW),
+    (ADAPTIVE, "+ self._kd * e_rate", "- self._kd * e_rate", LAW),
+    (ADAPTIVE, "self._adapted(self._Y, self._s,", "self._adapted(self._Y, -self._s,", ADAPTS),
+    # an actuator
+    (
+        "wbc/sim/actuator_fault.py",
+        "(1.0 - self.effectiveness) * tau",
+        "self.effectiveness * tau",
+        "tests/sim/test_actuator_fault.py",
+    ),
+]
