@@ -190,7 +190,7 @@ class _NormalForm:
         if first.status.ok and first.certificate.within(ACCURATE):
             return first
         start, rows = self.e @ self.E, self.F @ self.free.T
-        length = _lengths(rows)
+        length = np.linalg.norm(rows, axis=1)
         settled = length <= FIXED
         rows[settled], length[settled] = 0.0, 1.0
         at, width = self.F @ start, np.where(settled, CONSISTENT, ROUNDING) * self.size
