@@ -33,7 +33,8 @@ class SlotineLi(Component):
     to zero for every smooth bounded q_d, while â need not go to a: only what q_d excites is identified. Of the model,
     the regressor Y alone is used; whatever its masses are, they say nothing here.
 
-    V = ½ sᵀ M s + eᵀ K_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â) falls along every motion, V̇ = −ėᵀ K_D ė − eᵀ K_P Λ e.
+    V = ½ sᵀ M s + eᵀ K_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â) falls along every motion, V̇ = −ėᵀ K_D ė − eᵀ K_P Λ e, while no
+    limit is active; what a limit takes away from τ_SL acts as a disturbance.
 
     Args:
         target: the motion: joint positions (nj,), or a function of time giving (positions, velocities, accelerations).
