@@ -12,6 +12,12 @@ from wbc.methods.projected_gradient import ProjectedGradientStep
 from wbc.methods.weighted_torque import WeightedTorque
 
 __all__ = [
-    "FaultFraction", "ForceDistribution", "Method", "MomentumResidual", "NullSpaceSaturation", "ParameterUpdate",
-    "ProjectedGradientStep", "WeightedTorque",
-]  # fmt: skip
+    "FaultFraction",
+    "ForceDistribution",
+    "Method",
+    "MomentumResidual",
+    "NullSpaceSaturation",
+    "ParameterUpdate",
+    "ProjectedGradientStep",
+    "WeightedTorque",
+]

@@ -1,0 +1,187 @@
+"""Forces that add up to a wrench with the least norm, inside friction and limits."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.optimize import linprog, minimize
+
+from tests.methods.problems import distributions
+from wbc import qp
+from wbc.errors import InvalidInput, NoClosedForm
+from wbc.methods import ForceDistribution
+from wbc.qp.solvers import usable
+from wbc.testing import check_method
+from wbc.testing.strategies import vectors
+
+ANY = distributions()
+FREE = distributions(limited=False)
+LIMITED = distributions(limited=True)
+
+
+def weighted(problem: ForceDistribution, f: np.ndarray) -> float:
+    """The norm of forces in the metric of W."""
+    return float(np.sqrt(f @ problem.weight @ f))
+
+
+@given(ANY)
+def test_closed_form_and_qp_agree_on_every_solver(problem: ForceDistribution):
+    check_method(problem)
+
+
+@given(FREE)
+def test_forces_add_up_to_the_wrench_or_it_is_out_of_reach(problem: ForceDistribution):
+    found = problem.closed_form()
+    rank = np.linalg.matrix_rank(problem.G, tol=1e-12 * np.linalg.norm(problem.G, 2))
+    augmented = np.column_stack([problem.G / (np.linalg.norm(problem.G, 2) or 1.0),
+                                 problem.wrench / (np.linalg.norm(problem.wrench) or 1.0)])  # fmt: skip
+    if np.linalg.matrix_rank(augmented, tol=1e-6) > rank:
+        assert not found.feasible
+    if found.feasible:
+        allowed = 1e-9 * (np.linalg.norm(problem.G, 2) * np.linalg.norm(found.f) + np.linalg.norm(problem.wrench))
+        assert np.linalg.norm(found.residual) <= allowed
+        np.testing.assert_array_equal(found.residual, problem.G @ found.f - problem.wrench)
+    else:
+        assert np.isnan(found.f).all() and np.isnan(found.multipliers).all() and np.isnan(found.residual).all()
+
+
+@given(FREE)
+def test_the_multipliers_are_the_optimality_conditions(problem: ForceDistribution):
+    found = problem.closed_form()
+    assume(found.feasible)
+    gradient, push = problem.weight @ found.f, problem.G.T @ found.multipliers
+    size = np.linalg.norm(problem.weight, 2) * np.linalg.norm(found.f)
+    assert np.linalg.norm(gradient - push) <= 1e-7 * (size or 1.0)
+
+
+@given(FREE, st.data())
+def test_internal_forces_only_make_them_larger(problem: ForceDistribution, data: st.DataObject):
+    found = problem.closed_form()
+    assume(found.feasible)
+    rank = np.linalg.matrix_rank(problem.G, tol=1e-12 * np.linalg.norm(problem.G, 2))
+    internal = np.linalg.svd(problem.G)[2][rank:].T
+    added = internal @ data.draw(vectors(internal.shape[1]))
+    assert weighted(problem, found.f + added) >= weighted(problem, found.f) * (1.0 - 1e-9)
+
+
+@given(LIMITED)
+def test_forces_stay_inside_friction_and_limits(problem: ForceDistribution):
+    found = problem.solve()
+    assume(found.feasible)
+    f, size = found.f.reshape(-1, 3), np.abs(found.f).max()
+    assert (np.abs(f[:, :2]) <= problem.friction[:, None] * f[:, 2:] + 1e-9 * size).all()
+    assert (np.abs(found.f) <= 150.0 + 1e-9 * size).all()
+
+
+@given(LIMITED)
+def test_a_linear_program_knows_whether_the_wrench_can_be_had(problem: ForceDistribution):
+    """Oracle: scipy's simplex on the largest part of the wrench, at least one half more or less than all of it."""
+    U, values, V = np.linalg.svd(problem.G)
+    rank = int((values > 1e-12 * values.max()).sum())
+    wrench = (U[:, :rank].T @ problem.wrench) / values[:rank]
+    assume(rank and np.abs(wrench).max() > 1e-6)
+    nf = problem.G.shape[1]
+    pyramid = np.column_stack([-problem.qp().C, np.zeros(len(problem.qp().C))])
+    answer = linprog(
+        np.append(np.zeros(nf), -1.0), A_eq=np.column_stack([V[:rank], -wrench / np.linalg.norm(wrench)]),
+        b_eq=np.zeros(rank), A_ub=pyramid, b_ub=np.zeros(len(pyramid)),
+        bounds=[(-150.0, 150.0)] * nf + [(0.0, None)], method="highs-ds",
+    )  # fmt: skip
+    part = answer.x[-1] / np.linalg.norm(wrench)
+    assume(abs(part - 1.0) > 1e-6)
+    assert problem.solve().feasible == (part > 1.0)
+
+
+@given(LIMITED)
+def test_no_random_change_inside_the_limits_is_cheaper(problem: ForceDistribution):
+    """Oracle: scipy's general minimiser, started from the answer, finds nothing smaller."""
+    found = problem.solve()
+    assume(found.feasible and 1e-3 < np.abs(found.f).max() and np.linalg.cond(problem.weight) < 1e3)
+    G = np.linalg.svd(problem.G)[2][: np.linalg.matrix_rank(problem.G, tol=1e-12 * np.linalg.norm(problem.G, 2))]
+    target, C, W = G @ found.f, problem.qp().C, problem.weight / np.linalg.norm(problem.weight, 2)
+    other = minimize(
+        lambda f: 0.5 * f @ W @ f, found.f, jac=lambda f: W @ f, method="SLSQP",
+        bounds=[(-150.0, 150.0)] * found.f.size,
+        constraints=[{"type": "eq", "fun": lambda f: G @ f - target, "jac": lambda f: G},
+                     {"type": "ineq", "fun": lambda f: C @ f, "jac": lambda f: C}],
+        options={"maxiter": 50},
+    )  # fmt: skip
+    met = np.abs(G @ other.x - target).max() < 1e-6 and (C @ other.x > -1e-6).all()
+    if met:
+        assert found.f @ W @ found.f <= other.x @ W @ other.x * (1.0 + 1e-5) + 1e-5 * np.abs(found.f).max()
+
+
+def test_the_forces_in_exact_numbers():
+    """Three springs share a load and a moment: rationals by Cramer's rule."""
+    G = [[Fraction(1), Fraction(1), Fraction(1)], [Fraction(-1), Fraction(0), Fraction(2)]]
+    w, wrench = [Fraction(1), Fraction(2), Fraction(4)], [Fraction(7), Fraction(3)]
+    S = [[sum(a[k] * b[k] / w[k] for k in range(3)) for b in G] for a in G]
+    det = S[0][0] * S[1][1] - S[0][1] ** 2
+    multipliers = [(S[1][1] * wrench[0] - S[0][1] * wrench[1]) / det, (S[0][0] * wrench[1] - S[0][1] * wrench[0]) / det]
+    exact = [sum(G[r][k] * multipliers[r] for r in range(2)) / w[k] for k in range(3)]
+    problem = ForceDistribution(
+        [[float(x) for x in row] for row in G], [float(x) for x in wrench], weight=[float(x) for x in w]
+    )
+    for found in (problem.closed_form(), *(problem.solve(solver) for solver in usable())):
+        np.testing.assert_allclose(found.f, [float(x) for x in exact], rtol=1e-8)
+        np.testing.assert_allclose(found.multipliers, [float(x) for x in multipliers], rtol=1e-7)
+
+
+def test_feet_of_a_table_share_its_weight_by_their_distance():
+    feet = np.array([[1.0, 0.5], [1.0, -0.5], [-1.0, 0.5], [-1.0, -0.5]])
+    G = np.vstack([np.ones(4), feet.T])
+    found = ForceDistribution(G, [100.0, 20.0, 0.0], f_min=0.0, f_max=60.0).solve()
+    np.testing.assert_allclose(found.f, [30.0, 30.0, 20.0, 20.0], atol=1e-9)
+
+
+def test_friction_pulls_normal_forces_up():
+    """Two fingers hold a weight between them: each carries half, and presses with half / μ."""
+    G = np.array([[1, 0, 0, 1, 0, 0], [0, 1, 0, 0, 1, 0], [0, 0, 1, 0, 0, -1]])
+    free = ForceDistribution(G, [10.0, 0.0, 0.0]).closed_form()
+    np.testing.assert_allclose(free.f, [5, 0, 0, 5, 0, 0], atol=1e-12)
+    for solver in usable():
+        held = ForceDistribution(G, [10.0, 0.0, 0.0], friction=0.5).solve(solver)
+        np.testing.assert_allclose(held.f, [5, 0, 10, 5, 0, 10], atol=1e-6)
+
+
+def test_a_pull_cannot_be_had_from_contacts():
+    pull = ForceDistribution(np.eye(3), [0.0, 0.0, -1.0], friction=0.5)
+    for solver in usable():
+        found = pull.solve(solver)
+        assert not found.feasible and np.isnan(found.f).all()
+
+
+def test_the_qp_in_standard_form_has_the_same_answer():
+    problem = ForceDistribution(np.hstack([np.eye(3)] * 2), [1.0, 0.0, 10.0], friction=[0.3, 0.6], f_max=20.0)
+    np.testing.assert_allclose(qp.solve(problem.qp(), "daqp").x, problem.solve("daqp").f, atol=1e-8)
+    assert "friction[1]: μ f_z + f_x" in [str(row) for row in problem.qp().rows]
+
+
+def test_limits_have_no_closed_form():
+    for options in ({"friction": 0.5}, {"f_min": 0.0}, {"f_max": [1.0, np.inf, np.inf]}):
+        with pytest.raises(NoClosedForm):
+            ForceDistribution(np.eye(3), [0, 0, 1], **options).closed_form()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"wrench": [1.0]}, "wrench must have shape"),
+        ({"G": [[np.inf, 0.0, 0.0]] * 3}, r"G\[\(0, 0\)\] is inf"),
+        ({"weight": [1.0, 0.0, 1.0]}, r"weight\[1\] is 0"),
+        ({"weight": -1.0}, "weight is -1"),
+        ({"weight": [[1, 2, 0], [0, 1, 0], [0, 0, 1]]}, r"weight is not symmetric: \[0, 1\] is 2"),
+        ({"weight": np.diag([1.0, -1.0, 1.0])}, "weight is not positive definite: an eigenvalue is -1"),
+        ({"friction": 0.0}, r"friction\[0\] is 0"),
+        ({"G": np.eye(2), "wrench": [0, 1], "friction": 0.5}, "G has 2 columns"),
+        ({"f_min": 1.0, "f_max": 0.0}, r"f_min\[0\] is 1 and f_max\[0\] is 0"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict[str, object], sentence: str):
+    good: dict[str, object] = {"G": np.eye(3), "wrench": [0.0, 0.0, 1.0]}
+    with pytest.raises(InvalidInput, match=sentence):
+        ForceDistribution(**(good | arguments))  # type: ignore[arg-type]

@@ -1,0 +1,71 @@
+"""The problems drawn are the ones that matter: enough of them are at a limit, infeasible, or short of rank."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.methods.problems import bare_steps, distributions, scaled_tasks, steps
+from wbc.methods import ForceDistribution, NullSpaceSaturation, ProjectedGradientStep
+from wbc.methods.shared import factors
+
+DRAWN = 300
+Signs = dict[str, bool]
+
+
+def short_of_rank(A: np.ndarray) -> bool:
+    return len(factors(A).V) < min(A.shape)
+
+
+def of_step(problem: ProjectedGradientStep) -> Signs:
+    found = problem.closed_form()
+    deficient = problem.origin is not None and short_of_rank(problem.origin.J)
+    return {"active": bool(found.active), "infeasible": not found.feasible, "deficient": deficient}
+
+
+def of_task(problem: NullSpaceSaturation) -> Signs:
+    found = problem.solve("daqp")
+    return {"active": bool(found.saturated), "infeasible": not found.feasible, "deficient": short_of_rank(problem.J)}
+
+
+def of_distribution(problem: ForceDistribution) -> Signs:
+    found = problem.solve("daqp")
+    room = np.concatenate([problem.qp().C @ found.f, found.f - problem.f_min, problem.f_max - found.f])
+    active = found.feasible and bool(room.min(initial=np.inf) <= 1e-6 * np.abs(found.f).max())
+    return {"active": active, "infeasible": not found.feasible, "deficient": short_of_rank(problem.G)}
+
+
+@pytest.mark.parametrize(
+    ("strategy", "signs"),
+    [
+        (st.one_of(steps(), bare_steps(), steps()), of_step),
+        (scaled_tasks(), of_task),
+        (distributions(), of_distribution),
+    ],
+    ids=["projected gradient", "saturation", "force distribution"],
+)
+def test_three_in_ten_are_at_a_limit_one_in_twenty_infeasible_one_in_twenty_deficient(
+    strategy: st.SearchStrategy[Any], signs: Callable[[Any], Signs]
+):
+    count: Counter[str] = Counter()
+
+    @settings(
+        max_examples=DRAWN, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
+    )
+    @given(strategy)
+    def draw(problem: Any) -> None:
+        count.update(name for name, present in signs(problem).items() if present)
+        count["drawn"] += 1
+
+    draw()
+    shares = {name: count[name] / count["drawn"] for name in ("active", "infeasible", "deficient")}
+    assert count["drawn"] >= 0.9 * DRAWN
+    assert shares["active"] >= 0.30, shares
+    assert shares["infeasible"] >= 0.05, shares
+    assert shares["deficient"] >= 0.05, shares
