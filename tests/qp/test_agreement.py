@@ -20,6 +20,7 @@ CORE = [*EXACT, "osqp"]
     tight=st.sampled_from([0.05, 0.5, 5.0]),
 )  # fmt: skip
 def test_all_solvers_for_control_agree(seed: int, n: int, n_eq: int, n_in: int, tight: float):
+    """Property 71."""
     qp = random_qp(seed, n, min(n_eq, n - 1), n_in, tight=tight)
     answers = {name: by_name(name).solve(qp) for name in CORE}
     for name, answer in answers.items():
@@ -36,3 +37,25 @@ def test_exact_solvers_see_that_rows_contradict(seed: int, n: int):
     bad = QP(qp.H, qp.g, A=qp.A, b=qp.b, C=C, cl=np.append(qp.cl, qp.b + 1.0), cu=np.append(qp.cu, np.inf))
     for name in EXACT:
         assert by_name(name).solve(bad).status is Status.INFEASIBLE, name
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["pdas", "daqp"]), st.floats(1e-3, 1e3))
+def test_units_names_and_idle_rows_do_not_move_the_minimum(seed: int, name: str, k: float):
+    """Property 72."""
+    rng = np.random.default_rng(seed)
+    qp, solver = random_qp(seed, 6, 2, 4, tight=0.5), by_name(name)
+    x = solver.solve(qp).x
+    n = qp.n
+    order = rng.permutation(n)
+    turned = {"A": qp.A[:, order], "b": qp.b, "C": qp.C[:, order], "cl": qp.cl, "cu": qp.cu}
+    bounds = {"lb": qp.lb[order], "ub": qp.ub[order]}
+    permuted = QP(qp.H[np.ix_(order, order)], qp.g[order], **turned, **bounds)
+    np.testing.assert_allclose(solver.solve(permuted).x, x[order], atol=1e-7)
+    rows = {"A": k * qp.A, "b": k * qp.b, "C": k * qp.C, "cl": k * qp.cl, "cu": k * qp.cu, "lb": qp.lb, "ub": qp.ub}
+    np.testing.assert_allclose(solver.solve(QP(k * qp.H, k * qp.g, **rows)).x, x, atol=1e-6)
+    far = rng.normal(size=n)
+    idle = QP(
+        qp.H, qp.g, A=qp.A, b=qp.b, C=np.vstack([qp.C, far]), cl=np.append(qp.cl, -np.inf),
+        cu=np.append(qp.cu, far @ x + 1.0), lb=qp.lb, ub=qp.ub,
+    )  # fmt: skip
+    np.testing.assert_allclose(solver.solve(idle).x, x, atol=1e-8)

@@ -45,6 +45,7 @@ def test_known_answers_and_the_signs_of_multipliers(solver: Solver, case: Case):
 
 @pytest.mark.parametrize("case", INFEASIBLE, ids=str)
 def test_what_cannot_be_met_is_infeasible(solver: Solver, case: Case):
+    """Property 73."""
     answer = solver.solve(case.make())
     assert answer.status is Status.INFEASIBLE
     assert np.isnan(everything(answer)).all()
