@@ -1,6 +1,6 @@
 """Mutations: deliberate slips in the sources, each of which must make a test fail.
 
-Lists stand in ``tests/methods/mutations_*.py``: ``MUTATIONS`` of (file, old text, new text, test to run). The sources
+Lists stand in ``mutations_*.py`` beside the tests: ``MUTATIONS`` of (file, old text, new text, test to run). Sources
 are changed in a copy, never in place. Run all with ``python -m tests.mutations``; ``tests/test_mutations.py`` does it
 too.
 """
@@ -34,8 +34,8 @@ class Mutation(NamedTuple):
 
 def mutations() -> list[Mutation]:
     """All lists, file by file."""
-    names = sorted(path.stem for path in (ROOT / "tests" / "methods").glob("mutations_*.py"))
-    lists = [import_module(f"tests.methods.{name}").MUTATIONS for name in names]
+    files = sorted(path.relative_to(ROOT) for path in (ROOT / "tests").rglob("mutations_*.py"))
+    lists = [import_module(".".join(file.with_suffix("").parts)).MUTATIONS for file in files]
     return [Mutation(*entry) for entries in lists for entry in entries]
 
 

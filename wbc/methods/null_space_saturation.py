@@ -83,7 +83,7 @@ class NullSpaceSaturation(Method):
     Example:
         >>> from wbc.methods import NullSpaceSaturation
         >>> task = NullSpaceSaturation([[1.0, 1.0]], [4.0], lower=[-1, -1], upper=[1, 2])
-        >>> print(task.closed_form().scale, task.closed_form().x)
+        >>> print(round(task.closed_form().scale, 9), task.closed_form().x.round(9))
         0.75 [1. 2.]
     """
 
@@ -108,8 +108,8 @@ class NullSpaceSaturation(Method):
 
         Example:
             >>> both = NullSpaceSaturation.prioritised([([[1, 0]], [4]), ([[0, 1]], [1])], lower=[-1, -1], upper=[2, 2])
-            >>> both.solve("daqp").scales
-            (0.5, 1.0)
+            >>> [round(scale, 9) for scale in both.solve("daqp").scales]
+            [0.5, 1.0]
         """
         return PrioritisedTasks(tasks, lower=lower, upper=upper)
 

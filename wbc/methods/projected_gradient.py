@@ -88,7 +88,7 @@ class ProjectedGradientStep(Method):
     Example:
         >>> from wbc.methods import ProjectedGradientStep
         >>> step = ProjectedGradientStep.from_gradient([[1, 1]], [1.0], [1.0, 0.0], v_min=[-1, -1], v_max=[1, 1])
-        >>> step.closed_form().alpha, step.closed_form().active
+        >>> round(step.closed_form().alpha, 9), step.closed_form().active
         (1.0, (0,))
     """
 
