@@ -61,7 +61,10 @@ def check_method(method: Method, solvers: Iterable[str | Solver] | None = None) 
 
 def _require(method: Method, one: str, differences: Mapping[str, float], other: str, judge: str) -> None:
     """Raise for the quantity that is worst compared with what the solver ``judge`` may show; NaN is the worst."""
-    excess = {name: np.nan_to_num(value, nan=np.inf, posinf=np.inf) / tolerance(judge, name) for name, value in differences.items()}
+    excess = {
+        name: np.nan_to_num(value, nan=np.inf, posinf=np.inf) / tolerance(judge, name)
+        for name, value in differences.items()
+    }
     worst = max(excess, key=excess.__getitem__)
     if excess[worst] > 1.0:
         raise CheckFailed(
