@@ -25,6 +25,7 @@ PUSHES = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
 PRICES = (1e1, 1e2, 1e3, 1e4)
 GAIN = 1e-10
 ROUNDING = 1e-12
+ROUNDS = 4
 STEPS = 20
 
 
@@ -114,16 +115,18 @@ def largest_scale(task: ScaledTask, box: Box, solver: str | Solver, kept: tuple[
         return none
     offset = max(float(np.linalg.norm(kept[1])), float(np.linalg.norm(task.drift)))
     unit = unit_of(task, box) + offset
-    while True:
+    found = none
+    for _ in range(ROUNDS):
         found = _largest(_ProximalSteps(task, box, solver, kept=kept, unit=unit))
         if not found.feasible:
             return none
-        size = max(float(np.linalg.norm(found.x)), offset)
-        if abs(found.size - task.high) <= ROUNDING * max(size, task.high):
-            found = replace(found, size=task.high)
-        if not 1e-9 * unit < size < 0.1 * unit:
-            return found
-        unit = size  # the box was much larger than the answer: once more in units that fit
+        size = max(float(np.linalg.norm(found.x)), found.size, offset)
+        if size >= 0.1 * unit:
+            break
+        unit = max(size, 1e-6 * unit)  # the box was much larger than the answer: once more in units that fit
+    if abs(found.size - task.high) <= ROUNDING * max(float(np.linalg.norm(found.x)), task.high):
+        found = replace(found, size=task.high)
+    return found
 
 
 def _largest(steps: _ProximalSteps) -> Scaled:
