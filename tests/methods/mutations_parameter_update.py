@@ -24,5 +24,4 @@ MUTATIONS = [
     (UPDATE, "cu=np.where(rows <= rounding, 0.0, np.inf)", "cu=np.where(rows <= rounding, np.inf, 0.0)",
      f"{TESTS}::test_in_a_polyhedron_what_is_taken_from_the_rate_is_a_push_of_its_rows"),
     (UPDATE, "cu=np.maximum(self.d - self.C @ self.a_hat, 0.0)", "cu=np.full(len(self.d), np.inf)", STEPS),
-    (UPDATE, "np.clip(self.a_hat + away, self.lower, self.upper)  # of rounding", "self.a_hat + away", STEPS),
 ]  # fmt: skip
