@@ -18,8 +18,11 @@ from wbc.methods import WeightedTorque
 from wbc.methods.weighted_torque import CLOSED_FORMS, FORMS
 from wbc.models import PlanarPR
 from wbc.qp import solve
+from wbc.qp.solvers import usable
 from wbc.testing import check_method
 
+#: Solvers that end at rounding, as far as they are installed.
+EXACT = [name for name in ("pdas", "daqp", "quadprog") if name in usable()]
 ROBOT = PlanarPR(m1=1, m2=1, l2=0.5, d2=0.25, I2=0.1)
 #: Two joints, one task row: the planar PR robot at rest, q = (0, π/2), pushed by the environment with (−1, 1) N.
 M, J = ROBOT.M([0, np.pi / 2]), ROBOT.J([0, np.pi / 2])[:1]
@@ -83,7 +86,7 @@ def test_all_solvers_agree_within_torque_limits(task: WeightedTorque):
     check_method(task)
 
 
-@given(problems(limited=True, damped=False), st.sampled_from(["pdas", "daqp", "quadprog"]))
+@given(problems(limited=True, damped=False), st.sampled_from(EXACT))
 def test_all_sets_of_unknowns_have_the_same_optimum(task: WeightedTorque, solver: str):
     """Property 45, with torque limits."""
     one, *others = (task.solve(solver, form) for form in FORMS)
