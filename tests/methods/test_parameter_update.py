@@ -118,7 +118,7 @@ def test_in_a_box_the_rate_is_that_of_bounded_least_squares(update: ParameterUpd
     high = np.where(update.upper - update.a_hat <= near, 0.0, np.inf)
     both = low == high
     if both.all():
-        np.testing.assert_array_equal(update.solve().a_hat_dot, 0.0)
+        assert lengths(update, update.solve().a_hat_dot) <= 1e-12 * lengths(update, free_rate(update))
         return
     inverse = np.linalg.inv(np.linalg.cholesky(update.gain))
     rate = free_rate(update)

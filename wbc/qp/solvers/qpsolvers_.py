@@ -56,7 +56,7 @@ BACKENDS = {
     "qpoases": Backend("qpoases", "qpoases", {}),
     "qpswift": Backend("qpSWIFT", "qpSWIFT", {}),
     "qtqp": Backend("qtqp", "qtqp", {"atol": 1e-9, "rtol": 0.0}),
-    "scs": Backend("scs", "scs", {"eps_abs": 1e-9, "eps_rel": 0.0}),
+    "scs": Backend("scs", "scs", {"eps_abs": 1e-9, "eps_rel": 0.0, "max_iters": 20_000}),
     "sip": Backend("sip_qp_python", "sip-qp-python", {}),
 }
 
@@ -117,7 +117,7 @@ class QpSolversSession(Session):
                 found = qpsolvers.solve_problem(problem, self.solver.name, None, False, **self._settings)
             except (qpsolvers.QPError, ValueError):
                 return Answer.none(qp.shape, Status.FAILED)
-        if not found.found or found.x is None:
+        if found.x is None:
             return Answer.none(qp.shape, Status.FAILED)
         up, low = np.isfinite(qp.cu), np.isfinite(qp.cl)
         pushed = _vector(found.z, int(up.sum() + low.sum()))
@@ -125,7 +125,8 @@ class QpSolversSession(Session):
         z[up] += pushed[: up.sum()]
         z[low] -= pushed[up.sum() :]
         y, z_box = _vector(found.y, qp.n_eq), _vector(found.z_box, qp.n)
-        return Answer(Status.SOLVED, np.array(found.x), y, z, z_box, 0, build_time + (found.build_time or 0.0))
+        status = Status.SOLVED if found.found else Status.FAILED  # the best it has may still pass the certificate
+        return Answer(status, np.array(found.x), y, z, z_box, 0, build_time + (found.build_time or 0.0))
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
         return explained(qp, answer, proof)
