@@ -17,7 +17,7 @@ PARTS = st.sampled_from([0.0, 0.1, 0.5, 0.9, 1.0, 1.0, 1.7, 1.7])
 def reach(v: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
     """The largest multiple of v that is inside; 1 where nothing ends it."""
     ahead = np.where(v > 0.0, upper, -lower)
-    moving = v != 0.0
+    moving = np.abs(v) > 1e-9 * np.abs(v).max(initial=0.0)
     multiple = float((ahead[moving] / np.abs(v[moving])).min(initial=np.inf))
     return multiple if np.isfinite(multiple) else 1.0
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.errors import NoClosedForm, UnknownSolver
+from wbc.errors import NoClosedForm, SolverFailed, UnknownSolver
 from wbc.methods import Method
 from wbc.qp import QP, Solver, solve
 from wbc.qp.solvers import by_name, usable
@@ -73,6 +73,20 @@ def test_without_a_closed_form_solvers_are_compared_among_themselves():
 def test_nan_is_the_largest_difference():
     with pytest.raises(CheckFailed, match="number differs"):
         check_method(Nearest(3.0, slip=np.nan), solvers=["pdas"])
+
+
+def test_a_solver_may_give_up_unless_it_is_exact():
+    class GivingUp(Nearest):
+        def solve(self, solver: Any = "pdas") -> float:
+            if by_name(solver).name in dict(self.drift):
+                raise SolverFailed(by_name(solver).name, "tired")
+            return super().solve(solver)
+
+    check_method(GivingUp(3.0, drift=(("proxqp", 0.0),)))
+    with pytest.raises(CheckFailed, match=r"GivingUp on 'daqp': .*tired"):
+        check_method(GivingUp(3.0, drift=(("daqp", 0.0),)))
+    with pytest.raises(CheckFailed, match="no solver"):
+        check_method(GivingUp(3.0, drift=(("proxqp", 0.0),)), solvers=["proxqp"])
 
 
 def test_solvers_are_names_or_solvers_with_settings():

@@ -254,6 +254,13 @@ def test_several_tasks_agree_on_every_solver():
         prioritised.closed_form()
 
 
+def test_the_drift_of_a_level_above_is_kept_too():
+    tasks = [([[1, 1, 0]], [1.0], [0.5]), ([[0, 1, 1]], [1.0], [-0.5])]
+    found = NullSpaceSaturation.prioritised(tasks, lower=-3, upper=3).solve("daqp")
+    assert found.scales == (1.0, 1.0)
+    np.testing.assert_allclose([found.x[0] + found.x[1] + 0.5, found.x[1] + found.x[2] - 0.5], [1.0, 1.0], atol=1e-9)
+
+
 def test_no_level_may_be_kept():
     nothing = NullSpaceSaturation.prioritised([([[1.0]], [1.0], [5.0])], lower=-1, upper=1).solve()
     assert not nothing.feasible and nothing.scales == (None,) and np.isnan(nothing.x).all()
@@ -306,7 +313,9 @@ def test_a_quadratic_penalty_is_biased_and_a_linear_one_is_not(m: int, x: np.nda
                       ub=[INF] * 4 + [1])  # fmt: skip
     assert qp.solve(quadratic, "daqp").x[-1] == pytest.approx(mu / (mu + shortest), rel=1e-6)
     task = NullSpaceSaturation(J, J @ x, lower=-INF, upper=INF)
-    assert qp.solve(task.qp(), "daqp").x[-1] == pytest.approx(1.0, abs=1e-8)
+    linear = qp.solve(task.qp(), "daqp").x
+    assert linear[-1] == pytest.approx(1.0, abs=1e-8)
+    np.testing.assert_allclose(linear[:-1], task.closed_form().x, atol=1e-7 * (1.0 + shortest))
 
 
 # ---- examples
@@ -328,6 +337,12 @@ def test_the_loop_may_miss_the_largest_scale():
         )
         gaps.append(task.solve("daqp").scale - task.closed_form().scale)
     assert min(gaps) >= -1e-9 and max(gaps) > 1e-3
+
+
+def test_the_loop_gives_the_best_scale_it_met_and_not_its_last():
+    task = NullSpaceSaturation([[0, -1, 2], [-2, 0, 1]], [-3.0, 2.0], lower=[-1, -1, -2], upper=[3, 2, 1])
+    assert task.closed_form().scale == pytest.approx(21 / 32, rel=1e-12)  # 0.589 where it ends
+    assert task.solve("daqp").scale == pytest.approx(6 / 7, rel=1e-9)
 
 
 def test_ties_go_to_the_first_joint():

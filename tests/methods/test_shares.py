@@ -12,8 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.methods.problems import bare_steps, distributions, scaled_tasks, steps
+from wbc.errors import SolverFailed
 from wbc.methods import ForceDistribution, NullSpaceSaturation, ProjectedGradientStep
 from wbc.methods.shared import factors
+from wbc.qp.solvers import usable
+from wbc.testing.methods import TOLERANCES
 
 DRAWN = 300
 Signs = dict[str, bool]
@@ -39,6 +42,26 @@ def of_distribution(problem: ForceDistribution) -> Signs:
     room = np.concatenate([problem.qp().C @ found.f, found.f - problem.f_min, problem.f_max - found.f])
     active = found.feasible and bool(room.min(initial=np.inf) <= 1e-6 * np.abs(found.f).max())
     return {"active": active, "infeasible": not found.feasible, "deficient": short_of_rank(problem.G)}
+
+
+@pytest.mark.parametrize(
+    "strategy", [steps(), bare_steps(), scaled_tasks(), distributions()], ids=["steps", "bare", "tasks", "forces"]
+)
+def test_no_solver_gives_up_on_more_than_one_problem_in_twenty(strategy: st.SearchStrategy[Any]):
+    given_up: Counter[str] = Counter()
+
+    @settings(max_examples=60, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(strategy)
+    def draw(problem: Any) -> None:
+        for name in usable():
+            try:
+                problem.solve(name)
+            except SolverFailed:
+                given_up[name] += 1
+
+    draw()
+    assert all(count <= 3 for count in given_up.values()), given_up
+    assert not set(given_up) & set(TOLERANCES), given_up
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from hypothesis import given
 
 from wbc.models.model import RobotState
 from wbc.testing import moments, robots
-from wbc.testing.strategies import boxes, spd, states
+from wbc.testing.strategies import boxes, jacobians, limits, spd, states, vectors
 
 HUMANOID = robots()[2]
 
@@ -38,3 +38,35 @@ def test_moments_are_the_same_each_time():
         assert first[0] == second[0]
         np.testing.assert_array_equal(first[1], second[1])
         np.testing.assert_array_equal(first[2], second[2])
+
+
+@given(limits(6))
+def test_limits_contain_zero_and_are_not_crossed(pair: tuple[np.ndarray, np.ndarray]):
+    lower, upper = pair
+    assert (lower <= 0.0).all() and (upper >= 0.0).all()
+    finite = np.abs(np.append(lower, upper))
+    finite = finite[np.isfinite(finite) & (finite > 0.0)]
+    assert ((finite >= 1e-3) & (finite <= 1e3)).all()
+
+
+@given(vectors(5))
+def test_entries_of_vectors_are_zero_or_of_the_magnitudes_asked_for(vector: np.ndarray):
+    size = np.abs(vector[vector != 0.0])
+    assert vector.shape == (5,) and ((size >= 1e-3) & (size <= 1e3)).all()
+
+
+@given(jacobians(3, 5, deficient=False))
+def test_full_jacobians_have_the_condition_asked_for(J: np.ndarray):
+    values = np.linalg.svd(J)[1]
+    assert 1e-3 * 0.99 <= values[0] <= 1e3 * 1.01 and values[-1] >= values[0] / 1.01e6
+
+
+@given(jacobians(3, 5, deficient=True))
+def test_deficient_jacobians_lack_a_direction(J: np.ndarray):
+    values = np.linalg.svd(J)[1]
+    assert values[-1] <= 1e-12 * (values[0] + 1e-300)
+
+
+@given(jacobians(0, 4), jacobians(4, 0))
+def test_jacobians_may_be_empty(wide: np.ndarray, tall: np.ndarray):
+    assert wide.shape == (0, 4) and tall.shape == (4, 0)
