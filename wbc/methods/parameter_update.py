@@ -220,16 +220,21 @@ class ParameterUpdate(Method):
         if (self.C @ aim <= self.d).all() and (self.lower <= aim).all() and (aim <= self.upper).all():
             return aim  # most ticks of an adaptive law: what stays inside costs no quadratic program
         # In changes of â, so that none is possible to the last digit.
-        p = len(away)
+        p, (rows, sides) = len(away), self._lengths()
         qp = QP(
             np.eye(p), np.zeros(p), C=self.C, cu=np.maximum(self.d - self.C @ self.a_hat, 0.0),
             lb=np.minimum(self.lower - self.a_hat, 0.0), ub=np.maximum(self.upper - self.a_hat, 0.0),
         )  # fmt: skip
-        for _ in range(2):  # and once more from there, for what rounding of a long way has left
+        outside = np.inf
+        while outside > 0.1 * self._rounding():  # once; twice where rounding of a long way leaves the set
             found = nearest(qp, away, root(self.gain), solver)
             if not found.status.ok:
                 raise SolverFailed(by_name(solver).name, found.status)
-            away = found.x
+            away, before = found.x, outside
+            over = np.concatenate([(self.C @ away - qp.cu) / rows, (away - qp.ub) / sides, (qp.lb - away) / sides])
+            outside = float(over.max(initial=0.0))
+            if outside >= before:
+                break
         return np.clip(self.a_hat + away, self.lower, self.upper)  # of rounding
 
     def difference(self, result: ParameterRate, reference: ParameterRate) -> Mapping[str, float]:
