@@ -54,16 +54,16 @@ def bare_steps(draw: Any) -> ProjectedGradientStep:
 def scaled_tasks(
     draw: Any, *, drift: bool | None = None, deficient: bool | None = None, n: int | None = None
 ) -> NullSpaceSaturation:
-    """Tasks of 1 to 10 joints that go from well inside the limits to far beyond; with a drift one in three."""
+    """Tasks of 1 to 10 joints that go from well inside the limits to far beyond; with a drift every other time."""
     n = draw(st.integers(1, 10)) if n is None else n
     J = draw(jacobians(draw(st.integers(1, n)), n, deficient=deficient))
     lower, upper = draw(limits(n))
     x = np.linalg.pinv(J, rcond=1e-12) @ (J @ draw(vectors(n)))
     x *= reach(x, lower, upper) * draw(st.sampled_from([0.5, 1.0, 1.5, 3.0, 10.0, 100.0]))
     offset = np.zeros(len(J))
-    if drift if drift is not None else draw(st.integers(0, 2)) == 0:
+    if drift if drift is not None else draw(st.booleans()):
         start = np.clip(draw(vectors(n)), np.maximum(lower, -1e3), np.minimum(upper, 1e3))
-        offset = -J @ start * draw(st.sampled_from([0.1, 1.0, 3.0, 10.0]))
+        offset = -J @ start * draw(st.sampled_from([0.1, 1.0, 10.0, 100.0]))
     return NullSpaceSaturation(J, J @ x, lower=lower, upper=upper, drift=offset)
 
 
@@ -75,12 +75,12 @@ def distributions(draw: Any, *, limited: bool | None = None) -> ForceDistributio
     m = draw(st.integers(1, 6))
     G = draw(jacobians(m, nf))
     weight = draw(spd(nf)) if draw(st.booleans()) else draw(magnitudes())
-    if not (draw(st.booleans()) if limited is None else limited):
+    if not (draw(st.sampled_from([True, True, True, False])) if limited is None else limited):
         wrench = G @ draw(vectors(nf)) if draw(st.integers(0, 4)) else draw(vectors(m))
         return ForceDistribution(G, wrench, weight=weight)
     mu = draw(st.floats(0.2, 1.0))
     normal = np.array(draw(st.lists(st.floats(1.0, 100.0), min_size=contacts, max_size=contacts)))
     slopes = np.array(draw(st.lists(st.floats(-1.0, 1.0), min_size=2 * contacts, max_size=2 * contacts)))
     tangential = mu * normal[:, None] * slopes.reshape(contacts, 2)
-    f = np.column_stack([tangential, normal]).ravel() * draw(st.sampled_from([1.0, 1.0, 1.0, -1.0]))
+    f = np.column_stack([tangential, normal]).ravel() * draw(st.sampled_from([1.0, 1.0, 1.0, -1.0, 3.0]))
     return ForceDistribution(G, G @ f, weight=weight, friction=mu, f_min=-150.0, f_max=150.0)
