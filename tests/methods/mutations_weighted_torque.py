@@ -41,5 +41,5 @@ MUTATIONS = [
     (NEAREST, "force[kept] = answer.z / length", "force[kept] = answer.z * length",
      "tests/methods/test_least_distance.py::test_answer_and_multipliers_are_certified_in_the_units_of_the_problem"),
     (NEAREST, "x = centre + root @ answer.x", "x = centre + root.T @ answer.x", LIMITED),
-    (NEAREST, "((lower - at)[kept] - noise) / length", "(lower[kept] - noise) / length", LIMITED),
+    (NEAREST, "(lower - at)[kept] / length, (upper", "lower[kept] / length, (upper", LIMITED),
 ]  # fmt: skip

@@ -37,8 +37,6 @@ DEPENDENT = 1e-11
 CONSISTENT = 1e-9
 #: The certificate, in the units of the normal form, at which no second look is needed.
 ACCURATE = 1e-10
-#: What the sum of a row's terms at the centre is known to, relative to them.
-NOISE = 1e-15
 #: Rows of the second look give way by this (of the size of the first), so that rounding does not contradict itself.
 ROUNDING = 1e-14
 #: A row that the equations leave less freedom than this (of its length) is settled by them.
@@ -80,10 +78,9 @@ def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Ne
     magnitude = np.maximum(np.abs(upper[equal]), np.abs(matrix[equal]) @ np.abs(centre))
     equations = _Equations(rows[equal], upper[equal] - at[equal], magnitude)
     length = _lengths(rows[kept])
-    noise = NOISE * (np.abs(matrix[kept]) @ np.abs(centre))
     form = _NormalForm(
-        equations.E, equations.e, equations.free, rows[kept] / length[:, None],
-        ((lower - at)[kept] - noise) / length, ((upper - at)[kept] + noise) / length,
+        equations.E, equations.e, equations.free,
+        rows[kept] / length[:, None], (lower - at)[kept] / length, (upper - at)[kept] / length,
     )  # fmt: skip
     answer = form.solve(by_name(solver)) if equations.consistent else None
     if answer is None or not answer.status.ok:
