@@ -21,7 +21,8 @@ MUTATIONS = [
     (TORQUE, "return A, self._wanted + A @ (self.n - self.tau_external)", "return A, self._wanted + A @ self.n", EXACT),
     (TORQUE, "tau = self.tau_0 + away @ (Lambda @ missing)", "tau = away @ (Lambda @ missing)", EXACT),
     (TORQUE, " + (self.tau_0 - away @ (Lambda @ (A @ self.tau_0)))", " + self.tau_0", EXACT),
-    (TORQUE, "* self.damping])", "* 0.0])", f"{TESTS}::test_damping_leaves_an_error_of_its_square_and_ends_at_tau_0"),
+    (TORQUE, "* self.damping])", "* 0.0])",
+     "tests/methods/test_weighted_torque_refusals.py::test_damping_leaves_an_error_of_its_square_and_ends_at_tau_0"),
     (TORQUE, "return inverse @ inverse, M", "return inverse @ inverse, inverse",
      f"{TESTS}::test_the_torque_beside_tau_0_lies_in_the_range_of_the_task"),
     # a bound

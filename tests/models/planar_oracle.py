@@ -1,11 +1,13 @@
-"""The same planar chains built in Pinocchio: an oracle that shares no formula with ours."""
+"""The planar robots of the tests, and the same chains in Pinocchio: an oracle that shares no formula with ours."""
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
-from wbc.models import Chain
+from wbc.models import Chain, Planar4P, PlanarPR
+from wbc.models.lagrange import derive
 
 _JOINTS = {"R": pin.JointModelRZ, "Px": pin.JointModelPX, "Py": pin.JointModelPY}
 
@@ -34,3 +36,10 @@ def in_pinocchio(chain: Chain, parameters: dict[str, float], gravity: float) -> 
         tip = length * along
     model.addFrame(pin.Frame("end_effector", parent, pin.SE3(np.eye(3), tip), pin.FrameType.OP_FRAME))
     return model
+
+
+PR = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1)
+FOUR = Planar4P(m=(1.3, 0.8, 1.7, 0.6))
+DERIVED = derive("RPyR").robot(some_parameters(derive("RPyR").chain))
+ROBOTS = {"planar_pr": PR, "planar_4p": FOUR, "derived": DERIVED}
+robots = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)

@@ -1,0 +1,74 @@
+"""The weighted torque where there is no task to do as asked: damping at singularities, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from tests.methods.test_weighted_torque import CALM, assert_same, exercise
+from tests.methods.torque_problems import again, problems
+from wbc.errors import InvalidInput
+from wbc.methods import WeightedTorque
+
+
+@given(problems(**CALM, damped=False, equalities=False))
+def test_damping_leaves_an_error_of_its_square_and_ends_at_tau_0(task: WeightedTorque):
+    """Property 54: ‖A τ − b‖ = O(d²), d → 0 is the undamped answer, d → ∞ gives τ₀."""
+    A = task.J @ np.linalg.inv(task.M)
+    b = task.task_acceleration - task.drift + A @ (task.n - task.tau_external)
+    scale = np.sqrt(np.linalg.eigvalsh(A @ np.linalg.inv(task.W) @ A.T)[0])
+
+    def error(d: float) -> float:
+        return float(np.linalg.norm(A @ again(task, damping=d * scale).closed_form().tau - b))
+
+    whole = float(np.linalg.norm(A @ task.tau_0 - b))
+    for d in (0.3, 0.1):
+        assert error(d) <= d**2 * whole * (1 + 1e-6)
+    assert error(0.01) <= 1.1e-2 * error(0.1) + 1e-8 * whole
+    assert_same(task, again(task, damping=1e-4 * scale).closed_form().tau, task.closed_form().tau, 1e-5)
+    far = again(task, damping=1e8 * np.sqrt(np.linalg.norm(A @ np.linalg.inv(task.W) @ A.T, 2)))
+    assert_same(task, far.closed_form().tau, task.tau_0, 1e-6)
+    assert_same(task, far.solve().tau, task.tau_0, 1e-6)
+
+
+def test_damped_torques_are_continuous_through_singularities():
+    """Property 54: two rows that become parallel; without damping the torque grows without bound."""
+
+    def torque(angle: float, damping: float) -> np.ndarray:
+        rows = [[1.0, 0.0], [np.cos(angle), np.sin(angle)]]
+        return WeightedTorque(np.eye(2), [0, 0], rows, [1.0, -1.0], damping=damping).closed_form().tau
+
+    angles = np.linspace(-0.01, 0.01, 201)
+    damped = np.array([torque(angle, 0.1) for angle in angles])
+    assert np.abs(np.diff(damped, axis=0)).max() < 0.05
+    assert np.abs(torque(1e-6, 0.0)).max() > 1e5
+
+
+# ---- what is refused
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"M": [[1.0, 2.0], [2.0, 1.0]]}, r"M is not positive definite: an eigenvalue is -1"),
+        ({"M": [[1.0, 0.5], [0.2, 1.0]]}, r"M is not symmetric: \[0, 1\] is 0.5, \[1, 0\] is 0.2"),
+        ({"n": [0.0, np.nan]}, r"n\[1\] is nan"),
+        ({"J": [[1.0, 0.0, 0.0]]}, r"J must have shape \(any, 2\), not \(1, 3\)"),
+        ({"task_acceleration": [1.0, 2.0]}, r"task_acceleration must have shape \(1,\), not \(2,\)"),
+        ({"weight": [[1.0, 0.0], [0.0, -1.0]]}, r"weight is not positive definite: an eigenvalue is -1"),
+        ({"weight": [1.0, 0.0]}, r"weight\[1\] is 0; it must be positive"),
+        ({"weight": "inertia"}, r"weight is 'inertia'; it must be an array or one of inverse_inertia"),
+        ({"tau_min": [0.0, 2.0], "tau_max": 1.0}, r"tau_min\[1\] is 2 and tau_max\[1\] is 1"),
+        ({"damping": -0.1}, r"damping is -0.1; it must be >= 0"),
+        ({"equalities": ([[1.0, 0.0]], [1.0, 2.0])}, r"equalities\[1\] must have shape \(1,\), not \(2,\)"),
+    ],
+)  # fmt: skip
+def test_bad_arguments_are_named(change: dict[str, object], message: str):
+    with pytest.raises(InvalidInput, match=message):
+        again(exercise(), **change)
+
+
+def test_unknown_forms_are_named():
+    with pytest.raises(InvalidInput, match="form is 'velocity'; it must be one of torque, acceleration, joint"):
+        exercise().solve(form="velocity")
+    with pytest.raises(InvalidInput, match="form is 'lq'"):
+        exercise().closed_form("lq")

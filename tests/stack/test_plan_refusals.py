@@ -1,0 +1,183 @@
+"""What a stack refuses while it is built, each by its name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import (
+    ContactForce,
+    Position,
+    Posture,
+    Torque,
+    TorqueLimits,
+)
+from tests.stack.conftest import moving, standing
+from tests.stack.test_plan import SharedLoad, controller
+from wbc.errors import InvalidInput, NotSupported, UnknownFrame, UnknownName
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.qp.rows.dual import DualSolver
+from wbc.qp.solvers import Pdas
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
+
+
+class Forgetful(Task):
+    """Writes no Jacobian."""
+
+    dim, units = 1, "m"
+
+    def fill(self, state: Any, out: TaskRows) -> None:
+        out.e[:] = 0.0
+        out.drift[:] = 0.0
+
+
+class ForgetfulLinear(LinearTask):
+    """Writes no right side."""
+
+    on, dim, units = "torque", 1, "N m"
+
+    def fill(self, state: Any, out: LinearRows) -> None:
+        out.A[:] = 1.0
+
+
+@pytest.mark.parametrize("task", [Forgetful(), ForgetfulLinear()])
+def test_a_row_that_nobody_writes_is_found_by_name(arm: PinocchioModel, task: Any) -> None:
+    with pytest.raises(InvalidInput, match=type(task).__name__):
+        controller(arm, wbc.Stack([task, Posture(arm.q0)]))
+
+
+class HalfLaw(LinearConstraint):
+    """Forgets its upper side."""
+
+    on, dim, units = "torque", 1, "N m"
+
+    def fill(self, state: Any, out: ConstraintRows) -> None:
+        out.A[:] = 1.0
+        out.lo[:] = -1.0
+
+
+class HalfBarrier(Barrier):
+    """Forgets h."""
+
+    dim, units = 1, "m"
+
+    def fill(self, state: Any, out: BarrierRows) -> None:
+        out.J[:] = out.drift[:] = 0.0
+
+
+class Nobody(wbc.Constraint):
+    """Of no known kind."""
+
+
+class Nowhere(LinearConstraint):
+    """About positions, which are no unknown at any level."""
+
+    on, dim, units = "position", 1, "rad"
+
+    def fill(self, state: Any, out: ConstraintRows) -> None:
+        out.A[:] = out.lo[:] = out.hi[:] = 0.0
+
+
+class Rowless(Task):
+    """Has no rows."""
+
+    dim, units = 0, "m"
+
+    def fill(self, state: Any, out: TaskRows) -> None: ...
+
+
+class Clumsy(Task):
+    """Writes a shape that does not fit."""
+
+    dim, units = 3, "m"
+
+    def fill(self, state: Any, out: TaskRows) -> None:
+        out.J[:] = np.zeros((2, 2))
+
+
+@pytest.mark.parametrize("law", [HalfLaw(), HalfBarrier(), Nobody(), Nowhere()])
+def test_a_law_that_says_less_than_it_should_is_refused_by_name(arm: PinocchioModel, law: Any) -> None:
+    with pytest.raises((InvalidInput, NotSupported), match=type(law).__name__):
+        controller(arm, wbc.Stack([Posture(arm.q0)], subject_to=[law]))
+
+
+@pytest.mark.parametrize("task", [Rowless(), Clumsy()])
+def test_a_task_that_cannot_be_filled_is_refused_by_name(arm: PinocchioModel, task: Any) -> None:
+    with pytest.raises(InvalidInput, match=type(task).__name__):
+        controller(arm, wbc.Stack([task, Posture(arm.q0)]))
+
+
+def test_torque_limits_that_leave_nothing_are_refused_by_joint(arm: PinocchioModel) -> None:
+    class AtLeast(TorqueLimits.__mro__[1]):  # type: ignore[misc]
+        """Every joint gives at least 1.5 N m."""
+
+        quantity = "torque"
+
+        def bounds(self, model: Any) -> Any:
+            return np.full(7, 1.5), np.full(7, 2.0)
+
+    with pytest.raises(InvalidInput, match=arm.joint_names[0]):
+        controller(arm, wbc.Stack([Posture(arm.q0)], subject_to=[TorqueLimits(1.0), AtLeast()]))
+
+
+def test_a_task_without_damping_needs_a_rate_at_the_velocity_level(arm: PinocchioModel) -> None:
+    stack = wbc.Stack([Position("tool", target=[0.4, 0, 0.4], kd=0.0), Posture(arm.q0)])
+    with pytest.raises(InvalidInput, match="rate"):
+        controller(arm, stack, level=wbc.VelocityLevel())
+    controller(arm, stack, level=wbc.AccelerationLevel())
+
+
+def test_a_target_that_stops_giving_rates_is_at_rest(arm: PinocchioModel) -> None:
+    goal = np.array([0.4, 0.1, 0.4])
+
+    def target(t: float) -> Any:
+        return (goal, np.ones(3), np.zeros(3)) if t < 1.0 else goal
+
+    q, v = moving(arm, 1)
+    commands = []
+    for task in (Position("tool", target=target), Position("tool", target=goal)):
+        control = controller(arm, wbc.Stack([task, Posture(arm.q0)]), level=wbc.VelocityLevel())
+        control.tick(0.0, q, v)
+        commands.append(control.tick(2.0, q, v).v)
+    np.testing.assert_array_equal(*commands)
+
+
+def test_gains_assigned_between_ticks_act_like_a_fresh_stack(arm: PinocchioModel) -> None:
+    q, v = moving(arm, 1)
+    stack = wbc.Stack([Position("tool", target=[0.4, 0.1, 0.4]), Posture(arm.q0)])
+    control = controller(arm, stack)
+    before = control.tick(0.0, q, v).tau
+    stack.tasks[0].kp, stack.tasks[1].kd = 400.0, 3.0
+    after = control.tick(0.0, q, v).tau
+    assert np.abs(after - before).max() > 1e-3
+    np.testing.assert_allclose(after, controller(arm, stack).tick(0.0, q, v).tau, atol=1e-9)
+
+
+def test_settings_of_the_default_solver_reach_it(arm: PinocchioModel) -> None:
+    stack = wbc.Stack([Position("tool", target=[0.4, 0.1, 0.4]), Posture(arm.q0)], subject_to=[TorqueLimits()])
+    control = controller(arm, stack, solver=Pdas(tries=1, accuracy=1e-6))
+    assert isinstance(control._solver, DualSolver)
+    assert (control._solver.tries, control._solver.tolerance) == (1, 1e-6)
+
+
+def test_what_a_level_cannot_carry_is_refused_by_name(arm: PinocchioModel) -> None:
+    posture = Posture(arm.q0)
+    for level in (wbc.VelocityLevel(), wbc.AccelerationLevel()):
+        with pytest.raises(NotSupported, match="TorqueLimits"):
+            controller(arm, wbc.Stack([posture], subject_to=[TorqueLimits()]), level=level)
+        with pytest.raises(NotSupported, match="SharedLoad"):
+            controller(arm, wbc.Stack([posture], subject_to=[SharedLoad(1.0)]), level=level)
+    with pytest.raises(NotSupported, match="Torque"):
+        controller(arm, wbc.Stack([Torque(), posture]), level=wbc.AccelerationLevel())
+
+
+def test_unknown_frames_and_contacts_are_refused_with_near_names(arm: PinocchioModel) -> None:
+    with pytest.raises(UnknownFrame, match="tool"):
+        controller(arm, wbc.Stack([Position("tol", target=[0, 0, 0]), Posture(arm.q0)]))
+    with pytest.raises(UnknownName, match="front_left_foot"):
+        robot = wbc.load("quadruped")
+        controller(robot, standing(robot, extra=(ContactForce("front_left_fot", target=[0, 0, 1]),)))
