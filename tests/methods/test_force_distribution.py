@@ -155,6 +155,12 @@ def test_a_pull_cannot_be_had_from_contacts():
         assert not found.feasible and np.isnan(found.f).all()
 
 
+def test_a_wrench_that_no_forces_give_is_out_of_reach_in_closed_form_too():
+    problem = ForceDistribution([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], [1.0, 0.0])
+    for found in (problem.closed_form(), *map(problem.solve, usable())):
+        assert not found.feasible and np.isnan(found.f).all()
+
+
 def test_the_qp_in_standard_form_has_the_same_answer():
     problem = ForceDistribution(np.hstack([np.eye(3)] * 2), [1.0, 0.0, 10.0], friction=[0.3, 0.6], f_max=20.0)
     np.testing.assert_allclose(qp.solve(problem.qp(), "daqp").x, problem.solve("daqp").f, atol=1e-8)
