@@ -16,6 +16,6 @@ MUTATIONS = [
     (FILE, "A=np.column_stack([self.J, -self.target])", "A=np.column_stack([self.J, self.target])", TESTS),
     (SCALING, "towards[-2] += push", "towards[-2] -= push", TESTS),
     (SCALING, "np.append(right, -task.drift) / self.unit", "np.append(right, task.drift) / self.unit", TESTS),
-    (SCALING, "if further.size <= found.size + GAIN * steps.unit:", "if True:", TESTS),
+    (SCALING, "steps.onwards(found, push).size <= found.size + GAIN * steps.unit", "True", TESTS),
     (SCALING, "np.linalg.norm(high * missing - off)", "np.linalg.norm(high * missing + off)", TESTS),
 ]  # fmt: skip

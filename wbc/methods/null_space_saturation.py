@@ -139,7 +139,7 @@ class NullSpaceSaturation(Method):
 
     def _result(self, x: Vec, size: float, task: ScaledTask, *, optimal: bool) -> Saturation:
         at_limit = Box(self.lower, self.upper).reached(x)
-        scale = min(1.0, size / task.full)
+        scale = min(1.0, max(0.0, size / task.full))
         return Saturation(x, scale, tuple(int(i) for i in at_limit.nonzero()[0]), True, optimal)
 
     def _infeasible(self, *, optimal: bool) -> Saturation:
@@ -249,7 +249,7 @@ class PrioritisedTasks(Method):
                 scales.append(None)
                 continue
             x = found.x
-            scales.append(min(1.0, found.size / task.full))
+            scales.append(min(1.0, max(0.0, found.size / task.full)))
             rows = np.vstack([rows, task.V])
             right = np.append(right, found.size * task.direction - task.drift)
         return PrioritisedSaturation(x, tuple(scales), any(scale is not None for scale in scales))

@@ -10,10 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.qp.problem import QP
-from wbc.types import Vec
+from wbc.types import Index, Vec
 
 #: Violations beside numbers of about one, and multipliers of a wrong sign beside the largest, that are rounding.
 EXACT = 1e-11
+#: The part of a row of unit length that the others do not have, from which it counts as a row of its own.
+INDEPENDENT = 1e-7
 TRIES = 16
 
 
@@ -28,20 +30,16 @@ def polished(qp: QP, x: Vec, z: Vec) -> tuple[Vec, Vec, Vec] | None:
     values = qp.C @ x
     side = np.where(z > qp.cu - values, 1.0, np.where(-z > values - qp.cl, -1.0, 0.0))
     for attempt in range(TRIES):
-        held = side.nonzero()[0]
+        held = _independent(qp, side.nonzero()[0], z)
+        side = np.where(np.isin(np.arange(len(side)), held), side, 0.0)
         E = np.concatenate([qp.A, qp.C[held]])
-        e = np.concatenate([qp.b, np.where(side > 0.0, qp.cu, qp.cl)[held]])
+        e = np.concatenate([qp.b, np.where(side[held] > 0.0, qp.cu[held], qp.cl[held])])
         if not np.isfinite(e).all():
             return None
         inverse = np.linalg.pinv(E, rcond=1e-10)
         x = inverse @ e
         x += inverse @ (e - E @ x)
         push = -(inverse.T @ x)
-        if np.abs(E @ x - e).max(initial=0.0) > EXACT:
-            if not len(held):
-                return None
-            side[held[np.abs(z[held]).argmin()]] = 0.0  # they cannot all hold: the one that pushes least does not
-            continue
         values, force = qp.C @ x, np.zeros(len(side))
         force[held] = push[qp.n_eq :]
         over, under = values - qp.cu, qp.cl - values
@@ -52,6 +50,25 @@ def polished(qp: QP, x: Vec, z: Vec) -> tuple[Vec, Vec, Vec] | None:
             return x, push[: qp.n_eq], force
         # All that are wrong at once, which may go in circles; then the worst alone.
         change = wrong > (EXACT if attempt < TRIES // 2 else 0.999 * wrong.max())
-        side = np.where(change, np.where(side != 0.0, 0.0, np.where(over > under, 1.0, -1.0)), side)
-        z = np.where(side == 0.0, 0.0, force)
+        enters = change & (side == 0.0)
+        side = np.where(enters, np.where(over > under, 1.0, -1.0), np.where(change, 0.0, side))
+        z = np.where(enters, np.inf, force)
     return None
+
+
+def _independent(qp: QP, rows: Index, z: Vec) -> Index:
+    """Those of the rows of C that are independent of A and of each other, what pushes more before what pushes less.
+
+    Where more rows meet than there are directions, their multipliers are not unique and some would have wrong signs.
+    """
+    basis, kept = list(np.linalg.qr(qp.A.T)[0].T), []
+    for row in rows[np.argsort(-np.abs(z[rows]), kind="stable")]:
+        beside = qp.C[row].copy()
+        for _ in range(2):  # once is not orthogonal enough
+            for direction in basis:
+                beside -= (direction @ beside) * direction
+        length = float(np.linalg.norm(beside))
+        if length > INDEPENDENT:
+            basis.append(beside / length)
+            kept.append(row)
+    return np.array(sorted(kept), dtype=np.intp)

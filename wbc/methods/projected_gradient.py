@@ -188,6 +188,7 @@ class ProjectedGradientStep(Method):
         low, high = max(0.0, float(ends[0].max())), min(self.alpha_max, float(ends[1].min()))
         if low > high + SAME * self._unit():
             return self._infeasible(low, high)
+        high = max(high, 0.0)
         return self._step(high, (min(low, high), high))
 
     def _step(self, alpha: float, interval: tuple[float, float]) -> Step:

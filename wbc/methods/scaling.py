@@ -15,18 +15,20 @@ from wbc.types import Mat, Vec
 
 Mask = NDArray[np.bool_]
 
-#: Limits that must give way by more than this part of their size cannot be met.
-SAME = 5e-9
+#: Limits that must give way by more than this part of their size cannot be met; below the second number it may be
+#: what a solver left of a large distance.
+SAME, NEARLY = 5e-9, 1e-5
 #: A part of a target or drift, relative to the whole, that counts as out of the range of J.
 OUT_OF_RANGE = 1e-9
 #: Pushes towards larger scales, in units of x: nine tasks in ten need the first or second.
 PUSHES = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
 #: Prices of limits, in units of the push, and what a step gains, in units of x, when there is nothing to gain.
 PRICES = (1e1, 1e2, 1e3, 1e4)
-GAIN = 1e-10
-ROUNDING = 1e-12
+GAIN, ROUNDING = 1e-10, 1e-12
+#: The push of a step that only takes away what solvers leave of larger ones.
+SMALL = 1e-3
+#: Changes of the unit of x before the best so far is the answer.
 ROUNDS = 4
-STEPS = 20
 
 
 @final
@@ -130,14 +132,13 @@ def largest_scale(task: ScaledTask, box: Box, solver: str | Solver, kept: tuple[
 
 
 def _largest(steps: _ProximalSteps) -> Scaled:
-    """From zero with larger and larger pushes, until a step from the answer gains nothing."""
-    found = further = steps.from_zero(PUSHES[0])
+    """From zero with larger and larger pushes, until a step from the answer gains nothing; at the end a small step."""
+    found = steps.from_zero(PUSHES[0])
     for push in PUSHES[1:]:
-        further = steps.onwards(found, push) if found.feasible else found
-        if further.size <= found.size + GAIN * steps.unit:
-            return found
+        if not found.feasible or steps.onwards(found, push).size <= found.size + GAIN * steps.unit:
+            break
         found = steps.from_zero(push)
-    return further
+    return steps.onwards(found, SMALL) if found.feasible else found
 
 
 @final
@@ -173,53 +174,57 @@ class _ProximalSteps:
         zero = Scaled(np.zeros(len(self.give) - 1), 0.0, self.consistent)
         if not self.consistent:
             return zero
-        inside = zero
+        found, w = self._priced(zero, push)
+        return found if w <= SAME else self._inside(found)
+
+    def _priced(self, centre: Scaled, push: float) -> tuple[Scaled, float]:
+        """The nearest point at a price that leaves no w, or at the highest: a little w may buy much σ."""
+        found, w = centre, np.inf
         for price in PRICES:
-            found, w = self._nearest(zero, push, price)
-            if w <= SAME:
-                return found
-            if price == PRICES[0]:
-                inside = self._inside(found)
-                if not inside.feasible:
-                    break
-        return inside
+            found, w = self._nearest(centre, push, price)
+            if ROUNDING < w <= NEARLY:
+                found, w = self._nearest(found, SMALL, price)
+            if w <= ROUNDING:
+                break
+            if w > SAME and price == PRICES[0] and not self._inside(found).feasible:
+                break
+        return found, w
 
     def _inside(self, found: Scaled) -> Scaled:
-        """A point within the limits, in steps that only make w smaller: any, not the best."""
-        before = np.inf
-        for _ in range(STEPS):
-            found, w = self._nearest(found, 0.0, 1.0)
-            if w <= SAME or w > 0.999 * before:
-                return replace(found, feasible=w <= SAME)
-            before = w
+        """A point within the limits, in longer and longer steps that only make w smaller: any, not the best."""
+        for push in (1e2, 1e3, 1e4):
+            found, w = self._nearest(found, 0.0, push)
+            if w <= SAME:
+                return found
         return replace(found, feasible=False)
 
     def onwards(self, found: Scaled, push: float) -> Scaled:
         """One more step from a point within the limits; that point where no price keeps them from giving way."""
-        for price in PRICES:
-            further, w = self._nearest(found, push, price)
-            if w <= SAME:
-                return further
-        return found
+        further, w = self._priced(found, push)
+        return further if w <= SAME else found
 
     def _nearest(self, centre: Scaled, push: float, price: float) -> tuple[Scaled, float]:
         """The point nearest to ``centre`` pushed towards larger σ, and w, which costs ``price`` times what σ gains.
 
-        Not a push towards w < 0 but the unit of w makes the price, so that no distance is large: it is w · price that
-        is pushed, as much as σ is, or by a hundred where σ is not.
+        Not a long push of w but its unit makes the price, so that no distance is large: it is w · price that is
+        pushed, as much as σ is. Without a push of σ, w is pushed by ``price`` in its own unit.
         """
         start = np.append(centre.x, centre.size) / self.unit
-        towards = np.append(start, -(push or 1e2))
+        towards, unit = (np.append(start, -push), 1.0 / price) if push else (np.append(start, -price), 1.0)
         towards[-2] += push
-        (rows, low, high), units = self.limits, np.append(np.ones(len(start)), 1.0 / price)
+        (rows, low, high), units = self.limits, np.append(np.ones(len(start)), unit)
         feasible = self._met(start)
         x = projection(towards, self.equal, (rows * units, low, high), feasible / units, self.solver)
-        return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), float(abs(x[-1]) / price)
+        return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), self._beyond(x[:-1])
 
     def _met(self, start: Vec) -> Vec:
         """The point on the equations nearest to this one, with the w that it takes there."""
         (equal, right), point = self.equal, np.append(start, 0.0)
         point += self.factors.inverse(right - equal @ point)
-        over = np.maximum(point[:-1] - self.high, self.low - point[:-1])
-        point[-1] = max(0.0, float((over / self.give).max()))
+        point[-1] = self._beyond(point[:-1])
         return point
+
+    def _beyond(self, point: Vec) -> float:
+        """The w at which all limits give way enough for this (x, σ)."""
+        over = np.maximum(point - self.high, self.low - point)
+        return max(0.0, float((over / self.give).max()))
