@@ -355,7 +355,9 @@ def test_rounding_at_a_limit_decides_nothing():
 
 def test_a_locked_joint_that_would_move_stops_everything():
     step = ProjectedGradientStep([0.0, 0.0], [1.0, 1.0], v_min=[0, -1], v_max=[0, 1])
-    assert step.closed_form().alpha == 0.0 == step.solve("daqp").alpha
+    alone = ProjectedGradientStep([0.0, 0.0], [1.0, 0.0], v_min=[0, -1], v_max=[0, 1])
+    for each in (step, alone):
+        assert each.closed_form().alpha == 0.0 == each.solve("daqp").alpha
 
 
 def test_alpha_max_zero_and_alpha_max_reached():

@@ -171,7 +171,8 @@ class ProjectedGradientStep(Method):
         ahead = np.where(self.v_null > 0.0, self.v_max, -self.v_min)
         ends = self._moving & np.isfinite(ahead)
         steps = np.append(self._size[ends] / np.abs(self.v_null[ends]), self.alpha_max)
-        return float(min(steps[steps > 0.0], default=1.0))
+        known = steps[np.isfinite(steps)]
+        return float(min(known[known > 0.0], default=1.0)) if known.size else np.inf
 
     # ---- closed form
     def closed_form(self) -> Step:
