@@ -117,7 +117,7 @@ def test_an_answer_from_bounded_least_squares_is_no_shorter(task: NullSpaceSatur
     heavy = 1e4
     other = lsq_linear(np.vstack([heavy * V, np.eye(V.shape[1])]), np.append(heavy * w, np.zeros(V.shape[1])),
                        bounds=(task.lower, task.upper), tol=1e-13)  # fmt: skip
-    assert np.linalg.norm(found.x) <= np.linalg.norm(other.x) * (1.0 + 1e-3) + 1e-5
+    assert np.linalg.norm(found.x) <= np.linalg.norm(other.x) * (1.0 + 1e-4) + 1e-6
 
 
 @given(AT_REST, st.floats(1.0, 10.0))
@@ -164,7 +164,7 @@ def test_another_joint_never_makes_the_scale_smaller(task: NullSpaceSaturation, 
     assert more.solve().scale >= task.solve().scale - 1e-7
 
 
-@given(scaled_tasks(deficient=False, drift=False), st.data())
+@given(scaled_tasks(deficient=False), st.data())
 def test_repeated_and_empty_rows_change_nothing(task: NullSpaceSaturation, data: st.DataObject):
     """Property 22."""
     assume(np.linalg.cond(task.J) < 1e4)
