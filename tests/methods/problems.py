@@ -63,7 +63,7 @@ def scaled_tasks(
     offset = np.zeros(len(J))
     if drift if drift is not None else draw(st.booleans()):
         start = np.clip(draw(vectors(n)), np.maximum(lower, -1e3), np.minimum(upper, 1e3))
-        offset = -J @ start * draw(st.sampled_from([0.1, 0.9, 10.0, 100.0]))
+        offset = -J @ start * draw(st.sampled_from([0.1, 1.0, 10.0, 100.0]))
     return NullSpaceSaturation(J, J @ x, lower=lower, upper=upper, drift=offset)
 
 

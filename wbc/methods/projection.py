@@ -20,7 +20,7 @@ from wbc.types import Mat, Status, Vec
 #: Rows shorter than this, beside what they were, do not depend on what is left.
 ROUNDING = 1e-12
 #: The certificate of an answer that cannot be polished.
-ACCURATE = 1e-8
+ACCURATE = 1e-9
 
 
 def projection(
