@@ -103,7 +103,7 @@ class Controller:
         self._nf = self.plan.layout.nf
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
         self._fallback = Fallback(self.plan)
-        self.state = robot.state()
+        self.state = robot.state(drifts=level.order > 1)
         self.components = stack.components
         #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
         self.serial = 0

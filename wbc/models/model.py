@@ -153,8 +153,8 @@ class RobotModel(ABC):
     q0: Vec
 
     @abstractmethod
-    def state(self) -> RobotState:
-        """A new state at q0, at rest."""
+    def state(self, *, drifts: bool = True) -> RobotState:
+        """A new state at q0, at rest. Without ``drifts`` it may leave them NaN: a velocity is decided without them."""
 
     @abstractmethod
     def integrate(self, q: Vec, dq: Vec) -> Vec:

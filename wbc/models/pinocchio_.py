@@ -1,15 +1,9 @@
-"""Robots through Pinocchio. A state computes what is read from it, in as few calls as can be.
-
-Everything in a ``pinocchio.Data`` is a live view: it is taken once and follows the computation. What an ``update``
-calls is learnt: a quantity that is read for the first time is added to the calls of this and of every later update,
-so that a velocity controller never computes an inertia matrix.
-"""
+"""Robots through Pinocchio: what does not change. Their moments are in :mod:`wbc.models.pinocchio_state`."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, final
 
 import numpy as np
@@ -19,11 +13,10 @@ from numpy.typing import NDArray
 from wbc import checks
 from wbc.errors import InvalidInput, ModelError
 from wbc.models.feet import Foot
-from wbc.models.model import FrameState, Limits, RobotModel, RobotState
+from wbc.models.model import Limits, RobotModel
+from wbc.models.pinocchio_state import PinocchioState
 from wbc.models.urdf import Joint, Urdf
-from wbc.types import Mat, Vec
-
-_LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+from wbc.types import Vec
 
 #: Frames that Pinocchio adds and no URDF has.
 _INTERNAL = {"universe", "root_joint"}
@@ -89,9 +82,9 @@ class PinocchioModel(RobotModel):
         self.q0 = _frozen(pin.neutral(model))
         self.q0 = _frozen(self.configuration({}))
 
-    def state(self) -> PinocchioState:
-        """A new state at q0, at rest."""
-        return PinocchioState(self)
+    def state(self, *, drifts: bool = True) -> PinocchioState:
+        """A new state at q0, at rest; without ``drifts`` those of frames and of the centre of mass are NaN."""
+        return PinocchioState(self, drifts=drifts)
 
     def integrate(self, q: Vec, dq: Vec) -> Vec:
         """q ⊕ dq: the configuration reached by the tangent step dq (nv,)."""
@@ -176,239 +169,6 @@ class PinocchioModel(RobotModel):
         return f"{self.name} ({self.nj} joints{base}, {self.mass:.1f} kg)"
 
 
-@final
-class PinocchioState(RobotState):
-    """A moment of a robot, one ``pinocchio.Data``. For one thread at a time.
-
-    ``calls`` says what an update computes. A copy or a pickle is a new state at the same (t, q, v), with memory of
-    its own.
-
-    Example:
-        >>> from wbc.models import load
-        >>> state = load("arm").state()
-        >>> J = state.frame("tool").jacobian()
-        >>> state.calls
-        ('computeJointJacobians', 'updateFramePlacement[tool]')
-    """
-
-    model: PinocchioModel
-
-    def __init__(self, model: PinocchioModel) -> None:
-        self.model = model
-        self.t = 0.0
-        self._q, self._v = np.array(model.q0), np.zeros(model.nv)
-        self.q, self.v = _view(self._q, self._q), _view(self._v, self._v)
-        self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
-        self._zero = np.zeros(model.nv)
-        self._data = data = model.pinocchio.createData()
-        self._M, self._com_jacobian = _view(data.M, data, model.nv, model.nv), _view(data.Jcom, data, 3, model.nv)
-        self._h, self._g = _view(data.nle, data, model.nv), _view(data.g, data, model.nv)
-        self._coriolis = _view(data.C, data, model.nv, model.nv)
-        self._com, self._com_drift = _view(data.com[0], data), _view(data.acom[0], data)
-        self._needs: set[str] = set()
-        self._frames: dict[str, PinocchioFrame] = {}
-        self._calls: list[Callable[[], object]] = []
-
-    @property
-    def calls(self) -> tuple[str, ...]:
-        """What an update computes, by the names of Pinocchio's functions: what has been read so far needs it."""
-        return tuple(name for name, _ in self._plan())
-
-    def update(self, t: float, q: Vec, v: Vec) -> None:
-        """Move to time t [s], configuration q (nq,), velocity v (nv,).
-
-        Raises:
-            InvalidInput: q or v has another shape; the state stays as it was.
-        """
-        # Assignment would stretch a scalar. Attributes, not np.shape: this runs every tick.
-        try:
-            fits = q.shape == self._q.shape and v.shape == self._v.shape
-        except AttributeError:
-            fits = False
-        if not fits:
-            self._refuse(q, v)
-        self.t = t
-        self._q[:] = q
-        self._v[:] = v
-        for call in self._calls:
-            call()
-
-    def frame(self, name: str) -> PinocchioFrame:
-        """The frame called ``name`` in this state; cheap after the first call.
-
-        Raises:
-            UnknownFrame: with the names that are near.
-        """
-        try:
-            return self._frames[name]
-        except KeyError:
-            pass
-        self._frames[name] = found = PinocchioFrame(self, name)
-        self._learn("kinematics")
-        return found
-
-    @property
-    def M(self) -> Mat:
-        """Inertia matrix (nv, nv) [kg, kg m²]."""
-        if "M" not in self._needs:
-            self._learn("M")
-        return self._M
-
-    @property
-    def h(self) -> Vec:
-        """Bias C v + g (nv,) [N, N m]."""
-        if "h" not in self._needs:
-            self._learn("h")
-        return self._h
-
-    @property
-    def g(self) -> Vec:
-        """Gravity torques (nv,) [N, N m]."""
-        if "g" not in self._needs:
-            self._learn("g")
-        return self._g
-
-    @property
-    def coriolis(self) -> Mat:
-        """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ."""
-        if "coriolis" not in self._needs:
-            self._learn("coriolis")
-        return self._coriolis
-
-    @property
-    def com(self) -> Vec:
-        """Centre of mass in the world (3,) [m]."""
-        if "com" not in self._needs:
-            self._learn("com")
-        return self._com
-
-    @property
-    def com_jacobian(self) -> Mat:
-        """Jacobian of the centre of mass (3, nv)."""
-        if "com" not in self._needs:
-            self._learn("com")
-        return self._com_jacobian
-
-    @property
-    def com_drift(self) -> Vec:
-        """Acceleration of the centre of mass when a = 0 (3,) [m/s²]."""
-        if "com_drift" not in self._needs:
-            self._learn("com_drift")
-        return self._com_drift
-
-    def _learn(self, need: str) -> None:
-        """Compute one thing more, now and in every later update.
-
-        All calls run again, in their fixed order: functions share memory (several write the centre of mass), and so
-        the bits that a state gives do not depend on the order in which it is read.
-        """
-        self._needs.add(need)
-        self._calls = [call for _, call in self._plan()]
-        for call in self._calls:
-            call()
-
-    def _plan(self) -> list[tuple[str, Callable[[], object]]]:
-        """The cheapest calls that give what is needed, by name."""
-        model, data, q, v, zero = self.model.pinocchio, self._data, self._q, self._v, self._zero
-        needs = self._needs
-        plan: list[tuple[str, Callable[[], object]]] = []
-
-        def add(name: str, *arguments: object) -> None:
-            plan.append((name, partial(getattr(pin, name), model, data, *arguments)))
-
-        placed = with_jacobians = False
-        if "coriolis" in needs:
-            add("computeCoriolisMatrix", q, v)
-        if "M" in needs:
-            add("crba", q, pin.Convention.WORLD)  # placements and joint Jacobians come with it
-            placed = with_jacobians = True
-        if "h" in needs:
-            add("nonLinearEffects", q, v)
-        if "com_drift" in needs:
-            add("centerOfMass", q, v, zero)  # a forward kinematics too
-            placed = True
-        elif "drift" in needs:
-            add("forwardKinematics", q, v, zero)
-            placed = True
-        if "com" in needs:
-            add("jacobianCenterOfMass", *(() if placed else (q,)), False)
-        elif "kinematics" in needs and not with_jacobians:
-            add("computeJointJacobians", *(() if placed else (q,)))
-        if "g" in needs:
-            add("computeGeneralizedGravity", q)
-        for name in self._frames:
-            add("updateFramePlacement", self.model.frames[name])
-            plan[-1] = (f"updateFramePlacement[{name}]", plan[-1][1])
-        return plan
-
-    def _refuse(self, q: object, v: object) -> None:
-        for name, value, own in (("q", q, self._q), ("v", v, self._v)):
-            if not isinstance(value, np.ndarray):
-                raise InvalidInput(f"{name} must be an array, not {type(value).__name__}")
-            if value.shape != own.shape:
-                raise InvalidInput(f"{name} must have shape {own.shape}, not {value.shape}")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Views belong to one Data: a copy makes its own.
-        return _restore, (self.model, self.t, np.array(self._q), np.array(self._v))
-
-    def __repr__(self) -> str:
-        return f"{self.model.name} at t = {self.t:g} s"
-
-
-@final
-class PinocchioFrame(FrameState):
-    """One frame of a :class:`PinocchioState`; it follows the state's updates."""
-
-    def __init__(self, state: PinocchioState, name: str) -> None:
-        state.model.check_frame(name)
-        index = state.model.frames[name]
-        model, data = state.model.pinocchio, state._data
-        self.name = name
-        self._state = state
-        self.placement = data.oMf[index]
-        self.position = _view(self.placement.translation, data)
-        self.rotation = _view(self.placement.rotation, data)
-        columns = state.model.nv
-        self._jacobian = _matrix(partial(pin.getFrameJacobian, model, data, index, _WORLD_AXES), columns)
-        self._jacobian_local = _matrix(partial(pin.getFrameJacobian, model, data, index, _LOCAL), columns)
-        # With a = 0 in the kinematics an acceleration is the drift.
-        self._drift = partial(pin.getFrameClassicalAcceleration, model, data, index, _WORLD_AXES)
-        self._drift_local = partial(pin.getFrameAcceleration, model, data, index, _LOCAL)
-
-    def jacobian(self) -> Mat:
-        """(6, nv), world axes."""
-        return self._jacobian()
-
-    def drift(self) -> Vec:
-        """(6,) J̇ v, world axes, classical."""
-        if "drift" not in self._state._needs:
-            self._state._learn("drift")
-        return self._drift().vector  # type: ignore[no-any-return]
-
-    def jacobian_local(self) -> Mat:
-        """(6, nv), the frame's axes."""
-        return self._jacobian_local()
-
-    def drift_local(self) -> Vec:
-        """(6,) J̇ v, the frame's axes, spatial."""
-        if "drift" not in self._state._needs:
-            self._state._learn("drift")
-        return self._drift_local().vector  # type: ignore[no-any-return]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return PinocchioState.frame, (self._state, self.name)
-
-    def __repr__(self) -> str:
-        return f"{self.name} of {self._state!r}"
-
-
-def _restore(model: PinocchioModel, t: float, q: Vec, v: Vec) -> PinocchioState:
-    state = model.state()
-    state.update(t, q, v)
-    return state
-
-
 def _build(urdf: Urdf, base: str) -> Any:
     """The Pinocchio model; joints without end as revolute ones."""
     text = urdf.text(continuous="revolute")
@@ -455,28 +215,6 @@ def _rest(limits: Limits) -> Vec:
 
 def _vector(value: Any) -> Vec:
     return np.asarray(value, dtype=np.float64)
-
-
-class _Shared:
-    """Memory of an owner, offered to numpy: an array made of it keeps the owner alive, and cannot be written."""
-
-    def __init__(self, array: NDArray[np.float64], owner: object) -> None:
-        interface = dict(array.__array_interface__)
-        interface["data"] = (interface["data"][0], True)
-        self.__array_interface__ = interface
-        self._owner = owner
-
-
-def _view(array: NDArray[np.float64], owner: object, *shape: int) -> NDArray[np.float64]:
-    """The same memory, read only. What Pinocchio hands out does not always keep its Data alive, and drops an axis
-    of length one; this does not."""
-    view = np.asarray(_Shared(array, owner))
-    return view.reshape(shape) if shape else view
-
-
-def _matrix(call: Callable[[], Any], columns: int) -> Callable[[], Mat]:
-    """A Jacobian; for a robot of one joint Pinocchio gives a vector."""
-    return call if columns > 1 else lambda: call().reshape(6, 1)
 
 
 def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -142,8 +142,9 @@ class PlanarRobot(RobotModel):
         raise NotSupported(f"the possible coefficients of {self.name} are not known as a polyhedron")
 
     # ---- what every robot answers
-    def state(self) -> PlanarState:
-        """A new state at q0, at rest."""
+    def state(self, *, drifts: bool = True) -> PlanarState:
+        """A new state at q0, at rest; what nobody reads is not computed, drifts included."""
+        del drifts
         return PlanarState(self)
 
     def integrate(self, q: Vec, dq: Vec) -> Vec:

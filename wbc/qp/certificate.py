@@ -12,8 +12,7 @@ gap ≤ tol (1 + |cost|), with tol = 1e-6 unless asked otherwise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -24,8 +23,7 @@ TOLERANCE = 1e-6
 
 
 @final
-@dataclass(frozen=True, slots=True)
-class Certificate:
+class Certificate(NamedTuple):
     """Primal residual [unit of the worst row], dual residual and complementarity gap [unit of the cost].
 
     ``worst_row`` is the index in ``qp.rows`` of the row that is violated most, −1 when none is.

@@ -130,7 +130,7 @@ class Plan:
 
     def _first_fill(self) -> None:
         """Fill once at the model's reference, on poisoned memory: what nobody writes is found now, by name."""
-        state, layout, motion = self.model.state(), self.layout, self.motion
+        state, layout, motion = self.model.state(drifts=self.level.order > 1), self.layout, self.motion
         self.start(state)
         first = layout.motion_row
         members: list[Any] = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts]
