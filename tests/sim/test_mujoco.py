@@ -290,3 +290,39 @@ def test_a_settled_robot_is_carried_from_the_first_step():
         plant.step(controller.tick(k * 1e-3, plant.q, plant.v))
         carried = sum(float(np.asarray(f)[2]) for name, f in plant.truth().items() if name.startswith("plant.f."))
         assert 0.9 * weight < carried < 1.1 * weight
+
+
+def test_force_sensors_in_the_feet_account_for_all_momentum_that_gravity_does_not_give(stander):
+    """In world axes about a fixed point: d(momentum)/dt = weight + Σ (f, origin × f + m)."""
+    plant = MujocoPlant(QUADRUPED, contacts=stander(QUADRUPED).stack.contacts)
+    plant.reset(plant.settled(QUADRUPED.q0))
+    assert all(not wrench.any() for wrench in plant.wrenches().values())
+    controller, state = stander(QUADRUPED), QUADRUPED.state()
+    for _ in range(20):
+        state.update(plant.t, plant.q, plant.v)
+        before = momentum(QUADRUPED, plant.q, plant.v)
+        total = np.zeros(6)
+        origins = {foot.link: state.frame(foot.link).position.copy() for foot in plant.feet}
+        com = state.com.copy()
+        plant.step(controller.tick(plant.t, plant.q, plant.v))
+        for link, wrench in plant.wrenches().items():
+            total += np.r_[wrench[:3], np.cross(origins[link], wrench[:3]) + wrench[3:]]
+        weight = QUADRUPED.mass * QUADRUPED.gravity
+        change = (momentum(QUADRUPED, plant.q, plant.v) - before) / plant.dt
+        np.testing.assert_allclose(total[:3] + weight, change, atol=1e-3 * np.linalg.norm(weight))
+        np.testing.assert_allclose(total[3:] + np.cross(com, weight), 0.0, atol=0.5)
+
+
+def test_a_brake_holds_its_joint_against_gravity_until_the_next_reset(command):
+    plant = MujocoPlant(ARM)
+    plant.reset(ARM.q0)
+    joint = ARM.joint_names[1]
+    plant.brake(joint)
+    for _ in range(200):
+        plant.step(command(ARM))
+    moved = np.abs(plant.q - ARM.q0)
+    assert moved[1] < 1e-3 < moved[3]
+    plant.reset(ARM.q0)
+    for _ in range(200):
+        plant.step(command(ARM))
+    assert abs(plant.q[1] - ARM.q0[1]) > 0.05

@@ -217,9 +217,9 @@ class Controller:
             command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=value[:nv])
         else:
             first = p.first_row + model.nb
+            tau = self.plan.actuators.command(value[first : first + model.nj])
             command = Command(
-                self, Status.SOLVED, "solved", proof, q=q, v_before=v,
-                a=value[:nv], tau=value[first : first + model.nj], forces=value[nv : p.n],
+                self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=value[:nv], tau=tau, forces=value[nv : p.n],
             )  # fmt: skip
         self._good, self._failures = command, 0
         return command

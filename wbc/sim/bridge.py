@@ -72,6 +72,10 @@ class Bridge:
         """Command tau (nj,) to the actuators, which clip it to their limits."""
         data.ctrl[self._actuators] = tau
 
+    def velocity_index(self, joint: int) -> int:
+        """Where the velocity of a joint of the model stands in ``data.qvel``."""
+        return int(self._v[joint])
+
     def velocity_map(self, data: Any) -> Mat:
         """X (nv, nv): q̇_mj = X v."""
         X = np.zeros((self._nv, self._nv))

@@ -24,6 +24,8 @@ class ContactTruth:
     wrench       (6,) mean over the step on the robot, force [N] before moment [N m] about the contact point, in the
                  axes of the surface: z the floor's normal, which friction is about, however the foot leans; x as the
                  sole's. A ball's are fixed in the world, and its point is the lowest
+    measured     (6,) the same wrench as a sensor in the link would have it: about the link's origin, world axes, as
+                 they were at the step's start
     slip         (2,) [m] world x and y, accumulated: the tangential velocity of the robot's material at each contact
                  point, weighted by the normal forces there, integrated while the foot is loaded. A ball that rolls
                  does not slip
@@ -44,17 +46,19 @@ class ContactTruth:
                 self._owner[mj.mj_name2id(physics, mj.mjtObj.mjOBJ_GEOM, f"{foot.name}/{k}")] = i
         self._threshold = LOADED * weight
         self.wrench = np.zeros((len(feet), 6))
+        self.measured = np.zeros((len(feet), 6))
         self.slip = np.zeros((len(feet), 2))
         self.penetration = np.zeros(len(feet))
 
     def restart(self) -> None:
         """Forget the past: nothing has slipped yet."""
-        for values in (self.wrench, self.slip, self.penetration):
+        for values in (self.wrench, self.measured, self.slip, self.penetration):
             values[:] = 0.0
 
     def begin_step(self) -> None:
         """A new step: means and maxima start again, slip goes on."""
         self.wrench[:] = 0.0
+        self.measured[:] = 0.0
         self.penetration[:] = 0.0
 
     def add(self, data: Any, duration: float, share: float) -> None:
@@ -76,6 +80,9 @@ class ContactTruth:
         for i in np.unique(owner):
             mine = owner == i
             self.wrench[i] += share * self._net_wrench(data, i, forces[mine], points[mine])
+            arms = points[mine] - data.xpos[self._bodies[i]]
+            self.measured[i, :3] += share * forces[mine].sum(axis=0)
+            self.measured[i, 3:] += share * _cross(arms, forces[mine]).sum(axis=0)
             self.penetration[i] = max(self.penetration[i], -float(contacts.dist[touching][mine].min()))
             load = float(normal_forces[mine].sum())
             if load > self._threshold:

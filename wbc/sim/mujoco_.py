@@ -25,6 +25,8 @@ from wbc.types import Mat, Vec
 FALL_TILT = np.pi / 4
 #: … or has lost more than this share of its height.
 FALL_DROP = 0.4
+#: Of a joint whose brake is set [N m s/rad, N s/m]: 100 N m turn it by a milliradian in a second.
+BRAKE_DAMPING = 1e5
 #: No robot sinks deeper than this into the floor it stands on [m].
 MOST_SINKING = 0.02
 
@@ -94,6 +96,7 @@ class MujocoPlant(Plant):
         self._masses = _Masses(self._mj, self.physics)
         self._contacts = ContactTruth(self.physics, self.feet, robot.mass * float(np.linalg.norm(robot.gravity)))
         self._pushes: list[tuple[int, Vec]] = []
+        self._damping = self.physics.dof_damping.copy()
         self.reset(robot.q0)
 
     # ---- where the robot is
@@ -153,6 +156,7 @@ class MujocoPlant(Plant):
 
     def _place(self, q: Vec, v: Vec) -> None:
         self._masses.restore()
+        self.physics.dof_damping[:] = self._damping
         self._mj.mj_resetData(self.physics, self.data)
         self._bridge.write(self.data, q, v)
         self._mj.mj_forward(self.physics, self.data)
@@ -184,6 +188,14 @@ class MujocoPlant(Plant):
     def add_mass(self, frame: str, mass: float) -> None:
         self._masses.add(self._body(frame), checks.number("mass", mass, low=0.0))
 
+    def brake(self, joint: str) -> None:
+        """Set the brake of ``joint`` until the next ``reset``: it stops within the step and stays where it is.
+
+        Raises:
+            UnknownJoint: with the names that are near.
+        """
+        self.physics.dof_damping[self._bridge.velocity_index(self.model.joint(joint))] = BRAKE_DAMPING
+
     def _body(self, frame: str) -> int:
         mj = self._mj
         body = mj.mj_name2id(self.physics, mj.mjtObj.mjOBJ_BODY, frame)
@@ -193,6 +205,11 @@ class MujocoPlant(Plant):
         return int(body)
 
     # ---- what others read
+    def wrenches(self) -> Mapping[str, Vec]:
+        """What force sensors in the feet say of the last step, by link: the mean wrench (6,) on the robot, force [N]
+        before moment [N m] about the link's origin at the step's start, world axes; zero before the first step."""
+        return {foot.link: self._contacts.measured[i].copy() for i, foot in enumerate(self.feet)}
+
     def truth(self) -> Mapping[str, Vec | float]:
         """``plant.f.<contact>`` (6,), ``plant.slip.<contact>`` (2,) and ``plant.penetration.<contact>`` of the step."""
         columns: dict[str, Vec | float] = {}

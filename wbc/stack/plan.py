@@ -16,6 +16,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
+from wbc.stack.actuators import Actuators
 from wbc.stack.contact import Anchor
 from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
@@ -33,7 +34,7 @@ class Plan:
 
     Components may write into ``torque_bounds`` (lower, upper), (nj,) each, and ``extra_bias`` (nv,), a generalised
     force added to h, before the plan is filled, and may ``replace`` bounds on position, velocity and acceleration in
-    ``intervals`` (None where the stack has none).
+    ``intervals`` (None where the stack has none). ``actuators`` says what motors make of a command.
     """
 
     def __init__(self, model: RobotModel, stack: Stack, level: Formulation, dt: float) -> None:
@@ -51,6 +52,7 @@ class Plan:
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
         self.extra_bias = np.zeros(nv)
         self._has_extra_bias = bool(stack.components)
+        self.actuators = Actuators(model.nj)
 
         self._give_views()
         if level.dynamics:
@@ -186,6 +188,7 @@ class Plan:
     def start(self, state: RobotState) -> None:
         """Make the contacts where the robot is now (or at their targets), and take back what components changed."""
         self.extra_bias[:] = 0.0
+        self.actuators.reset()
         if self.level.dynamics:
             for bounds, laws in zip(self.torque_bounds, self._torque_laws, strict=True):
                 bounds[:] = laws
