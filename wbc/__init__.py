@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from wbc.stack.formulation import InverseDynamics as InverseDynamics
     from wbc.stack.formulation import VelocityLevel as VelocityLevel
     from wbc.stack.hierarchy import Weighted as Weighted
+    from wbc.stack.schedule import Schedule as Schedule
     from wbc.stack.stack import Stack as Stack
     from wbc.stack.task import LinearTask as LinearTask
     from wbc.stack.task import Task as Task
@@ -63,6 +64,7 @@ _HOME = {
     "Recorder": "wbc.control.recorder",
     "Row": "wbc.qp",
     "Run": "wbc.control.recorder",
+    "Schedule": "wbc.stack.schedule",
     "Solution": "wbc.qp",
     "Stack": "wbc.stack.stack",
     "Status": "wbc.types",

@@ -26,11 +26,12 @@ from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
-from wbc.qp.rows import RowSolver, solution_of
+from wbc.qp.rows import RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy, Weighted
+from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
 
@@ -96,18 +97,16 @@ class Controller:
             raise NotSupported(
                 f"solver {self.solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
             )
-        self.plan = level.compile(robot, stack, dt=self.dt)
-        self._solver = self.hierarchy.open(self.plan.problem, self.solver)
-        self._second: RowSolver | None = None
-        self._answered = self._solver
-        self._nf = self.plan.layout.nf
+        self.plans = Plans(robot, stack, level, dt=self.dt, open_solver=self._open)
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
-        self._fallback = Fallback(self.plan)
         self.state = robot.state(drifts=level.order > 1)
         self.components = stack.components
         #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
         self.serial = 0
         self.reset()
+
+    def _open(self, problem: RowProblem) -> RowSolver:
+        return self.hierarchy.open(problem, self.solver)
 
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
@@ -118,7 +117,8 @@ class Controller:
         self._good: Command | None = None
         self._failures = 0
         self._started = False
-        self._solver.reset()
+        self.plans.reset()
+        self._use(self.plans.whole)
 
     # ---- the tick
     def tick(self, t: float, q: Vec, v: Vec) -> Command:
@@ -170,10 +170,15 @@ class Controller:
         return ""
 
     def _decide(self, t: float, q: Vec, v: Vec) -> Command:
-        state, plan = self.state, self.plan
+        state = self.state
         state.update(t, q, v)
         if not self._started:
             self._start()
+        elif self.plans.schedule is not None:
+            mode = self.plans.choose(self.plans.schedule.contacts(state, self.last), state)
+            if mode is not self._mode:
+                self._use(mode)
+        plan = self.plan
         if self.components:
             plan.extra_bias[:] = 0.0
             for component in self.components:
@@ -186,10 +191,26 @@ class Controller:
         return self._fall_back(status, q, v)
 
     def _start(self) -> None:
-        self.plan.start(self.state)
         for component in self.components:
             component.reset(self.state)
+        if self.plans.schedule is not None:
+            self._use(self.plans.choose(self.plans.schedule.contacts(self.state, None), self.state))
+        self.plan.start(self.state)
         self._started = True
+
+    def _use(self, mode: Mode) -> None:
+        """Decide with the plan and the solver of this set of contacts from now on."""
+        self._mode, self.plan, self._solver = mode, mode.plan, mode.solver
+        self._answered = mode.solver
+        self._fallback = Fallback(mode.plan)
+
+    def compile_waiting(self) -> int:
+        """Compile plans for sets of contacts that the stack's schedule asked for without having announced them.
+
+        To be called between ticks, when there is time: until then the plan before holds. Returns how many there were;
+        ``plans.unplanned`` counts them all. ``simulate`` does it after every tick.
+        """
+        return self.plans.compile_waiting()
 
     def _solve(self) -> Status:
         """The solver asked for; where it fails, DAQP."""
@@ -197,18 +218,19 @@ class Controller:
         status = self._solver.solve()
         if status.ok or self.solver.name in ("daqp", "pdas"):  # pdas has asked DAQP itself
             return status
-        if self._second is None:
-            self._second = Weighted().open(self.plan.problem, by_name("daqp"))
-        second = self._second.solve()
-        if second.ok:
-            self._answered = self._second
-        return second
+        second = self._mode.second
+        if second is None:
+            second = self._mode.second = Weighted().open(self.plan.problem, by_name("daqp"))
+        status = second.solve()
+        if status.ok:
+            self._answered = second
+        return status
 
     def _decode(self, q: Vec, v: Vec) -> Command:
         p, model = self.plan.problem, self.model
         value = p.value.copy()
         nv, proof = model.nv, self._answered.certificate
-        if self._nf:
+        if p.n > nv:
             value[nv : p.n] *= p.scale[nv:]  # forces in newtons
         value.flags.writeable = False
         if self.level.order == 1:
@@ -219,7 +241,8 @@ class Controller:
             first = p.first_row + model.nb
             tau = self.plan.actuators.command(value[first : first + model.nj])
             command = Command(
-                self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=value[:nv], tau=tau, forces=value[nv : p.n],
+                self, Status.SOLVED, "solved", proof, q=q, v_before=v,
+                a=value[:nv], tau=tau, forces=self._mode.all_forces(value[nv : p.n]),
             )  # fmt: skip
         self._good, self._failures = command, 0
         return command

@@ -113,6 +113,7 @@ def _tick(
     except SimulationError as error:
         return row, str(error)
     columns.add_truth(row)
+    controller.compile_waiting()
     return row, None
 
 

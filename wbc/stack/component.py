@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 class Component(ABC):
     """An observer, an adaptive law, a schedule: it remembers between ticks.
 
-    ``before`` may change targets, weights and bounds (``plan.torque_bounds``) and add to the model's bias
-    (``plan.extra_bias``, zero at the start of each tick), never sizes; ``after`` sees what was decided; ``signals`` is
-    what the recorder writes.
+    ``before`` may change targets, weights and bounds (``plan.torque_bounds``, ``plan.normal_limits``) and add to the
+    model's bias (``plan.extra_bias``, zero at the start of each tick), never sizes; ``after`` sees what was decided;
+    ``signals`` is what the recorder writes. Which contacts hold is said by a :class:`~wbc.stack.schedule.Schedule`.
     """
 
     _name: str | None = None

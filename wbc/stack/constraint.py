@@ -113,13 +113,13 @@ class ConstraintRows:
 
 
 class LinearConstraint(Constraint):
-    """lo <= A y <= hi for y the velocities, accelerations (nv), torques (nj) or the wrench of one contact (3 or 6)."""
+    """lo <= A y <= hi for y the velocities, accelerations (nv), torques (nj) or wrenches of contacts."""
 
     on: ClassVar[Literal["velocity", "acceleration", "torque", "force"]]
     dim: int
     units: str
-    #: For ``on = "force"``: the name or frame of the contact.
-    contact: str = ""
+    #: For ``on = "force"``: the name or frame of the contact, or of several, whose wrenches stand one behind the other.
+    contact: str | tuple[str, ...] = ""
 
     @abstractmethod
     def fill(self, state: RobotState, out: ConstraintRows) -> None:

@@ -99,6 +99,11 @@ class Contact(ABC):
         return self._name or self.frame
 
     @property
+    def wrench_axes(self) -> tuple[int, ...]:
+        """Which of a wrench's (fx, fy, fz, mx, my, mz) the contact gives, (dim,); of its motion the same six."""
+        return tuple(range(self.dim))
+
+    @property
     def mu(self) -> float:
         """The coefficient of the four-sided pyramid."""
         return self.friction if self.friction_model == "outer" else self.friction / 2.0**0.5

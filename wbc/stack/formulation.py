@@ -42,8 +42,10 @@ class Formulation(ABC):
         return self.carries | {"position", "acceleration"}
 
     @final
-    def compile(self, model: RobotModel, stack: Stack, *, dt: float) -> Plan:
+    def compile(self, model: RobotModel, stack: Stack, *, dt: float, like: Plan | None = None) -> Plan:
         """Decide names, sizes, views and constant rows; see :class:`~wbc.stack.plan.Plan`.
+
+        ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares.
 
         Raises:
             NotSupported: a task or law this level cannot carry, by name.
@@ -51,7 +53,7 @@ class Formulation(ABC):
         """
         from wbc.stack.plan import Plan
 
-        return Plan(model, stack, self, dt)
+        return Plan(model, stack, self, dt, like)
 
 
 @final

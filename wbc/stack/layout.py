@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, final
 
+import numpy as np
+
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
@@ -12,7 +14,8 @@ from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
 from wbc.stack.contact import Contact
 from wbc.stack.formulation import Formulation
 from wbc.stack.stack import Stack
-from wbc.stack.task import Exactly, LinearTask, Task
+from wbc.stack.task import Exactly, LinearTask, Task, force_of
+from wbc.types import Index
 
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -41,7 +44,7 @@ class Layout:
         intervals: list[JointInterval] = _of(stack.subject_to, JointInterval)
         self.motion_limits = [law for law in intervals if law.quantity != "torque"]
         self.torque_limits = [law for law in intervals if law.quantity == "torque"]
-        for member in (*stack.tasks, *stack.subject_to, *stack.contacts, *stack.components):
+        for member in (*stack.tasks, *stack.subject_to, *stack.contacts):
             (member.task if isinstance(member, Exactly) else member).prepare(model)
         self._refuse_what_has_no_kind(stack)
         self._refuse_what_the_level_cannot_carry()
@@ -102,23 +105,28 @@ class Layout:
                     f"it carries {', '.join(sorted(carried))}"
                 )
 
-    def contact(self, member: LinearTask | LinearConstraint) -> int:
-        """Index of the contact a member on "force" speaks of.
+    def forces_of(self, member: LinearTask | LinearConstraint) -> Index:
+        """Columns of the wrenches that a member on "force" speaks of.
 
         Raises:
             UnknownName: no contact of that name or frame.
         """
         from wbc.errors import UnknownName
 
-        for i, contact in enumerate(self.contacts):
-            if member.contact in (contact.name, contact.frame):
-                return i
-        raise UnknownName(member.contact, [c.frame for c in self.contacts], f"{member.name} needs a contact")
+        columns: list[int] = []
+        for name in force_of(member):
+            for contact, first in zip(self.contacts, self.force_columns, strict=True):
+                if name in (contact.name, contact.frame):
+                    columns += range(first, first + contact.dim)
+                    break
+            else:
+                raise UnknownName(name, [c.frame for c in self.contacts], f"{member.name} needs a contact")
+        return np.array(columns, dtype=np.intp)
 
     def size_of(self, member: LinearTask | LinearConstraint) -> int:
         """Size of the quantity that a member is about."""
         if member.on == "force":
-            return self.contacts[self.contact(member)].dim
+            return len(self.forces_of(member))
         return self.model.nj if member.on == "torque" else self.model.nv
 
     # ---- names
@@ -145,8 +153,8 @@ class Layout:
         for exact in self.exact:
             rows += [Row(exact.name, exact.task.label(i), exact.task.unit(i) + suffix) for i in range(exact.task.dim)]
         for contact in self.contacts:
-            labels = zip(_AXES, contact.motion_units(), strict=False)
-            rows += [Row(f"contact[{contact.short_name}]", label, unit + suffix) for label, unit in labels]
+            labels = zip(contact.wrench_axes, contact.motion_units(), strict=True)
+            rows += [Row(f"contact[{contact.short_name}]", _AXES[axis], unit + suffix) for axis, unit in labels]
         return rows + list(self._unknowns(suffix))
 
     def _unknowns(self, suffix: str) -> Iterator[Row]:
@@ -158,8 +166,8 @@ class Layout:
             yield Row(owner if self.motion_limits else "joint", joint, unit + suffix)
         if self.level.dynamics:
             for contact in self.contacts:
-                for i in range(contact.dim):
-                    yield Row(f"force[{contact.short_name}]", _WRENCH[i], "N" if i < 3 else "N m")
+                for axis in contact.wrench_axes:
+                    yield Row(f"force[{contact.short_name}]", _WRENCH[axis], "N" if axis < 3 else "N m")
 
 
 def _of(members: Any, kind: type[Any]) -> list[Any]:

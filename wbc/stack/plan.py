@@ -17,7 +17,7 @@ from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
 from wbc.stack.actuators import Actuators
-from wbc.stack.contact import Anchor
+from wbc.stack.contact import Anchor, Contact
 from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
@@ -34,11 +34,17 @@ class Plan:
 
     Components may write into ``torque_bounds`` (lower, upper), (nj,) each, and ``extra_bias`` (nv,), a generalised
     force added to h, before the plan is filled, and may ``replace`` bounds on position, velocity and acceleration in
-    ``intervals`` (None where the stack has none). ``actuators`` says what motors make of a command.
+    ``intervals`` (None where the stack has none). ``normal_limits`` (contacts,) [N], in the order of the whole stack's
+    contacts, bounds their normal forces from above; it is inf until a component writes into it. ``actuators`` says what
+    motors make of a command.
     """
 
-    def __init__(self, model: RobotModel, stack: Stack, level: Formulation, dt: float) -> None:
+    def __init__(
+        self, model: RobotModel, stack: Stack, level: Formulation, dt: float, like: Plan | None = None
+    ) -> None:
         self.model, self.stack, self.level, self.dt = model, stack, level, dt
+        for component in () if like else stack.components:
+            component.prepare(model)
         self.layout = layout = Layout(model, stack, level)
         self.problem = p = RowProblem(
             layout.n_u, layout.n - layout.n_u, n_range=layout.n_range, n_soft=layout.n_soft, n_law=layout.n_law,
@@ -48,17 +54,14 @@ class Plan:
         self._column = p.G[:, p.n]
         motion = slice(layout.motion_row, layout.n_rows)
         self.motion = MotionRows(level.order, p.G[motion, :nv], self._column[motion], model.nj, len(layout.on_joints))
-        self.anchors = [Anchor(np.eye(3), np.zeros(3)) for _ in layout.contacts]
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
-        self.extra_bias = np.zeros(nv)
-        self._has_extra_bias = bool(stack.components)
-        self.actuators = Actuators(model.nj)
+        self._has_components = bool(stack.components)
+        self._share(like)
 
         self._give_views()
         if level.dynamics:
             self._prepare_dynamics()
         self._writers = self._make_writers()
-        self.intervals = JointIntervals.compose(layout.motion_limits, model, dt) if layout.motion_limits else None
         self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
@@ -67,7 +70,24 @@ class Plan:
         self._stamp = -1
         self._read_weights()
         self._qp: QP | None = None
-        self._first_fill()
+        self._first_fill(like)
+
+    def _share(self, like: Plan | None) -> None:
+        """What is remembered from tick to tick: the plans of one stack have it in common."""
+        model, contacts, limits = self.model, self.layout.contacts, self.layout.motion_limits
+        if like is None:
+            self.places = {contact.name: i for i, contact in enumerate(contacts)}
+            self.extra_bias = np.zeros(model.nv)
+            self.normal_limits = np.full(len(contacts), np.inf)
+            self.intervals = JointIntervals.compose(limits, model, self.dt) if limits else None
+            self.actuators = Actuators(model.nj)
+            self.anchors = [Anchor(np.eye(3), np.zeros(3)) for _ in contacts]
+        else:
+            self.places = like.places
+            self.extra_bias, self.normal_limits = like.extra_bias, like.normal_limits
+            self.intervals, self.actuators = like.intervals, like.actuators
+            self.anchors = [like.anchors[self.places[contact.name]] for contact in contacts]
+        self._place = np.array([self.places[contact.name] for contact in contacts], dtype=np.intp)
 
     # ---- compile: who writes where
     def _give_views(self) -> None:
@@ -91,6 +111,11 @@ class Plan:
         self._T_a, self._T_f, self._T_h = p.G[:nv, :nv], p.G[:nv, nv : nv + nf], self._column[:nv]
         contacts = slice(layout.contact_row, layout.n_rows)
         self._J_contacts_T = p.G[contacts, :nv].T
+        normal = [
+            column + contact.wrench_axes.index(2)
+            for contact, column in zip(layout.contacts, layout.force_columns, strict=True)
+        ]
+        self._normal = np.array(normal, dtype=np.intp)
         lower, upper = p.range_bounds()
         self.torque_bounds = (lower[: model.nj], upper[: model.nj])
         low, high = self.torque_bounds
@@ -130,10 +155,11 @@ class Plan:
             writers.append(LinearWriter(task, row, p, layout, self.dt))
         return writers
 
-    def _first_fill(self) -> None:
+    def _first_fill(self, like: Plan | None) -> None:
         """Fill once at the model's reference, on poisoned memory: what nobody writes is found now, by name."""
         state, layout, motion = self.model.state(drifts=self.level.order > 1), self.layout, self.motion
-        self.start(state)
+        if like is None:
+            self.start(state)
         first = layout.motion_row
         members: list[Any] = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts]
         starts = [*layout.kinematic_rows, *layout.exact_rows, *layout.contact_rows]
@@ -194,9 +220,18 @@ class Plan:
                 bounds[:] = laws
         if self.intervals is not None:
             self.intervals.reset()
+        self.normal_limits.fill(np.inf)
         for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
-            made = contact.target or contact.anchor(state)
-            anchor.rotation[:], anchor.position[:] = made.rotation, made.position
+            _make(contact, anchor, state)
+
+    def take_over(self, former: Plan, state: RobotState) -> None:
+        """Go on where another plan of the same stack stands: make the contacts that it has not, keep its bounds."""
+        for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
+            if not any(contact is held for held in former.layout.contacts):
+                _make(contact, anchor, state)
+        if self.level.dynamics:
+            for bounds, before in zip(self.torque_bounds, former.torque_bounds, strict=True):
+                bounds[:] = before
 
     def fill(self, state: RobotState) -> None:
         """Write every row of the problem for this state. The tick spends its time here."""
@@ -225,10 +260,11 @@ class Plan:
         """τ̂ = M a + h − Jᵀ f, base rows first: one row of G each."""
         np.copyto(self._T_a, state.M)
         self._T_h[:] = state.h
-        if self._has_extra_bias:
-            self._T_h += self.extra_bias
         if self.layout.nf:
             np.multiply(self._J_contacts_T, self._force_scale_negative, self._T_f)
+        if self._has_components:
+            self._T_h += self.extra_bias
+            self.problem.ub[self._normal] = self.normal_limits[self._place] / self.problem.scale[self._normal]
 
     def _fill_joint_bounds(self, state: RobotState) -> None:
         assert self.intervals is not None
@@ -291,6 +327,12 @@ class Plan:
             f"Plan({self.model.name}, {self.level.name}: {n} unknowns, {n_eq} equalities, {n_in} two-sided rows, "
             f"{self.problem.n_soft} soft rows)"
         )
+
+
+def _make(contact: Contact, anchor: Anchor, state: RobotState) -> None:
+    """The contact is where the robot is now, or at its target."""
+    made = contact.target or contact.anchor(state)
+    anchor.rotation[:], anchor.position[:] = made.rotation, made.position
 
 
 def _explained(name: str, fill: Callable[..., None], *arguments: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -10,7 +10,7 @@ from wbc.errors import InvalidInput
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
-from wbc.stack.task import Exactly, Objective
+from wbc.stack.task import Exactly, Objective, force_of
 
 
 @final
@@ -70,6 +70,22 @@ class Stack:
     def tasks(self) -> tuple[Objective, ...]:
         """All tasks, level after level."""
         return tuple(task for level in self.levels for task in level)
+
+    def standing_on(self, names: Collection[str]) -> Stack:
+        """The same stack with only the contacts of these names, and without what is said about the force of others."""
+
+        def holds(member: Any) -> bool:
+            return all(contact in known for contact in force_of(member))
+
+        contacts = [contact for contact in self.contacts if contact.name in names]
+        known = {contact.name for contact in contacts} | {contact.frame for contact in contacts}
+        levels = [[task for task in level if holds(task)] for level in self.levels]
+        return Stack(
+            [level for level in levels if level],
+            subject_to=[law for law in self.subject_to if holds(law)],
+            contacts=contacts,
+            components=self.components,
+        )
 
     def _refuse_equal_names(self) -> None:
         seen: set[str] = set()

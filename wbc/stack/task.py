@@ -240,14 +240,14 @@ class Exactly:
 
 class LinearTask(Objective):
     """A wish A y = b on a quantity y: joint torques (``"torque"``, nj), accelerations (``"acceleration"``, nv) or the
-    wrench of one contact (``"force"``, 3 or 6). ``fill`` writes out.A and out.b.
+    wrench of one contact (``"force"``, its ``dim``), or of several, one behind the other. ``fill`` writes out.A, out.b.
 
     A weighted norm ½ |y − y₀|²_Q is one, with A = Lᵀ, b = Lᵀ y₀, Q = L Lᵀ.
     """
 
     on: ClassVar[str]
-    #: For ``on = "force"``: the name or frame of the contact.
-    contact: str = ""
+    #: For ``on = "force"``: the name or frame of the contact, or of several.
+    contact: str | tuple[str, ...] = ""
 
     def exactly(self, *, name: str | None = None) -> Any:
         """The same task as a law: A y = b holds exactly, above every weight."""
@@ -258,6 +258,14 @@ class LinearTask(Objective):
     @abstractmethod
     def fill(self, state: RobotState, out: LinearRows) -> None:
         """Write A (dim, size) and b (dim,) for this state. Pure."""
+
+
+def force_of(member: Any) -> tuple[str, ...]:
+    """Names or frames of the contacts whose force a task or law is about; none for most."""
+    if getattr(member, "on", None) != "force":
+        return ()
+    contact: str | tuple[str, ...] = member.contact
+    return (contact,) if isinstance(contact, str) else contact
 
 
 class Target:

@@ -129,11 +129,10 @@ def _quantity(
             np.matmul(A, torques, out=rows)
 
     elif member.on == "force":
-        i = layout.contact(member)
-        columns = slice(layout.force_columns[i], layout.force_columns[i] + layout.contacts[i].dim)
+        columns = layout.forces_of(member)
 
         def write(A: Mat, v: Vec) -> None:
-            np.multiply(A, problem.scale[columns], out=rows[:, columns])
+            rows[:, columns] = A * problem.scale[columns]
             right[:] = 0.0
 
     elif member.on == "velocity" and layout.level.order == 2:

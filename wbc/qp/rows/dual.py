@@ -100,6 +100,14 @@ class DualSolver(RowSolver):
     def active_count(self) -> int:
         return len(self._slot_rows) + len(self._pins)
 
+    def working_set(self) -> tuple[Index, Vec]:
+        items = np.concatenate([self._pins + self.problem.n_u, self._slot_items])
+        return items, np.concatenate([self._pin_side, self._slot_side])
+
+    def guess(self, items: Index, side: Vec) -> None:
+        fits = (items < self.problem.n) | (np.cumsum(items >= self.problem.n) <= self.problem.n_slots)
+        self._work_on(items[fits], side[fits])
+
     # ---- the working set
     def _work_on(self, items: Index, side: Vec) -> None:
         """Take these items as active: variables become pins, rows go into slots. side: +1 upper, −1 lower."""

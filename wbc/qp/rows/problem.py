@@ -17,6 +17,7 @@ Forces are stored scaled, f = scale · f̃, so that their metric equals the join
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -73,6 +74,12 @@ class RowProblem:
     def item(self, row: int) -> int:
         """Position of a row of G among the items."""
         return self.first_row + row
+
+    @cached_property
+    def items(self) -> dict[Row, int]:
+        """Position of each unknown and of each range row among the items, by its name."""
+        unknowns = {row: i for i, row in enumerate(self.rows[self.n_rows :])}
+        return unknowns | {self.rows[i]: self.item(i) for i in range(self.range.start, self.range.stop)}
 
     @property
     def lb(self) -> Vec:

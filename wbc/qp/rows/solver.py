@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import final
+
+import numpy as np
 
 from wbc.qp.certificate import Certificate
+from wbc.qp.problem import Row
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.solver import Counts
-from wbc.types import Status, Vec
+from wbc.types import Index, Status, Vec
 
 
 class RowSolver(ABC):
@@ -33,6 +38,29 @@ class RowSolver(ABC):
     @abstractmethod
     def reset(self) -> None:
         """Forget the warm start."""
+
+    def working_set(self) -> tuple[Index, Vec]:
+        """Items held at a bound in the last answer, and on which side: +1 upper, −1 lower. None where none is kept."""
+        return np.zeros(0, np.intp), np.zeros(0)
+
+    def guess(self, items: Index, side: Vec) -> None:
+        """Take these as held in the next answer. A solver that does not guess has no use for it."""
+
+    @final
+    def start_from(self, former: RowSolver) -> None:
+        """Guess what held in the answer of another problem, for the rows and unknowns that both have by name; what only
+        this one has is guessed as in its own last answer."""
+        items, other = self.problem.items, former.problem.items
+        held = {row: side for row, side in self.named_working_set() if row not in other}
+        held.update((row, side) for row, side in former.named_working_set() if row in items)
+        found = [items[row] for row in held]
+        self.guess(np.array(found, dtype=np.intp), np.array([*held.values()], dtype=np.float64))
+
+    def named_working_set(self) -> Iterator[tuple[Row, float]]:
+        """The working set by name."""
+        p, (items, side) = self.problem, self.working_set()
+        names = [p.rows[p.n_rows + i] if i < p.n else p.rows[i - p.first_row] for i in items.tolist()]
+        return zip(names, side.tolist(), strict=True)
 
     @property
     @abstractmethod

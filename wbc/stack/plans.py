@@ -1,0 +1,138 @@
+"""Plans: a plan and a solver for each set of contacts that a schedule can name.
+
+A change of contacts changes the size of the problem, so it cannot be made inside a plan: another one is used, compiled
+before it is needed. All plans of a stack share what is remembered from tick to tick (where contacts were made, the
+bounds that components moved), and the working set of the former plan is the first guess of the next, row by row where
+both have a row of the same name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import final
+
+import numpy as np
+
+from wbc.errors import InvalidInput, UnknownName
+from wbc.models.model import RobotModel, RobotState
+from wbc.qp.rows import RowProblem, RowSolver
+from wbc.stack.formulation import Formulation
+from wbc.stack.plan import Plan
+from wbc.stack.schedule import Schedule
+from wbc.stack.stack import Stack
+from wbc.types import Vec
+
+
+@final
+class Mode:
+    """One set of contacts: its plan, its solver, and where its forces stand among those of all contacts."""
+
+    __slots__ = ("_nf", "_places", "plan", "second", "solver")
+
+    def __init__(self, plan: Plan, solver: RowSolver, whole: Plan) -> None:
+        self.plan, self.solver = plan, solver
+        starts = dict(zip((c.name for c in whole.layout.contacts), whole.layout.force_columns, strict=True))
+        columns = [starts[c.name] - whole.model.nv + np.arange(c.dim) for c in plan.layout.contacts]
+        #: Of each force among the (nf,) of all contacts; None where the plan has them all.
+        self._places = None if plan is whole else np.concatenate([np.zeros(0, np.intp), *columns])
+        self._nf = whole.layout.nf
+        #: The solver that is asked where ``solver`` fails, made when it is needed.
+        self.second: RowSolver | None = None
+
+    def all_forces(self, forces: Vec) -> Vec:
+        """Forces of the plan's contacts as those of all contacts (nf,), zero where there is no contact."""
+        if self._places is None:
+            return forces
+        result = np.zeros(self._nf)
+        result[self._places] = forces
+        result.flags.writeable = False
+        return result
+
+
+@final
+class Plans:
+    """The modes of a stack. ``whole`` has all contacts; the others are compiled for the sets of the stack's schedule.
+
+    ``unplanned`` counts the sets that were asked for without having been announced.
+
+    Raises:
+        InvalidInput: two schedules in one stack.
+        UnknownContact: a schedule that names a contact the stack has not.
+    """
+
+    def __init__(
+        self, model: RobotModel, stack: Stack, level: Formulation, *, dt: float,
+        open_solver: Callable[[RowProblem], RowSolver],
+    ) -> None:  # fmt: skip
+        schedules = [component for component in stack.components if isinstance(component, Schedule)]
+        if len(schedules) > 1:
+            raise InvalidInput(f"{schedules[0].name} and {schedules[1].name} both schedule contacts; one can")
+        self.schedule = schedules[0] if schedules else None
+        self._open_solver = open_solver
+        self._named = {contact.frame: contact.name for contact in stack.contacts}
+        self._named |= {contact.name: contact.name for contact in stack.contacts}
+        plan = level.compile(model, stack, dt=dt)
+        self.whole = self.present = Mode(plan, open_solver(plan.problem), plan)
+        self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
+        self._waiting: list[frozenset[str]] = []
+        self.unplanned = 0
+        for names in () if self.schedule is None else self.schedule.contact_sets():
+            self._compile(self._set(names))
+
+    def _set(self, names: Iterable[str]) -> frozenset[str]:
+        names = frozenset(names)
+        if names in self._modes:
+            return names
+        for name in names:
+            if name not in self._named:
+                raise UnknownContact(name, self._named.values(), "the schedule names it")
+        return frozenset(self._named[name] for name in names)
+
+    def _compile(self, names: frozenset[str]) -> None:
+        if names not in self._modes:
+            whole = self.whole.plan
+            plan = whole.level.compile(whole.model, whole.stack.standing_on(names), dt=whole.dt, like=whole)
+            self._modes[names] = Mode(plan, self._open_solver(plan.problem), whole)
+
+    @property
+    def modes(self) -> Iterable[Mode]:
+        """All that are compiled."""
+        return self._modes.values()
+
+    def choose(self, names: Iterable[str], state: RobotState) -> Mode:
+        """The mode of a set of contacts; the present one, and a note, where it is not compiled.
+
+        Raises:
+            UnknownContact: a name the stack has not.
+        """
+        asked = self._set(names)
+        mode = self._modes.get(asked)
+        if mode is None:
+            if asked not in self._waiting:
+                self._waiting.append(asked)
+                self.unplanned += 1
+            return self.present
+        if mode is not self.present:
+            mode.plan.take_over(self.present.plan, state)
+            mode.solver.start_from(self.present.solver)
+            self.present = mode
+        return mode
+
+    def compile_waiting(self) -> int:
+        """Compile the sets that were asked for without a plan; how many there were."""
+        waiting, self._waiting = self._waiting, []
+        for names in waiting:
+            self._compile(names)
+        return len(waiting)
+
+    def reset(self) -> None:
+        """All contacts again, and no memory in any solver."""
+        self.present = self.whole
+        for mode in self._modes.values():
+            mode.solver.reset()
+
+
+class UnknownContact(UnknownName):
+    """The stack has no such contact."""
+
+    kind = "contact"
