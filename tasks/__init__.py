@@ -11,6 +11,9 @@ Example:
     ... )
 """
 
+from tasks.angular_momentum import AngularMomentum as AngularMomentum
+from tasks.axis_alignment import AxisAlignment as AxisAlignment
+from tasks.centroidal_momentum import CentroidalMomentum as CentroidalMomentum
 from tasks.com import CenterOfMass as CenterOfMass
 from tasks.components.measured_wrench import MeasuredWrench as MeasuredWrench
 from tasks.components.momentum_observer import MomentumObserver as MomentumObserver
@@ -21,18 +24,25 @@ from tasks.criteria.criterion import Criterion as Criterion
 from tasks.criteria.manipulability import Manipulability as Manipulability
 from tasks.criteria.mid_range import MidRange as MidRange
 from tasks.damping import Damping as Damping
+from tasks.distance import Distance as Distance
 from tasks.feet import feet as feet
 from tasks.frame import Frame as Frame
+from tasks.gaze import Gaze as Gaze
 from tasks.joint_velocity import JointVelocity as JointVelocity
 from tasks.limits.joint_acceleration import JointAccelerationLimits as JointAccelerationLimits
 from tasks.limits.joint_position import JointPositionLimits as JointPositionLimits
 from tasks.limits.joint_velocity import JointVelocityLimits as JointVelocityLimits
 from tasks.limits.torque import TorqueLimits as TorqueLimits
+from tasks.linear_momentum import LinearMomentum as LinearMomentum
 from tasks.orientation import Orientation as Orientation
 from tasks.point import Point as Point
 from tasks.position import Position as Position
 from tasks.posture import Posture as Posture
 from tasks.projected_gradient import ProjectedGradient as ProjectedGradient
+from tasks.relative_frame import RelativeFrame as RelativeFrame
+from tasks.relative_orientation import RelativeOrientation as RelativeOrientation
+from tasks.relative_position import RelativePosition as RelativePosition
 from tasks.sole import Sole as Sole
 from tasks.torque import Torque as Torque
 from tasks.trajectories import Sinusoid as Sinusoid
+from tasks.yaw import Yaw as Yaw

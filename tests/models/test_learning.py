@@ -23,6 +23,8 @@ READS: dict[str, Callable[[RobotState], np.ndarray]] = {
     "com": lambda s: s.com,
     "com_jacobian": lambda s: s.com_jacobian,
     "com_drift": lambda s: s.com_drift,
+    "centroidal_map": lambda s: s.centroidal_map,
+    "centroidal_drift": lambda s: s.centroidal_drift,
     "position": lambda s: s.frame("left_hand").position,
     "rotation": lambda s: s.frame("left_sole").rotation,
     "placement": lambda s: s.frame("torso").placement.homogeneous,
@@ -33,7 +35,7 @@ READS: dict[str, Callable[[RobotState], np.ndarray]] = {
 }
 DYNAMICS = (
     "crba", "nonLinearEffects", "centerOfMass", "forwardKinematics", "computeGeneralizedGravity",
-    "computeCoriolisMatrix",
+    "computeCoriolisMatrix", "ccrba", "computeCentroidalMomentumTimeVariation",
 )  # fmt: skip
 
 
@@ -98,6 +100,10 @@ def test_a_velocity_controller_computes_no_dynamics(monkeypatch: pytest.MonkeyPa
             ["M", "h", "drift", "com", "com_jacobian", "com_drift"],
             ["crba", "nonLinearEffects", "centerOfMass", "jacobianCenterOfMass"],
         ),
+        (
+            ["drift", "centroidal_map", "centroidal_drift"],
+            ["ccrba", "forwardKinematics", "computeCentroidalMomentumTimeVariation", "computeJointJacobians"],
+        ),
     ],
 )
 def test_needs_are_learnt_and_met_with_the_fewest_calls(reads: list[str], calls: list[str]):
@@ -122,7 +128,8 @@ def test_a_frame_follows_the_state():
 
 def test_views_taken_once_stay_right():
     state = HUMANOID.state()
-    views = {read: READS[read](state) for read in ("M", "h", "g", "coriolis", "com", "com_jacobian", "com_drift")}
+    kept = ("M", "h", "g", "coriolis", "com", "com_jacobian", "com_drift", "centroidal_map", "centroidal_drift")
+    views = {read: READS[read](state) for read in kept}
     q, v = moments(3, 1)[0]
     state.update(0.0, q, v)
     assert all(np.array_equal(view, fresh(read, q, v)) for read, view in views.items())

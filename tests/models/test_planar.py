@@ -306,6 +306,10 @@ def test_frames_and_the_centre_of_mass_move_as_in_pinocchio(robot: Any, seed: in
     assert np.allclose(state.com, data.com[0], atol=1e-12) and np.allclose(state.com_jacobian, data.Jcom, atol=1e-12)
     pin.centerOfMass(model, data, q, v, np.zeros_like(v))
     assert np.allclose(state.com_drift, data.acom[0], atol=1e-10)
+    pin.ccrba(model, data, q, v)
+    assert np.allclose(state.centroidal_map, data.Ag, atol=1e-12)
+    pin.computeCentroidalMomentumTimeVariation(model, data, q, v, np.zeros_like(v))
+    assert np.allclose(state.centroidal_drift, data.dhg.vector, atol=1e-10)
     assert np.allclose(state.g, -robot.mass * state.com_jacobian.T @ robot.gravity, atol=1e-9)
     assert np.allclose(state.h, robot.c(q, v) + robot.g(q)) and np.array_equal(state.M, robot.M(q))
 
@@ -315,13 +319,27 @@ def test_what_has_been_read_follows_the_state_and_cannot_be_written(robot: Any):
     state, (q, v) = robot.state(), vectors(robot, 0, 2)
     frame = state.frame("end_effector")
     views = [state.q, state.v, state.M, state.h, state.g, state.com, state.com_jacobian, state.com_drift]
-    views += [frame.position, frame.rotation, frame.jacobian(), frame.drift()]
+    views += [
+        state.centroidal_map,
+        state.centroidal_drift,
+        frame.position,
+        frame.rotation,
+        frame.jacobian(),
+        frame.drift(),
+    ]
     state.update(1.0, q, v)
     fresh = robot.state()
     fresh.update(1.0, q, v)
     other = fresh.frame("end_effector")
     again = [fresh.q, fresh.v, fresh.M, fresh.h, fresh.g, fresh.com, fresh.com_jacobian, fresh.com_drift]
-    again += [other.position, other.rotation, other.jacobian(), other.drift()]
+    again += [
+        fresh.centroidal_map,
+        fresh.centroidal_drift,
+        other.position,
+        other.rotation,
+        other.jacobian(),
+        other.drift(),
+    ]
     for view, value in zip(views, again, strict=True):
         assert np.array_equal(view, value)
         with pytest.raises(ValueError, match="read-only"):

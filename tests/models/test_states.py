@@ -97,6 +97,20 @@ def test_the_centre_of_mass_moves_with_its_jacobian_and_drift(robot: RobotModel,
 
 @robots
 @given(seed=seeds)
+def test_the_centroidal_momentum_is_that_of_the_whole_mass_and_of_the_velocity_s_gradient(robot: RobotModel, seed: int):
+    q, v = somewhere(robot, seed)
+    state = at(robot, q, v)
+    momentum = state.centroidal_map @ v
+    assert close(momentum[:3], robot.mass * state.com_jacobian @ v)
+    assert close(state.centroidal_drift, rate(robot, q, v, lambda s: s.centroidal_map @ s.v))
+    if robot.nb:  # the base's share of M v is the whole momentum, seen from the base
+        base = state.frame(robot.frame_names[0])
+        linear, angular = (base.rotation @ part for part in np.split((state.M @ v)[:6], 2))
+        assert close(momentum[3:], angular - np.cross(state.com - base.position, linear))
+
+
+@robots
+@given(seed=seeds)
 def test_the_inertia_matrix_is_symmetric_and_positive(robot: RobotModel, seed: int):
     M = at(robot, *somewhere(robot, seed)).M
     assert np.array_equal(M, M.T)
@@ -178,7 +192,7 @@ def test_what_is_read_cannot_be_written():
     frame = state.frame("torso")
     for array in (
         state.q, state.v, state.M, state.h, state.g, state.com, state.com_jacobian, state.com_drift,
-        frame.position, frame.rotation,
+        state.centroidal_map, state.centroidal_drift, frame.position, frame.rotation,
     ):  # fmt: skip
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0

@@ -78,6 +78,8 @@ class RobotState(ABC):
     """
 
     model: RobotModel
+    #: False where nobody needs drifts (velocities are decided): they may be NaN then, and a task may leave them out.
+    drifts: bool = True
     t: float
     q: Vec
     v: Vec
@@ -130,6 +132,17 @@ class RobotState(ABC):
     @abstractmethod
     def com_drift(self) -> Vec:
         """Acceleration of the centre of mass when a = 0 (3,) [m/s²]."""
+
+    @property
+    @abstractmethod
+    def centroidal_map(self) -> Mat:
+        """A_G (6, nv): A_G v is the linear momentum [kg m/s], then the angular momentum about the centre of mass
+        [kg m²/s], world axes. Source: Orin, Goswami, Lee, Autonomous Robots 2013."""
+
+    @property
+    @abstractmethod
+    def centroidal_drift(self) -> Vec:
+        """Ȧ_G v (6,) [N, N m]: the rate of that momentum when a = 0."""
 
 
 class RobotModel(ABC):

@@ -59,6 +59,8 @@ class PinocchioState(RobotState):
         self._h, self._g = _view(data.nle, data, model.nv), _view(data.g, data, model.nv)
         self._coriolis = _view(data.C, data, model.nv, model.nv)
         self._com, self._com_drift = _view(data.com[0], data), _view(data.acom[0], data)
+        self._centroidal_map = _view(data.Ag, data, 6, model.nv)
+        self._centroidal_drift = _view(data.dhg.vector, data)
         self._needs: set[str] = set()
         self._frames: dict[str, PinocchioFrame] = {}
         self._calls: list[Callable[[], object]] = []
@@ -152,6 +154,22 @@ class PinocchioState(RobotState):
             self._learn("com_drift")
         return self._com_drift
 
+    @property
+    def centroidal_map(self) -> Mat:
+        """A_G (6, nv): linear momentum, then angular momentum about the centre of mass, world axes, per unit of v."""
+        if "centroidal_map" not in self._needs:
+            self._learn("centroidal_map")
+        return self._centroidal_map
+
+    @property
+    def centroidal_drift(self) -> Vec:
+        """Ȧ_G v (6,) [N, N m]: the rate of the centroidal momentum when a = 0."""
+        if "centroidal_drift" not in self._needs:
+            if not self.drifts:
+                return _NO_DRIFT
+            self._learn("centroidal_drift")
+        return self._centroidal_drift
+
     def _learn(self, need: str) -> None:
         """Compute one thing more, now and in every later update.
 
@@ -175,6 +193,8 @@ class PinocchioState(RobotState):
         placed = with_jacobians = False
         if "coriolis" in needs:
             add("computeCoriolisMatrix", q, v)
+        if "centroidal_map" in needs:
+            add("ccrba", q, v)
         if "M" in needs:
             add("crba", q, pin.Convention.WORLD)  # placements and joint Jacobians come with it
             placed = with_jacobians = True
@@ -185,6 +205,10 @@ class PinocchioState(RobotState):
             placed = True
         elif "drift" in needs:
             add("forwardKinematics", q, v, zero)
+            placed = True
+        if "centroidal_drift" in needs:
+            moved = {"com_drift", "drift"} & needs
+            add("computeCentroidalMomentumTimeVariation", *(() if moved else (q, v, zero)))
             placed = True
         if "com" in needs:
             add("jacobianCenterOfMass", *(() if placed else (q,)), False)

@@ -69,8 +69,8 @@ class PlanarRobot(RobotModel):
         self.limits = _limits(n, **limits)
         self.gravity = _frozen(np.array([0.0, -self.g0, 0.0]))
         self.q0 = _frozen(np.zeros(n))
-        self.masses, self.lengths, self.offsets = (
-            [self.parameters.get(f"{kind}{i + 1}", 0.0) for i in range(n)] for kind in "mld"
+        self.masses, self.lengths, self.offsets, self.inertias = (
+            [self.parameters.get(f"{kind}{i + 1}", 0.0) for i in range(n)] for kind in "mldI"
         )
         self.mass = sum(self.masses)
 
@@ -298,6 +298,17 @@ class PlanarState(RobotState):
         return self._view("com_drift", lambda: self._mean([m.com.drift for m in self.motion]))
 
     @property
+    def centroidal_map(self) -> Mat:
+        """A_G (6, n): linear momentum, then angular momentum about the centre of mass, per unit of v; rows x, y and
+        the last are not zero."""
+        return self._view("centroidal_map", lambda: self._momentum([(m.com.J, m.spin) for m in self.motion]))
+
+    @property
+    def centroidal_drift(self) -> Vec:
+        """Ȧ_G v (6,) [N, N m]: the rate of that momentum when q̈ = 0; links then turn at a constant rate."""
+        return self._view("centroidal_drift", lambda: self._momentum([(m.com.drift, 0.0) for m in self.motion]))
+
+    @property
     def motion(self) -> list[LinkMotion]:
         """How each link moves, computed once an update."""
         if self._motion is None:
@@ -308,6 +319,17 @@ class PlanarState(RobotState):
         """The mean of vectors or matrices in the plane, weighted by the masses of the links; a row of zeros for z."""
         planar = np.tensordot(self.model.masses, values, axes=1) / self.model.mass
         return np.concatenate([planar, np.zeros((1, *planar.shape[1:]))])
+
+    def _momentum(self, motions: list[tuple[Vec, Any]]) -> Vec:
+        """Σ m ẋ and Σ (m (x − c) × ẋ + I ω) for each link's motion (ẋ, ω), six rows."""
+        total: Vec = np.zeros((6, *motions[0][0].shape[1:]))
+        for link, (velocity, spin), mass, inertia in zip(
+            self.motion, motions, self.model.masses, self.model.inertias, strict=True
+        ):
+            arm = link.com.position - self.com[:2]
+            total[:2] += mass * velocity
+            total[5] += mass * (arm[0] * velocity[1] - arm[1] * velocity[0]) + inertia * spin
+        return total
 
     def _view(self, name: str, compute: Callable[[], Vec]) -> Vec:
         """A read-only view of a quantity; from its first reading on, updates compute it."""

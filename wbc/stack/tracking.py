@@ -36,6 +36,8 @@ class Tracking(Objective):
     """
 
     convert: Convert
+    #: Size of the target's rate and acceleration where it is not the task's ``dim``.
+    target_dim: int | None = None
     _given: Any = None
     _reference: Target
 
@@ -48,7 +50,7 @@ class Tracking(Objective):
     def target(self, value: Any) -> None:
         if value is None:
             raise InvalidInput(f"{self.name}.target is None; give a value or a function of time (tasks keep no memory)")
-        dim = getattr(self, "dim", None)
+        dim = self.target_dim or getattr(self, "dim", None)
         if dim is not None:
             self._reference = Target(f"{self.name}.target", value, dim, self.convert)
         if isinstance(value, np.ndarray):  # writing into what was given would go unseen

@@ -1,0 +1,48 @@
+"""AngularMomentum: how much the robot spins, as a whole."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+from tasks.trajectories import Sinusoid
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.tracking import Tracking
+
+
+@final
+class AngularMomentum(Tracking, Task):
+    """k = A_k v [kg m²/s], about the centre of mass: three rows, world axes.
+
+    Velocity level: k = k_target. Acceleration level: k̇ = k̇_target + kd (k_target − k), kd [1/s]. There is no angle
+    whose rate it is, so nothing is wished about one. ``target``: (3,), by default none at all, or a function of time
+    giving it or (momentum, its first, its second derivative); the second is not used.
+    Source: Orin, Goswami, Lee, Autonomous Robots 2013.
+
+    Raises:
+        InvalidInput: a target of another shape.
+
+    Example:
+        >>> from tasks import AngularMomentum
+        >>> AngularMomentum(kd=20.0, weight=1e-2)
+        AngularMomentum(weight=0.01)
+    """
+
+    dim, units, labels, convert = 3, "kg m²", "xyz", staticmethod(vector_target(3))
+
+    def __init__(
+        self, *, target: Any = (0.0, 0.0, 0.0), kd: Any = 10.0, weight: Any = 1.0, name: str | None = None
+    ) -> None:
+        super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
+        self.target = target
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        target = self.reference(state.t)
+        out.e[:] = 0.0
+        out.J[:] = state.centroidal_map[3:]
+        out.drift[:] = state.centroidal_drift[3:]
+        out.rate_ref[:], out.acc_ref[:] = target.value, target.rate
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        return [cls(), cls(target=Sinusoid([0.0] * 3, amplitude=0.5, frequency=[0.5, 0.7, 0.9]))]

@@ -1,0 +1,63 @@
+"""AxisAlignment: an axis of a frame points along a direction of the world; turning about it is free."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.directions import direction_target, sight, unit_axis, unit_motion, view_axes
+from tasks.trajectories import Sinusoid
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows
+from wbc.stack.tracking import Tracking
+
+
+@final
+class AxisAlignment(Tracking, Task):
+    """e = the two angles [rad] at which the direction d lies beside ``axis``, as seen from the frame: two rows.
+
+    With u = (b₁, b₂, a)ᵀ Rᵀ d, a the axis and b₁, b₂ across it: e = (θ / sin θ) (u₁, u₂), θ the angle between, |e| = θ.
+    Two rows and never three, so that it may be a law, and no rest but where axis and direction agree. Straight behind,
+    where every way round is as long, the direction counts as 0.01 rad beside.
+
+    ``axis`` (3,) in the frame; ``target`` (3,) in the world, both of any length; or a function of time giving the
+    target or (direction, its first, its second derivative).
+
+    Raises:
+        InvalidInput: a direction that is zero or of another shape. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import AxisAlignment
+        >>> AxisAlignment("tool", axis=[0, 0, 1], target=[0, 0, -1], kp=50).dim  # the tool points down
+        2
+    """
+
+    dim, units, labels, convert = 2, "rad", ("across b1", "across b2"), staticmethod(direction_target)
+    target_dim = 3
+
+    def __init__(
+        self, frame: str, *, axis: Any, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None,
+        weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame = self.subject = frame
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.axis = unit_axis(f"{self.name}.axis", axis)
+        self._view = view_axes(self.axis)
+        self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+        self._still = np.zeros((3, model.nv))
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        target = self.reference(state.t)
+        direction = unit_motion(target.value, target.rate, target.second, 1e-9)
+        seen = sight(state, state.frame(self.frame), self._view, direction=direction, target=direction, J=self._still)
+        out.e[:], out.J[:], out.drift[:] = seen.e, seen.J, seen.drift
+        out.rate_ref[:], out.acc_ref[:] = seen.rate_ref, seen.acc_ref
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame, moving = model.frame_names[-1], Sinusoid([1.0, 0.5, 0.2], amplitude=0.8, frequency=[0.5, 0.7, 0.9])
+        return [cls(frame, axis=[0, 0, 1], target=[0.0, 3.0, -1.0]), cls(frame, axis=[1, 2, 0], target=moving)]

@@ -1,0 +1,91 @@
+"""Distance: how far a frame of the robot is from another, or from a point of the world."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.relative import check_frames
+from tasks.trajectories import Sinusoid
+from wbc import checks
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.tracking import Tracking
+from wbc.types import Vec
+
+#: Nearer than this [m] two points count as this far apart where one divides by their distance.
+_NEAREST = 1e-3
+
+
+@final
+class Distance(Tracking, Task):
+    """e = r_target − r [m], r = |p − p_to|: one row, J = n · (J_p − J_to), n = (p − p_to) / r.
+
+    The drift is n · (p̈ − p̈_to) + |(I − n nᵀ)(ṗ − ṗ_to)|² / r. Nearer than 1 mm, where a direction changes at once, r is
+    1 mm in that fraction; in one point n is the world's x, so that a robot can leave it.
+
+    ``to``: the other frame's name, or a point (3,) of the world; ``target`` [m] > 0, or a function of time giving it or
+    (distance, rate, acceleration), (1,) each.
+
+    Raises:
+        InvalidInput: a point of another shape, a target <= 0; the same frame twice. UnknownFrame: when a stack is
+            compiled.
+
+    Example:
+        >>> from tasks import Distance
+        >>> Distance("left_hand", to="right_hand", target=0.4).name
+        'Distance[left_hand to right_hand]'
+    """
+
+    dim, units = 1, "m"
+
+    def __init__(
+        self, frame: str, *, to: Any, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None,
+        weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame = frame
+        self.subject = f"{frame} to {to}" if isinstance(to, str) else frame
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.to: str | Vec = to if isinstance(to, str) else checks.array(f"{self.name}.to", to, (3,))
+        self.target = target
+
+    @staticmethod
+    def convert(name: str, value: Any, strict: bool) -> Vec:
+        """A distance, as a number or (1,); positive when assigned."""
+        distance = _distance(name, [value] if np.ndim(value) == 0 else value, strict)
+        if strict:
+            checks.number(name, distance[0], low=0.0, strict=True)
+        return distance
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+        if isinstance(self.to, str):
+            check_frames(model, self.name, self.frame, self.to)
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        frame, target = state.frame(self.frame), self.reference(state.t)
+        J, drift = frame.jacobian()[:3], frame.drift()[:3]
+        if isinstance(self.to, str):
+            other = state.frame(self.to)
+            x = frame.position - other.position
+            J, drift = J - other.jacobian()[:3], drift - other.drift()[:3]
+        else:
+            x = frame.position - self.to
+        r = float(np.sqrt(np.dot(x, x)))
+        n = x / r if r > 0.0 else np.array([1.0, 0.0, 0.0])
+        out.e[:] = target.value - r
+        np.dot(n, J, out.J[0])
+        rate = np.dot(J, state.v)
+        along = np.dot(n, rate)
+        out.drift[:] = np.dot(n, drift) + (np.dot(rate, rate) - along * along) / max(r, _NEAREST)
+        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        first, last = model.frame_names[len(model.frame_names) // 2], model.frame_names[-1]
+        moving = Sinusoid([0.4], amplitude=0.2, frequency=0.7)
+        return [cls(last, to=first, target=moving), cls(last, to=[0.5, 0.2, 1.0], target=0.3)]
+
+
+_distance = vector_target(1)

@@ -1,0 +1,67 @@
+"""Gaze: an axis of a frame points at a point, as a camera looks at what it should see."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.directions import sight, unit_axis, unit_motion, view_axes
+from tasks.trajectories import Sinusoid
+from wbc import checks
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.tracking import Tracking
+
+
+@final
+class Gaze(Tracking, Task):
+    """e = the two angles [rad] at which the point x lies beside ``axis``, as seen from the frame's origin: two rows.
+
+    The same as :class:`~tasks.axis_alignment.AxisAlignment` with the direction x − p, which changes as the frame moves
+    about: |e| is the angle between the axis and the line of sight, turning about it is free. Nearer than ``nearest``
+    [m] there is less and less to look at: x − p is divided by that distance, and e and J go to zero with it.
+
+    ``axis`` (3,) in the frame (the optical axis of a camera is often z); ``target`` (3,) [m], or a function of time
+    giving it or (position, velocity, acceleration).
+
+    Raises:
+        InvalidInput: an axis that is zero, a target of another shape. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import Gaze
+        >>> Gaze("head", axis=[1, 0, 0], target=[2.0, 0.5, 1.0], kp=50)
+        Gaze[head](weight=1.0)
+    """
+
+    dim, units, labels, convert = 2, "rad", ("across b1", "across b2"), staticmethod(vector_target(3))
+    target_dim = 3
+
+    def __init__(
+        self, frame: str, *, axis: Any, target: Any, nearest: float = 0.01, kp: Any = 100.0, kd: Any = None,
+        rate: Any = None, weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame = self.subject = frame
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.axis = unit_axis(f"{self.name}.axis", axis)
+        self.nearest = checks.number(f"{self.name}.nearest", nearest, low=0.0, strict=True)
+        self._view = view_axes(self.axis)
+        self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        frame, target = state.frame(self.frame), self.reference(state.t)
+        x, J = target.value - frame.position, frame.jacobian()[:3]
+        alone = unit_motion(x, target.rate, target.second, self.nearest)
+        velocity = target.rate - np.dot(J, state.v)
+        both = unit_motion(x, velocity, target.second - frame.drift()[:3], self.nearest)
+        seen = sight(state, frame, self._view, direction=both, target=alone, J=np.dot(both.by_velocity, -J))
+        out.e[:], out.J[:], out.drift[:] = seen.e, seen.J, seen.drift
+        out.rate_ref[:], out.acc_ref[:] = seen.rate_ref, seen.acc_ref
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame, moving = model.frame_names[-1], Sinusoid([1.0, 0.5, 2.2], amplitude=0.3, frequency=[0.5, 0.7, 0.9])
+        return [cls(frame, axis=[0, 0, 1], target=[2.0, 0.5, 1.0]), cls(frame, axis=[1, 2, 0], target=moving)]

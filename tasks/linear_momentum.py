@@ -1,0 +1,49 @@
+"""LinearMomentum: how much the robot's mass moves, as a whole."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.trajectories import Sinusoid
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.tracking import Tracking
+
+
+@final
+class LinearMomentum(Tracking, Task):
+    """l = m ċ [kg m/s]: three rows, world axes.
+
+    Velocity level: l = l_target. Acceleration level: l̇ = l̇_target + kd (l_target − l), kd [1/s].
+    ``target``: (3,), by default rest, or a function of time giving it or (momentum, its first, its second derivative);
+    the second is not used.
+
+    Raises:
+        InvalidInput: a target of another shape.
+
+    Example:
+        >>> from tasks import LinearMomentum
+        >>> LinearMomentum(kd=20.0, weight=1e-3)
+        LinearMomentum(weight=0.001)
+    """
+
+    dim, units, labels, convert = 3, "kg m", "xyz", staticmethod(vector_target(3))
+
+    def __init__(
+        self, *, target: Any = (0.0, 0.0, 0.0), kd: Any = 10.0, weight: Any = 1.0, name: str | None = None
+    ) -> None:
+        super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
+        self.target = target
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        target = self.reference(state.t)
+        out.e[:] = 0.0
+        np.multiply(state.com_jacobian, state.model.mass, out.J)
+        np.multiply(state.com_drift, state.model.mass, out.drift)
+        out.rate_ref[:], out.acc_ref[:] = target.value, target.rate
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        return [cls(), cls(target=Sinusoid([0.0] * 3, amplitude=5.0, frequency=[0.5, 0.7, 0.9]))]

@@ -1,0 +1,57 @@
+"""RelativeOrientation: which way one frame of the robot points, seen from another."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.motions import swing
+from tasks.relative import check_frames, relative_motion
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows
+from wbc.stack.tracking import Tracking, rotation_error, rotation_target
+
+
+@final
+class RelativeOrientation(Tracking, Task):
+    """e = log(R_target Rᵀ) [rad]: three rows, axes of ``reference``.
+
+    R are the axes of ``frame`` in those of ``reference``. ``target``: rotation (3, 3), by default the identity (both
+    point the same way), or a function of time giving it or (rotation, angular velocity, angular acceleration) as seen
+    from the reference.
+
+    Raises:
+        InvalidInput: a target that is no rotation; the same frame twice. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import RelativeOrientation
+        >>> RelativeOrientation("left_hand", reference="right_hand", weight=0.1).name
+        'RelativeOrientation[left_hand in right_hand]'
+    """
+
+    dim, units, labels, convert = 3, "rad", ("roll", "pitch", "yaw"), staticmethod(rotation_target)
+
+    def __init__(
+        self, frame: str, *, reference: str, target: Any = ((1, 0, 0), (0, 1, 0), (0, 0, 1)), kp: Any = 100.0,
+        kd: Any = None, rate: Any = None, weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame, self.frame_of_reference = frame, reference
+        self.subject = f"{frame} in {reference}"
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        check_frames(model, self.name, self.frame, self.frame_of_reference)
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        motion, target = relative_motion(state, self.frame, self.frame_of_reference), self.reference(state.t)
+        out.e[:] = rotation_error(target.value, motion.rotation)
+        out.J[:], out.drift[:] = motion.J[3:], motion.drift[3:]
+        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        first, last = model.frame_names[len(model.frame_names) // 2], model.frame_names[-1]
+        moving = swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6)
+        return [cls(last, reference=first), cls(last, reference=first, target=moving)]
