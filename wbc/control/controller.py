@@ -230,8 +230,9 @@ class Controller:
         p, model = self.plan.problem, self.model
         value = p.value.copy()
         nv, proof = model.nv, self._answered.certificate
-        if p.n > nv:
-            value[nv : p.n] *= p.scale[nv:]  # forces in newtons
+        nf = self.plan.layout.nf
+        if nf:
+            value[nv : nv + nf] *= p.scale[nv : nv + nf]  # forces in newtons
         value.flags.writeable = False
         if self.level.order == 1:
             command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, v=value[:nv])
@@ -242,7 +243,7 @@ class Controller:
             tau = self.plan.actuators.command(value[first : first + model.nj])
             command = Command(
                 self, Status.SOLVED, "solved", proof, q=q, v_before=v,
-                a=value[:nv], tau=tau, forces=self._mode.all_forces(value[nv : p.n]),
+                a=value[:nv], tau=tau, forces=self._mode.all_forces(value[nv : nv + nf]),
             )  # fmt: skip
         self._good, self._failures = command, 0
         return command

@@ -7,17 +7,22 @@ Four kinds, told apart by what they are written about:
 * :class:`Barrier`           h(q) >= 0, kept by a control barrier function at every level
 * :class:`LinearConstraint`  lo <= A y <= hi on velocities, accelerations, torques or one contact's wrench
 * ``task.exactly()``         any kinematic task as an equality (:class:`~wbc.stack.task.Exactly`)
+
+The first three may also be wishes: ``law.softly()`` (:class:`~wbc.stack.softly.Softly`) stands among the tasks.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Literal, Self, final
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, final
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.softly import Softly
 
 Quantity = Literal["position", "velocity", "acceleration", "torque"]
 
@@ -40,6 +45,12 @@ class Constraint(ABC):
 
     def prepare(self, model: RobotModel) -> None:
         """Called once when a stack is compiled: check arguments against the model and fix sizes."""
+
+    def softly(self, *, weight: Any = 1.0, name: str | None = None) -> Softly:
+        """The same law as a wish, to stand among the tasks of a stack: it may be broken, at a cost."""
+        from wbc.stack.softly import Softly
+
+        return Softly(self, weight=weight, name=name)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -13,6 +13,7 @@ from wbc.qp.problem import Row
 from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
 from wbc.stack.contact import Contact
 from wbc.stack.formulation import Formulation
+from wbc.stack.softly import Softly
 from wbc.stack.stack import Stack
 from wbc.stack.task import Exactly, LinearTask, Task, force_of
 from wbc.types import Index
@@ -25,8 +26,9 @@ _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 class Layout:
     """Members of a stack sorted by what they write, with the row each starts at.
 
-    Rows of G: base (6 or none) | range: torques, cones, barriers, linear constraints | soft: linear, kinematic tasks |
-    laws: exact tasks, contacts. Unknowns: base and joints (u first where it is eliminated), then contact forces.
+    Rows of G: base (6 or none) | range: torques, cones, barriers, linear constraints, soft laws | soft: linear,
+    kinematic tasks | laws: exact tasks, contacts. Unknowns: base and joints (u first where it is eliminated), then
+    contact forces, then what soft laws give way by.
 
     Raises:
         NotSupported: a member the level cannot carry, by name.
@@ -38,6 +40,7 @@ class Layout:
         self.linear: list[LinearTask] = _of(stack.tasks, LinearTask)
         self.kinematic: list[Task] = [t for t in _of(stack.tasks, Task) if not t.on_joints]
         self.on_joints: list[Task] = [t for t in _of(stack.tasks, Task) if t.on_joints]
+        self.soft_laws: list[Softly] = _of(stack.tasks, Softly)
         self.exact: list[Exactly] = _of(stack.subject_to, Exactly)
         self.barriers: list[Barrier] = _of(stack.subject_to, Barrier)
         self.constraints: list[LinearConstraint] = _of(stack.subject_to, LinearConstraint)
@@ -52,7 +55,7 @@ class Layout:
         dynamics = level.dynamics
         self.n_u = model.nb if dynamics else 0
         self.nf = sum(c.dim for c in self.contacts) if dynamics else 0
-        self.n = model.nv + self.nf
+        self.n = model.nv + self.nf + sum(soft.dim for soft in self.soft_laws)
         self.n_torque = model.nj if dynamics else 0
         self.n_cone = sum(len(c.cone()) for c in self.contacts) if dynamics else 0
 
@@ -63,6 +66,7 @@ class Layout:
         row += self.n_cone
         self.barrier_rows, row = _starts(self.barriers, row)
         self.constraint_rows, row = _starts(self.constraints, row)
+        self.soft_law_rows, row = _starts(self.soft_laws, row)
         self.n_range = row - self.n_u
         self.linear_rows, row = _starts(self.linear, row)
         self.motion_row = row
@@ -73,11 +77,12 @@ class Layout:
         self.contact_rows, row = _starts(self.contacts, row)
         self.n_law = row - self.n_u - self.n_range - self.n_soft
         self.force_columns, _ = _starts(self.contacts, model.nv)
+        self.give_columns, _ = _starts(self.soft_laws, model.nv + self.nf)
         self.n_rows = row
 
     def _refuse_what_has_no_kind(self, stack: Stack) -> None:
         sorted_members: list[object] = [*self.linear, *self.kinematic, *self.on_joints, *self.exact, *self.barriers]
-        sorted_members += [*self.constraints, *self.motion_limits, *self.torque_limits]
+        sorted_members += [*self.constraints, *self.motion_limits, *self.torque_limits, *self.soft_laws]
         for member in (*stack.tasks, *stack.subject_to):
             if not any(member is known for known in sorted_members):
                 raise NotSupported(
@@ -86,7 +91,8 @@ class Layout:
                 )
         tasks = [*self.linear, *self.kinematic, *self.on_joints, *(law.task for law in self.exact)]
         sizes = [(task.name, getattr(task, "dim", None)) for task in tasks]
-        sizes += [(law.name, getattr(law, "dim", None)) for law in (*self.barriers, *self.constraints)]
+        laws: list[Any] = [*self.barriers, *self.constraints, *self.soft_laws]
+        sizes += [(law.name, getattr(law, "dim", None)) for law in laws]
         for name, dim in sizes:
             if dim is None or dim < 1:
                 raise InvalidInput(
@@ -95,9 +101,12 @@ class Layout:
 
     def _refuse_what_the_level_cannot_carry(self) -> None:
         level = self.level
-        limits = [(law.name, law.quantity, level.bounds) for law in self.motion_limits + self.torque_limits]
+        soft = [member.law for member in self.soft_laws]
+        intervals: list[JointInterval] = [*self.motion_limits, *self.torque_limits, *_of(soft, JointInterval)]
+        limits = [(law.name, law.quantity, level.bounds) for law in intervals]
         rows = [(task.name, task.on, level.carries) for task in self.linear]
-        rows += [(law.name, law.on, level.carries) for law in self.constraints]
+        linear: list[LinearConstraint] = [*self.constraints, *_of(soft, LinearConstraint)]
+        rows += [(law.name, law.on, level.carries) for law in linear]
         for name, quantity, carried in [*limits, *rows]:
             if quantity not in carried:
                 raise NotSupported(
@@ -146,6 +155,8 @@ class Layout:
             rows += [Row(barrier.name, barrier.label(i), barrier.units + suffix) for i in range(barrier.dim)]
         for law in self.constraints:
             rows += [Row(law.name, law.label(i), law.units) for i in range(law.dim)]
+        for soft in self.soft_laws:
+            rows += [Row(soft.name, soft.label(i), self._soft_unit(soft, i)) for i in range(soft.dim)]
         for linear in self.linear:
             rows += [Row(linear.name, linear.label(i), linear.unit(i)) for i in range(linear.dim)]
         for task in self.kinematic:
@@ -168,6 +179,16 @@ class Layout:
             for contact in self.contacts:
                 for axis in contact.wrench_axes:
                     yield Row(f"force[{contact.short_name}]", _WRENCH[axis], "N" if axis < 3 else "N m")
+        for soft in self.soft_laws:
+            for i in range(soft.dim):
+                yield Row(f"{soft.name}: gives way", soft.label(i), self._soft_unit(soft, i))
+
+    def _soft_unit(self, soft: Softly, i: int) -> str:
+        """Limits on motion and barriers are kept in the unknown's unit, whatever they are about."""
+        law, suffix = soft.law, "/s" if self.level.order == 1 else "/s²"
+        if isinstance(law, JointInterval) and law.quantity != "torque":
+            return self.model.joint_units[i] + suffix
+        return soft.unit(i) + (suffix if isinstance(law, Barrier) else "")
 
 
 def _of(members: Any, kind: type[Any]) -> list[Any]:

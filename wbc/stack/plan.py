@@ -15,7 +15,7 @@ import numpy as np
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
-from wbc.qp.rows import RowProblem
+from wbc.qp.rows import RowProblem, Wish
 from wbc.stack.actuators import Actuators
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.formulation import Formulation
@@ -23,8 +23,8 @@ from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
 from wbc.stack.stack import Stack
-from wbc.stack.task import Objective
-from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, Writer
+from wbc.stack.task import Objective, Task
+from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, Writer
 from wbc.types import Vec
 
 
@@ -67,8 +67,11 @@ class Plan:
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
         #: Of each task on the joints: its share of the cost of each joint, and what it wants there.
         self._pulls = list(zip(np.zeros(joint_wanted.shape), joint_wanted, strict=True))
+        #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
+        self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
         self._read_weights()
+        p.levels = [[self._wish(task) for task in tasks] for tasks in stack.levels]
         self._qp: QP | None = None
         self._first_fill(like)
 
@@ -153,7 +156,30 @@ class Plan:
             writers.append(ConstraintWriter(law, row, p, layout, self.dt))
         for task, row in zip(layout.linear, layout.linear_rows, strict=True):
             writers.append(LinearWriter(task, row, p, layout, self.dt))
+        for soft, row, column in zip(layout.soft_laws, layout.soft_law_rows, layout.give_columns, strict=True):
+            writers.append(SoftLawWriter(soft, (row, column), p, layout, self.dt))
         return writers
+
+    def _wish(self, task: Objective) -> Wish:
+        """A task as its level knows it."""
+        layout, p, dim = self.layout, self.problem, task.dim
+        pulling = [*layout.on_joints, *layout.soft_laws]
+        columns = [*[self.model.nb] * len(layout.on_joints), *layout.give_columns]
+        if task in pulling:
+            i = pulling.index(task)
+            unknowns, weights = slice(columns[i], columns[i] + dim), self._pull_weights[i]
+            if isinstance(task, Task):
+                wanted = self._pulls[i][1]
+                return Wish(task.name, None, unknowns, weights, wanted, np.zeros(dim), scaled=task.is_scaled)
+            return Wish(task.name, None, unknowns, weights, np.zeros(dim), np.zeros(dim))
+        starts = [*layout.linear_rows, *layout.kinematic_rows]
+        row = starts[[*layout.linear, *layout.kinematic].index(task)]
+        rows, weights = slice(row, row + dim), p.weights[row - p.soft.start :][:dim]
+        if not isinstance(task, Task):
+            return Wish(task.name, rows, None, weights, np.zeros(dim), np.zeros(dim))
+        at = slice(row - layout.motion_row, row - layout.motion_row + dim)
+        wanted, drift = self.motion.wanted[at], self.motion.drift[at]
+        return Wish(task.name, rows, None, weights, wanted, drift, kinematic=True, scaled=task.is_scaled)
 
     def _first_fill(self, like: Plan | None) -> None:
         """Fill once at the model's reference, on poisoned memory: what nobody writes is found now, by name."""
@@ -181,25 +207,30 @@ class Plan:
     def _read_weights(self) -> None:
         layout, p = self.layout, self.problem
         exact = [law.task for law in layout.exact]
-        self._tasks: list[Objective] = [*layout.linear, *layout.kinematic, *layout.on_joints, *exact]
+        self._tasks: list[Objective] = [
+            *layout.linear, *layout.kinematic, *layout.on_joints, *layout.soft_laws, *exact
+        ]  # fmt: skip
         self._stamp = sum(task.stamp for task in self._tasks)
         self._read_gains()
         p.weights[:] = np.concatenate([t.weights() for t in (*layout.linear, *layout.kinematic)] or [np.zeros(0)])
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
         joints = np.full(self.model.nj, eps)
-        shares = [task.weights() for task in layout.on_joints]
-        for weights in shares:
+        for weights, task in zip(self._pull_weights, (*layout.on_joints, *layout.soft_laws), strict=True):
+            weights[:] = task.weights()
+        for weights, _ in zip(self._pull_weights, layout.on_joints, strict=False):
             joints += weights
-        for (share, _), weights in zip(self._pulls, shares, strict=True):
+        for (share, _), weights in zip(self._pulls, self._pull_weights, strict=False):
             np.divide(weights, joints, out=share)
         p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
         p.metric[nb - n_u : nv - n_u] = joints / p.unit
         if layout.nf:
             forces = self._force_weights + eps
-            p.scale[nv:] = np.sqrt(p.unit / forces)
-            self._force_scale_negative = -p.scale[nv:]
+            p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
+            self._force_scale_negative = -p.scale[nv : nv + layout.nf]
             self._write_cones()
+        for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
+            p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
         p.version += 1
 
     def _read_gains(self) -> None:

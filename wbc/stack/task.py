@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -62,6 +63,8 @@ class Objective(ABC):
     _weight: float | Vec = 1.0
     _active: bool = True
     stamp: int = 0
+    #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
+    is_scaled: bool = False
 
     def __init__(self, *, name: str | None = None, weight: Any = 1.0) -> None:
         self._name = name
@@ -134,7 +137,7 @@ class Objective(ABC):
         return [cls()]
 
     def __repr__(self) -> str:
-        return f"{self.name}(weight={self._weight})"
+        return f"{self.name}(weight={self._weight}{', scaled' if self.is_scaled else ''})"
 
 
 class Task(Objective):
@@ -219,6 +222,18 @@ class Task(Objective):
         """The same task as a law: its rows hold exactly, above every weight."""
         return Exactly(self, name=name)
 
+    def scaled(self) -> Self:
+        """The same task done as a whole or in part, never sideways: a copy with ``is_scaled``.
+
+        With t what the gains ask for, J x + drift = s t for one s in [0, 1] as near to 1 as can be: where limits bite
+        the direction is kept and the size gives way. The drift J̇ v is never scaled, it is there whatever is asked.
+        Keeping the direction stands above the wishes of its level, (1 − s) t is weighed as any residual. Source:
+        Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015.
+        """
+        same = copy(self)
+        same.is_scaled = True
+        return same
+
 
 class Exactly:
     """A task turned into a law (an equality); made by ``task.exactly()``, used in ``subject_to``."""
@@ -262,6 +277,7 @@ class LinearTask(Objective):
 
 def force_of(member: Any) -> tuple[str, ...]:
     """Names or frames of the contacts whose force a task or law is about; none for most."""
+    member = getattr(member, "law", member)  # a soft law is about what its law is about
     if getattr(member, "on", None) != "force":
         return ()
     contact: str | tuple[str, ...] = member.contact

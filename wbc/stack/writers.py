@@ -14,8 +14,10 @@ import numpy as np
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowProblem
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, JointInterval, LinearConstraint
+from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
+from wbc.stack.softly import Softly
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.types import Mat, Vec
 
@@ -93,6 +95,61 @@ class ConstraintWriter(Writer):
 
     def written(self) -> dict[str, Vec]:
         return {"A": self._out.A, "lo": self._out.lo, "hi": self._out.hi}
+
+
+@final
+class JointIntervalWriter(Writer):
+    """Bounds on each joint's motion or torque as rows, for a law that may be broken."""
+
+    def __init__(self, law: JointInterval, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
+        self.name = law.name
+        model, nj, nb = layout.model, layout.model.nj, layout.model.nb
+        self._rows = problem.G[row : row + nj]
+        items = slice(problem.item(row), problem.item(row + nj))
+        self._lower, self._upper = problem.lower[items], problem.upper[items]
+        self._torques, self._intervals = None, None
+        if law.quantity == "torque":
+            self._torques = problem.G[nb : nb + nj]
+            self._lower[:], self._upper[:] = law.bounds(model)
+        else:
+            self._intervals = JointIntervals.compose([law], model, dt)
+            self._rows[:, nb : nb + nj] = np.eye(nj)
+            self._bound = self._intervals.velocity if layout.level.order == 1 else self._intervals.acceleration
+
+    def fill(self, state: RobotState) -> None:
+        if self._torques is not None:
+            self._rows[:] = self._torques
+        else:
+            self._bound(state.q_joints, state.v_joints, self._lower, self._upper)
+
+    def written(self) -> dict[str, Vec]:
+        return {"lower": self._lower, "upper": self._upper}
+
+
+@final
+class SoftLawWriter(Writer):
+    """lo <= A y + s <= hi: the law's own rows, and what each of them gives way by."""
+
+    def __init__(self, soft: Softly, at: tuple[int, int], problem: RowProblem, layout: Layout, dt: float) -> None:
+        law, (row, column) = soft.law, at
+        self.name = soft.name
+        self._law: Writer
+        if isinstance(law, Barrier):
+            self._law = BarrierWriter(law, row, problem, layout)
+        elif isinstance(law, LinearConstraint):
+            self._law = ConstraintWriter(law, row, problem, layout, dt)
+        else:
+            assert isinstance(law, JointInterval)
+            self._law = JointIntervalWriter(law, row, problem, layout, dt)
+        self._gives = np.einsum("ii->i", problem.G[row : row + soft.dim, column : column + soft.dim])
+        self._scale = problem.scale[column : column + soft.dim]
+
+    def fill(self, state: RobotState) -> None:
+        self._law.fill(state)
+        self._gives[:] = self._scale
+
+    def written(self) -> dict[str, Vec]:
+        return self._law.written()
 
 
 @final

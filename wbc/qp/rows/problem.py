@@ -17,12 +17,14 @@ Forces are stored scaled, f = scale · f̃, so that their metric equals the join
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import final
 
 import numpy as np
 
 from wbc.qp.problem import QP, Row, Shape
+from wbc.qp.rows.wish import Wish
 from wbc.types import Vec
 
 
@@ -69,6 +71,8 @@ class RowProblem:
         self.scale = np.ones(n)
         #: Counts changes of metric, weights or unit, so that a solver knows when to read them again.
         self.version = 0
+        #: What the soft rows, the metric and the centre are made of, level by level; set by whoever writes them.
+        self.levels: Sequence[Sequence[Wish]] = ()
 
     # ---- named parts of the items
     def item(self, row: int) -> int:
