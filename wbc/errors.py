@@ -28,6 +28,14 @@ class InvalidProblem(InvalidInput):
     """A quadratic program that no solver may see: NaN, crossed bounds, asymmetric cost, wrong shapes."""
 
 
+class Infeasible(InvalidInput):
+    """Rows that contradict each other in every state; ``conflict`` says which, ``qp`` is the problem they make."""
+
+    def __init__(self, sentence: str, *, conflict: object, qp: object) -> None:
+        self.conflict, self.qp = conflict, qp
+        super().__init__(sentence)
+
+
 class NotSupported(WbcError):
     """A combination that has no meaning, such as torque limits at the velocity level."""
 

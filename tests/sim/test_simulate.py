@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from tasks import JointVelocityLimits, Position, Posture
+from tasks import JointVelocityLimits, Position, Posture, TorqueLimits
 from wbc.control.controller import Controller
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.models import load
+from wbc.qp import QP
+from wbc.qp.conflict import conflict
 from wbc.sim.disturbance import Delay, Push, SensorNoise
 from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.simulate import simulate
 from wbc.stack.component import Component
-from wbc.stack.formulation import AccelerationLevel, VelocityLevel
+from wbc.stack.formulation import AccelerationLevel, InverseDynamics, VelocityLevel
 from wbc.stack.stack import Stack
 from wbc.types import Status
 
@@ -241,3 +243,18 @@ class TestStanding:
         run = simulate(stander(LEGS), plant, duration=0.5, disturbances=[noise, Delay(0.002)])
         assert set(run["status"]) == {list(Status).index(Status.SOLVED)}
         assert not run.meta["fallen"]
+
+
+def test_the_first_tick_without_an_answer_is_explained_and_its_problem_kept(tmp_path):
+    there = ARM.state().frame("tool").position.copy()
+    high = Position("tool", target=lambda t: there if t < 0.005 else there + [0.0, 0.0, 50.0], kp=1e4, name="high")
+    stack = Stack([Posture(ARM.q0)], subject_to=[high.exactly(), TorqueLimits()])
+    control = Controller(ARM, stack, level=InverseDynamics())
+    run = simulate(control, IntegratorPlant(ARM, level="acceleration"), duration=0.01)
+    assert run.meta["failure"]["t"] == pytest.approx(0.005)
+    assert "high exactly" in run.meta["failure"]["why"] and "TorqueLimits" in run.meta["failure"]["why"]
+    run.save(tmp_path / "run")
+    found = conflict(QP.load(tmp_path / "run" / "failed.npz"))
+    assert found is not None and str(found) in run.meta["failure"]["why"]
+    good = simulate(control, IntegratorPlant(ARM, level="acceleration"), duration=0.004)
+    assert good.meta["failure"] is None and good.failed is None

@@ -12,6 +12,7 @@ from wbc.cli.bench import bench
 from wbc.cli.console import BAD_INPUT, complain
 from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
+from wbc.cli.explain import explain
 from wbc.cli.list_ import list_
 from wbc.cli.run import run
 
@@ -27,6 +28,7 @@ app.command("list")(list_)
 app.command("doctor")(doctor)
 app.command("bench")(bench)
 app.command("derive")(derive)
+app.command("explain")(explain)
 
 
 @app.callback(invoke_without_command=True)

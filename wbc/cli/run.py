@@ -109,6 +109,7 @@ def _new_folder(scenario: Scenario) -> Path:
 
 
 def _print(sentence: str, result: ScenarioResult, folder: Path) -> None:
+    from wbc.control.recorder import FAILED_FILE
     from wbc.report import measure
     from wbc.report.document import number
     from wbc.report.folder import HTML
@@ -128,4 +129,8 @@ def _print(sentence: str, result: ScenarioResult, folder: Path) -> None:
     console.print()
     console.print(table)
     console.print()
+    failure = result.run.meta.get("failure")
+    if failure:
+        console.print(Text(f"{failure['why']}\nwbc explain {folder / FAILED_FILE} tells more"), soft_wrap=True)
+        console.print()
     console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)

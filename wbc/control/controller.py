@@ -15,6 +15,7 @@ Both are within the limits on position, velocity, acceleration and torque.
 from __future__ import annotations
 
 from math import isfinite
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -315,8 +316,17 @@ class Controller:
             start += contact.dim
         return Forces(wrenches, {c.frame: c.name for c in contacts})
 
-    def explain(self) -> str:
-        """The last tick in words and units: tasks with residual and share of the cost, active rows with multipliers."""
-        from wbc.control.explain import explain
+    def explain(self, *, save: str | Path | None = None) -> str:
+        """The last tick in words and units: tasks with residual and share of the cost, active rows with multipliers.
 
+        After a tick without an answer: the rows that cannot hold together and how much each must give. ``save`` is a
+        file for the QP of that tick; ``wbc explain FILE`` says the same of it.
+
+        Raises:
+            InvalidInput: the file cannot be written.
+        """
+        from wbc.control.explain import explain, reproducer
+
+        if save is not None and self.ticks:
+            reproducer(self).save(save)
         return explain(self)

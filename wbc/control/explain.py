@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.qp.relax import least_violation
+from wbc.errors import InvalidProblem
+from wbc.qp.conflict import Conflict, conflict
+from wbc.qp.problem import QP
 from wbc.types import Status, Vec
 
 if TYPE_CHECKING:
@@ -32,17 +34,43 @@ def explain(controller: Controller) -> str:
 
 def _failure(controller: Controller) -> list[str]:
     """Why there is no answer, which rows cannot hold together, and what was commanded instead."""
-    lines = [f"  {controller.why or controller.status.value}"]
-    if controller.status is Status.INFEASIBLE:
-        lines.append("  at the point that breaks the laws least:")
-        for row, amount in least_violation(controller.qp, keep=lambda row: row.owner == "base dynamics"):
-            lines.append(
-                f"    {row} is {abs(amount):.3g} {row.unit} {'above' if amount > 0 else 'below'} what it may be"
-            )
+    found = conflict_of(controller)
+    why = controller.why or controller.status.value
+    lines = [f"  {why}"] if found is None else [f"  {found}"]
     if controller.last is not None:
         said = {"hold": "the last certified command is held", "damped": "the robot brakes"}
         lines.append(f"  instead: {said.get(controller.last.rung, controller.last.rung)}, within its limits")
     return lines
+
+
+def conflict_of(controller: Controller) -> Conflict | None:
+    """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none."""
+    if controller.status in (Status.SOLVED, Status.INVALID_STATE):
+        return None
+    plan, qp = controller.plan, controller.qp
+    try:
+        found = conflict(qp)
+    except InvalidProblem:  # a row that is not a number; ``why`` names it
+        return None
+    if found is None:
+        return None
+    first = len(qp.lower)
+    rows = [
+        give.row if item < first else give.row._replace(owner=plan.bound_owner(item - first, upper=give.amount > 0))
+        for item, give in zip(found.items, found.gives, strict=True)
+    ]
+    return found.renamed(rows)
+
+
+def reproducer(controller: Controller) -> QP:
+    """The last tick's QP, the rows in conflict called as :func:`conflict_of` calls them."""
+    qp, found = controller.qp, conflict_of(controller)
+    if found is None:
+        return qp
+    names = list(qp.rows)
+    for item, row in zip(found.items, found.rows, strict=True):
+        names[item] = row
+    return QP(qp.H, qp.g, A=qp.A, b=qp.b, C=qp.C, cl=qp.cl, cu=qp.cu, lb=qp.lb, ub=qp.ub, rows=names)
 
 
 def _tasks(controller: Controller) -> list[str]:

@@ -21,10 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInput, UnknownName
+from wbc.qp.problem import QP
 from wbc.types import Mat, Vec
 
 ARRAYS_FILE = "run.npz"
 META_FILE = "meta.json"
+FAILED_FILE = "failed.npz"
 MISSING_INTEGER = -1
 
 Row = Mapping[str, "float | Vec"]
@@ -56,6 +58,8 @@ class Run(Mapping[str, Column]):
     def __init__(self, columns: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> None:
         self.columns: dict[str, Column] = {name: np.asarray(values) for name, values in columns.items()}
         self.meta: dict[str, Any] = dict(meta or {})
+        #: The QP of the first tick without an answer, saved beside the columns; ``wbc explain`` reads it.
+        self.failed: QP | None = None
         lengths = {name: values.shape[0] if values.ndim else -1 for name, values in self.columns.items()}
         self.rows: int = next(iter(lengths.values()), 0)
         for name, length in lengths.items():
@@ -121,6 +125,8 @@ class Run(Mapping[str, Column]):
         finally:
             for written in aside:
                 written.unlink(missing_ok=True)
+        if self.failed is not None:
+            self.failed.save(target / FAILED_FILE)
         return target
 
     @classmethod

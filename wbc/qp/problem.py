@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidProblem
+from wbc.errors import InvalidInput, InvalidProblem
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -247,11 +247,18 @@ class QP:
 
     # ---- files and other libraries
     def save(self, path: str | Path) -> None:
-        """Write an .npz that :meth:`load` reads back to the same bits (no pickle)."""
+        """Write an .npz that :meth:`load` reads back to the same bits (no pickle).
+
+        Raises:
+            InvalidInput: the file cannot be written.
+        """
         names = json.dumps([list(r) for r in self.rows])
-        with open(path, "wb") as file:
-            np.savez(file, H=self.H, g=self.g, A=self.A, b=self.b, C=self.C, cl=self.cl, cu=self.cu,
-                     lb=self.lb, ub=self.ub, rows=np.array(names))  # fmt: skip
+        try:
+            with open(path, "wb") as file:
+                np.savez(file, H=self.H, g=self.g, A=self.A, b=self.b, C=self.C, cl=self.cl, cu=self.cu,
+                         lb=self.lb, ub=self.ub, rows=np.array(names))  # fmt: skip
+        except OSError as cause:
+            raise InvalidInput(f"{path} cannot be written: {cause.strerror}") from cause
 
     @classmethod
     def load(cls, path: str | Path) -> QP:

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.controller import Controller
+from wbc.control.explain import reproducer
 from wbc.control.recorder import Recorder, Run
 from wbc.errors import InvalidInput, SimulationError
 from wbc.sim.disturbance import Disturbance, Effect, SensorNoise
@@ -41,6 +42,8 @@ def simulate(
     ``progress(done)`` is called with a number in [0, 1], a hundred times. With ``recorder`` False only ``t``,
     ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop knows, and wins.
 
+    Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP.
+
     The run ends early when the robot has fallen, or when the plant diverges or is given a command that is not finite:
     ``run.meta["ended"]`` says which ("complete" otherwise).
 
@@ -67,6 +70,8 @@ def simulate(
     record = Recorder(ticks)
     every = max(1, ticks // 100)
     ended = "complete"
+    failure: dict[str, Any] | None = None
+    failed = None
     controller.reset()
     with threadpool_limits(1):
         for k in range(ticks):
@@ -74,6 +79,9 @@ def simulate(
                 progress(k / ticks)
             row, problem = _tick(controller, plant, effects, before_tick, columns)
             record.append(row)
+            if failure is None and not controller.status.ok:
+                failure = {"t": row["t"], "why": controller.explain()}
+                failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
             if problem is not None:
                 ended = problem
                 break
@@ -83,7 +91,9 @@ def simulate(
     if progress is not None:
         progress(1.0)
     about = _about(controller, plant, disturbances, duration)
-    return record.run({**about, "ended": ended, "fallen": plant.fallen, **(meta or {})})
+    run = record.run({**about, "ended": ended, "fallen": plant.fallen, "failure": failure, **(meta or {})})
+    run.failed = failed
+    return run
 
 
 def _tick(

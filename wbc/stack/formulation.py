@@ -50,10 +50,15 @@ class Formulation(ABC):
         Raises:
             NotSupported: a task or law this level cannot carry, by name.
             UnknownFrame, InvalidInput: an argument the model contradicts.
+            Infeasible: rows that contradict each other in every state, by name.
         """
+        from wbc.stack.contradiction import refuse_contradictions
         from wbc.stack.plan import Plan
 
-        return Plan(model, stack, self, dt, like)
+        plan = Plan(model, stack, self, dt, like)
+        if like is None:  # fewer contacts contradict no more, and share memory with a plan that may be at work
+            refuse_contradictions(plan)
+        return plan
 
 
 @final

@@ -1,0 +1,40 @@
+"""``wbc explain``: what a saved QP answers, or which rows cannot hold together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.qp import QP
+
+ROWS = [("aim", "x", "m"), ("wall", "x", "m"), ("x", "", "m"), ("y", "", "m")]
+
+
+def saved(path, wall: float) -> None:
+    QP(np.eye(2), [0.0, 0.0], A=[[1.0, 0.0]], b=[3.0], C=[[1.0, 0.0]], cu=[wall], rows=ROWS).save(path)
+
+
+def test_a_conflict_is_told_by_name_and_amount(wbc, tmp_path):
+    saved(tmp_path / "qp.npz", 1.0)
+    answer = wbc("explain", "qp.npz")
+    assert answer.code == 1
+    assert "aim: x against wall: x: enough would be aim: x 2 m lower; or wall: x 2 m higher" in answer.out
+    assert "+2" in answer.out and "-2" in answer.out
+
+
+def test_a_problem_with_an_answer_tells_what_pushes(wbc, tmp_path):
+    saved(tmp_path / "qp.npz", 4.0)
+    answer = wbc("explain", "qp.npz", "--solver", "daqp")
+    assert answer.code == 0
+    assert "certified" in answer.out and "aim" in answer.out and "wall" not in answer.out
+
+
+def test_what_is_not_such_a_file_is_one_sentence(wbc, tmp_path):
+    (tmp_path / "notes.npz").write_text("not a QP")
+    for words, said in (
+        (["explain", "nowhere.npz"], "nowhere.npz"),
+        (["explain", "notes.npz"], "is not a QP saved by this library"),
+        (["explain", "notes.npz", "--solver", "dapq"], "did you mean 'daqp'"),
+    ):
+        answer = wbc(*words)
+        assert answer.code == 2 and answer.out == ""
+        assert said in answer.err and answer.err.count("\n") == 1

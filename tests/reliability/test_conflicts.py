@@ -1,0 +1,112 @@
+"""What contradicts itself in a stack is named: exactly where it is known, irreducibly where there are several."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import ContactForce, JointVelocity, JointVelocityLimits, Posture
+from tests.reliability.conflicts import (
+    LEVEL,
+    ROBOTS,
+    Case,
+    can_be_met,
+    lowered,
+    one_conflict,
+    quiet,
+    several_conflicts,
+)
+from tests.stack.conftest import feet
+from wbc.errors import Infeasible
+from wbc.qp.conflict import conflict
+from wbc.qp.problem import QP
+
+FEW, MANY = range(4), range(4, 80)
+
+
+def check_one(case: Case) -> None:
+    """The conflict is the one that was made, and each amount what it was made of."""
+    qp, _ = lowered(case.robot, case.stack, case.q, case.v)
+    found = conflict(qp)
+    assert found is not None
+    amounts = dict(zip(found.items, (give.amount for give in found.gives), strict=True))
+    assert set(amounts) == set(case.expected), found
+    assert len({qp.rows[i].owner for i in amounts}) >= 2
+    for item, amount in case.expected.items():
+        assert amounts[item] == pytest.approx(amount, rel=1e-4, abs=1e-6), qp.rows[item]
+
+
+def check_several(case: Case) -> None:
+    """The rows told cannot be met, and can without any one of them."""
+    qp, _ = lowered(case.robot, case.stack, case.q, case.v)
+    found = conflict(qp)
+    if found is None:
+        assert can_be_met(qp, range(len(qp.rows)))
+        return
+    assert not can_be_met(qp, found.items)
+    for item in found.items:
+        assert can_be_met(qp, set(found.items) - {item}), qp.rows[item]
+
+
+@pytest.mark.parametrize("seed", [*FEW, *(pytest.param(seed, marks=pytest.mark.deep) for seed in MANY)])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_conflict_that_is_known_is_found_exactly(robot: str, seed: int):
+    check_one(one_conflict(robot, seed))
+
+
+@pytest.mark.parametrize("seed", [*FEW, *(pytest.param(seed, marks=pytest.mark.deep) for seed in MANY)])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_of_several_conflicts_one_is_told_irreducibly(robot: str, seed: int):
+    check_several(several_conflicts(robot, seed))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_text_is_the_same_whichever_solver_failed(robot: str):
+    case = one_conflict(robot, 0)
+    online = [name for name in wbc.solvers() if not wbc.qp.solvers.by_name(name).offline]
+    texts = set()
+    for solver in online:
+        try:
+            control = wbc.Controller(case.robot, case.stack, level=LEVEL, solver=solver)
+        except Infeasible as refusal:  # it holds in every state
+            texts.add(str(refusal))
+            continue
+        command = control.tick(0.0, case.q, case.v)
+        assert not command.status.ok and np.isfinite(command.tau).all()
+        texts.add(control.explain().splitlines()[1])
+    assert len(online) >= 3 and len(texts) == 1, texts
+    text = texts.pop()
+    assert "demand" in text and "enough would be" in text
+    assert "joint limits" not in text, "a bound is called by the law that set it"
+
+
+def test_the_saved_problem_says_the_same(tmp_path):
+    case = one_conflict("quadruped", 1)
+    control = wbc.Controller(case.robot, case.stack, level=LEVEL)
+    control.tick(0.0, case.q, case.v)
+    text = control.explain(save=tmp_path / "failed.npz")
+    assert str(conflict(QP.load(tmp_path / "failed.npz"))) in text
+
+
+def test_what_no_state_can_meet_is_told_while_building():
+    arm = wbc.load("arm")
+    too_fast = JointVelocity(np.full(arm.nj, 2.0)).exactly()
+    stack = wbc.Stack([Posture(arm.q0)], subject_to=[JointVelocityLimits(1.0), too_fast])
+    with pytest.raises(Infeasible, match=r"JointVelocityLimits: .* 1 rad/s higher") as refusal:
+        wbc.Controller(arm, stack, level=wbc.VelocityLevel())
+    assert conflict(refusal.value.qp) == refusal.value.conflict
+
+
+def test_a_force_that_friction_cannot_give_is_told_while_building():
+    robot = wbc.load("quadruped")
+    contacts = feet(robot)
+    pull = ContactForce(contacts[0].frame, target=[0.0, 0.0, -10.0], name="pull").exactly()
+    with pytest.raises(Infeasible, match=r"against .*pull exactly: 2"):
+        wbc.Controller(robot, wbc.Stack([], contacts=contacts, subject_to=[pull]), level=LEVEL)
+
+
+def test_a_stack_that_some_state_can_meet_is_built():
+    for name in ROBOTS:
+        robot = wbc.load(name)
+        assert wbc.Controller(robot, quiet(robot), level=LEVEL).tick(0.0, robot.q0, np.zeros(robot.nv)).status.ok
