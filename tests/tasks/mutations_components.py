@@ -7,6 +7,8 @@ CLOSED_FORM = "tests/tasks/test_projected_gradient.py::test_without_active_limit
 TARGETS = "tests/tasks/test_targets.py"
 WRENCH = "tests/tasks/test_measured_wrench.py"
 SEES, ADAPTS = "tests/tasks/test_momentum_observer.py", "tests/tasks/test_slotine_li.py"
+DIAGNOSIS, REACTS = "tasks/components/diagnosis.py", "tests/tasks/test_fault_reaction.py"
+FLIES = "tests/tasks/test_momentum_observer_floating.py"
 LAW = f"{ADAPTS}::test_with_no_limit_active_the_command_is_the_law"
 
 #: (file, old text, new text, test that must fail)
@@ -28,8 +30,19 @@ MUTATIONS = [
     (OBSERVER, "state.g - state.v @ state.coriolis", "state.g - state.coriolis @ state.v", SEES),
     (OBSERVER, "state.g - state.v", "-state.v", SEES),
     (OBSERVER, "0.5 * (self._beta + beta)", "beta", SEES),
-    (OBSERVER, "command.tau - self._plan.extra_bias", "command.tau", SEES),
+    (OBSERVER, "self._sent = -self._plan.extra_bias", "self._sent = 0.0 * self._plan.extra_bias", SEES),
     (OBSERVER, "self._observer.reset(p)", "self._observer.reset(0.0 * p)", SEES),
+    (OBSERVER, "M[:nb, :nb], M[:nb, nb:]).T", "M[:nb, :nb], 0.0 * M[:nb, nb:]).T", FLIES),
+    (OBSERVER, "+ self._measured_force()", "- self._measured_force()", FLIES),
+    (OBSERVER, "self._viscous * v +", "-self._viscous * v +", FLIES),
+    # diagnosis and reaction
+    (DIAGNOSIS, "total = observer.missing + known", "total = observer.missing", REACTS),
+    (DIAGNOSIS, "10.0 * self.noise[i] ** 2", "1e9", REACTS),
+    (DIAGNOSIS, "(u - m) ** 2 / n", "(u + m) ** 2 / n", REACTS),
+    ("tasks/components/reactions.py", "1.0 - diagnosis.share", "diagnosis.share", REACTS),
+    ("tasks/components/reactions.py", "offset=diagnosis.offset", "offset=-diagnosis.offset", REACTS),
+    ("tasks/components/reactions.py", "low[i] = high[i] = 0.0", "pass", REACTS),
+    ("wbc/stack/actuators.py", "(tau + self._offset)", "(tau - self._offset)", "tests/stack/test_actuators.py"),
     # the adaptive law
     (ADAPTIVE, "self._kp / self._kd", "self._kd / self._kp", LAW),
     (ADAPTIVE, "wanted.second + self._ratio", "wanted.second - self._ratio", LAW),

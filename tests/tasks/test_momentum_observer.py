@@ -162,11 +162,6 @@ def test_what_makes_no_sense_is_refused():
     ):
         with pytest.raises(InvalidInput, match=said):
             make()
-    humanoid = wbc.load("humanoid", base="floating")
-    with pytest.raises(NotSupported, match="needs a fixed base; humanoid has a floating one"):
-        wbc.InverseDynamics().compile(
-            humanoid, wbc.Stack([Posture(humanoid.q0)], components=[MomentumObserver(gain=1.0)]), dt=1e-3
-        )
     stack = wbc.Stack([Posture(ARM.q0)], components=[MomentumObserver(gain=1.0)])
     controller = wbc.Controller(ARM, stack, level=wbc.VelocityLevel())
     with pytest.raises(NotSupported, match="observes torques, which the velocity level does not decide"):

@@ -94,7 +94,7 @@ class MomentumResidual:
         """
         size = len(self.gain) if self.gain.ndim else None
         self._momentum = checks.array("p0", p0, (size,))
-        self._residual = np.zeros(len(self._momentum))
+        self._residual, self._missing = np.zeros(len(self._momentum)), np.zeros(len(self._momentum))
 
     @property
     def value(self) -> Vec:
@@ -105,13 +105,33 @@ class MomentumResidual:
         """
         return self._started()[1].copy()
 
-    def update(self, p: Any, beta: Any, tau: Any) -> Vec:
+    @property
+    def missing(self) -> Vec:
+        """w (n,) of the last interval [N m, N], before the lag: noisy, and on time; zero before the first update."""
+        self._started()
+        return self._missing.copy()
+
+    def restart(self, component: int) -> None:
+        """Forget one component of the residual: it is zero again, the others stay.
+
+        Raises:
+            NotSupported: before the first reset.
+            InvalidInput: there is no such component.
+        """
+        residual = self._started()[1]
+        if not 0 <= component < len(residual):
+            raise InvalidInput(f"component is {component}; there are components 0 to {len(residual) - 1}")
+        residual[component] = 0.0
+
+    def update(self, p: Any, beta: Any, tau: Any, rows: Any = None) -> Vec:
         """The residual (n,) [N m, N] at the end of one more interval dt.
 
         Args:
             p: momentum M v at the end of the interval (n,) [kg m/s, kg m²/s].
             beta: −Sᵀ v + g of the interval (n,): at its middle the error is O(dt²), at its end O(dt).
             tau: what was commanded during the interval (n,).
+            rows: T (n, n); the residual then follows T w. On a floating base T = [[1, 0], [−M_jb M_bb⁻¹, 1]] leaves out
+                what the base's velocity contributes to the joints, its noise included.
 
         Raises:
             NotSupported: before the first reset.
@@ -121,6 +141,9 @@ class MomentumResidual:
         size = len(before)
         p, beta, tau = (checks.array(name, value, (size,)) for name, value in (("p", p), ("beta", beta), ("tau", tau)))
         missing = tau - beta - (p - before) / self.dt
+        if rows is not None:
+            missing = checks.array("rows", rows, (size, size)) @ missing
+        self._missing = missing
         self._momentum, self._residual = p, residual + self._share * (missing - residual)
         return self._residual.copy()
 

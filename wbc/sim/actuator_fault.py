@@ -19,12 +19,14 @@ from wbc.types import Vec
 class ActuatorFault(Disturbance):
     """From ``start`` [s] to ``end`` the actuator of ``joint`` delivers τ − τ_f, with the missing torque
 
-        τ_f = (1 − effectiveness) τ + bias        [N m, N]
+        τ_f = τ − cut(effectiveness τ) + bias        [N m, N],   cut to ± ceiling
 
-    ``effectiveness`` 0 with no bias is a total fault, between 0 and 1 a partial one, 1 with a bias a bias.
+    ``effectiveness`` 0 with no bias is a total fault, between 0 and 1 a partial one, 1 with a bias a bias, 1 with a
+    ceiling a saturation.
 
     Raises:
-        InvalidInput: an effectiveness that is not between 0 and 1, a bias that is not finite, an end before the start.
+        InvalidInput: an effectiveness that is not between 0 and 1, a bias that is not finite, a negative ceiling, an
+            end before the start.
 
     Example:
         >>> from wbc.sim.actuator_fault import ActuatorFault
@@ -36,27 +38,35 @@ class ActuatorFault(Disturbance):
     joint: str
     effectiveness: float = 0.0
     bias: float = 0.0
+    ceiling: float = np.inf
     start: float = 0.0
     end: float = np.inf
 
     def __post_init__(self) -> None:
         checks.number("effectiveness", self.effectiveness, low=0.0, high=1.0)
         checks.number("bias", self.bias)
+        if not self.ceiling >= 0.0:
+            raise InvalidInput(f"ceiling is {self.ceiling:g}; it must be >= 0")
         checks.number("start", self.start, low=0.0)
         if not self.end > self.start:
             raise InvalidInput(f"end is {self.end:g}; it must be after start, {self.start:g}")
 
     def missing(self, t: float, tau: float) -> float:
         """τ_f for the command τ at time t [s]."""
-        return (1.0 - self.effectiveness) * tau + self.bias if self.start <= t < self.end else 0.0
+        if not self.start <= t < self.end:
+            return 0.0
+        if self.ceiling == np.inf:
+            return (1.0 - self.effectiveness) * tau + self.bias
+        return tau - float(np.clip(self.effectiveness * tau, -self.ceiling, self.ceiling)) + self.bias
 
     def begin(self, plant: Plant) -> Effect:
         return _Failing(self, plant)
 
     def __str__(self) -> str:
         less = f" less {self.bias:g}" if self.bias else ""
+        most = f", at most {self.ceiling:g}" if np.isfinite(self.ceiling) else ""
         until = f" to {self.end:g} s" if np.isfinite(self.end) else ""
-        return f"actuator {self.joint} delivers {100 * self.effectiveness:g} %{less} from {self.start:g} s{until}"
+        return f"actuator {self.joint} delivers {100 * self.effectiveness:g} %{less}{most} from {self.start:g} s{until}"
 
 
 @final

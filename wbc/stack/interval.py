@@ -116,6 +116,17 @@ class JointIntervals:
             raise
         self._derive()
 
+    def bounds(self, quantity: str) -> tuple[Vec, Vec]:
+        """Lower and upper bound (nj,) on ``quantity`` as they are now, copies.
+
+        Raises:
+            InvalidInput: no such quantity.
+        """
+        if quantity not in _QUANTITIES:
+            raise InvalidInput(f"there are no bounds on {quantity!r}; there are: {', '.join(_QUANTITIES)}")
+        upper, lower = self._limits[quantity].copy()
+        return -lower, upper
+
     def reset(self) -> None:
         """Back to the bounds of the laws."""
         for quantity, limit in self._composed.items():

@@ -1,0 +1,249 @@
+"""A fault is found, named and answered inside the running stack; without the answer the task is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import wbc
+from tasks import (
+    Brake,
+    Cap,
+    Compensate,
+    Comply,
+    Damping,
+    Derate,
+    FaultReaction,
+    JointPositionLimits,
+    MomentumObserver,
+    Position,
+    Posture,
+    Release,
+    Retarget,
+    Sinusoid,
+    Stop,
+    Thresholds,
+    TorqueLimits,
+    Weigh,
+    When,
+)
+from wbc.errors import InvalidInput, NotSupported, UnknownJoint, UnknownName
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.disturbance import SensorNoise
+from wbc.sim.plant import ForwardDynamicsPlant
+from wbc.sim.simulate import simulate
+
+ARM = wbc.load("arm")
+SHOULDER = ARM.joint_names[1]
+TABLE = [
+    When("total", [Release()]), When("partial", [Derate()]), When("bias", [Compensate()]), When("saturation", [Cap()]),
+]  # fmt: skip
+#: From this one on the joint is asked for between 7 and 37 N m, always downwards.
+FAULT = 0.5
+
+
+def driven(
+    table: Sequence[When], duration: float = 1.9, *, noise: float = 0.0, tasks: Sequence[Any] = (), **fault: Any
+) -> tuple[wbc.Run, FaultReaction]:
+    """The arm waves while its shoulder fails."""
+    state = ARM.state()
+    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
+    known = Thresholds.predicted(state, velocity=noise, gain=100.0, dt=1e-3, floor=0.3)
+    observer = MomentumObserver(gain=100.0, threshold=known.value, persistence=2, release=0.5)
+    reaction = FaultReaction(observer, table=table, start=0.1, noise=known.noise)
+    wave = Sinusoid(ARM.q0, amplitude=0.3, frequency=0.5)
+    stack = wbc.Stack(
+        [Posture(wave), reaction.limits, *tasks], subject_to=[TorqueLimits(), JointPositionLimits()],
+        components=[observer, reaction],
+    )  # fmt: skip
+    plant = ForwardDynamicsPlant(ARM)
+    plant.reset(ARM.q0)
+    run = simulate(
+        wbc.Controller(ARM, stack, level=wbc.InverseDynamics()), plant, duration=duration,
+        disturbances=[ActuatorFault(joint=SHOULDER, start=FAULT, **fault), SensorNoise(velocity=noise)],
+    )  # fmt: skip
+    return run, reaction
+
+
+def worst(run: wbc.Run) -> float:
+    """Largest error of the wave in the last half second [rad]."""
+    return float(np.abs(run["error.Posture"][-500:]).max())
+
+
+FAULTS: dict[str, dict[str, float]] = {
+    "partial": {"effectiveness": 0.5},
+    "bias": {"effectiveness": 1.0, "bias": 4.0},
+    "bias that looks like a share": {"effectiveness": 1.0, "bias": -12.0},
+}
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_with_the_answer_the_wave_goes_on_and_without_it_is_lost(kind: str) -> None:
+    lost, _ = driven([], **FAULTS[kind])
+    kept, reaction = driven(TABLE, **FAULTS[kind])
+    assert worst(lost) > 0.1
+    assert worst(kept) < 0.02 * worst(lost)
+    last, _ = reaction.events[-1]
+    assert (last.kind, last.joint_name) == (kind.split()[0], SHOULDER)
+
+
+def test_a_motor_that_saturates_is_known_by_its_ceiling_and_is_not_asked_for_more() -> None:
+    run, reaction = driven(TABLE, effectiveness=1.0, ceiling=34.0)
+    last, _ = reaction.events[-1]
+    assert last.kind == "saturation"
+    assert last.ceiling == pytest.approx(34.0, abs=0.1)
+    assert np.abs(run["tau"][-300:, 1]).max() <= last.ceiling + 1e-9
+    uncapped, _ = driven([], effectiveness=1.0, ceiling=34.0)
+    assert np.abs(uncapped["tau"][-300:, 1]).max() > 36.0
+
+
+def test_the_answer_is_in_the_problem_of_the_tick_of_the_decision() -> None:
+    """No torque is asked of a dead joint from that tick on, and its limits do not bind it; nothing was compiled."""
+    run, reaction = driven(TABLE, duration=1.1)
+    ((diagnosis, reactions),) = reaction.events
+    assert diagnosis.kind == "total"
+    assert [type(r) for r in reactions] == [Release]
+    tick = round(diagnosis.t * 1e3)
+    assert tick - FAULT * 1e3 <= 4
+    assert np.abs(run["tau"][tick - 1, 1]) > 5.0
+    assert not run["tau"][tick:, 1].any()
+    assert run["signal.FaultReaction.kind"][tick] == 1.0
+    assert np.count_nonzero(run["signal.FaultReaction.kind"]) == 1
+    assert (run["signal.FaultReaction.share"][tick:, 1] == 0.0).all()
+    assert (run["status"] == 0).all(), "a joint that falls through its limits must not contradict them"
+    assert run["plant.q"][:, 1].max() > ARM.limits.q_max[1] or run["plant.q"][:, 1].min() < ARM.limits.q_min[1]
+
+
+@settings(max_examples=5)
+@given(lost=st.floats(0.25, 0.75), seed=st.integers(0, 99))
+def test_the_share_lost_is_known_from_the_first_tick_after_the_alarm(lost: float, seed: int) -> None:
+    """Residual and command restart together, so the lag of the observer is in neither."""
+    del seed
+    _, reaction = driven(TABLE, duration=0.7, effectiveness=1.0 - lost)
+    diagnosis, _ = reaction.events[0]
+    assert diagnosis.kind == "partial"
+    assert diagnosis.share == pytest.approx(lost, abs=0.01)
+    assert diagnosis.t - FAULT < 4.5e-3
+
+
+def test_with_noise_it_waits_until_the_share_is_known() -> None:
+    run, reaction = driven(TABLE, noise=0.01, effectiveness=0.5)
+    diagnosis, _ = reaction.events[0]
+    assert (diagnosis.kind, diagnosis.joint_name) == ("partial", SHOULDER)
+    assert diagnosis.share == pytest.approx(0.5, abs=0.25)
+    assert worst(run) < 0.05
+    assert run["signal.FaultReaction.share"][-1, 1] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_reset_takes_everything_back() -> None:
+    observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2)
+    reaction = FaultReaction(observer, table=[When("total", [Release(), Weigh("Posture", 3.0), Comply()])], start=0.0)
+    posture = Posture(ARM.q0, kp=50.0)
+    stack = wbc.Stack([posture, reaction.limits], subject_to=[TorqueLimits(), JointPositionLimits()],
+                      components=[observer, reaction])  # fmt: skip
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    plant = ForwardDynamicsPlant(ARM)
+    plant.reset(ARM.q0)
+    first = controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    limits = controller.plan.intervals.bounds("position")
+    simulate(controller, plant, duration=0.1, disturbances=[ActuatorFault(joint=SHOULDER)])
+    assert reaction.events
+    assert posture.weight == 3.0 and not np.any(posture.kp)
+    assert controller.plan.torque_bounds[1][1] == 0.0
+    assert controller.plan.intervals.bounds("position")[1][1] == np.inf
+    controller.reset()
+    again = controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    assert (posture.weight, posture.kp, posture.kd) == (1.0, 50.0, None)
+    assert not reaction.events
+    np.testing.assert_array_equal(again.tau, first.tau)
+    np.testing.assert_array_equal(controller.plan.intervals.bounds("position"), limits)
+
+
+def test_a_brake_leaves_the_joint_at_rest_and_its_torque_free() -> None:
+    braked: list[str] = []
+    observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2)
+    reaction = FaultReaction(observer, table=[When("total", [Brake(braked.append)])], start=0.0)
+    reach = Position("tool", target=ARM.state().frame("tool").position + 0.1)
+    stack = wbc.Stack([reach, Posture(ARM.q0, weight=1e-2)], subject_to=[TorqueLimits(), JointPositionLimits()],
+                      components=[observer, reaction])  # fmt: skip
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    plant = ForwardDynamicsPlant(ARM)
+    plant.reset(ARM.q0)
+    run = simulate(controller, plant, duration=0.05, disturbances=[ActuatorFault(joint=SHOULDER, start=0.02)])
+    assert braked == [SHOULDER]
+    after = round(reaction.events[0][0].t * 1e3)
+    assert np.abs(run["a"][:after, 1]).max() > 1e-3
+    assert np.abs(run["a"][after:, 1]).max() < 1e-8
+    assert not run["tau"][after:, 1].any(), "the motor is sent nothing"
+
+
+def test_other_reactions_change_the_tasks_they_speak_of() -> None:
+    goal = ARM.q0 + 0.1
+    table = [When("total", [Weigh("Position[tool]", 0.0), Retarget("Posture", goal)], joints=[SHOULDER])]
+    reach = Position("tool", target=[0.4, 0.2, 0.5])
+    _, reaction = driven(table, duration=0.7, tasks=[reach])
+    assert len(reaction.events[0][1]) == 2
+    assert reach.weight == 0.0
+    _, reaction = driven([When("total", [Release()], joints=[ARM.joint_names[0]])], duration=0.7)
+    assert reaction.events[0][1] == (), "the line is about another joint"
+
+
+def test_a_stop_holds_the_robot_where_it_is() -> None:
+    reach = Position("tool", target=[0.4, 0.2, 0.5])
+    run, reaction = driven([When("partial", [Derate(), Stop()])], tasks=[reach], effectiveness=0.5)
+    tick = round(reaction.events[0][0].t * 1e3)
+    assert not reach.active
+    assert np.abs(run["plant.q"][-1] - run["plant.q"][tick]).max() < 0.05
+    assert np.abs(run["plant.v"][-1]).max() < 1e-2
+
+
+def test_a_released_joint_is_wished_back_into_its_limits() -> None:
+    free, _ = driven([When("total", [Release()])], duration=1.2)
+    observer = MomentumObserver(gain=100.0)
+    limits = FaultReaction(observer).limits
+    limits.prepare(ARM)
+    limits.release((1,))
+    state = ARM.state()
+    q = ARM.q0.copy()
+    q[1] = ARM.limits.q_max[1] + 0.1
+    q[2] = ARM.limits.q_max[2] + 0.1
+    state.update(0.0, q, np.zeros(ARM.nv))
+    limits.watch(state)
+    assert np.flatnonzero(limits.weight).tolist() == [1]
+    assert free.rows == 1200
+
+
+def test_what_makes_no_sense_is_refused() -> None:
+    observer = MomentumObserver(gain=100.0, threshold=0.3)
+    for make, said in (
+        (lambda: When("broken", [Release()]), "kind is 'broken'; it must be one of total, partial"),
+        (lambda: When("total", [Release]), r"reactions\[0\] is .*; it must be a reaction such as Release\(\)"),
+        (lambda: FaultReaction(3.0), "observer is 3.0; it must be a MomentumObserver"),  # type: ignore[arg-type]
+        (lambda: FaultReaction(observer, table=[Release()]), r"table\[0\] is Release\(\)"),  # type: ignore[list-item]
+        (lambda: FaultReaction(observer, lockout=-1.0), "lockout is -1"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            make()
+
+    def first_tick(reaction: FaultReaction, *tasks: Any, components: Any = None) -> None:
+        stack = wbc.Stack(tasks or [Posture(ARM.q0)], subject_to=[TorqueLimits()],
+                          components=components or [observer, reaction])  # fmt: skip
+        wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).tick(0.0, ARM.q0, 0 * ARM.q0)
+
+    reaction = FaultReaction(observer)
+    with pytest.raises(InvalidInput, match="needs its observer in the stack's components, before it"):
+        first_tick(reaction, components=[reaction, observer])
+    with pytest.raises(UnknownJoint, match="shoulder"):
+        first_tick(FaultReaction(observer, table=[When("total", [Release()], joints=["sholder_pitch"])]))
+    with pytest.raises(UnknownName, match="a reaction speaks of a task of the stack"):
+        first_tick(FaultReaction(observer, table=[When("total", [Weigh("Postur", 0.0)])]))
+    with pytest.raises(NotSupported, match="Brake holds a joint by limits on its motion"):
+        first_tick(FaultReaction(observer, table=[When("total", [Brake(print)])]))
+    with pytest.raises(NotSupported, match="Stop holds the joints by a task on them"):
+        first_tick(FaultReaction(observer, table=[When("total", [Stop()])]), Position("tool", target=[0.4, 0.2, 0.5]),
+                   Damping(name="damping"))  # fmt: skip
