@@ -65,13 +65,13 @@ class Manipulability(Criterion):
         others = np.array([np.prod(np.delete(sizes, k)) for k in range(len(sizes))])
         G = np.zeros_like(J)
         G[self._index] = (left * others) @ right
-        return _change_along_joints(J, G)
+        return change_along_joints(J, G)
 
     def _jacobian(self, state: RobotState) -> Mat:
         return state.frame(self.frame).jacobian()[:, state.model.nb :]
 
 
-def _change_along_joints(J: Mat, G: Mat) -> Vec:
+def change_along_joints(J: Mat, G: Mat) -> Vec:
     """Σ G ∘ ∂J/∂q_j of each joint j (nj,). Joints of a chain are counted from its base; others have zero columns."""
     a, w = J[:3].T, J[3:].T
     Ga, Gw = G[:3].T, G[3:].T

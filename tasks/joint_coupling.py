@@ -1,0 +1,64 @@
+"""JointCoupling: a joint moves as others do: gears, mimic joints, differentials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Self, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Task, TaskRows
+
+
+@final
+class JointCoupling(Task):
+    """e = offset + Σ ratio_k q_k − q_joint: one row [rad, m].
+
+    ``to``: {other joint: ratio}; a ratio has the unit of the joint per unit of the other (a rack and its pinion: m per
+    rad). As a wish it is met as well as others allow; ``JointCoupling(…).exactly()`` in ``subject_to`` is a gear, at
+    every level: q_joint comes back to what it should be with kp and kd, from wherever it starts. The torques are those
+    of independent motors; where the coupled joint has none, add ``Torque(0.0, joints=[…]).exactly()``.
+
+    Raises:
+        InvalidInput: no other joint, the joint coupled to itself, a ratio that is zero or not finite.
+        UnknownJoint: when a stack is compiled.
+
+    Example:
+        >>> from tasks import JointCoupling
+        >>> JointCoupling("elbow", to={"shoulder_lift": -2.0}).exactly()
+        JointCoupling[elbow] exactly
+    """
+
+    dim = 1
+
+    def __init__(
+        self, joint: str, *, to: Mapping[str, float], offset: float = 0.0, kp: Any = 100.0, kd: Any = None,
+        rate: Any = None, weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.joint = self.subject = joint
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.ratios = {other: checks.number(f"{self.name}.to[{other!r}]", ratio) for other, ratio in to.items()}
+        self.offset = checks.number(f"{self.name}.offset", offset)
+        if not self.ratios or joint in self.ratios or 0.0 in self.ratios.values():
+            raise InvalidInput(f"{self.name}.to is {dict(to)}; it must give other joints a ratio that is not zero")
+
+    def prepare(self, model: RobotModel) -> None:
+        joint = model.joint(self.joint)
+        self._J = np.zeros((1, model.nv))
+        self._J[0, model.nb + joint] = 1.0
+        for other, ratio in self.ratios.items():
+            self._J[0, model.nb + model.joint(other)] = -ratio
+        self._joints = self._J[0, model.nb :]
+        self.units, self.labels = model.joint_units[joint], (self.joint,)
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        out.e[:] = self.offset - np.dot(self._joints, state.q_joints)
+        out.J[:], out.drift[:] = self._J, 0.0
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        first, second, third = model.joint_names[:3]
+        return [cls(first, to={second: -2.0}), cls(third, to={first: 0.5, second: 1.0}, offset=0.3)]
