@@ -11,8 +11,11 @@ Example:
     ... )
 """
 
+from tasks.admittance import Admittance as Admittance
 from tasks.angular_momentum import AngularMomentum as AngularMomentum
 from tasks.axis_alignment import AxisAlignment as AxisAlignment
+from tasks.capture_point import CapturePoint as CapturePoint
+from tasks.center_of_pressure import CenterOfPressure as CenterOfPressure
 from tasks.centroidal_momentum import CentroidalMomentum as CentroidalMomentum
 from tasks.com import CenterOfMass as CenterOfMass
 from tasks.components.fault_reaction import FaultReaction as FaultReaction
@@ -41,6 +44,7 @@ from tasks.feet import feet as feet
 from tasks.frame import Frame as Frame
 from tasks.frozen_joints import FrozenJoints as FrozenJoints
 from tasks.gaze import Gaze as Gaze
+from tasks.impedance import Impedance as Impedance
 from tasks.joint_coupling import JointCoupling as JointCoupling
 from tasks.joint_velocity import JointVelocity as JointVelocity
 from tasks.kinetic_energy import KineticEnergy as KineticEnergy
@@ -51,6 +55,7 @@ from tasks.limits.torque import TorqueLimits as TorqueLimits
 from tasks.linear_momentum import LinearMomentum as LinearMomentum
 from tasks.low_acceleration import LowAcceleration as LowAcceleration
 from tasks.manipulability import ManipulabilityTask as ManipulabilityTask
+from tasks.omni_wheel import OmniWheel as OmniWheel
 from tasks.orientation import Orientation as Orientation
 from tasks.point import Point as Point
 from tasks.position import Position as Position
@@ -59,7 +64,9 @@ from tasks.projected_gradient import ProjectedGradient as ProjectedGradient
 from tasks.relative_frame import RelativeFrame as RelativeFrame
 from tasks.relative_orientation import RelativeOrientation as RelativeOrientation
 from tasks.relative_position import RelativePosition as RelativePosition
+from tasks.rolling import Rolling as Rolling
 from tasks.sole import Sole as Sole
 from tasks.torque import Torque as Torque
 from tasks.trajectories import Sinusoid as Sinusoid
 from tasks.yaw import Yaw as Yaw
+from tasks.zero_moment_point import ZeroMomentPoint as ZeroMomentPoint

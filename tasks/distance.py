@@ -75,7 +75,7 @@ class Distance(Tracking, Task):
         r = float(np.sqrt(np.dot(x, x)))
         n = x / r if r > 0.0 else np.array([1.0, 0.0, 0.0])
         out.e[:] = target.value - r
-        np.dot(n, J, out.J[0])
+        out.J[0] = np.dot(n, J)
         rate = np.dot(J, state.v)
         along = np.dot(n, rate)
         out.drift[:] = np.dot(n, drift) + (np.dot(rate, rate) - along * along) / max(r, _NEAREST)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Self, final
 
 import numpy as np
@@ -22,30 +23,42 @@ class Torque(Tracking, LinearTask):
     W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are laws this is
     Gauss' principle: the acceleration nearest, in the metric M, to the one τ₀ alone would give. With M = L Lᵀ the rows
     are A = (L⁻¹)_joints (its last nj rows and columns, AᵀA = W) and b = A τ₀. ``tau_0`` (also ``target``): scalar or
-    (nj,), or a function of time giving it. Source: Khatib, IEEE J. Robotics and Automation 1987.
+    (nj,), or a function of time giving it. ``joints``: names, for these alone, (dim,) rows in that order; with zero and
+    ``exactly()`` they are joints without motors. Source: Khatib, IEEE J. Robotics and Automation 1987.
 
     Raises:
-        InvalidInput: a weight that is neither, a target of another size.
+        InvalidInput: a weight that is neither, a target of another size, joints named twice or with a weight for all.
+        UnknownJoint: when a stack is compiled.
 
     Example:
         >>> from tasks import Torque
         >>> Torque(weight="inverse_inertia")
         Torque(weight=1.0)
+        >>> Torque(0.0, joints=["wrist_roll"], name="passive wrist").exactly()
+        passive wrist exactly
     """
 
     on = "torque"
 
-    def __init__(self, tau_0: Any = 0.0, *, weight: Any = 1.0, name: str | None = None) -> None:
+    def __init__(
+        self, tau_0: Any = 0.0, *, joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None
+    ) -> None:
         self._by_inertia = isinstance(weight, str)
-        if self._by_inertia and weight != "inverse_inertia":
-            raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers or 'inverse_inertia'")
+        if self._by_inertia and (weight != "inverse_inertia" or joints is not None):
+            raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers, or for all joints 'inverse_inertia'")
+        if joints is not None and (isinstance(joints, str) or not joints or len(set(joints)) < len(joints)):
+            raise InvalidInput(f"Torque.joints is {joints!r}; it must be names, each once")
+        self.joints = None if joints is None else tuple(joints)
+        self.subject = ", ".join(self.joints or ())
         super().__init__(weight=1.0 if self._by_inertia else weight, name=name)
         self.target = tau_0
 
     def prepare(self, model: RobotModel) -> None:
-        self.dim, self.labels = model.nj, model.joint_names
-        self.units = tuple("N" if unit == "m" else "N m" for unit in model.joint_units)
-        self._identity, self._vector = np.eye(model.nj), vector_target(model.nj)
+        self.labels = self.joints or model.joint_names
+        index = [model.joint(joint) for joint in self.labels]
+        self.dim = len(index)
+        self.units = tuple("N" if model.joint_units[i] == "m" else "N m" for i in index)
+        self._identity, self._vector = np.eye(model.nj)[index], vector_target(self.dim)
         self.target = self.target
 
     def convert(self, name: str, value: Any, strict: bool) -> Vec:
@@ -66,4 +79,5 @@ class Torque(Tracking, LinearTask):
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         wave = Sinusoid([1.0] * model.nj, amplitude=2.0, frequency=0.5)
-        return [cls(), cls(wave, weight=1e-4), cls(1.0, weight="inverse_inertia")]
+        some = cls([0.0, 2.0], joints=model.joint_names[2:0:-1])
+        return [cls(), cls(wave, weight=1e-4), cls(1.0, weight="inverse_inertia"), some]

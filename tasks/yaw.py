@@ -64,7 +64,7 @@ class Yaw(Tracking, Task):
         # u̇ = ω × u, so x u̇_y − y u̇_x = (−x z, −y z, x² + y²) · ω
         across = np.array([-x * z, -y * z, x * x + y * y]) / shadow
         out.e[:] = (target.value - np.arctan2(y, x) + np.pi) % (2.0 * np.pi) - np.pi
-        np.dot(across, turn, out.J[0])
+        out.J[0] = np.dot(across, turn)
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
         if state.drifts:
             spin = pinocchio.skew(np.dot(turn, state.v))

@@ -68,6 +68,19 @@ def number(
     return result
 
 
+def gains(name: str, value: Any, size: int) -> Vec:
+    """A number >= 0 for each of ``size`` rows, from one for all or (size,).
+
+    Raises:
+        InvalidInput: wrong size, negative or not finite.
+    """
+    result = array(name, np.full(size, value) if np.ndim(value) == 0 else value, (size,))
+    if (result < 0).any():
+        i = int(np.argmax(result < 0))
+        raise InvalidInput(f"{name}[{i}] is {result[i]:g}; it must be >= 0")
+    return result
+
+
 def limit(name: str, value: Any, size: int) -> Vec:
     """A limit per joint: a positive number or array, ``inf`` where there is none. Never zero, negative or NaN.
 

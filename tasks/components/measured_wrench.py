@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
 from wbc.stack.task import Target
+from wbc.stack.tracking import wrench_target
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class MeasuredWrench(Component):
 
     @wrench.setter
     def wrench(self, value: Any) -> None:
-        self._reading = Target(f"{self.name}.wrench", value, 6, _as_wrench)
+        self._reading = Target(f"{self.name}.wrench", value, 6, wrench_target)
         self._given = value
 
     def prepare(self, model: RobotModel) -> None:
@@ -63,13 +63,3 @@ class MeasuredWrench(Component):
 
     def signals(self) -> dict[str, Vec]:
         return {"wrench": self._now}
-
-
-def _as_wrench(name: str, value: Any, strict: bool) -> Vec:
-    vector = np.asarray(value, dtype=np.float64)
-    if vector.shape not in ((3,), (6,)):
-        raise InvalidInput(f"{name} must have shape (3,) or (6,), not {vector.shape}")
-    if strict and not np.isfinite(vector).all():
-        i = int(np.argmin(np.isfinite(vector)))
-        raise InvalidInput(f"{name}[{i}] is {vector[i]}; it must be finite")
-    return np.concatenate([vector, np.zeros(6 - len(vector))])

@@ -97,6 +97,18 @@ def rotation_target(name: str, value: Any, strict: bool) -> Mat:
     return matrix
 
 
+def wrench_target(name: str, value: Any, strict: bool) -> Vec:
+    """A wrench (6,), force before moment, of (6,) or of a force alone (3,).
+
+    Raises:
+        InvalidInput: another shape; strict: not finite.
+    """
+    vector = checks.array(name, value, (None,)) if strict else np.asarray(value, dtype=np.float64)
+    if vector.shape not in ((3,), (6,)):
+        raise InvalidInput(f"{name} must have shape (3,) or (6,), not {vector.shape}")
+    return np.concatenate([vector, np.zeros(6 - len(vector))])
+
+
 def joints_target(model: RobotModel, full: int) -> Convert:
     """Reader of joint vectors: (nj,), or (full,) with the joints last, as q (nq,) and v (nv,) have them."""
     nj = model.nj

@@ -14,10 +14,12 @@ from __future__ import annotations
 from wbc.testing.constraints import check_constraint
 from wbc.testing.contacts import check_contact
 from wbc.testing.failure import CheckFailed
+from wbc.testing.levels import levels_of
 from wbc.testing.methods import check_method
 from wbc.testing.robots import Moment, moments, robots
 from wbc.testing.tasks import check_task
 
 __all__ = [
-    "CheckFailed", "Moment", "check_constraint", "check_contact", "check_method", "check_task", "moments", "robots",
+    "CheckFailed", "Moment", "check_constraint", "check_contact", "check_method", "check_task", "levels_of", "moments",
+    "robots",
 ]  # fmt: skip

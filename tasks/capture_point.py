@@ -1,0 +1,57 @@
+"""CapturePoint: where the robot would have to step to come to rest."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.trajectories import Sinusoid
+from wbc import checks
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.tracking import Tracking
+
+
+@final
+class CapturePoint(Tracking, LinearTask):
+    """ξ = c + ċ / ω on the map, ω = √(g / height), converges: ξ̇ = ξ̇_target + rate (ξ_target − ξ). Two rows on a:
+
+        c̈ = ω (ξ̇_target + rate (ξ_target − ξ) − ċ)
+
+    ξ is the divergent part of the linear inverted pendulum, whose centre of mass then follows by itself, ċ = ω (ξ − c);
+    with a centre of pressure at p, ξ̇ = ω (ξ − p). ``height`` [m] is that of the centre of mass above the ground,
+    ``rate`` [1/s]; ``target`` (2,) [m], or a function of time giving it or (position, velocity, acceleration), the last
+    not used. Source: Pratt et al., Humanoids 2006; Englsberger, Ott, Albu-Schäffer, IEEE T-RO 2015.
+
+    Raises:
+        InvalidInput: a target of another shape, a height that is not positive.
+
+    Example:
+        >>> from tasks import CapturePoint
+        >>> CapturePoint(target=[0.02, 0.0], height=0.8, rate=3.0)
+        CapturePoint(weight=1.0)
+    """
+
+    on, dim, units, labels, convert = "acceleration", 2, "m/s²", "xy", staticmethod(vector_target(2))
+
+    def __init__(
+        self, *, target: Any, height: float, rate: float = 3.0, weight: Any = 1.0, name: str | None = None
+    ) -> None:
+        super().__init__(weight=weight, name=name)
+        self.height = checks.number(f"{self.name}.height", height, low=0.0, strict=True)
+        self.rate = checks.number(f"{self.name}.rate", rate, low=0.0)
+        self.target = target
+
+    def fill(self, state: RobotState, out: LinearRows) -> None:
+        target, J = self.reference(state.t), state.com_jacobian[:2]
+        omega = float(np.sqrt(np.linalg.norm(state.model.gravity) / self.height))
+        velocity = np.dot(J, state.v)
+        point = state.com[:2] + velocity / omega
+        out.A[:] = J
+        out.b[:] = omega * (target.rate + self.rate * (target.value - point) - velocity) - state.com_drift[:2]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        moving = Sinusoid([0.0, 0.0], amplitude=0.1, frequency=0.5)
+        return [cls(target=[0.1, 0.0], height=0.8), cls(target=moving, height=0.5, rate=5.0)]

@@ -1,0 +1,50 @@
+"""CenterOfPressure: where the force of a contact acts on its surface."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+from tasks.trajectories import Sinusoid
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.tracking import Tracking
+
+
+@final
+class CenterOfPressure(Tracking, LinearTask):
+    """m_y + p_x f_z = 0 and m_x − p_y f_z = 0 for the wrench of one sole: its force acts at p = ``target`` (2,) [m].
+
+    p is in the axes of the sole, from its centre; the rows are moments about p [N m], so that a foot with little load
+    weighs little. ``contact``: its name or frame. Of all contacts together: :class:`~tasks.ZeroMomentPoint`.
+    Source: Sardain, Bessonnet, IEEE Trans. Systems, Man, and Cybernetics 2004.
+
+    Raises:
+        InvalidInput: a target of another shape; when a stack is compiled, a contact without moments.
+        UnknownName: no such contact, when a stack is compiled.
+
+    Example:
+        >>> from tasks import CenterOfPressure
+        >>> CenterOfPressure("left_sole", target=[0.03, 0.0], weight=1e-3)
+        CenterOfPressure[left_sole](weight=0.001)
+    """
+
+    on, dim, units, labels, convert = "force", 2, "N m", "xy", staticmethod(vector_target(2))
+
+    def __init__(self, contact: str, *, target: Any = (0.0, 0.0), weight: Any = 1.0, name: str | None = None) -> None:
+        self.contact = self.subject = contact
+        super().__init__(weight=weight, name=name)
+        self.target = target
+
+    def fill(self, state: RobotState, out: LinearRows) -> None:
+        if out.A.shape[1] != 6:
+            raise InvalidInput(f"{self.name} is about a wrench; a contact of {out.A.shape[1]} numbers has no moments")
+        x, y = self.reference(state.t).value
+        out.A[:], out.b[:] = 0.0, 0.0
+        out.A[0, 2], out.A[0, 4] = x, 1.0
+        out.A[1, 2], out.A[1, 3] = -y, 1.0
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame = model.frame_names[-1]
+        return [cls(frame), cls(frame, target=Sinusoid([0.0, 0.0], amplitude=0.02, frequency=0.5))]

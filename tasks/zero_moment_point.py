@@ -1,0 +1,60 @@
+"""ZeroMomentPoint: where all contact forces together act on level ground."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+import pinocchio
+
+from tasks.trajectories import Sinusoid
+from wbc import checks
+from wbc.errors import NotSupported
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.tracking import Tracking
+
+
+@final
+class ZeroMomentPoint(Tracking, LinearTask):
+    """The centre of pressure of the whole robot is at ``target`` (2,) [m] on the ground of height ``ground``: two rows.
+
+    What the environment gives a robot is a force F = m (c̈ − g) and, about the target o, a moment N = k̇ + (c − o) × F,
+    without a horizontal part where o is the zero moment point. Both are linear in a, so no contact force is needed, on
+    one foot or on many. The rows are (−N_y, N_x) / (m |g|): metres by which the point misses the target, as long as the
+    robot carries its own weight.
+    Source: Vukobratović, Borovac, IJHR 2004; Orin, Goswami, Lee, Autonomous Robots 2013.
+
+    Raises:
+        InvalidInput: a target of another shape. NotSupported: when a stack is compiled, gravity that is not along −z.
+
+    Example:
+        >>> from tasks import ZeroMomentPoint
+        >>> ZeroMomentPoint(target=[0.02, 0.0], weight=10.0)
+        ZeroMomentPoint(weight=10.0)
+    """
+
+    on, dim, units, labels, convert = "acceleration", 2, "m", "xy", staticmethod(vector_target(2))
+
+    def __init__(self, *, target: Any, ground: float = 0.0, weight: Any = 1.0, name: str | None = None) -> None:
+        super().__init__(weight=weight, name=name)
+        self.ground = checks.number(f"{self.name}.ground", ground)
+        self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        if model.gravity[:2].any() or not model.gravity[2] < 0.0:
+            raise NotSupported(f"{self.name} needs gravity along −z, not {model.gravity.tolist()}")
+        # Rows (−N_y, N_x) of a moment, over the weight.
+        self._select = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]) / (model.mass * -model.gravity[2])
+
+    def fill(self, state: RobotState, out: LinearRows) -> None:
+        x, y = self.reference(state.t).value
+        model = state.model
+        arm = model.mass * pinocchio.skew(state.com - np.array([x, y, self.ground]))
+        out.A[:] = np.dot(self._select, state.centroidal_map[3:] + np.dot(arm, state.com_jacobian))
+        at_rest = state.centroidal_drift[3:] + np.dot(arm, state.com_drift - model.gravity)
+        np.negative(np.dot(self._select, at_rest), out.b)
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        return [cls(target=[0.1, 0.0]), cls(target=Sinusoid([0.0, 0.0], amplitude=0.1, frequency=0.5), ground=-0.2)]
