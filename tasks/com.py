@@ -42,7 +42,8 @@ class CenterOfMass(Tracking, Task):
         out.J[:] = state.com_jacobian
         np.subtract(target.value, state.com, out.e)
         out.drift[:] = state.com_drift
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+        if target.has_rates:
+            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

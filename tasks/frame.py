@@ -49,11 +49,12 @@ class Frame(Tracking, Task):
     def fill(self, state: RobotState, out: TaskRows) -> None:
         frame, target = state.frame(self.frame), self.reference(state.t)
         rotation, position = target.value
-        out.e[:3] = position - frame.position
+        np.subtract(position, frame.position, out.e[:3])
         out.e[3:] = rotation_error(rotation, frame.rotation)
         out.J[:] = frame.jacobian()
         out.drift[:] = frame.drift()
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+        if target.has_rates:
+            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

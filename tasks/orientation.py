@@ -46,7 +46,8 @@ class Orientation(Tracking, Task):
         out.J[:] = frame.jacobian()[3:]
         out.e[:] = rotation_error(target.value, frame.rotation)
         out.drift[:] = frame.drift()[3:]
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+        if target.has_rates:
+            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -58,7 +58,8 @@ class Position(Tracking, Task):
         out.J[:] = frame.jacobian()[rows]
         np.subtract(target.value, frame.position[rows], out.e)
         out.drift[:] = frame.drift()[rows]
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+        if target.has_rates:
+            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

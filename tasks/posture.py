@@ -46,7 +46,8 @@ class Posture(Tracking, Task):
     def fill(self, state: RobotState, out: TaskRows) -> None:
         target = self.reference(state.t)
         np.subtract(target.value, state.q_joints, out.e)
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+        if target.has_rates:
+            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -99,6 +99,7 @@ class Controller:
                 f"solver {self.solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
             )
         self.plans = Plans(robot, stack, level, dt=self.dt, open_solver=self._open)
+        self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
         self.state = robot.state(drifts=level.order > 1)
         self.components = stack.components
@@ -144,14 +145,13 @@ class Controller:
     def _read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
         """Copies of the arguments as numbers of the right shape."""
         try:
-            time = float(t)
-            vectors = np.array(q, dtype=np.float64), np.array(v, dtype=np.float64)
+            t, q, v = float(t), np.array(q, np.float64), np.array(v, np.float64)
         except (TypeError, ValueError) as cause:
             raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of numbers: {cause}") from None
-        for name, vector, size in zip("qv", vectors, (self.model.nq, self.model.nv), strict=True):
-            if vector.shape != (size,):
-                raise InvalidInput(f"{name} must have shape ({size},), not {vector.shape}")
-        return time, *vectors
+        if q.shape != self._q_shape or v.shape != self._v_shape:
+            name, vector, shape = ("v", v, self._v_shape) if q.shape == self._q_shape else ("q", q, self._q_shape)
+            raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
+        return t, q, v
 
     def _implausible(self, t: float, q: Vec, v: Vec) -> str:
         """What is wrong with a state, or nothing. A quaternion that is nearly of norm 1 is normalised in place."""
@@ -163,8 +163,8 @@ class Controller:
             return "q or v is too large to be squared" if isfinite(t) else f"t is {t}"
         if self._has_quaternion:
             quaternion = q[3:7]
-            square = quaternion.dot(quaternion)
-            if abs(square - 1.0) > 1e-12:
+            square = float(quaternion.dot(quaternion))
+            if not -1e-12 < square - 1.0 < 1e-12:
                 if abs(square - 1.0) > 2e-3:
                     return f"the base's quaternion q[3:7] has norm {square**0.5:g}"
                 quaternion /= square**0.5
@@ -228,23 +228,22 @@ class Controller:
         return status
 
     def _decode(self, q: Vec, v: Vec) -> Command:
-        p, model = self.plan.problem, self.model
-        value = p.value.copy()
-        nv, proof = model.nv, self._answered.certificate
-        nf = self.plan.layout.nf
-        if nf:
-            value[nv : nv + nf] *= p.scale[nv : nv + nf]  # forces in newtons
-        value.flags.writeable = False
+        plan, proof = self.plan, self._answered.certificate
+        parts, value = plan.layout, plan.problem.value.copy()
+        if parts.nf:
+            forces = value[parts.force_items]
+            forces *= plan.problem.scale[parts.force_items]  # in newtons
+        value.setflags(write=False)
+        motion = value[parts.motion_items]
         if self.level.order == 1:
-            command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, v=value[:nv])
+            command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, v=motion)
         elif not self.level.dynamics:
-            command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=value[:nv])
+            command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=motion)
         else:
-            first = p.first_row + model.nb
-            tau = self.plan.actuators.command(value[first : first + model.nj])
+            tau = plan.actuators.command(value[parts.torque_items])
             command = Command(
-                self, Status.SOLVED, "solved", proof, q=q, v_before=v,
-                a=value[:nv], tau=tau, forces=self._mode.all_forces(value[nv : nv + nf]),
+                self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=motion, tau=tau,
+                forces=self._mode.all_forces(value[parts.force_items]),
             )  # fmt: skip
         self._good, self._failures = command, 0
         return command

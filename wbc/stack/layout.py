@@ -79,6 +79,9 @@ class Layout:
         self.force_columns, _ = _starts(self.contacts, model.nv)
         self.give_columns, _ = _starts(self.soft_laws, model.nv + self.nf)
         self.n_rows = row
+        # Where a command finds its parts in the problem's vector of values [x | 1 | rows].
+        self.motion_items, self.force_items = slice(0, model.nv), slice(model.nv, model.nv + self.nf)
+        self.torque_items = slice(self.n + 1 + self.torque_row, self.n + 1 + self.torque_row + self.n_torque)
 
     def _refuse_what_has_no_kind(self, stack: Stack) -> None:
         sorted_members: list[object] = [*self.linear, *self.kinematic, *self.on_joints, *self.exact, *self.barriers]

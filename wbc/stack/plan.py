@@ -210,6 +210,7 @@ class Plan:
         self._tasks: list[Objective] = [
             *layout.linear, *layout.kinematic, *layout.on_joints, *layout.soft_laws, *exact
         ]  # fmt: skip
+        self._changes = Objective.changes
         self._stamp = sum(task.stamp for task in self._tasks)
         self._read_gains()
         p.weights[:] = np.concatenate([t.weights() for t in (*layout.linear, *layout.kinematic)] or [np.zeros(0)])
@@ -266,11 +267,10 @@ class Plan:
 
     def fill(self, state: RobotState) -> None:
         """Write every row of the problem for this state. The tick spends its time here."""
-        stamp = 0
-        for task in self._tasks:
-            stamp += task.stamp
-        if stamp != self._stamp:
-            self._read_weights()
+        if Objective.changes != self._changes:
+            self._changes = Objective.changes
+            if sum(task.stamp for task in self._tasks) != self._stamp:
+                self._read_weights()
         self.motion.clear()
         for fill, out in self._fills:
             fill(state, *out)

@@ -62,9 +62,11 @@ class Objective(ABC):
     _name: str | None = None
     _weight: float | Vec = 1.0
     _active: bool = True
+    #: Counts the assignments to this task, and ``changes`` those to any task: one look says that nothing changed.
     stamp: int = 0
     #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
     is_scaled: bool = False
+    changes: ClassVar[int] = 0
 
     def __init__(self, *, name: str | None = None, weight: Any = 1.0) -> None:
         self._name = name
@@ -95,7 +97,7 @@ class Objective(ABC):
                 raise InvalidInput(f"{self.name}.weight[{i}] is {weights[i]:g}; a weight is >= 0")
             weights.flags.writeable = False  # assign to change it: writing into it would go unseen
             self._weight = weights
-        self.stamp += 1
+        self._changed()
 
     @property
     def active(self) -> bool:
@@ -105,7 +107,11 @@ class Objective(ABC):
     @active.setter
     def active(self, value: bool) -> None:
         self._active = bool(value)
+        self._changed()
+
+    def _changed(self) -> None:
         self.stamp += 1
+        Objective.changes += 1
 
     def weights(self) -> Vec:
         """The weight of each row (dim,), zero when inactive."""
@@ -173,7 +179,7 @@ class Task(Objective):
     @kp.setter
     def kp(self, value: Any) -> None:
         self._kp = self._gain("kp", value)
-        self.stamp += 1
+        self._changed()
 
     @property
     def kd(self) -> float | Vec | None:
@@ -183,7 +189,7 @@ class Task(Objective):
     @kd.setter
     def kd(self, value: Any) -> None:
         self._kd = None if value is None else self._gain("kd", value)
-        self.stamp += 1
+        self._changed()
 
     @property
     def rate(self) -> float | Vec | None:
@@ -193,7 +199,7 @@ class Task(Objective):
     @rate.setter
     def rate(self, value: Any) -> None:
         self._rate = None if value is None else self._gain("rate", value)
-        self.stamp += 1
+        self._changed()
 
     def _gain(self, what: str, value: Any) -> float | Vec:
         if np.ndim(value) == 0:
@@ -292,7 +298,7 @@ class Target:
     NaN that comes later is caught by the certificate. Rates and accelerations are (dim,).
     """
 
-    __slots__ = ("_convert", "_dim", "_function", "_name", "_still", "rate", "second", "value")
+    __slots__ = ("_convert", "_dim", "_function", "_name", "_still", "has_rates", "rate", "second", "value")
 
     def __init__(self, name: str, value: Any, dim: int, convert: Callable[[str, Any, bool], Any]) -> None:
         self._name, self._dim, self._convert = name, dim, convert
@@ -300,6 +306,8 @@ class Target:
         self.value: Any = None
         self._still = np.zeros(dim)
         self.rate = self.second = self._still
+        #: Whether the value came with a rate and an acceleration; else both are zero.
+        self.has_rates = False
         if callable(value):
             self._function = value
             self._read(0.0, strict=True)
@@ -326,12 +334,15 @@ class Target:
             result, rate, second = result
             self.rate = self._vector("rate", rate, strict)
             self.second = self._vector("acceleration", second, strict)
-        else:
-            self.rate = self.second = self._still
+            self.has_rates = True
+        elif self.has_rates:
+            self.rate, self.second, self.has_rates = self._still, self._still, False
         self.value = self._convert(self._name, result, strict)
 
     def _vector(self, what: str, value: Any, strict: bool) -> Vec:
-        vector = checks.array(f"{self._name} {what}", value, (self._dim,)) if strict else np.asarray(value, float)
+        if strict:
+            return checks.array(f"{self._name} {what}", value, (self._dim,))
+        vector = value if type(value) is np.ndarray else np.asarray(value, float)
         if vector.shape != (self._dim,):
             raise InvalidInput(f"{self._name} {what} must have shape ({self._dim},), not {vector.shape}")
         return vector

@@ -37,6 +37,7 @@ _FREE = 1e30
 # Multipliers below this share of the largest are rounding. A larger one of the wrong sign, however small, may hold the
 # answer a long way from the minimum where the cost is all but flat.
 _ROUNDING = 1e-12
+_NOTHING = np.zeros(0)
 
 
 @final
@@ -77,7 +78,9 @@ class DualSolver(RowSolver):
         self._y = p.value[p.n_u : p.n]
         self._y1 = p.value[p.n_u : p.n + 1]
         self._u = p.value[: p.n_u]
-        self._Bu, self._By = p.G[: p.n_u, : p.n_u], p.G[: p.n_u, p.n_u :]
+        # B in the order LAPACK wants, solved in place: [B_u | B_y b] becomes [· | X].
+        self._B = np.zeros((p.n_u, p.n + 1), order="F")
+        self._Bu, self._X = self._B[:, : p.n_u], self._B[:, p.n_u :]
         self._y0 = np.zeros(p.n_y + 1)
         self._y0[-1] = 1.0
         self._y0_y = self._y0[:-1]
@@ -89,7 +92,6 @@ class DualSolver(RowSolver):
         self._fallback: Any = None
         self._lam = np.zeros(0)
         self._Er = np.zeros((0, 0))
-        self._X: Mat = np.zeros((0, 0))
         self._foreign: Solution | None = None
         self.reset()
 
@@ -116,6 +118,10 @@ class DualSolver(RowSolver):
         self._pins, self._pin_side = items[is_pin] - p.n_u, side[is_pin]
         self._slot_items, self._slot_side = items[~is_pin], side[~is_pin]
         self._slot_rows = self._slot_items - p.first_row
+        self._pin_items = self._pins + p.n_u
+        # Where the bound of each stands in ``p.bounds``, read as one vector.
+        self._pin_bounds = self._pin_items + (self._pin_side > 0) * len(p.value)
+        self._slot_bounds = self._slot_items + (self._slot_side > 0) * len(p.value)
         k = len(self._slot_rows)
         if k not in self._views:
             self._views[k] = _Views(p, k)
@@ -123,6 +129,7 @@ class DualSolver(RowSolver):
         self._now = self._views[k]
         self._root[:] = self._free_root
         self._root[self._pins] = 0.0
+        self._active = bool(len(items))
         self._plain = not len(self._pins) and bool((self._free_root == 1.0).all())
 
     def _write_compliance(self, views: _Views) -> None:
@@ -138,7 +145,7 @@ class DualSolver(RowSolver):
             self._write_compliance(views)
         self._version = p.version
         self._weak = not fits_dual(p)
-        self._work_on(np.concatenate([self._pins + p.n_u, self._slot_items]),
+        self._work_on(np.concatenate([self._pin_items, self._slot_items]),
                       np.concatenate([self._pin_side, self._slot_side]))  # fmt: skip
 
     def _place(self) -> None:
@@ -146,12 +153,12 @@ class DualSolver(RowSolver):
         p = self.problem
         self._y0_y[:] = p.centre
         if len(self._pins):
-            at = self._pins + p.n_u
-            self._y0[self._pins] = np.where(self._pin_side > 0, p.upper[at], p.lower[at])
+            self._y0[self._pins] = p.bounds.take(self._pin_bounds)
         if len(self._slot_rows):
             slots = self._now.slots
             p.G.take(self._slot_rows, 0, slots, "clip")
-            slots[:, p.n] -= np.where(self._slot_side > 0, p.upper[self._slot_items], p.lower[self._slot_items])
+            right = slots[:, p.n]
+            right -= p.bounds.take(self._slot_bounds)
 
     # ---- one tick
     def solve(self) -> Status:
@@ -164,8 +171,8 @@ class DualSolver(RowSolver):
         self._place()
         self._fewest, self._chances = 1 << 30, 3
         if p.n_u:
-            _, self._X, info = dposv(self._Bu, self._By, 1)
-            if info:
+            self._B[:] = p.G[: p.n_u]
+            if dposv(self._Bu, self._X, 1, 1, 1)[2]:
                 return self._give_up()
         for attempt in range(self.tries):
             self.iterations = attempt + 1
@@ -227,39 +234,57 @@ class DualSolver(RowSolver):
         np.subtract(now.lower, now.value, under)
         np.maximum(over, under, out=over)
         residual -= self._give
-        primal = over[over.argmax()]
-        dual = 0.0
-        if len(self._slot_rows) or len(self._pins):
-            self._wrong = wrong = self._wrong_signs()
-            dual = float(wrong[wrong.argmax()])
-            self._rounding = _ROUNDING * float(np.abs(np.concatenate([self._lam, wrong])).max())
+        primal = float(over[over.argmax()])
+        dual = gap = 0.0
+        if self._active:
+            dual = self._largest_wrong()
+            slots = len(self._slot_rows)
+            gap = p.unit * float(np.abs(self._lam[-slots:]).dot(np.abs(now.rows[-slots:]))) if slots else 0.0
         else:
-            self._wrong, self._rounding = np.zeros(0), 0.0
+            self._wrong, self._rounding = _NOTHING, 0.0
         if not primal <= self.tolerance or not dual <= self._rounding:
             return False
-        slots = len(self._slot_rows)
-        gap = p.unit * float(np.abs(self._lam[-slots:] * now.rows[-slots:]).sum()) if slots else 0.0
-        self.certificate = Certificate(max(float(primal), 0.0), max(dual * p.unit, 0.0), gap)
+        self.certificate = Certificate(max(primal, 0.0), max(dual * p.unit, 0.0), gap)
         return True
+
+    def _largest_wrong(self) -> float:
+        """The largest pull the wrong way; what is rounding beside the multipliers is kept in ``_rounding``."""
+        lam = self._lam
+        self._wrong = wrong = self._wrong_signs()
+        worst = float(wrong[wrong.argmax()])
+        largest = max(float(lam[lam.argmax()]), -float(lam[lam.argmin()]), worst, -float(wrong[wrong.argmin()]))
+        self._rounding = _ROUNDING * largest
+        if worst > self._rounding:  # where both bounds are one value, either way is right
+            p = self.problem
+            items = np.concatenate([self._slot_items, self._pin_items])
+            wrong[p.lower[items] == p.upper[items]] = 0.0
+            worst = float(wrong[wrong.argmax()])
+        return worst
 
     def _wrong_signs(self) -> Vec:
         """λ · side of each active row, then of each pin: positive means that it pulls the wrong way."""
         p = self.problem
-        rows = self._lam[p.n_soft + p.n_law :] * self._slot_side
-        rows[p.lower[self._slot_items] == p.upper[self._slot_items]] = 0.0  # one value: it may push either way
+        rows: Vec = self._lam[p.n_soft + p.n_law :] * self._slot_side
         if not len(self._pins):
             return rows
-        pins = self._pins
-        gradient = p.metric[pins] * (self._y[pins] - p.centre[pins]) - self._Er[pins] @ self._lam
+        gradient = self._pull_of_pins()
         gradient *= self._pin_side
-        gradient[p.lower[pins + p.n_u] == p.upper[pins + p.n_u]] = 0.0
-        return np.concatenate([rows, gradient])
+        return np.concatenate([rows, gradient]) if len(rows) else gradient
+
+    def _pull_of_pins(self) -> Vec:
+        """D (y − c) − Eᵀλ at each pin: minus the multiplier of its bound."""
+        p = self.problem
+        gradient = self._y - p.centre
+        gradient *= p.metric
+        if len(self._lam):
+            gradient -= dgemv(1.0, self._Er, self._lam)[: p.n_y]
+        return gradient.take(self._pins)
 
     # ---- a wrong guess
     def _repair(self) -> bool:
         """Exchange wrong rows by block principal pivoting. False: nothing to exchange, or no room."""
         p, now = self.problem, self._now
-        items = np.concatenate([self._slot_items, self._pins + p.n_u])
+        items = np.concatenate([self._slot_items, self._pin_items])
         side = np.concatenate([self._slot_side, self._pin_side])
         broken = now.over > self.tolerance
         broken[p.item(p.soft.start) :] = False
@@ -289,7 +314,7 @@ class DualSolver(RowSolver):
         slot = pivot - 1 - self.problem.n_soft - self.problem.n_law
         if slot < 0:
             return False
-        items = np.concatenate([np.delete(self._slot_items, slot), self._pins + self.problem.n_u])
+        items = np.concatenate([np.delete(self._slot_items, slot), self._pin_items])
         side = np.concatenate([np.delete(self._slot_side, slot), self._pin_side])
         self._work_on(items, side)
         self._place()
@@ -323,14 +348,12 @@ class DualSolver(RowSolver):
         z[self._slot_rows - p.range.start] = -p.unit * self._lam[p.n_soft + p.n_law :]
         z_law = -p.unit * self._lam[p.n_soft : p.n_soft + p.n_law]
         if len(self._pins):
-            pins = self._pins
-            gradient = p.metric[pins] * (self._y[pins] - p.centre[pins]) - self._Er[pins] @ self._lam
-            z_box[pins + p.n_u] = -p.unit * gradient / p.scale[pins + p.n_u]
+            z_box[self._pin_items] = -p.unit * self._pull_of_pins() / p.scale[self._pin_items]
         # Stationarity in u determines the multipliers of the rows that were eliminated.
         z_base: Vec = np.zeros(0)
         if p.n_u:
             force = p.unit * (self._now.Eu_T @ self._lam) - p.regularisation * self._u
-            z_base = np.linalg.solve(self._Bu.T, force).astype(np.float64)
+            z_base = np.linalg.solve(p.G[: p.n_u, : p.n_u].T, force).astype(np.float64)
         return np.concatenate([z_base, z_law]), z, z_box
 
 

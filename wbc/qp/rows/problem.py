@@ -55,8 +55,10 @@ class RowProblem:
         items = n + 1 + m + self.n_slots
         self.value = np.zeros(items)
         self.value[n] = 1.0
-        self.lower = np.full(items, -np.inf)
-        self.upper = np.full(items, np.inf)
+        #: Lower bounds in the first row, upper bounds in the second.
+        self.bounds = np.full((2, items), -np.inf)
+        self.lower, self.upper = self.bounds
+        self.upper.fill(np.inf)
         for fixed in (self.base, self.soft, self.law):
             self.lower[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
             self.upper[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
