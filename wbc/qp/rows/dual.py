@@ -252,7 +252,9 @@ class DualSolver(RowSolver):
         lam = self._lam
         self._wrong = wrong = self._wrong_signs()
         worst = float(wrong[wrong.argmax()])
-        largest = max(float(lam[lam.argmax()]), -float(lam[lam.argmin()]), worst, -float(wrong[wrong.argmin()]))
+        largest = max(worst, -float(wrong[wrong.argmin()]))
+        if len(lam):
+            largest = max(largest, float(lam[lam.argmax()]), -float(lam[lam.argmin()]))
         self._rounding = _ROUNDING * largest
         if worst > self._rounding:  # where both bounds are one value, either way is right
             p = self.problem
