@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from wbc import testing as testing
     from wbc.control.command import Command as Command
     from wbc.control.controller import Controller as Controller
+    from wbc.control.ladder import Recovery as Recovery
     from wbc.control.recorder import Recorder as Recorder
     from wbc.control.recorder import Run as Run
     from wbc.models import load as load
@@ -62,6 +63,7 @@ _HOME = {
     "LinearTask": "wbc.stack.task",
     "QP": "wbc.qp",
     "Recorder": "wbc.control.recorder",
+    "Recovery": "wbc.control.ladder",
     "Row": "wbc.qp",
     "Run": "wbc.control.recorder",
     "Schedule": "wbc.stack.schedule",

@@ -97,7 +97,7 @@ def test_a_solver_that_cannot_keep_limits_is_refused_by_name(arm: Any) -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_state_that_is_not_finite_gives_the_last_command_then_brakes(arm: Any, level: Any, bad: float) -> None:
     stack = wbc.Stack([Position("tool", target=[0.5, 0.2, 0.4]), Posture(arm.q0, weight=1e-2)])
-    control = wbc.Controller(arm, stack, level=level, hold_ticks=2)
+    control = wbc.Controller(arm, stack, level=level, recovery=wbc.Recovery(hold_ticks=2))
     q, v = moving(arm, 3)
     good = control.tick(0.0, q, v)
     broken = q.copy()
@@ -144,16 +144,18 @@ def test_a_target_that_becomes_nan_is_never_followed(arm: Any) -> None:
 def test_an_infeasible_stack_is_said_and_survived(arm: Any) -> None:
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e6, name="up")
     stack = wbc.Stack([Posture(arm.q0)], subject_to=[up.exactly(), TorqueLimits(1.0)])
-    control = wbc.Controller(arm, stack, level=wbc.InverseDynamics())
-    command = control.tick(0.0, arm.q0, np.zeros(7))
-    assert command.status is Status.INFEASIBLE
-    assert command.rung == "damped"
-    assert (np.abs(command.tau) <= 1.0).all()
-    text = control.explain()
-    assert "infeasible" in text
-    assert "up exactly" in text, "the rows that conflict are named"
-    assert "TorqueLimits" in text
-    assert "the robot brakes" in text
+    for gives, rung in ((("laws",), "relaxed"), ((), "closed form")):
+        control = wbc.Controller(arm, stack, level=wbc.InverseDynamics(), recovery=wbc.Recovery(gives=gives))
+        command = control.tick(0.0, arm.q0, np.zeros(7))
+        assert command.status is Status.INFEASIBLE
+        assert command.rung == rung
+        assert command.certificate.ok == (rung == "relaxed"), "of the relaxed problem"
+        assert (np.abs(command.tau) <= 1.0).all()
+        text = control.explain()
+        assert "infeasible" in text
+        assert "up exactly" in text, "the rows that conflict are named"
+        assert "TorqueLimits" in text
+        assert "instead: " in text
 
 
 @final
@@ -230,7 +232,7 @@ def test_what_is_commanded_without_a_solution_keeps_the_joints_limits(arm: Any, 
     stack = wbc.Stack(
         [reach, Posture(arm.q0, weight=1e-3)], subject_to=[JointVelocityLimits(1.0), JointPositionLimits()]
     )
-    control = wbc.Controller(arm, stack, level=level, dt=0.01, hold_ticks=hold_ticks)
+    control = wbc.Controller(arm, stack, level=level, dt=0.01, recovery=wbc.Recovery(hold_ticks=hold_ticks))
     q, v = np.array(arm.q0), np.zeros(7)
     for k in range(150):
         command = control.tick(k * 0.01, q, v)
@@ -280,7 +282,7 @@ def test_arguments_that_make_no_sense_are_refused_in_a_sentence(arm: Any) -> Non
     for t, q, v in ((None, arm.q0, arm.q0), ("0", "abc", arm.q0), (0.0, ["a"] * 7, arm.q0)):
         with pytest.raises(InvalidInput, match="tick"):
             control.tick(t, q, v)
-    for settings in ({"hierarchy": "weighted"}, {"hierarchy": wbc.Weighted}, {"hold_ticks": "x"}, {"hold_ticks": -1}):
+    for settings in ({"hierarchy": "weighted"}, {"hierarchy": wbc.Weighted}, {"recovery": "x"}, {"recovery": 3}):
         with pytest.raises(InvalidInput, match=next(iter(settings))):
             reaching(arm, **settings)
     with pytest.raises(InvalidInput, match=r"VelocityLevel\(\)"):

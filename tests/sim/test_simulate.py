@@ -247,7 +247,9 @@ class TestStanding:
 
 def test_the_first_tick_without_an_answer_is_explained_and_its_problem_kept(tmp_path):
     there = ARM.state().frame("tool").position.copy()
-    high = Position("tool", target=lambda t: there if t < 0.005 else there + [0.0, 0.0, 50.0], kp=1e4, name="high")
+    high = Position(
+        "tool", target=lambda t: there if t < 0.005 else there + np.array([0.0, 0.0, 50.0]), kp=1e4, name="high"
+    )
     stack = Stack([Posture(ARM.q0)], subject_to=[high.exactly(), TorqueLimits()])
     control = Controller(ARM, stack, level=InverseDynamics())
     run = simulate(control, IntegratorPlant(ARM, level="acceleration"), duration=0.01)

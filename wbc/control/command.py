@@ -41,9 +41,9 @@ class Command:
     """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
 
     tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
-    decide is NaN. ``status`` says how the tick ended, ``rung`` which step of the fallback ladder spoke ("solved",
-    "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own units. Arrays are the command's own,
-    stay valid, and are read-only.
+    decide is NaN. ``status`` says how the tick ended, ``rung`` which rung of the ladder spoke ("solved", "other
+    solver", "relaxed", "closed form", "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own
+    units. Arrays are the command's own, stay valid, and are read-only.
     """
 
     __slots__ = (

@@ -3,13 +3,7 @@
     state → components.before → plan.fill → solve → certificate → command → components.after
 
 A tick raises only for programming errors (a wrong type or shape). Numbers that are not finite and solves that fail give
-a bounded command all the same, from the next rung of a short ladder:
-
-    solved   certified by the solver asked for, or by DAQP where that one failed
-    hold     the last certified command, for at most ``hold_ticks`` ticks
-    damped   brake; see :mod:`wbc.control.fallback`
-
-Both are within the limits on position, velocity, acceleration and torque.
+a bounded command all the same, from the next rung of the ladder (:mod:`wbc.control.ladder`).
 """
 
 from __future__ import annotations
@@ -19,10 +13,11 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+from scipy.linalg.blas import ddot
 
 from wbc import checks
 from wbc.control.command import Command, Forces
-from wbc.control.fallback import Fallback
+from wbc.control.ladder import Ladder, Recovery
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.certificate import Certificate
@@ -36,8 +31,6 @@ from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
 
-_NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
-
 
 @final
 class Controller:
@@ -50,7 +43,7 @@ class Controller:
         hierarchy: ``Weighted()``.
         solver: a solver's name or its settings.
         dt: time between ticks [s].
-        hold_ticks: how many failed ticks in a row may repeat the last certified command before braking.
+        recovery: what to do in ticks without an answer.
 
     Raises:
         NotSupported: a member the level cannot carry, or a solver that cannot keep limits at this rate.
@@ -77,7 +70,7 @@ class Controller:
         hierarchy: Hierarchy | None = None,
         solver: str | Solver = "pdas",
         dt: float = 1e-3,
-        hold_ticks: int = 10,
+        recovery: Recovery | None = None,
     ) -> None:
         levels = "VelocityLevel(), AccelerationLevel() or InverseDynamics()"
         for name, value, kind, what in (
@@ -89,7 +82,7 @@ class Controller:
                 raise InvalidInput(f"{name} is {value!r}; it must be {what}")
         self.model, self.stack, self.level = robot, stack, level
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
-        self.hold_ticks = int(checks.number("hold_ticks", hold_ticks, low=0))
+        self.ladder = Ladder(self, recovery)
         self.hierarchy = Weighted() if hierarchy is None else hierarchy
         if not isinstance(self.hierarchy, Hierarchy):
             raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be an object such as Weighted()")
@@ -116,8 +109,7 @@ class Controller:
         self.why = ""
         self.last: Command | None = None
         self.status = Status.FAILED
-        self._good: Command | None = None
-        self._failures = 0
+        self.ladder.reset()
         self._started = False
         self.plans.reset()
         self._use(self.plans.whole)
@@ -134,7 +126,7 @@ class Controller:
         self.serial += 1
         self.why = self._implausible(t, q, v)
         if self.why:
-            command = self._fall_back(Status.INVALID_STATE, *self._expected())
+            command = self.ladder.invalid()
         else:
             command = self._decide(t, q, v)
         for component in self.components:
@@ -155,7 +147,7 @@ class Controller:
 
     def _implausible(self, t: float, q: Vec, v: Vec) -> str:
         """What is wrong with a state, or nothing. A quaternion that is nearly of norm 1 is normalised in place."""
-        if not isfinite(q.dot(q) + v.dot(v) + t):
+        if not isfinite(ddot(q, q) + ddot(v, v) + t):  # in silence where the squares overflow
             for name, vector in (("q", q), ("v", v)):
                 if not np.isfinite(vector).all():
                     i = int(np.argmin(np.isfinite(vector)))
@@ -177,7 +169,7 @@ class Controller:
             self._start()
         elif self.plans.schedule is not None:
             mode = self.plans.choose(self.plans.schedule.contacts(state, self.last), state)
-            if mode is not self._mode:
+            if mode is not self.mode:
                 self._use(mode)
         plan = self.plan
         if self.components:
@@ -185,11 +177,14 @@ class Controller:
             for component in self.components:
                 component.before(state, self.last, plan)
         plan.fill(state)
-        self.status = status = self._solve()
-        if status is Status.SOLVED:
-            return self._decode(q, v)
-        self.why = plan.not_finite()
-        return self._fall_back(status, q, v)
+        self.status = status = self.asked(self._solver)
+        if status is not Status.SOLVED:
+            return self.ladder.descend(status, q, v)
+        command = self.decode(q, v)
+        if self.ladder.failures:
+            return self.ladder.resume(command, q, v)
+        self.ladder.good = command
+        return command
 
     def _start(self) -> None:
         for component in self.components:
@@ -201,9 +196,8 @@ class Controller:
 
     def _use(self, mode: Mode) -> None:
         """Decide with the plan and the solver of this set of contacts from now on."""
-        self._mode, self.plan, self._solver = mode, mode.plan, mode.solver
+        self.mode, self.plan, self._solver = mode, mode.plan, mode.solver
         self._answered = mode.solver
-        self._fallback = Fallback(mode.plan)
 
     def compile_waiting(self) -> int:
         """Compile plans for sets of contacts that the stack's schedule asked for without having announced them.
@@ -213,22 +207,20 @@ class Controller:
         """
         return self.plans.compile_waiting()
 
-    def _solve(self) -> Status:
-        """The solver asked for; where it fails, DAQP."""
-        self._answered = self._solver
-        status = self._solver.solve()
-        if status.ok or self.solver.name in ("daqp", "pdas"):  # pdas has asked DAQP itself
-            return status
-        second = self._mode.second
-        if second is None:
-            second = self._mode.second = Weighted().open(self.plan.problem, by_name("daqp"))
-        status = second.solve()
-        if status.ok:
-            self._answered = second
-        return status
+    def asked(self, solver: RowSolver) -> Status:
+        """What a solver says of the problem as it is filled; one that raises has failed, and ``why`` says how."""
+        self._answered = solver
+        try:
+            return solver.solve()
+        except Exception as cause:  # a back end may raise anything, and a robot still needs a command
+            self.why = f"solver {self.solver.name!r} raised {type(cause).__name__}: {cause}"
+            return Status.FAILED
 
-    def _decode(self, q: Vec, v: Vec) -> Command:
-        plan, proof = self.plan, self._answered.certificate
+    def decode(
+        self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Certificate | None = None
+    ) -> Command:
+        """The command that the answer in the plan's memory means."""
+        plan, proof = self.plan, self._answered.certificate if proof is None else proof
         parts, value = plan.layout, plan.problem.value.copy()
         if parts.nf:
             forces = value[parts.force_items]
@@ -236,44 +228,16 @@ class Controller:
         value.setflags(write=False)
         motion = value[parts.motion_items]
         if self.level.order == 1:
-            command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, v=motion)
+            command = Command(self, status, rung, proof, q=q, v_before=v, v=motion)
         elif not self.level.dynamics:
-            command = Command(self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=motion)
+            command = Command(self, status, rung, proof, q=q, v_before=v, a=motion)
         else:
             tau = plan.actuators.command(value[parts.torque_items])
             command = Command(
-                self, Status.SOLVED, "solved", proof, q=q, v_before=v, a=motion, tau=tau,
-                forces=self._mode.all_forces(value[parts.force_items]),
+                self, status, rung, proof, q=q, v_before=v, a=motion, tau=tau,
+                forces=self.mode.all_forces(value[parts.force_items]),
             )  # fmt: skip
-        self._good, self._failures = command, 0
         return command
-
-    # ---- when it went wrong
-    def _expected(self) -> tuple[Vec, Vec]:
-        """The state that the last command was to reach; before any, the robot's reference at rest."""
-        if self.last is None:
-            return np.array(self.model.q0), np.zeros(self.model.nv)
-        return self.last.q, self.last.v
-
-    def _fall_back(self, status: Status, q: Vec, v: Vec) -> Command:
-        self.status = status
-        self._failures += 1
-        self.state.update(self.state.t, q, v)
-        good = self._good
-        held = good if good is not None and self._failures <= self.hold_ticks else None
-        rung = "damped" if held is None else "hold"
-        fallback, state = self._fallback, self.state
-        if self.level.order == 1:
-            last = v if self.last is None else self.last.v
-            decided = fallback.velocity(state, None if held is None else held.v, last)
-            return Command(self, status, rung, _NO_PROOF, q=q, v_before=v, v=decided)
-        a = fallback.acceleration(state, None if held is None else held.a)
-        if not self.level.dynamics:
-            return Command(self, status, rung, _NO_PROOF, q=q, v_before=v, a=a)
-        carrying = None if good is None else good.tau
-        tau = fallback.torque(state, None if held is None else held.tau, carrying)
-        forces = None if held is None else held.forces
-        return Command(self, status, rung, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
 
     # ---- what others read
     @property
@@ -290,6 +254,11 @@ class Controller:
     def iterations(self) -> int:
         """Iterations of the last solve."""
         return self._answered.iterations
+
+    @property
+    def proof(self) -> Certificate:
+        """The certificate of the last answer."""
+        return self._answered.certificate
 
     @property
     def counts(self) -> Any:

@@ -14,6 +14,12 @@ from wbc.types import Status, Vec
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
 
+_SAID = {
+    "relaxed": "the laws give way as little as they can",
+    "closed form": "the closed form, cut to the limits",
+    "hold": "the last certified command is held",
+    "damped": "the robot brakes",
+}
 _SHOWN = 1e-7  # multipliers below this, relative to the largest, are rounding
 
 
@@ -38,8 +44,7 @@ def _failure(controller: Controller) -> list[str]:
     why = controller.why or controller.status.value
     lines = [f"  {why}"] if found is None else [f"  {found}"]
     if controller.last is not None:
-        said = {"hold": "the last certified command is held", "damped": "the robot brakes"}
-        lines.append(f"  instead: {said.get(controller.last.rung, controller.last.rung)}, within its limits")
+        lines.append(f"  instead: {_SAID.get(controller.last.rung, controller.last.rung)}, within its limits")
     return lines
 
 

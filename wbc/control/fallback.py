@@ -1,8 +1,9 @@
-"""Fallback: what a controller says when it cannot solve.
+"""Fallback: bounded velocities, accelerations and torques for a tick without an answer.
 
-    hold     the last certified command, for at most ``hold_ticks`` ticks in a row
-    damped   brake: velocities decay with a time constant; torques are gravity (on legs: those that last carried the
-             robot) less damping
+    hold     what the last certified command decided
+    brake    every velocity to zero at a constant deceleration B, the one that the limits count on:
+             v⁺ = v − clip(v, ±B dt),  a = (v⁺ − v) / dt,  at rest after max|v| / B and two ticks
+             torques are those that this braking takes: τ = M a + h − Jᵀf
 
 Either is cut to what the limits on position, velocity, acceleration and torque allow from the state that is believed:
 the measured one, or where that makes no sense the one that the last command was to reach.
@@ -15,11 +16,9 @@ from typing import final
 import numpy as np
 
 from wbc.models.model import RobotState
+from wbc.stack.interval import BRAKING
 from wbc.stack.plan import Plan
 from wbc.types import Vec
-
-#: Time constant with which a damped stop takes the velocity out [s]; never less than a tick.
-BRAKE_TIME = 0.05
 
 
 @final
@@ -28,32 +27,53 @@ class Fallback:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._time = max(BRAKE_TIME, plan.dt)
 
     def velocity(self, state: RobotState, held: Vec | None, last: Vec) -> Vec:
-        """(nv,) of a velocity level: the held one, or ``last`` decaying; joints within their limits."""
-        v = last * (1.0 - self._plan.dt / self._time) if held is None else held.copy()
+        """(nv,) of a velocity level: the held one, or ``last`` braked; joints within their limits."""
+        v = last - np.clip(last, -self._most(), self._most()) if held is None else held.copy()
         return self._within(state, v)
 
     def acceleration(self, state: RobotState, held: Vec | None) -> Vec:
         """(nv,): the held one, or braking; joints within their limits."""
-        a = -state.v / self._time if held is None else held.copy()
+        a = -np.clip(state.v, -self._most(), self._most()) / self._plan.dt if held is None else held.copy()
         return self._within(state, a)
 
-    def torque(self, state: RobotState, held: Vec | None, carrying: Vec | None) -> Vec:
-        """(nj,): the held one, or τ_ref − D v with D = diag(M)/T, cut to the bounds of this tick.
+    def torque(self, state: RobotState, a: Vec, held: Vec | None, carrying: Vec | None) -> Vec:
+        """(nj,): the held one, or τ = S (M a + h − Jᵀf), cut to the bounds of this tick.
 
-        τ_ref is gravity on a fixed base, ``carrying`` on a floating one.
+        On legs f are the forces of least norm at the contacts that give the base its part of a; in the air the base
+        accelerates as it must. Where that is not a number: ``carrying``, the torques that last carried the robot.
         """
         low, high = self._plan.torque_bounds
         if held is None:
-            nb = self._plan.model.nb
-            reference = state.g[nb:] if nb == 0 or carrying is None else carrying
-            held = reference - state.M.diagonal()[nb:] / self._time * state.v_joints
+            held = self._inverse_dynamics(state, a)
             if not np.isfinite(held).all():
                 held = np.zeros(len(low)) if carrying is None else carrying
         torque: Vec = np.clip(held, low, high)
         return torque
+
+    def _most(self) -> Vec:
+        """By how much a velocity (nv,) may fall in a tick."""
+        plan = self._plan
+        braking = np.full(plan.model.nv, BRAKING)
+        if plan.intervals is not None:
+            braking[plan.model.nb :] = plan.intervals.braking
+        most: Vec = braking * plan.dt
+        return most
+
+    def _inverse_dynamics(self, state: RobotState, a: Vec) -> Vec:
+        nb, nv, p = self._plan.model.nb, self._plan.model.nv, self._plan.problem
+        M, h = state.M, state.h
+        if nb:
+            forces = p.G[:nv, nv : nv + self._plan.layout.nf]  # −Jᵀ of the contacts, as of the last tick
+            missing = M[:nb] @ a + h[:nb]
+            if not np.isfinite(missing).all() or not np.isfinite(forces).all():
+                return np.full(nv - nb, np.nan)
+            if forces.shape[1]:
+                f, *_ = np.linalg.lstsq(forces[:nb], -missing, rcond=1e-10)
+                return np.asarray(M[nb:] @ a + h[nb:] + forces[nb:] @ f)
+            a = a - np.concatenate([np.linalg.solve(M[:nb, :nb], missing), np.zeros(nv - nb)])
+        return np.asarray(M[nb:] @ a + h[nb:])
 
     def _within(self, state: RobotState, decided: Vec) -> Vec:
         bounds = self._plan.joint_bounds(state)

@@ -151,6 +151,11 @@ class JointIntervals:
         limited = self._wanted[side, joint] == self._v[side, joint]
         return self._owners["velocity" if limited else "position"]
 
+    @property
+    def braking(self) -> Vec:
+        """Deceleration (nj,) that each joint can count on in both directions [rad/s², m/s²]."""
+        return np.asarray(-self._minus_B.max(axis=0))
+
     def _derive(self) -> None:
         """All constants of the formulas."""
         dt = self.dt

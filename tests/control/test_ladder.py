@@ -1,0 +1,158 @@
+"""A tick without an answer is answered in the same tick, within the limits, by the first rung that holds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
+from tests.reliability.faults import A_MAX, FAULTS, V_MAX, excess, limited, sabotaged
+from wbc.errors import InvalidInput
+from wbc.types import Status
+
+LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
+ARM = wbc.load("arm")
+STILL = np.zeros(ARM.nv)
+
+
+def named(level: Any) -> str:
+    return str(level.name)
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_another_solver_answers_what_the_one_asked_for_does_not(level: Any, fault: str):
+    control, script = sabotaged(ARM, level)
+    good = control.tick(0.0, ARM.q0, STILL)
+    script.fault = fault
+    command = control.tick(1e-3, ARM.q0, STILL)
+    assert command.status is Status.SOLVED and command.certificate.ok
+    assert command.rung == ("solved" if fault == "late" else "other solver")
+    decided, before = ((c.v if level.order == 1 else c.a) for c in (command, good))
+    np.testing.assert_allclose(decided, before, atol=1e-4)
+
+
+def test_what_a_back_end_raises_is_said():
+    control, script = sabotaged(ARM, wbc.VelocityLevel(), other=False)
+    script.fault = "raises"
+    assert control.tick(0.0, ARM.q0, STILL).status is Status.FAILED
+    assert "'saboteur' raised Breakdown: the back end broke down" in control.explain()
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+def test_rungs_follow_one_another_down_to_a_stop_and_back(level: Any):
+    control, script = sabotaged(ARM, level, other=False, recovery=wbc.Recovery(hold_ticks=3, resume_after=2))
+    control.tick(0.0, ARM.q0, STILL)
+    script.fault = "iterations"
+    rungs = [control.tick(1e-3 * k, ARM.q0, STILL).rung for k in range(1, 6)]
+    assert rungs == ["closed form"] * 3 + ["damped"] * 2
+    script.fault = ""
+    rungs = [control.tick(1e-3 * k, ARM.q0, STILL).rung for k in range(6, 9)]
+    assert rungs == ["damped", "solved", "solved"]
+    assert [event.rung for event in control.ladder.log] == ["closed form"] * 3 + ["damped"] * 3 + ["solved"]
+    assert control.ladder.log[-1].why == "solved again after 5 failures"
+    assert control.ladder.rungs["damped"] == 3
+
+
+def test_a_row_that_is_not_a_number_is_held_not_solved():
+    aim = Position("tool", target=lambda t: [0.4, 0.2, 0.5 if t < 1.0 else np.nan])
+    stack = wbc.Stack([aim, Posture(ARM.q0, weight=1e-2)], subject_to=[JointVelocityLimits()])
+    control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), recovery=wbc.Recovery(hold_ticks=1))
+    control.tick(0.0, ARM.q0, STILL)
+    assert [control.tick(1.0, ARM.q0, STILL).rung for _ in range(2)] == ["hold", "damped"]
+    assert "Position[tool]" in control.ladder.log[-1].why
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+def test_what_gives_way_is_declared(level: Any):
+    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
+    stack = limited(ARM, level, extra=(up,))
+    for gives, rung in ((("laws",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
+        control = wbc.Controller(ARM, stack, level=level, recovery=wbc.Recovery(gives=gives))
+        command = control.tick(0.0, ARM.q0, STILL)
+        assert (command.status, command.rung) == (Status.INFEASIBLE, rung)
+        assert command.certificate.ok == (rung == "relaxed")
+        assert excess(control, command) <= 1e-9
+
+
+def test_laws_give_before_joint_limits_do():
+    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
+    control = wbc.Controller(ARM, limited(ARM, LEVELS[1], extra=(up,)), level=LEVELS[1])
+    assert excess(control, control.tick(0.0, ARM.q0, STILL)) <= 1e-9
+
+
+def test_from_outside_joint_limits_weak_motors_do_what_they_can():
+    stack = wbc.Stack(
+        [Posture(ARM.q0)],
+        subject_to=[JointPositionLimits(), JointAccelerationLimits(500.0), TorqueLimits(10.0)],
+    )
+    control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    outside = ARM.q0.copy()
+    outside[1] = ARM.limits.q_max[1] + 0.2
+    command = control.tick(0.0, outside, STILL)
+    assert (command.status, command.rung) == (Status.INFEASIBLE, "relaxed")
+    assert command.certificate.ok
+    assert np.abs(command.tau).max() <= 10.0
+
+
+def test_without_limits_nothing_but_the_problem_itself_is_solved():
+    up, down = (Position("tool", target=[0.5, 0.2, z], kp=1e6, name=f"to {z:g}") for z in (5.0, -5.0))
+    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[up.exactly(), down.exactly()])
+    control = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
+    assert control.tick(0.0, ARM.q0, STILL).rung == "damped"
+
+
+def real_step(level: Any, command: wbc.Command, q: Any, v: Any, dt: float) -> tuple[Any, Any]:
+    """What the robot does: torques through its dynamics, else what was decided."""
+    if not level.dynamics:
+        return command.q, command.v
+    state = ARM.state()
+    state.update(0.0, q, v)
+    a = np.linalg.solve(state.M, command.tau - state.h)
+    return ARM.integrate(q, dt * (v + 0.5 * dt * a)), v + dt * a
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+@pytest.mark.parametrize("fault", ["iterations", "nan state"])
+def test_failures_in_a_row_end_in_a_stop_in_time(level: Any, fault: str):
+    """At rest v_max / a_max and two ticks after the last rung above the last, limits kept on the way."""
+    dt, hold = 1e-3, 3
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        q, v = np.array(ARM.q0), rng.choice([-1.0, 1.0], ARM.nj) * rng.uniform(0.5, 1.0, ARM.nj) * V_MAX
+        v[np.argmax(np.abs(v))] *= V_MAX / np.abs(v).max()
+        stack = limited(ARM, level)
+        control, script = sabotaged(ARM, level, other=False, stack=stack, recovery=wbc.Recovery(hold_ticks=hold))
+        control.tick(0.0, q, v)
+        script.fault = fault if fault in FAULTS else ""
+        for k in range(1, hold + 1 + round(V_MAX / A_MAX / dt) + 2):
+            seen = np.full(ARM.nq, np.nan) if fault == "nan state" else q
+            command = control.tick(k * dt, seen, v)
+            assert excess(control, command) <= 1e-9
+            q, v = real_step(level, command, q, v, dt)
+            assert np.abs(v).max() <= V_MAX + 1e-6
+        assert command.rung == "damped"
+        # Torques without a state follow what is expected, and drift from it: a twentieth of the speed is left.
+        blind = level.dynamics and fault == "nan state"
+        assert np.abs(v).max() <= (V_MAX / 20.0 if blind else 1e-6)
+
+
+def test_the_budget_ends_the_search_for_other_answers():
+    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
+    stack = limited(ARM, wbc.VelocityLevel(), extra=(up,))
+    recovery = wbc.Recovery(budget=0.0, hold_ticks=0)
+    assert wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), recovery=recovery).tick(0.0, ARM.q0, STILL).rung == (
+        "damped"
+    )
+
+
+def test_a_recovery_that_makes_no_sense_is_refused():
+    for settings in ({"hold_ticks": -1}, {"gives": ("torques",)}, {"gives": "laws"}, {"resume_after": 0},
+                     {"budget": -1.0}, {"hold_ticks": np.nan}):  # fmt: skip
+        with pytest.raises(InvalidInput, match=next(iter(settings))):
+            wbc.Recovery(**settings)
+    with pytest.raises(InvalidInput, match="recovery"):
+        wbc.Controller(ARM, limited(ARM, LEVELS[0]), level=LEVELS[0], recovery=10)  # type: ignore[arg-type]

@@ -1,0 +1,274 @@
+"""Ladder: what a controller does, in the same tick, when the solver asked for has no certified answer.
+
+    other solver   the default solver, from the active set it remembers, then DAQP; for those two ProxQP
+    relaxed        laws give way in a declared order, each as little as it can; torques, friction and physics hold
+    closed form    the minimum of the cost under the equalities alone, cut to the limits
+    hold           the last certified command
+    damped         brake to rest, see :mod:`wbc.control.fallback`
+
+The first two are certified answers, of the problem itself and of the declared relaxed one; the others are failures.
+After ``hold_ticks`` failures in a row only the last rung is left, until the problem has been solved again for
+``resume_after`` ticks. Every rung keeps the limits on position, velocity, acceleration and torque, except where the
+relaxed problem says which of them gives way. Everything is written into ``log``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from time import perf_counter
+from typing import TYPE_CHECKING, NamedTuple, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.control.command import Command
+from wbc.control.fallback import Fallback
+from wbc.errors import InvalidInput, InvalidProblem
+from wbc.qp.certificate import Certificate
+from wbc.qp.problem import QP
+from wbc.qp.relax import relaxed
+from wbc.qp.solvers import by_name
+from wbc.qp.solvers.daqp_ import Daqp
+from wbc.stack.hierarchy import Weighted
+from wbc.stack.plan import Plan
+from wbc.types import Status, Vec
+
+if TYPE_CHECKING:
+    from wbc.control.controller import Controller
+
+#: What may give way, in the order in which it does.
+GIVES = ("laws", "joint limits", "barriers", "contacts")
+
+_NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
+#: What the largest curvature of the cost counts beside a unit of violation.
+_SHARE = 1e-4
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """How a controller recovers from ticks without an answer.
+
+    Args:
+        hold_ticks: how many failed ticks in a row may be answered by a closed form or the last certified command
+            before the robot is braked.
+        gives: what may give way where the laws contradict each other, in this order: "laws" (exact tasks and linear
+            constraints), "joint limits" (position, velocity, acceleration), "barriers", "contacts" (their motion).
+            Torque limits, friction and the dynamics never do. () for nothing.
+        resume_after: solved ticks in a row that end a stop.
+        budget: time [s] after which no further solver is asked in a tick; None for no limit.
+
+    Raises:
+        InvalidInput: a number out of range, or something else in ``gives``.
+    """
+
+    hold_ticks: int = 10
+    gives: tuple[str, ...] = GIVES
+    resume_after: int = 1
+    budget: float | None = None
+
+    def __post_init__(self) -> None:
+        checks.number("hold_ticks", self.hold_ticks, low=0)
+        checks.number("resume_after", self.resume_after, low=1)
+        if self.budget is not None:
+            checks.number("budget", self.budget, low=0.0)
+        if not isinstance(self.gives, tuple | list) or not set(self.gives) <= set(GIVES):
+            raise InvalidInput(f"gives is {self.gives!r}; it must be a tuple of {', '.join(map(repr, GIVES))}")
+
+
+class Event(NamedTuple):
+    """One tick that was not simply solved: when, how it ended, which rung spoke, and why."""
+
+    t: float
+    tick: int
+    status: Status
+    rung: str
+    why: str
+
+
+@final
+class Ladder:
+    """The rungs below "solved", for one controller. ``rungs`` counts how often each has spoken."""
+
+    def __init__(self, controller: Controller, recovery: Recovery | None = None) -> None:
+        self._controller, self.recovery = controller, Recovery() if recovery is None else recovery
+        if not isinstance(self.recovery, Recovery):
+            raise InvalidInput(f"recovery is {recovery!r}; it must be wbc.Recovery(...)")
+        self.log: deque[Event] = deque(maxlen=1000)
+        self.rungs: Counter[str] = Counter()
+        self.reset()
+
+    def reset(self) -> None:
+        """No failure yet."""
+        self.good: Command | None = None
+        self.failures = 0
+        self._solved = 0
+
+    def invalid(self) -> Command:
+        """The command for a state that is not to be believed."""
+        return self._fail(Status.INVALID_STATE, *self._expected())
+
+    def descend(self, status: Status, q: Vec, v: Vec) -> Command:
+        """The command of the highest rung that holds."""
+        controller, start = self._controller, perf_counter()
+        controller.why = controller.why or controller.plan.not_finite()
+        self._solved = 0
+        if not controller.plan.not_finite():
+            if status is not Status.INFEASIBLE or controller.solver.name not in ("pdas", "daqp"):
+                answer = self._other_solver(status)
+                if answer.ok:
+                    return self._certified(Status.SOLVED, "other solver", q, v, controller.proof)
+                status = answer
+            controller.status = status
+            if self._limited():
+                proof = self._relaxed(start) if status is Status.INFEASIBLE else None
+                if proof is not None:
+                    return self._certified(status, "relaxed", q, v, proof)
+                if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
+                    return self._answer(status, "closed form", q, v, _NO_PROOF)
+        return self._fail(status, q, v)
+
+    def resume(self, command: Command, q: Vec, v: Vec) -> Command:
+        """The command of a solved tick after failures: itself, or a brake until enough of them came in a row."""
+        self._solved += 1
+        stopped = self.failures > self.recovery.hold_ticks
+        if stopped and self._solved < self.recovery.resume_after:
+            return self._note(self._bounded(Status.SOLVED, "damped", q, v, None), "waiting to resume")
+        self._note(command, f"solved again after {self.failures} failures")
+        self.good, self.failures = command, 0
+        return command
+
+    # ---- rungs
+    def _other_solver(self, status: Status) -> Status:
+        controller = self._controller
+        mode = controller.mode
+        if mode.second is None:
+            name = "proxqp" if controller.solver.name in ("pdas", "daqp") else "pdas"
+            mode.second = Weighted().open(controller.plan.problem, by_name(name))
+        answer = controller.asked(mode.second)
+        return answer if answer.ok or answer is Status.INFEASIBLE else status
+
+    def _relaxed(self, start: float) -> Certificate | None:
+        """Solve with the rows of the first class relaxed, then of the first two, and so on."""
+        plan = self._controller.plan
+        qp, p = plan.qp, plan.problem
+        share = _SHARE / float(np.abs(qp.H.diagonal()).max())
+        items: list[int] = []
+        classes = dict(_classes(plan, qp))
+        for kind in self.recovery.gives:
+            if not classes[kind] or not self._in_time(start):
+                continue
+            items += classes[kind]
+            try:
+                solution = Daqp(max_iter=1000).solve(relaxed(qp, items, share=share))
+            except InvalidProblem:
+                return None
+            if solution.status.ok:
+                self._write(solution.x[: p.n])
+                return solution.certificate
+            if solution.status is not Status.INFEASIBLE:
+                return None
+        return None
+
+    def _closed_form(self) -> bool:
+        """minimise share · cost + ½ ‖A x − b‖²: one linear system; then joints and torques are cut to their bounds."""
+        plan = self._controller.plan
+        qp, p = plan.qp, plan.problem
+        share = _SHARE / float(np.abs(qp.H.diagonal()).max())
+        try:
+            x = np.linalg.solve(share * qp.H + qp.A.T @ qp.A, qp.A.T @ qp.b - share * qp.g)
+        except np.linalg.LinAlgError:
+            return False
+        if not np.isfinite(x).all():
+            return False
+        self._write(np.clip(x, qp.lb, qp.ub))
+        return bool(np.isfinite(p.value).all())
+
+    def _write(self, x: Vec) -> None:
+        """An answer of the standard form into the problem's memory, where a solver would leave it; torques are cut."""
+        plan = self._controller.plan
+        p = plan.problem
+        np.divide(x, p.scale, out=p.x)
+        np.dot(p.G[: p.n_rows], p.x1, out=p.value[p.first_row : p.first_row + p.n_rows])
+        if plan.level.dynamics:
+            torques = p.value[p.item(plan.layout.torque_row) :][: plan.model.nj]
+            np.clip(torques, *plan.torque_bounds, out=torques)
+
+    def _limited(self) -> bool:
+        """Whether limits bound what the joints are told: an answer to another problem than was asked needs them."""
+        plan = self._controller.plan
+        p, joints = plan.problem, slice(plan.model.nb, plan.model.nv)
+        if np.isfinite(p.lb[joints]).all() and np.isfinite(p.ub[joints]).all():
+            return True
+        return plan.level.dynamics and bool(np.isfinite(plan.torque_bounds).all())
+
+    def _in_time(self, start: float) -> bool:
+        budget = self.recovery.budget
+        return budget is None or perf_counter() - start < budget
+
+    # ---- commands
+    def _certified(self, status: Status, rung: str, q: Vec, v: Vec, proof: Certificate) -> Command:
+        command = self._answer(status, rung, q, v, proof)
+        self.good, self.failures = command, 0
+        return command
+
+    def _answer(self, status: Status, rung: str, q: Vec, v: Vec, proof: Certificate) -> Command:
+        if proof is _NO_PROOF:
+            self.failures += 1
+        self._controller.status = status
+        return self._note(self._controller.decode(q, v, status, rung, proof))
+
+    def _fail(self, status: Status, q: Vec, v: Vec) -> Command:
+        """Hold, or brake."""
+        controller = self._controller
+        self.failures += 1
+        self._solved = 0
+        controller.status = status
+        held = self.good if self.failures <= self.recovery.hold_ticks else None
+        return self._note(self._bounded(status, "damped" if held is None else "hold", q, v, held))
+
+    def _bounded(self, status: Status, rung: str, q: Vec, v: Vec, held: Command | None) -> Command:
+        controller = self._controller
+        state, level, fallback = controller.state, controller.level, Fallback(controller.plan)
+        state.update(state.t, q, v)
+        if level.order == 1:
+            last = v if controller.last is None else controller.last.v
+            decided = fallback.velocity(state, None if held is None else held.v, last)
+            return Command(controller, status, rung, _NO_PROOF, q=q, v_before=v, v=decided)
+        a = fallback.acceleration(state, None if held is None else held.a)
+        if not level.dynamics:
+            return Command(controller, status, rung, _NO_PROOF, q=q, v_before=v, a=a)
+        carrying = None if self.good is None else self.good.tau
+        tau = fallback.torque(state, a, None if held is None else held.tau, carrying)
+        forces = None if held is None else held.forces
+        return Command(controller, status, rung, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
+
+    def _expected(self) -> tuple[Vec, Vec]:
+        """The state that the last command was to reach; before any, the robot's reference at rest."""
+        last, model = self._controller.last, self._controller.model
+        if last is None:
+            return np.array(model.q0), np.zeros(model.nv)
+        return last.q, last.v
+
+    def _note(self, command: Command, why: str = "") -> Command:
+        controller = self._controller
+        self.rungs[command.rung] += 1
+        why = why or controller.why or command.status.value
+        self.log.append(Event(controller.state.t, controller.serial, command.status, command.rung, why))
+        return command
+
+
+def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:
+    """Indices into ``qp.rows`` of what may give way."""
+    layout, model = plan.layout, plan.model
+    owners: list[tuple[str, set[str]]] = [
+        ("laws", {law.name for law in layout.exact} | {law.name for law in layout.constraints}),
+        ("barriers", {barrier.name for barrier in layout.barriers}),
+        ("contacts", {f"contact[{contact.short_name}]" for contact in layout.contacts}),
+    ]
+    m = len(qp.lower)
+    for kind, names in owners:
+        yield kind, [i for i in range(m) if qp.rows[i].owner in names]
+    yield "joint limits", [] if plan.intervals is None else [*range(m + model.nb, m + model.nv)]
