@@ -53,6 +53,7 @@ from tasks.limits.joint_position import JointPositionLimits as JointPositionLimi
 from tasks.limits.joint_velocity import JointVelocityLimits as JointVelocityLimits
 from tasks.limits.torque import TorqueLimits as TorqueLimits
 from tasks.linear_momentum import LinearMomentum as LinearMomentum
+from tasks.loop_closure import LoopClosure as LoopClosure
 from tasks.low_acceleration import LowAcceleration as LowAcceleration
 from tasks.manipulability import ManipulabilityTask as ManipulabilityTask
 from tasks.omni_wheel import OmniWheel as OmniWheel

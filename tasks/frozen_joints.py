@@ -15,7 +15,8 @@ from wbc.stack.task import Task, TaskRows
 
 @final
 class FrozenJoints(Task):
-    """The joints named do not move: one row each [rad, m]. ``FrozenJoints(…).exactly()`` in ``subject_to`` locks them.
+    """The joints named do not move: one row each [rad, m]. ``FrozenJoints(…).exactly()`` in ``subject_to`` locks them;
+    their ``command.tau`` is what the lock carries.
 
     By a list of names: v = 0 at the velocity level, a = −kd v at the acceleration level; where a joint stops is left
     open. By {joint: position}: e = position − q, so that it comes back there, with ``kp`` (default 100).

@@ -19,8 +19,9 @@ class JointCoupling(Task):
 
     ``to``: {other joint: ratio}; a ratio has the unit of the joint per unit of the other (a rack and its pinion: m per
     rad). As a wish it is met as well as others allow; ``JointCoupling(…).exactly()`` in ``subject_to`` is a gear, at
-    every level: q_joint comes back to what it should be with kp and kd, from wherever it starts. The torques are those
-    of independent motors; where the coupled joint has none, add ``Torque(0.0, joints=[…]).exactly()``.
+    every level: q_joint comes back to what it should be with kp and kd, from wherever it starts. ``command.tau`` then
+    holds torques of independent motors; with one motor, at other joint k, τ_joint is what the gear transmits, its
+    reaction, and the motor gives τ_k + ratio_k τ_joint.
 
     Raises:
         InvalidInput: no other joint, the joint coupled to itself, a ratio that is zero or not finite.

@@ -53,6 +53,9 @@ class Contact(ABC):
 
     dim: int
     frame: str
+    #: The frame of the robot that carries the other side; None: the world does. What joins two frames of one robot is
+    #: no matter of a schedule: it always holds.
+    carrier: str | None = None
 
     def __init__(
         self,

@@ -114,11 +114,12 @@ class Plan:
         self._T_a, self._T_f, self._T_h = p.G[:nv, :nv], p.G[:nv, nv : nv + nf], self._column[:nv]
         contacts = slice(layout.contact_row, layout.n_rows)
         self._J_contacts_T = p.G[contacts, :nv].T
-        normal = [
-            column + contact.wrench_axes.index(2)
-            for contact, column in zip(layout.contacts, layout.force_columns, strict=True)
+        presses = [
+            (column + contact.wrench_axes.index(2), place)
+            for contact, column, place in zip(layout.contacts, layout.force_columns, self._place, strict=True)
+            if contact.carrier is None
         ]
-        self._normal = np.array(normal, dtype=np.intp)
+        self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()
         self.torque_bounds = (lower[: model.nj], upper[: model.nj])
         low, high = self.torque_bounds
@@ -295,7 +296,7 @@ class Plan:
             np.multiply(self._J_contacts_T, self._force_scale_negative, self._T_f)
         if self._has_components:
             self._T_h += self.extra_bias
-            self.problem.ub[self._normal] = self.normal_limits[self._place] / self.problem.scale[self._normal]
+            self.problem.ub[self._normal] = self.normal_limits[self._pressing] / self.problem.scale[self._normal]
 
     def _fill_joint_bounds(self, state: RobotState) -> None:
         assert self.intervals is not None

@@ -71,6 +71,7 @@ class Plans:
         self._open_solver = open_solver
         self._named = {contact.frame: contact.name for contact in stack.contacts}
         self._named |= {contact.name: contact.name for contact in stack.contacts}
+        self._always = frozenset(contact.name for contact in stack.contacts if contact.carrier is not None)
         plan = level.compile(model, stack, dt=dt)
         self.whole = self.present = Mode(plan, open_solver(plan.problem), plan)
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
@@ -86,7 +87,7 @@ class Plans:
         for name in names:
             if name not in self._named:
                 raise UnknownContact(name, self._named.values(), "the schedule names it")
-        return frozenset(self._named[name] for name in names)
+        return frozenset(self._named[name] for name in names) | self._always
 
     def _compile(self, names: frozenset[str]) -> None:
         if names not in self._modes:

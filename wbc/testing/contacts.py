@@ -36,7 +36,7 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
     given = None if states is None else list(states)
     for robot in robots_for(contact, model):
         when = moments(robot) if given is None else given
-        require(contact.dim in (3, 6), f"{contact.name}.dim is {contact.dim}; it must be 3 or 6")
+        require(contact.dim == len(contact.wrench_axes), f"{contact.name}.wrench_axes must be {contact.dim}, its dim")
         units = contact.motion_units()
         require(len(units) == contact.dim, f"{contact.name} has {len(units)} motion units for {contact.dim} rows")
         _check_cone(contact)
@@ -51,9 +51,10 @@ def _check_cone(contact: Contact) -> None:
     require(cone.tobytes() == contact.cone().tobytes(), f"{name}.cone() is not pure: it differs when asked twice")
     labels = contact.cone_labels()
     require(len(labels) == len(cone), f"{name} has {len(labels)} cone labels for {len(cone)} rows")
-    push = np.eye(contact.dim)[2]
-    require((cone @ push <= 0.0).all(), f"{name}.cone() does not let the surface push along its normal z")
-    require(len(cone) == 0 or (cone @ -push > 0.0).any(), f"{name}.cone() lets the surface pull")
+    if len(cone):
+        push = np.eye(contact.dim)[contact.wrench_axes.index(2)]
+        require((cone @ push <= 0.0).all(), f"{name}.cone() does not let the surface push along its normal z")
+        require((cone @ -push > 0.0).any(), f"{name}.cone() lets the surface pull")
 
 
 def _filling(contact: Contact, model: RobotModel, anchor: Anchor) -> Filling:
@@ -92,9 +93,17 @@ def _check_moment(contact: Contact, model: RobotModel, first: Moment, second: Mo
 
 
 def _surface_velocity(contact: Contact, state: RobotState, anchor: Anchor, v: Vec) -> Vec:
-    """Velocity of the material point at the anchor, and for six rows the angular velocity, in the anchor's axes."""
+    """Twist of the material point at the anchor, in the anchor's axes; of one frame of the robot against another in the
+    carrier's, at the frame's origin."""
     frame = state.frame(contact.frame)
-    twist = frame.jacobian() @ v
-    to_surface: Mat = anchor.rotation.T
-    linear = to_surface @ (twist[:3] + np.cross(twist[3:], anchor.position - frame.position))
-    return linear if contact.dim == 3 else np.concatenate([linear, to_surface @ twist[3:]])
+    linear, angular = np.split(frame.jacobian() @ v, 2)
+    if contact.carrier is None:
+        to_surface: Mat = anchor.rotation.T
+        linear = linear + np.cross(angular, anchor.position - frame.position)
+    else:
+        carrier = state.frame(contact.carrier)
+        to_surface = carrier.rotation.T
+        moved, turned = np.split(carrier.jacobian() @ v, 2)
+        linear = linear - moved - np.cross(turned, frame.position - carrier.position)
+        angular = angular - turned
+    return np.concatenate([to_surface @ linear, to_surface @ angular])[list(contact.wrench_axes)]

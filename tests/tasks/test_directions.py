@@ -1,0 +1,160 @@
+"""Directions, headings and distances: what their errors mean, and what they say where a direction is not defined."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks import AxisAlignment, Distance, Gaze, Posture, Yaw
+from tasks.directions import Bearing, view_axes
+from tests.tasks.rows_of import finite, moment, rows
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.testing import check_task, moments, robots
+from wbc.testing.strategies import states, vectors
+
+ROBOTS = robots()
+ARM, QUADRUPED, HUMANOID = ROBOTS
+TOOL = ARM.frame_names[-1]
+each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+
+
+def angle_between(a: Any, b: Any) -> float:
+    """Kahan's formula, exact for small and for large angles."""
+    a, b = np.asarray(a) / np.linalg.norm(a), np.asarray(b) / np.linalg.norm(b)
+    return float(2.0 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
+
+
+def facing(robot: RobotModel, axis: Any, angle: float) -> tuple[Any, np.ndarray]:
+    """A random moment, and the world direction that lies ``angle`` beside the axis of the last frame then."""
+    first = moments(robot, count=1, seed=5)[0]
+    state = moment(robot, first[1])
+    b1, _, a = view_axes(np.asarray(axis, dtype=float) / np.linalg.norm(axis))
+    local = np.cos(angle) * a + np.sin(angle) * b1
+    return first, state.frame(robot.frame_names[-1]).rotation @ local
+
+
+@given(states(ARM), vectors(3, low=0.1, high=10.0), vectors(3, low=0.1, high=10.0))
+def test_the_length_of_the_error_is_the_angle_to_the_direction(state: RobotState, axis: Any, target: Any):
+    if not (axis.any() and target.any()):
+        return
+    angle = angle_between(state.frame(TOOL).rotation @ axis, target)
+    e = rows(AxisAlignment(TOOL, axis=axis, target=target), state).e
+    assert np.linalg.norm(e) == pytest.approx(min(angle, np.pi - 0.01), abs=1e-7)
+
+
+@given(states(HUMANOID), vectors(3, low=0.1, high=10.0))
+def test_gaze_is_the_alignment_with_the_line_of_sight(state: RobotState, target: Any):
+    head = state.frame("head")
+    sight = rows(AxisAlignment("head", axis=[1, 0, 0], target=target - head.position), state)
+    gaze = rows(Gaze("head", axis=[1, 0, 0], target=target), state)
+    np.testing.assert_allclose(gaze.e, sight.e, atol=1e-12)
+
+
+@each_robot
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.3, 0.32, 1.5, 3.0, np.pi - 0.02])
+def test_rows_are_derivatives_from_straight_ahead_to_nearly_behind(robot: RobotModel, angle: float):
+    first, direction = facing(robot, [0, 1, 2], angle)
+    check_task(AxisAlignment(robot.frame_names[-1], axis=[0, 1, 2], target=direction), robot, [first, first])
+
+
+@each_robot
+def test_straight_behind_is_a_hundredth_beside_it(robot: RobotModel):
+    first, behind = facing(robot, [0, 0, 1], np.pi)
+    out = rows(AxisAlignment(robot.frame_names[-1], axis=[0, 0, 1], target=behind), moment(robot, *first[1:]))
+    assert np.linalg.norm(out.e) == pytest.approx(np.pi - 0.01)
+    assert finite(out) and np.abs(out.J).max() <= np.pi / np.sin(0.01)
+
+
+@given(st.floats(0.0, 3.1), st.floats(0.0, 6.3))
+def test_a_bearing_is_an_angle_in_its_direction(angle: float, around: float):
+    u = np.array([np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)])
+    np.testing.assert_allclose(Bearing(u).y, angle * np.array([np.cos(around), np.sin(around)]), atol=1e-9)
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()], ids=lambda level: level.name)
+def test_a_tool_turns_over_to_point_down(level: Any):
+    task = AxisAlignment(TOOL, axis=[0, 0, 1], target=[0, 0, -1], kp=25, weight=1.0)
+    controller = wbc.Controller(ARM, wbc.Stack([task, Posture(ARM.q0, weight=1e-6)]), level=level, dt=0.01)
+    q, v = ARM.q0, np.zeros(ARM.nv)
+    for tick in range(300):
+        command = controller.tick(0.01 * tick, q, v)
+        q, v = command.q, command.v
+    assert angle_between(moment(ARM, q).frame(TOOL).rotation[:, 2], [0, 0, -1]) < 0.01
+
+
+@each_robot
+@pytest.mark.parametrize("distance", [0.0, 1e-12, 1e-3])
+def test_within_its_nearest_distance_gaze_fades_out(robot: RobotModel, distance: float):
+    first = moments(robot, count=1)[0]
+    frame = moment(robot, first[1]).frame(robot.frame_names[-1])
+    beside = frame.position + distance * frame.rotation[:, 0]
+    task = Gaze(robot.frame_names[-1], axis=[0, 0, 1], target=beside)
+    out = rows(task, moment(robot, *first[1:]))
+    assert finite(out) and np.linalg.norm(out.e) <= 100.0 * distance * np.pi / 2 + 1e-12
+    check_task(task, robot, [first, first])
+
+
+@given(states(ARM), st.floats(-20.0, 20.0))
+def test_turning_by_the_yaw_error_reaches_the_heading(state: RobotState, target: float):
+    e = float(rows(Yaw(TOOL, target=target), state).e[0])
+    assert -np.pi <= e <= np.pi
+    x = pinocchio.exp3(np.array([0.0, 0.0, e])) @ state.frame(TOOL).rotation[:, 0]
+    assert np.cos(np.arctan2(x[1], x[0]) - target) == pytest.approx(1.0, abs=1e-9)
+
+
+@each_robot
+def test_an_upright_axis_has_a_finite_heading(robot: RobotModel):
+    first = moments(robot, count=1)[0]
+    upright = moment(robot, first[1]).frame(robot.frame_names[-1]).rotation.T @ [0.0, 0.0, 1.0]
+    out = rows(Yaw(robot.frame_names[-1], axis=upright, target=0.3), moment(robot, *first[1:]))
+    assert finite(out) and np.abs(out.J).max() <= 1.0 / 1e-2
+
+
+@each_robot
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 0.02, 0.5])
+def test_distances_down_to_none_push_apart(robot: RobotModel, apart: float):
+    first = moments(robot, count=1)[0]
+    name = robot.frame_names[-1]
+    there = moment(robot, first[1]).frame(name).position - apart * np.array([0.6, 0.0, 0.8])
+    task = Distance(name, to=there, target=0.2)
+    out = rows(task, moment(robot, *first[1:]))
+    assert finite(out) and out.e[0] == pytest.approx(0.2 - apart, abs=1e-12)
+    assert np.linalg.norm(out.J) > 0.1  # there is a way to move
+    if apart > 1e-3:
+        check_task(task, robot, [first, first])
+
+
+def test_distance_is_symmetric_and_no_matter_of_the_base():
+    state = moment(HUMANOID, *moments(HUMANOID, count=1)[0][1:])
+    there, back = (
+        rows(Distance(a, to=b, target=0.3), state) for a, b in (("left_hand", "head"), ("head", "left_hand"))
+    )
+    for array in ("e", "J", "drift"):
+        np.testing.assert_allclose(getattr(there, array), getattr(back, array), atol=1e-12)
+    np.testing.assert_allclose(there.J[:, :6], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: AxisAlignment(TOOL, axis=[0, 0, 0], target=[0, 0, 1]), "axis is .* a direction is not zero"),
+        (lambda: AxisAlignment(TOOL, axis=[0, 0, 1], target=[0, 0, 0]), "target is .* a direction is not zero"),
+        (lambda: AxisAlignment(TOOL, axis=[0, 0, 1], target=[0, 1]), r"target must have shape \(3,\)"),
+        (lambda: Gaze(TOOL, axis=[1, 0, 0], target=[1, 0]), r"target must have shape \(3,\)"),
+        (lambda: Gaze(TOOL, axis=[1, 0, 0], target=[1, 0, 0], nearest=0.0), "nearest is 0; it must be > 0"),
+        (lambda: Distance(TOOL, to=[0, 0], target=0.1), r"to must have shape \(3,\)"),
+        (lambda: Distance(TOOL, to=[0, 0, 0], target=0.0), "target is 0; it must be > 0"),
+        (lambda: Distance(TOOL, to=TOOL, target=0.1).prepare(ARM), "seen from itself never moves"),
+        (lambda: Yaw(TOOL, target=[0.1, 0.2]), r"target must have shape \(1,\)"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_by_name(make: Any, said: str):
+    with pytest.raises(InvalidInput, match=said):
+        make()
