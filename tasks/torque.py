@@ -45,7 +45,7 @@ class Torque(Tracking, LinearTask):
     ) -> None:
         self._by_inertia = isinstance(weight, str)
         if self._by_inertia and (weight != "inverse_inertia" or joints is not None):
-            raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers, or for all joints 'inverse_inertia'")
+            raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers or 'inverse_inertia', of all joints")
         if joints is not None and (isinstance(joints, str) or not joints or len(set(joints)) < len(joints)):
             raise InvalidInput(f"Torque.joints is {joints!r}; it must be names, each once")
         self.joints = None if joints is None else tuple(joints)
