@@ -48,10 +48,20 @@ from tasks.impedance import Impedance as Impedance
 from tasks.joint_coupling import JointCoupling as JointCoupling
 from tasks.joint_velocity import JointVelocity as JointVelocity
 from tasks.kinetic_energy import KineticEnergy as KineticEnergy
+from tasks.limits.axis_cone import AxisConeLimit as AxisConeLimit
+from tasks.limits.box import BoxLimits as BoxLimits
+from tasks.limits.collision import CollisionAvoidance as CollisionAvoidance
+from tasks.limits.cone import ConeLimit as ConeLimit
+from tasks.limits.frame_velocity import FrameVelocityLimits as FrameVelocityLimits
+from tasks.limits.half_space import HalfSpaceLimit as HalfSpaceLimit
+from tasks.limits.joint import JointLimits as JointLimits
 from tasks.limits.joint_acceleration import JointAccelerationLimits as JointAccelerationLimits
+from tasks.limits.joint_jerk import JointJerkLimits as JointJerkLimits
 from tasks.limits.joint_position import JointPositionLimits as JointPositionLimits
 from tasks.limits.joint_velocity import JointVelocityLimits as JointVelocityLimits
+from tasks.limits.support_polygon import SupportPolygon as SupportPolygon
 from tasks.limits.torque import TorqueLimits as TorqueLimits
+from tasks.limits.torque_speed import TorqueSpeedLimits as TorqueSpeedLimits
 from tasks.linear_momentum import LinearMomentum as LinearMomentum
 from tasks.loop_closure import LoopClosure as LoopClosure
 from tasks.low_acceleration import LowAcceleration as LowAcceleration
@@ -71,3 +81,4 @@ from tasks.torque import Torque as Torque
 from tasks.trajectories import Sinusoid as Sinusoid
 from tasks.yaw import Yaw as Yaw
 from tasks.zero_moment_point import ZeroMomentPoint as ZeroMomentPoint
+from wbc.models.collision import Obstacle as Obstacle

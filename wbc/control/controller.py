@@ -129,6 +129,9 @@ class Controller:
             command = self.ladder.invalid()
         else:
             command = self._decide(t, q, v)
+        intervals = self.plan.intervals
+        if intervals is not None and intervals.remembers:
+            intervals.remember((command.v - self.state.v)[self.model.nb :] / self.dt)
         for component in self.components:
             component.after(self.state, command)
         self.last = command
@@ -180,6 +183,8 @@ class Controller:
         self.status = status = self.asked(self._solver)
         if status is not Status.SOLVED:
             return self.ladder.descend(status, q, v)
+        if plan.intervals is not None and plan.intervals.recovering:
+            self.why = plan.intervals.recovery(state.q_joints)
         command = self.decode(q, v)
         if self.ladder.failures:
             return self.ladder.resume(command, q, v)

@@ -44,7 +44,7 @@ class Fallback:
         On legs f are the forces of least norm at the contacts that give the base its part of a; in the air the base
         accelerates as it must. Where that is not a number: ``carrying``, the torques that last carried the robot.
         """
-        low, high = self._plan.torque_bounds
+        low, high = self._plan.torque_range
         if held is None:
             held = self._inverse_dynamics(state, a)
             if not np.isfinite(held).all():

@@ -194,7 +194,7 @@ class Ladder:
         np.dot(p.G[: p.n_rows], p.x1, out=p.value[p.first_row : p.first_row + p.n_rows])
         if plan.level.dynamics:
             torques = p.value[p.item(plan.layout.torque_row) :][: plan.model.nj]
-            np.clip(torques, *plan.torque_bounds, out=torques)
+            np.clip(torques, *plan.torque_range, out=torques)
 
     def _limited(self) -> bool:
         """Whether limits bound what the joints are told: an answer to another problem than was asked needs them."""

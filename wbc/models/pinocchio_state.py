@@ -58,6 +58,7 @@ class PinocchioState(RobotState):
         self._M, self._com_jacobian = _view(data.M, data, model.nv, model.nv), _view(data.Jcom, data, 3, model.nv)
         self._h, self._g = _view(data.nle, data, model.nv), _view(data.g, data, model.nv)
         self._coriolis = _view(data.C, data, model.nv, model.nv)
+        self._joint_columns = _view(data.J, data, 6, model.nv)
         self._com, self._com_drift = _view(data.com[0], data), _view(data.acom[0], data)
         self._centroidal_map = _view(data.Ag, data, 6, model.nv)
         self._centroidal_drift = _view(data.dhg.vector, data)
@@ -102,6 +103,19 @@ class PinocchioState(RobotState):
         self._frames[name] = found = PinocchioFrame(self, name)
         self._learn("kinematics")
         return found
+
+    @property
+    def data(self) -> Any:
+        """The ``pinocchio.Data``; what is in it depends on what has been read from the state."""
+        return self._data
+
+    @property
+    def joint_columns(self) -> Mat:
+        """Spatial velocity (6, nv) about the world's origin that each velocity gives what its joint moves; with it the
+        joints are placed, ``data.oMi``."""
+        if "kinematics" not in self._needs:
+            self._learn("kinematics")
+        return self._joint_columns
 
     @property
     def M(self) -> Mat:

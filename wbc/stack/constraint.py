@@ -2,18 +2,20 @@
 
 Four kinds, told apart by what they are written about:
 
-* :class:`JointInterval`     bounds on each joint's position, velocity, acceleration or torque; the plan composes them
-                             into one interval per joint that is never empty
+* :class:`JointInterval`     bounds on each joint's position, velocity, acceleration, jerk or torque; the plan composes
+                             them into one interval per joint that is never empty
 * :class:`Barrier`           h(q) >= 0, kept by a control barrier function at every level
 * :class:`LinearConstraint`  lo <= A y <= hi on velocities, accelerations, torques or one contact's wrench
 * ``task.exactly()``         any kinematic task as an equality (:class:`~wbc.stack.task.Exactly`)
 
-The first three may also be wishes: ``law.softly()`` (:class:`~wbc.stack.softly.Softly`) stands among the tasks.
+:class:`Laws` are several of them under one name. The first three may also be wishes: ``law.softly()``
+(:class:`~wbc.stack.softly.Softly`) stands among the tasks.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, final
 
 from wbc import checks
@@ -24,13 +26,15 @@ from wbc.types import Mat, Vec
 if TYPE_CHECKING:
     from wbc.stack.softly import Softly
 
-Quantity = Literal["position", "velocity", "acceleration", "torque"]
+Quantity = Literal["position", "velocity", "acceleration", "jerk", "torque"]
 
 
 class Constraint(ABC):
     """A law with a name. ``subject`` (a frame, a contact) makes the default name."""
 
     subject: str = ""
+    #: Weight of what the law may give way by, above every level; None: it holds exactly. See :class:`Barrier`.
+    slack: float | None = None
     _name: str | None = None
 
     def __init__(self, *, name: str | None = None) -> None:
@@ -62,6 +66,14 @@ class Constraint(ABC):
         return self.name
 
 
+class Laws(Constraint):
+    """Several laws that stand in a stack as one."""
+
+    @abstractmethod
+    def laws(self, carried: frozenset[str]) -> Sequence[Constraint]:
+        """The laws, on a level where the quantities ``carried`` of a joint may be limited."""
+
+
 class JointInterval(Constraint):
     """Bounds on one quantity of every joint, (nj,) each; they belong to the settings, not to the state."""
 
@@ -78,21 +90,37 @@ class JointInterval(Constraint):
         """
 
 
-class BarrierRows:
-    """Where a barrier writes: h (dim,), its Jacobian J (dim, nv) and drift J̇ v (dim,)."""
+class TorqueBySpeed(JointInterval):
+    """Bounds on each joint's torque that move with its velocity."""
 
-    __slots__ = ("J", "drift", "h")
+    quantity: ClassVar[Quantity] = "torque"
+
+    @abstractmethod
+    def narrow(self, v: Vec, lower: Vec, upper: Vec) -> None:
+        """Narrow torque bounds (nj,) in place for joint velocities v (nj,); 0 stays inside."""
+
+
+class BarrierRows:
+    """Where a barrier writes: h (dim,), its Jacobian J = ∂h/∂q (dim, nv), and where h depends on time also by itself
+    rate = ∂h/∂t (dim,), zero unless written; drift (dim,) is d²h/dt² at a = 0, which is J̇ v for most."""
+
+    __slots__ = ("J", "drift", "h", "rate")
 
     J: Mat
     h: Vec
     drift: Vec
+    rate: Vec
 
 
 class Barrier(Constraint):
-    """h(q) >= 0, a control barrier function. ``rate`` γ [1/s] says how fast h may approach zero.
+    """h(q, t) >= 0, a control barrier function. ``rate`` γ [1/s] says how fast h may approach zero.
 
-    Velocity level:      J v >= −γ h
-    Acceleration level:  J a + J̇ v >= −2 γ J v − γ² h     (relative degree 2, both poles at γ)
+    Velocity level:      ḣ >= −γ h              ḣ = J v + ∂h/∂t
+    Acceleration level:  ḧ >= −2 γ ḣ − γ² h     ḧ = J a + drift   (relative degree 2, both poles at γ)
+
+    Where h < 0 they ask for the way back, at the rate γ. That may be more than torques and contacts can give, so with a
+    ``slack`` weight the rows give way: s is taken off the right side, in 1/s or 1/s² of h's unit, at the cost
+    ½ slack s². It stands above every level and task; ``slack=None`` makes the rows exact.
 
     Subclasses set ``dim`` and ``units`` and write ``fill``. Source: Ames et al., ECC 2019; Nguyen, Sreenath, ACC 2016.
     """
@@ -100,13 +128,14 @@ class Barrier(Constraint):
     dim: int
     units: str
 
-    def __init__(self, *, rate: float = 10.0, name: str | None = None) -> None:
+    def __init__(self, *, rate: float = 10.0, slack: float | None = None, name: str | None = None) -> None:
         super().__init__(name=name)
         self.rate = checks.number(f"{self.name}.rate", rate, low=0.0, strict=True)
+        self.slack = None if slack is None else checks.number(f"{self.name}.slack", slack, low=0.0, strict=True)
 
     @abstractmethod
     def fill(self, state: RobotState, out: BarrierRows) -> None:
-        """Write h, J and drift for this state. Pure."""
+        """Write h, J and drift (and rate) for this state. Pure."""
 
     def label(self, row: int) -> str:
         """What one row is called in reports."""

@@ -39,7 +39,7 @@ class Formulation(ABC):
     def bounds(self) -> frozenset[str]:
         """Quantities of a joint that may be limited. Where velocities are decided, an acceleration is the change from
         the measured one."""
-        return self.carries | {"position", "acceleration"}
+        return self.carries | {"position", "acceleration", "jerk"}
 
     @final
     def compile(self, model: RobotModel, stack: Stack, *, dt: float, like: Plan | None = None) -> Plan:

@@ -1,4 +1,4 @@
-"""JointIntervals: position, velocity and acceleration limits as one interval per joint that is never empty."""
+"""JointIntervals: position, velocity, acceleration and jerk limits as one interval per joint, never empty."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.constraint import JointInterval
+from wbc.stack.jerk import JerkLimits
 from wbc.types import Vec
 
 #: Deceleration counted on where no acceleration limit says otherwise [rad/s², m/s²]: a joint at 2 rad/s stops within
@@ -18,7 +19,9 @@ from wbc.types import Vec
 BRAKING = 20.0
 #: Speed of the way back into position limits, for joints without a velocity limit [rad/s, m/s].
 RETURN_SPEED = 1.0
-_QUANTITIES = ("position", "velocity", "acceleration")
+#: Distances from a limit [rad, m] that are none.
+_ROUNDING = 1e-9
+_QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 
 
 @final
@@ -38,7 +41,11 @@ class JointIntervals:
 
     Outside (noise, a push, limits that shrank) the bounds ask for the way back and are still an interval: back inside
     within the tick if that can be, else as fast as the velocity limit (1 where there is none), B, and braking before
-    the opposite limit allow. A bound on acceleration thus never asks for more than B.
+    the opposite limit allow. A bound on acceleration thus never asks for more than B. This is the recovery mode:
+    ``recovering`` is then true, and ``recovery`` says which joint is outside by how much.
+
+    With jerk limits the interval of accelerations is narrowed to what keeps them too, from the acceleration
+    commanded last, which is ``remember``-ed; see :class:`~wbc.stack.jerk.JerkLimits`.
 
     With velocity limits alone the acceleration bounds are (±v_max − v) / dt as long as |v| <= v_max.
 
@@ -73,16 +80,19 @@ class JointIntervals:
         self._per_dt, self._two_per_dt, self._half_dt = 1.0 / self.dt, 2.0 / self.dt, 0.5 * self.dt
         self._zero = np.zeros(shape)
         self._room, self._reach, self._back, self._wanted, self._free = (np.zeros(shape) for _ in range(5))
-        self._value, self._bound = np.zeros(shape), np.zeros(shape)
+        self._value, self._bound, self._room_before, self._value_now = (np.zeros(shape) for _ in range(4))
         self._plain, self._mirrored = self._value
         self._bound_above, self._bound_below = self._bound
         self._room_flat = self._room.reshape(-1)
         self._opposite_reach, self._opposite_back = self._reach[::-1], self._back[::-1]
+        self._jerk: JerkLimits | None = None
+        #: Whether a joint was outside its position limits when bounds were computed last.
+        self.recovering = False
         self._derive()
 
     @classmethod
     def compose(cls, laws: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
-        """The intervals of some laws on positions, velocities and accelerations; laws on one quantity intersect."""
+        """The intervals of laws on positions, velocities, accelerations and jerks; laws on one quantity intersect."""
         laws = list(laws)
         asked = [law.braking for law in laws if law.braking is not None]
         intervals = cls(model.joint_names, dt, braking=min(asked, default=None))
@@ -128,10 +138,29 @@ class JointIntervals:
         return -lower, upper
 
     def reset(self) -> None:
-        """Back to the bounds of the laws."""
+        """Back to the bounds of the laws; the last acceleration is zero again."""
         for quantity, limit in self._composed.items():
             self._limits[quantity][:] = limit
+        self._jerk = None
         self._derive()
+
+    @property
+    def remembers(self) -> bool:
+        """Whether bounds depend on the acceleration commanded last."""
+        return self._jerk is not None
+
+    def remember(self, acceleration: Vec) -> None:
+        """The joint accelerations (nj,) that were commanded for the tick that ends now."""
+        if self._jerk is not None:
+            self._jerk.last[:] = acceleration
+
+    def recovery(self, q: Vec) -> str:
+        """Which joint is furthest outside its position limits, and by how much; or nothing."""
+        beyond = np.maximum(q - self._q[0], -q - self._q[1])
+        worst = int(np.argmax(beyond))
+        if not beyond[worst] > _ROUNDING:
+            return ""
+        return f"recovery: joint {self.joint_names[worst]!r} is {beyond[worst]:.3g} outside its position limits"
 
     def _check(self, quantity: str, who: str) -> None:
         upper, lower = self._limits[quantity][0], -self._limits[quantity][1]
@@ -146,6 +175,8 @@ class JointIntervals:
         side = 0 if upper else 1
         if self._only_velocity:
             return self._owners["velocity"]
+        if self._narrowed[side, joint]:
+            return self._owners["jerk"]
         if self._has_acceleration and self._bound[side, joint] < self._free[side, joint]:
             return self._owners["acceleration"]
         limited = self._wanted[side, joint] == self._v[side, joint]
@@ -159,12 +190,13 @@ class JointIntervals:
     def _derive(self) -> None:
         """All constants of the formulas."""
         dt = self.dt
-        self._q, self._v, self._a = (self._limits[quantity] for quantity in _QUANTITIES)
+        self._q, self._v, self._a, jerk = (self._limits[quantity] for quantity in _QUANTITIES)
         # Towards one limit a joint brakes with the acceleration it has towards the other.
         opposite = self._a[::-1]
         self._unlimited = ~np.isfinite(opposite)
         self._has_acceleration = not self._unlimited.all()
-        self._only_velocity = not (self._has_acceleration or np.isfinite(self._q).any())
+        limited = self._has_acceleration or np.isfinite(self._q).any() or np.isfinite(jerk).any()
+        self._only_velocity = not limited
         B = np.where(self._unlimited, BRAKING, opposite) if self._braking is None else opposite
         B = np.minimum(B, np.inf if self._braking is None else self._braking)
         # No limit to brake for times no brakes is still no bound: inf · tiny = inf, where inf · 0 is NaN.
@@ -174,6 +206,10 @@ class JointIntervals:
         self._highest_v_per_dt, self._lowest_v_per_dt = self._v[0] / dt, -self._v[1] / dt
         self._least_above, self._most_below = -B[0], B[1]
         self._return_speed = np.where(np.isfinite(self._v), self._v, RETURN_SPEED)
+        self._narrowed = np.zeros(B.shape, dtype=bool)
+        if np.isfinite(jerk).any():
+            self._jerk = self._jerk or JerkLimits(len(self.joint_names))
+            self._jerk.derive(jerk, B, self._v, self._a, dt)
 
     def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
         """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
@@ -184,6 +220,8 @@ class JointIntervals:
         self._plain += q
         np.negative(self._plain, self._mirrored)
         np.subtract(self._q, self._value, self._room)
+        if self._jerk is not None:
+            self._room_before[:] = self._room
         self._speed_that_can_brake()
         self._velocity_wanted(self._two_per_dt)
         self._plain[:] = v
@@ -194,6 +232,9 @@ class JointIntervals:
         np.minimum(self._free, self._a, out=self._bound)
         upper[:] = self._bound_above
         np.negative(self._bound_below, lower)
+        if self._jerk is not None:
+            self._jerk.narrow(self._room_before, self._value, lower, upper)
+            self._note_narrowed(lower, upper)
 
     def _acceleration_by_velocity(self, v: Vec, lower: Vec, upper: Vec) -> None:
         """The same where nothing but velocities is limited."""
@@ -208,6 +249,8 @@ class JointIntervals:
         self._plain[:] = q
         np.negative(q, self._mirrored)
         np.subtract(self._q, self._value, self._room)
+        if self._jerk is not None:
+            self._room_before[:] = self._room
         if self._has_acceleration:
             self._speed_that_can_brake()
             np.multiply(self._room, self._per_dt, out=self._reach, where=self._unlimited)
@@ -225,6 +268,27 @@ class JointIntervals:
             np.copyto(self._bound, self._wanted)
         upper[:] = self._bound_above
         np.negative(self._bound_below, lower)
+        if self._jerk is not None:
+            self._velocity_by_jerk(v, lower, upper)
+
+    def _velocity_by_jerk(self, v: Vec, lower: Vec, upper: Vec) -> None:
+        """The same bounds seen as accelerations of the tick, narrowed there."""
+        assert self._jerk is not None
+        value = self._value_now
+        value[0] = v
+        np.negative(v, value[1])
+        for bound in (lower, upper):
+            bound -= v
+            bound *= self._per_dt
+        self._jerk.narrow(self._room_before, value, lower, upper)
+        for bound in (lower, upper):
+            bound *= self.dt
+            bound += v
+        self._note_narrowed(lower, upper)
+
+    def _note_narrowed(self, lower: Vec, upper: Vec) -> None:
+        np.less(upper, self._bound_above, out=self._narrowed[0])
+        np.greater(lower, -self._bound_below, out=self._narrowed[1])
 
     def _speed_that_can_brake(self) -> None:
         """reach = −B dt + √((B dt)² + 2 B room), 0 where there is no room."""
@@ -238,7 +302,8 @@ class JointIntervals:
     def _velocity_wanted(self, per_time: float) -> None:
         """Inside, the speed the limits leave; outside, the way back: at once, or as fast as the other side allows."""
         room, reach, back = self._room, self._reach, self._back
-        if self._room_flat[self._room_flat.argmin()] >= 0.0:
+        self.recovering = bool(self._room_flat[self._room_flat.argmin()] < 0.0)
+        if not self.recovering:
             np.minimum(reach, self._v, out=self._wanted)
             return
         np.maximum(reach, self._zero, out=reach)

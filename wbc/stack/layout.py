@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
-from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
+from wbc.stack.constraint import Barrier, JointInterval, Laws, LinearConstraint
 from wbc.stack.contact import Contact
 from wbc.stack.formulation import Formulation
 from wbc.stack.softly import Softly
@@ -40,16 +40,22 @@ class Layout:
         self.linear: list[LinearTask] = _of(stack.tasks, LinearTask)
         self.kinematic: list[Task] = [t for t in _of(stack.tasks, Task) if not t.on_joints]
         self.on_joints: list[Task] = [t for t in _of(stack.tasks, Task) if t.on_joints]
-        self.soft_laws: list[Softly] = _of(stack.tasks, Softly)
-        self.exact: list[Exactly] = _of(stack.subject_to, Exactly)
-        self.barriers: list[Barrier] = _of(stack.subject_to, Barrier)
-        self.constraints: list[LinearConstraint] = _of(stack.subject_to, LinearConstraint)
-        intervals: list[JointInterval] = _of(stack.subject_to, JointInterval)
-        self.motion_limits = [law for law in intervals if law.quantity != "torque"]
-        self.torque_limits = [law for law in intervals if law.quantity == "torque"]
         for member in (*stack.tasks, *stack.subject_to, *stack.contacts):
             (member.task if isinstance(member, Exactly) else member).prepare(model)
-        self._refuse_what_has_no_kind(stack)
+        laws = [one for law in stack.subject_to for one in self._each(law)]
+        #: Laws that may give way, above every level.
+        self.slack = [Softly(law, weight=law.slack, name=law.name) for law in laws if _gives_way(law)]
+        self.soft_laws: list[Softly] = [*self.slack, *_of(stack.tasks, Softly)]
+        exact = [law for law in laws if not _gives_way(law)]
+        self.exact: list[Exactly] = _of(exact, Exactly)
+        self.barriers: list[Barrier] = _of(exact, Barrier)
+        self.constraints: list[LinearConstraint] = _of(exact, LinearConstraint)
+        intervals: list[JointInterval] = _of(exact, JointInterval)
+        self.motion_limits = [law for law in intervals if law.quantity != "torque"]
+        self.torque_limits = [law for law in intervals if law.quantity == "torque"]
+        self._refuse_what_has_no_kind([*stack.tasks, *laws])
+        for soft in self.slack:
+            soft.prepare(model)
         self._refuse_what_the_level_cannot_carry()
 
         dynamics = level.dynamics
@@ -83,10 +89,20 @@ class Layout:
         self.motion_items, self.force_items = slice(0, model.nv), slice(model.nv, model.nv + self.nf)
         self.torque_items = slice(self.n + 1 + self.torque_row, self.n + 1 + self.torque_row + self.n_torque)
 
-    def _refuse_what_has_no_kind(self, stack: Stack) -> None:
+    def _each(self, law: Any) -> Sequence[Any]:
+        """A law, or those that it stands for at this level."""
+        if not isinstance(law, Laws):
+            return [law]
+        laws = law.laws(self.level.bounds)
+        for one in laws:
+            one.prepare(self.model)
+        return laws
+
+    def _refuse_what_has_no_kind(self, members: Sequence[Any]) -> None:
         sorted_members: list[object] = [*self.linear, *self.kinematic, *self.on_joints, *self.exact, *self.barriers]
         sorted_members += [*self.constraints, *self.motion_limits, *self.torque_limits, *self.soft_laws]
-        for member in (*stack.tasks, *stack.subject_to):
+        sorted_members += [soft.law for soft in self.slack]
+        for member in members:
             if not any(member is known for known in sorted_members):
                 raise NotSupported(
                     f"{member.name} is a {type(member).__name__}, neither a Task nor a LinearTask, Barrier, "
@@ -94,7 +110,8 @@ class Layout:
                 )
         tasks = [*self.linear, *self.kinematic, *self.on_joints, *(law.task for law in self.exact)]
         sizes = [(task.name, getattr(task, "dim", None)) for task in tasks]
-        laws: list[Any] = [*self.barriers, *self.constraints, *self.soft_laws]
+        laws: list[Any] = [*self.barriers, *self.constraints, *_of(members, Softly)]
+        laws += [soft.law for soft in self.slack if not isinstance(soft.law, JointInterval)]
         sizes += [(law.name, getattr(law, "dim", None)) for law in laws]
         for name, dim in sizes:
             if dim is None or dim < 1:
@@ -192,6 +209,10 @@ class Layout:
         if isinstance(law, JointInterval) and law.quantity != "torque":
             return self.model.joint_units[i] + suffix
         return soft.unit(i) + (suffix if isinstance(law, Barrier) else "")
+
+
+def _gives_way(law: Any) -> bool:
+    return not isinstance(law, Exactly) and law.slack is not None
 
 
 def _of(members: Any, kind: type[Any]) -> list[Any]:

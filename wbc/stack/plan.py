@@ -17,6 +17,7 @@ from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, Wish
 from wbc.stack.actuators import Actuators
+from wbc.stack.constraint import TorqueBySpeed
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
@@ -24,7 +25,7 @@ from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
 from wbc.stack.stack import Stack
 from wbc.stack.task import Objective, Task
-from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, Writer
+from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
 from wbc.types import Vec
 
 
@@ -71,7 +72,8 @@ class Plan:
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
         self._read_weights()
-        p.levels = [[self._wish(task) for task in tasks] for tasks in stack.levels]
+        above = [layout.slack] if layout.slack else []
+        p.levels = [[self._wish(task) for task in tasks] for tasks in (*above, *stack.levels)]
         self._qp: QP | None = None
         self._first_fill(like)
 
@@ -121,8 +123,8 @@ class Plan:
         ]
         self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()
-        self.torque_bounds = (lower[: model.nj], upper[: model.nj])
-        low, high = self.torque_bounds
+        #: Bounds on the torques (lower, upper), (nj,) each, as they were filled last.
+        self.torque_range = self.torque_bounds = low, high = lower[: model.nj], upper[: model.nj]
         for law in layout.torque_limits:
             law_low, law_high = law.bounds(model)
             np.maximum(low, law_low, out=low)
@@ -133,6 +135,9 @@ class Plan:
                 f"joint {model.joint_names[i]!r} is left no torque: lower {low[i]:g} > upper {high[i]:g}"
             )
         self._torque_laws = low.copy(), high.copy()
+        self._by_speed = _of(layout.torque_limits, TorqueBySpeed)
+        if self._by_speed:
+            self.torque_bounds = low.copy(), high.copy()
         self._force_weights = np.concatenate(
             [np.full(c.dim, c.force_weight) for c in layout.contacts] or [np.zeros(0)]
         )  # fmt: skip
@@ -159,6 +164,8 @@ class Plan:
             writers.append(LinearWriter(task, row, p, layout, self.dt))
         for soft, row, column in zip(layout.soft_laws, layout.soft_law_rows, layout.give_columns, strict=True):
             writers.append(SoftLawWriter(soft, (row, column), p, layout, self.dt))
+        if self.level.dynamics and self._by_speed:
+            writers.append(TorqueSpeedWriter(self._by_speed, self.torque_bounds, self.torque_range))
         return writers
 
     def _wish(self, task: Objective) -> Wish:
@@ -365,6 +372,10 @@ def _make(contact: Contact, anchor: Anchor, state: RobotState) -> None:
     """The contact is where the robot is now, or at its target."""
     made = contact.target or contact.anchor(state)
     anchor.rotation[:], anchor.position[:] = made.rotation, made.position
+
+
+def _of(members: Any, kind: type[Any]) -> list[Any]:
+    return [member for member in members if isinstance(member, kind)]
 
 
 def _explained(name: str, fill: Callable[..., None], *arguments: Any) -> None:

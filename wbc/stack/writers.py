@@ -6,7 +6,7 @@ Memory is poisoned with NaN when a writer is made; after the first call ``check`
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
@@ -14,7 +14,14 @@ import numpy as np
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowProblem
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, JointInterval, LinearConstraint
+from wbc.stack.constraint import (
+    Barrier,
+    BarrierRows,
+    ConstraintRows,
+    JointInterval,
+    LinearConstraint,
+    TorqueBySpeed,
+)
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
 from wbc.stack.softly import Softly
@@ -50,7 +57,7 @@ class Writer(ABC):
 
 @final
 class BarrierWriter(Writer):
-    """J v >= −γ h, or J a + J̇ v >= −2 γ J v − γ² h."""
+    """ḣ >= −γ h, or ḧ >= −2 γ ḣ − γ² h."""
 
     def __init__(self, barrier: Barrier, row: int, problem: RowProblem, layout: Layout) -> None:
         self.name = barrier.name
@@ -60,6 +67,7 @@ class BarrierWriter(Writer):
         out.J = problem.G[rows, : layout.model.nv]
         out.J[:] = np.nan
         out.h, out.drift = np.full(barrier.dim, np.nan), np.full(barrier.dim, np.nan)
+        out.rate = np.zeros(barrier.dim)
         self._right, self._lower = problem.G[rows, problem.n], problem.lower[items]
 
     def fill(self, state: RobotState) -> None:
@@ -67,9 +75,10 @@ class BarrierWriter(Writer):
         self._barrier.fill(state, out)
         if self._order == 1:
             np.multiply(out.h, -rate, self._lower)
+            self._lower -= out.rate
         else:
             self._right[:] = out.drift
-            self._lower[:] = -2.0 * rate * (out.J @ state.v) - rate**2 * out.h
+            self._lower[:] = -2.0 * rate * (out.J @ state.v + out.rate) - rate**2 * out.h
 
     def written(self) -> dict[str, Vec]:
         found = {"h": self._out.h, "J": self._out.J}
@@ -108,6 +117,7 @@ class JointIntervalWriter(Writer):
         items = slice(problem.item(row), problem.item(row + nj))
         self._lower, self._upper = problem.lower[items], problem.upper[items]
         self._torques, self._intervals = None, None
+        self._law, self._model = law, model
         if law.quantity == "torque":
             self._torques = problem.G[nb : nb + nj]
             self._lower[:], self._upper[:] = law.bounds(model)
@@ -119,11 +129,33 @@ class JointIntervalWriter(Writer):
     def fill(self, state: RobotState) -> None:
         if self._torques is not None:
             self._rows[:] = self._torques
+            if isinstance(self._law, TorqueBySpeed):
+                self._lower[:], self._upper[:] = self._law.bounds(self._model)
+                self._law.narrow(state.v_joints, self._lower, self._upper)
         else:
             self._bound(state.q_joints, state.v_joints, self._lower, self._upper)
 
     def written(self) -> dict[str, Vec]:
         return {"lower": self._lower, "upper": self._upper}
+
+
+@final
+class TorqueSpeedWriter(Writer):
+    """Bounds on torques that move with speed, from those that components may write into."""
+
+    def __init__(self, laws: Sequence[TorqueBySpeed], bounds: tuple[Vec, Vec], now: tuple[Vec, Vec]) -> None:
+        self.name = laws[0].name
+        self._laws, self._bounds, self._now = laws, bounds, now
+
+    def fill(self, state: RobotState) -> None:
+        (lower, upper), (low, high) = self._now, self._bounds
+        lower[:], upper[:] = low, high
+        for law in self._laws:
+            law.narrow(state.v_joints, lower, upper)
+        np.minimum(lower, upper, out=lower)  # a component may have left less than the speed leaves
+
+    def written(self) -> dict[str, Vec]:
+        return {"lower": self._now[0], "upper": self._now[1]}
 
 
 @final

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, JointInterval, LinearConstraint
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, JointInterval, Laws, LinearConstraint
 from wbc.stack.task import Exactly
-from wbc.testing.differences import along, velocity_names
+from wbc.testing.differences import along, in_time, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling
 from wbc.testing.robots import Moment, moments, robots_for
 from wbc.testing.tasks import check_task
+from wbc.types import Vec
 
 _TOLERANCE = 1e-5
-_QUANTITIES = {"position", "velocity", "acceleration", "torque"}
+_QUANTITIES = {"position", "velocity", "acceleration", "jerk", "torque"}
 
 
 def check_constraint(
@@ -25,8 +26,9 @@ def check_constraint(
 ) -> None:
     """Check a law on ``model``, or on those of our arm, quadruped and humanoid that it can be prepared for.
 
-    Joint intervals: (nj,), no NaN, lower <= upper, zero inside but for positions. Barriers, by differences: J = ∂h/∂q
-    and drift = J̇ v. Linear constraints: lo <= hi. All: filled twice, same bits, nothing left unwritten, nothing beside.
+    Joint intervals: (nj,), no NaN, lower <= upper, zero inside but for positions. Barriers, by differences: J = ∂h/∂q,
+    rate = ∂h/∂t and drift = d(J v + rate)/dt. Linear constraints: lo <= hi. All: filled twice, same bits, nothing left
+    unwritten, nothing beside. Several laws in one: each of them.
     ``contact_dim``: size of the wrench a law on "force" writes on.
 
     Raises:
@@ -43,14 +45,17 @@ def check_constraint(
     given = None if states is None else list(states)
     for robot in robots_for(law, model):
         when = moments(robot) if given is None else given
-        if isinstance(law, JointInterval):
+        if isinstance(law, Laws):
+            for one in law.laws(frozenset(_QUANTITIES)):
+                check_constraint(one, robot, when, contact_dim=contact_dim)
+        elif isinstance(law, JointInterval):
             _check_interval(law, robot)
         elif isinstance(law, Barrier):
             _check_barrier(law, robot, when)
         elif isinstance(law, LinearConstraint):
             _check_linear(law, robot, when, contact_dim)
         else:
-            require(False, f"{law!r} is no JointInterval, Barrier, LinearConstraint or task.exactly()")
+            require(False, f"{law!r} is no JointInterval, Barrier, LinearConstraint, Laws or task.exactly()")
 
 
 def _check_interval(law: JointInterval, model: RobotModel) -> None:
@@ -71,22 +76,32 @@ def _check_interval(law: JointInterval, model: RobotModel) -> None:
 def _check_barrier(law: Barrier, model: RobotModel, when: list[Moment]) -> None:
     dim = law.dim
     filling = Filling(
-        law.name, model, law.fill, BarrierRows, {"J": (dim, model.nv), "h": (dim,), "drift": (dim,)}
+        law.name, model, law.fill, BarrierRows,
+        {"J": (dim, model.nv), "h": (dim,), "drift": (dim,), "rate": (dim,)}, zero=frozenset({"rate"}),
     )  # fmt: skip
     for first, second in zip(when, [*when[1:], when[0]], strict=True):
         filling.check_purity(first, second)
         rows, v = filling.at(first), first[2]
         where = f"{law.name} on {model.name}, row "
-        J, drift = rows["J"], rows["drift"]
+        J, drift, rate = rows["J"], rows["drift"], rows["rate"]
         found = np.column_stack([along(lambda m: filling.at(m)["h"], model, first, axis) for axis in np.eye(model.nv)])
         at = worst(found, J, _TOLERANCE)
         if at is not None:
             what = f"J for {velocity_names(model)[at[1]]!r}"
             raise differs(where + str(at[0]), what=what, wrote=J[at], by="dh/dq", found=found[at])
-        found = along(lambda m, v=v: filling.at(m)["J"] @ v, model, first, v)  # type: ignore[misc]
+        found = in_time(lambda m: filling.at(m)["h"], first)
+        at = worst(found, rate, _TOLERANCE)
+        if at is not None:
+            raise differs(where + str(at[0]), what="rate", wrote=rate[at], by="dh/dt", found=found[at])
+
+        def total(m: Moment, v: Vec = v) -> Vec:
+            filled = filling.at(m)
+            return filled["J"] @ v + filled["rate"]
+
+        found = along(total, model, first, v) + in_time(total, first)
         at = worst(found, drift, _TOLERANCE)
         if at is not None:
-            by = "d(J v)/dt at a = 0"
+            by = "d(J v + rate)/dt at a = 0"
             raise differs(where + str(at[0]), what="drift", wrote=drift[at], by=by, found=found[at])
 
 

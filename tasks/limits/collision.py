@@ -1,0 +1,109 @@
+"""CollisionAvoidance: links keep away from each other and from obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Self, final
+
+import numpy as np
+import pinocchio
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.collision import Distances, Obstacle
+from wbc.models.geometry import Sphere
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.constraint import Barrier, BarrierRows
+
+
+@final
+class CollisionAvoidance(Barrier):
+    """h = d − margin >= 0 [m] for the ``count`` nearest pairs of links, or of a link and an obstacle.
+
+    d is the distance of their collision shapes, negative inside one another; pairs further apart than ``reach`` [m]
+    are not felt (their rows are empty: sizes never change). What approaches at u [m/s] is stopped in time where
+    u <= rate · (reach − margin). From inside the margin, or inside one another, the rows lead back out at the same
+    rate, and by default they give way where that is more than the robot can do.
+
+    With a margin, shapes touch only in h < 0: witness points and normals, which have no limit where two shapes just
+    touch, are those of shapes that are apart. Distances are coal's; which pairs count, and what is left out, is
+    :class:`~wbc.models.collision.Distances`'s.
+
+    Args:
+        obstacles: what stands or moves in the world.
+        pairs: pairs of names of links and obstacles, to look at these alone; None: all.
+        self_collision: with ``pairs=None``, whether links are kept apart from links.
+        margin: distance kept [m].
+        count: how many pairs of links have a row.
+        reach: distance from which on a pair is felt [m], more than the margin.
+        rate: γ [1/s]; slack: see :class:`~wbc.stack.constraint.Barrier`.
+
+    Raises:
+        InvalidInput: a reach within the margin, a negative margin, no pair. NotSupported: the robot has no shapes.
+        UnknownName: a pair of a link or obstacle that is none; when a stack is compiled.
+
+    Source: Ames et al., ECC 2019 (barriers); Faverjon, Tournassoud, ICRA 1987 (the same as a velocity damper).
+
+    Example:
+        >>> import numpy as np, pinocchio, wbc
+        >>> from tasks import CollisionAvoidance, Obstacle
+        >>> from wbc.models.geometry import Sphere
+        >>> ball = Obstacle("ball", Sphere(0.1), pinocchio.SE3(np.eye(3), np.array([0.4, 0.0, 0.4])))
+        >>> law = CollisionAvoidance([ball], margin=0.03)
+        >>> robot = wbc.load("arm")
+        >>> law.prepare(robot)
+        >>> law.closest(robot.state())[0][:2]
+        ('flange', 'ball')
+    """
+
+    units = "m"
+
+    def __init__(
+        self, obstacles: Iterable[Obstacle] = (), *, pairs: Sequence[tuple[str, str]] | None = None,
+        self_collision: bool = True, margin: float = 0.02, count: int = 4, reach: float = 0.2, rate: float = 10.0,
+        slack: float | None = 1e6, name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(rate=rate, slack=slack, name=name)
+        self.margin = checks.number(f"{self.name}.margin", margin, low=0.0)
+        self.reach = checks.number(f"{self.name}.reach", reach, low=0.0, strict=True)
+        if self.reach <= self.margin:
+            raise InvalidInput(f"{self.name}.reach is {reach:g} m; it must be more than the margin of {margin:g} m")
+        self.obstacles, self.pairs, self.self_collision = tuple(obstacles), pairs, self_collision
+        self.count = int(checks.number(f"{self.name}.count", count, low=1))
+        self._distances: Distances | None = None
+
+    def prepare(self, model: RobotModel) -> None:
+        if self._distances is None or self._distances.model is not model:
+            self._distances = Distances(
+                model, pairs=self.pairs, obstacles=self.obstacles, self_collision=self.self_collision,
+                count=self.count, reach=self.reach, margin=self.margin,
+            )  # fmt: skip
+        self.dim = self._distances.count
+
+    def fill(self, state: RobotState, out: BarrierRows) -> None:
+        distances = self._distances
+        assert distances is not None, "prepare comes first"
+        distances.read(state)
+        np.subtract(distances.distance, self.margin, out.h)
+        out.J[:], out.drift[:], out.rate[:] = distances.jacobian, distances.drift, distances.rate
+
+    def closest(self, state: RobotState) -> list[tuple[str, str, float]]:
+        """The pairs that have a row in this state, the nearest first: two names and their distance [m]."""
+        distances = self._distances
+        assert distances is not None, "prepare comes first"
+        distances.read(state)
+        rows = zip(distances.which, distances.distance, strict=True)
+        found = [(*distances.pairs[pair], float(d)) for pair, d in rows if pair >= 0]
+        return sorted(found, key=lambda entry: entry[2])
+
+    def label(self, row: int) -> str:
+        return f"pair {row}"
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        def thrown(t: float) -> Any:
+            return pinocchio.SE3(np.eye(3), np.array([0.8 - 0.4 * t, 0.1 * t, 0.6 - 0.2 * t**2]))
+
+        still = pinocchio.SE3(np.eye(3), np.array([0.4, 0.2, 0.3]))
+        balls = [Obstacle("still ball", Sphere(0.1), still), Obstacle("thrown ball", Sphere(0.05), thrown)]
+        return [cls(balls, self_collision=False, reach=1.0), cls(balls, self_collision=False, count=8, reach=0.3)]

@@ -1,0 +1,69 @@
+"""ConeLimit: a frame stays inside a cone."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.limits.directions import unit
+from wbc import checks
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.constraint import Barrier, BarrierRows
+
+#: Radius [m] within which the axis of the cone is rounded: there the distance to the cone has no gradient.
+_ROUND = 1e-3
+
+
+@final
+class ConeLimit(Barrier):
+    """h = z sin α − r cos α >= 0 [m]: the origin of a frame inside a cone, h its distance from the cone's side.
+
+    With p the origin, d = p − apex: z = a·d is the height along the unit axis a, r = √(|d − z a|² + (1 mm)²) the
+    distance from it, α the half opening ``angle`` [rad], between 0 and π/2.
+
+    Raises:
+        InvalidInput: an axis of length zero, an angle out of range. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import ConeLimit
+        >>> ConeLimit("tool", apex=[0.5, 0, 0], axis=[0, 0, 1], angle=0.5)  # approach from above
+        ConeLimit[tool]
+    """
+
+    dim, units = 1, "m"
+
+    def __init__(
+        self, frame: str, *, apex: Any, axis: Any, angle: float, rate: float = 10.0, slack: float | None = 1e6,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame = self.subject = frame
+        super().__init__(rate=rate, slack=slack, name=name)
+        self.apex = checks.array(f"{self.name}.apex", apex, (3,))
+        self.axis = unit(f"{self.name}.axis", axis)
+        self.angle = checks.number(f"{self.name}.angle", angle, low=0.0, high=0.5 * np.pi, strict=True)
+        self._across = np.eye(3) - np.outer(self.axis, self.axis)
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+
+    def fill(self, state: RobotState, out: BarrierRows) -> None:
+        frame, axis = state.frame(self.frame), self.axis
+        sin, cos = np.sin(self.angle), np.cos(self.angle)
+        away = frame.position - self.apex
+        beside = self._across @ away
+        r = np.sqrt(beside.dot(beside) + _ROUND**2)
+        beside /= r
+        out.h[0] = sin * axis.dot(away) - cos * r
+        gradient = sin * axis - cos * beside
+        J = frame.jacobian()[:3]
+        np.dot(gradient, J, out.J[0])
+        # d²r/dt² of a straight line at velocity u: (|u_across|² − (∂r/∂p · u)²) / r
+        u = J @ state.v
+        across = self._across @ u
+        curvature = (across.dot(across) - beside.dot(u) ** 2) / r
+        out.drift[0] = gradient.dot(frame.drift()[:3]) - cos * curvature
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        return [cls(model.frame_names[-1], apex=[0.2, -0.1, 0.0], axis=[0.1, 0.2, 1.0], angle=0.6)]

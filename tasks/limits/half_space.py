@@ -1,0 +1,52 @@
+"""HalfSpaceLimit: a frame stays on one side of a plane."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.limits.directions import unit
+from wbc import checks
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.constraint import Barrier, BarrierRows
+
+
+@final
+class HalfSpaceLimit(Barrier):
+    """h = n·p − offset >= 0 [m]: the origin p of a frame on the side of a plane that its normal n points to.
+
+    ``normal`` (3,) in the world, of any length but zero (it is normalised); ``offset`` [m] along it.
+
+    Raises:
+        InvalidInput: a normal of length zero, numbers that are not finite. UnknownFrame: when a stack is compiled.
+
+    Example:
+        >>> from tasks import HalfSpaceLimit
+        >>> HalfSpaceLimit("tool", normal=[0, 0, 1], offset=0.05)  # never below 5 cm
+        HalfSpaceLimit[tool]
+    """
+
+    dim, units = 1, "m"
+
+    def __init__(
+        self, frame: str, *, normal: Any, offset: float, rate: float = 10.0, slack: float | None = 1e6,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame = self.subject = frame
+        super().__init__(rate=rate, slack=slack, name=name)
+        self.normal = unit(f"{self.name}.normal", normal)
+        self.offset = checks.number(f"{self.name}.offset", offset)
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+
+    def fill(self, state: RobotState, out: BarrierRows) -> None:
+        frame, n = state.frame(self.frame), self.normal
+        out.h[0] = n.dot(frame.position) - self.offset
+        np.dot(n, frame.jacobian()[:3], out.J[0])
+        out.drift[0] = n.dot(frame.drift()[:3])
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        return [cls(model.frame_names[-1], normal=[1.0, 2.0, -1.0], offset=0.1)]

@@ -1,0 +1,88 @@
+"""JointLimits: everything that joints can and cannot do, in one object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Self, final
+
+from tasks.limits.joint_acceleration import JointAccelerationLimits
+from tasks.limits.joint_jerk import JointJerkLimits
+from tasks.limits.joint_position import JointPositionLimits
+from tasks.limits.joint_velocity import JointVelocityLimits
+from tasks.limits.torque import TorqueLimits
+from tasks.limits.torque_speed import TorqueSpeedLimits
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
+from wbc.stack.constraint import Constraint, JointInterval, Laws
+
+_OPTIONAL = ("position", "velocity", "torque")
+
+
+@final
+class JointLimits(Laws):
+    """Position, velocity, acceleration, jerk and torque of every joint, as one interval that is never empty.
+
+    By default the model's own limits on position, velocity and torque; ``without`` leaves some of them out, values
+    overrule them: scalar, (nj,) or {joint: value}. Accelerations ``a_max`` and jerks ``j_max`` are limited where
+    given. ``no_load_speed`` makes the torque limits fall with speed, see
+    :class:`~tasks.limits.torque_speed.TorqueSpeedLimits`.
+
+    Positions, velocities, accelerations and jerks become bounds on each unknown of the level by
+    :class:`~wbc.stack.interval.JointIntervals`: inside they keep all of these limits, outside they lead back within
+    (|v| / B + d / v_max + v_max / B) + 10 %, for a joint d outside with velocity v, braking with B. Torques stay rows,
+    at the level that decides them; other levels do without, unless ``tau_max`` or ``no_load_speed`` asks for them.
+
+    Raises:
+        InvalidInput: a limit that makes no sense, by joint name; ``without`` anything else. UnknownJoint.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import JointLimits
+        >>> limits = JointLimits(a_max=20.0, j_max=500.0, without=["torque"])
+        >>> [law.name for law in limits.laws(wbc.InverseDynamics().bounds)]
+        ['JointLimits.position', 'JointLimits.velocity', 'JointLimits.acceleration', 'JointLimits.jerk']
+    """
+
+    def __init__(
+        self, lower: Any = None, upper: Any = None, *, v_max: Any = None, a_max: Any = None, j_max: Any = None,
+        tau_max: Any = None, no_load_speed: Any = None, braking: float | None = None, without: Sequence[str] = (),
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(name=name)
+        given = {"position": (lower, upper), "velocity": (v_max,), "torque": (tau_max, no_load_speed)}
+        without = [without] if isinstance(without, str) else list(without)
+        for quantity in without:
+            if quantity not in _OPTIONAL:
+                raise InvalidInput(f"{self.name}.without has {quantity!r}; it may have {', '.join(_OPTIONAL)}")
+            if any(value is not None for value in given[quantity]):
+                raise InvalidInput(f"{self.name} is without {quantity} and has limits on it")
+        if braking is not None:
+            checks.number(f"{self.name}.braking", braking, low=0.0, strict=True)
+        self._laws: list[JointInterval] = []
+        if "position" not in without:
+            self._laws.append(JointPositionLimits(lower, upper, braking=braking, name=f"{self.name}.position"))
+        if "velocity" not in without:
+            self._laws.append(JointVelocityLimits(v_max, name=f"{self.name}.velocity"))
+        if a_max is not None:
+            self._laws.append(JointAccelerationLimits(a_max, name=f"{self.name}.acceleration"))
+        if j_max is not None:
+            self._laws.append(JointJerkLimits(j_max, name=f"{self.name}.jerk"))
+        if no_load_speed is not None:
+            self._laws.append(TorqueSpeedLimits(no_load_speed, tau_max, name=f"{self.name}.torque"))
+        elif "torque" not in without:
+            self._laws.append(TorqueLimits(tau_max, name=f"{self.name}.torque"))
+        self._asks_for_torque = tau_max is not None or no_load_speed is not None
+
+    def prepare(self, model: RobotModel) -> None:
+        for law in self._laws:
+            if law.quantity != "torque" or self._asks_for_torque:
+                law.prepare(model)
+
+    def laws(self, carried: frozenset[str]) -> Sequence[Constraint]:
+        asked = self._asks_for_torque
+        return [law for law in self._laws if law.quantity in carried or law.quantity != "torque" or asked]
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        return [cls(), cls(a_max=20.0, j_max=500.0, no_load_speed=20.0), cls(-1.0, 1.0, without=["torque"])]
