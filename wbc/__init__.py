@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from wbc.control.ladder import Recovery as Recovery
     from wbc.control.recorder import Recorder as Recorder
     from wbc.control.recorder import Run as Run
+    from wbc.control.watchdog import Watchdog as Watchdog
     from wbc.models import load as load
     from wbc.qp import QP as QP
     from wbc.qp import Certificate as Certificate
@@ -72,6 +73,7 @@ _HOME = {
     "Status": "wbc.types",
     "Task": "wbc.stack.task",
     "VelocityLevel": "wbc.stack.formulation",
+    "Watchdog": "wbc.control.watchdog",
     "Weighted": "wbc.stack.hierarchy",
     "load": "wbc.models",
     "solve": "wbc.qp",

@@ -18,6 +18,7 @@ from scipy.linalg.blas import ddot
 from wbc import checks
 from wbc.control.command import Command, Forces
 from wbc.control.ladder import Ladder, Recovery
+from wbc.control.watchdog import Watch, Watchdog
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.certificate import Certificate
@@ -44,6 +45,7 @@ class Controller:
         solver: a solver's name or its settings.
         dt: time between ticks [s].
         recovery: what to do in ticks without an answer.
+        watchdog: what is a stale state, a late or a long tick; ``watch`` counts them.
 
     Raises:
         NotSupported: a member the level cannot carry, or a solver that cannot keep limits at this rate.
@@ -71,6 +73,7 @@ class Controller:
         solver: str | Solver = "pdas",
         dt: float = 1e-3,
         recovery: Recovery | None = None,
+        watchdog: Watchdog | None = None,
     ) -> None:
         levels = "VelocityLevel(), AccelerationLevel() or InverseDynamics()"
         for name, value, kind, what in (
@@ -83,6 +86,9 @@ class Controller:
         self.model, self.stack, self.level = robot, stack, level
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
         self.ladder = Ladder(self, recovery)
+        if not isinstance(watchdog, Watchdog | None):
+            raise InvalidInput(f"watchdog is {watchdog!r}; it must be wbc.Watchdog(...)")
+        self.watch = Watch(Watchdog() if watchdog is None else watchdog, self.dt)
         self.hierarchy = Weighted() if hierarchy is None else hierarchy
         if not isinstance(self.hierarchy, Hierarchy):
             raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be an object such as Weighted()")
@@ -110,6 +116,7 @@ class Controller:
         self.last: Command | None = None
         self.status = Status.FAILED
         self.ladder.reset()
+        self.watch.reset()
         self._started = False
         self.plans.reset()
         self._use(self.plans.whole)
@@ -121,10 +128,12 @@ class Controller:
         Raises:
             InvalidInput: q or v has another shape, or is not numbers.
         """
+        watch = self.watch
+        start = watch.clock() if watch.timed else 0.0
         t, q, v = self._read(t, q, v)
         self.ticks += 1
         self.serial += 1
-        self.why = self._implausible(t, q, v)
+        self.why = self._implausible(t, q, v) or watch.seen(t)
         if self.why:
             command = self.ladder.invalid()
         else:
@@ -135,6 +144,8 @@ class Controller:
         for component in self.components:
             component.after(self.state, command)
         self.last = command
+        if watch.timed:
+            self.ladder.late(command, watch.took(watch.clock() - start))
         return command
 
     def _read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:

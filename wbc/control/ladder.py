@@ -140,6 +140,11 @@ class Ladder:
         self.good, self.failures = command, 0
         return command
 
+    def late(self, command: Command, why: str) -> None:
+        """Write down a tick that took too long, if ``why`` says so."""
+        if why:
+            self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
+
     # ---- rungs
     def _other_solver(self, status: Status) -> Status:
         controller = self._controller

@@ -14,6 +14,7 @@ from wbc.errors import UnknownSolver
 from wbc.qp.solver import Solver
 from wbc.qp.solvers.clarabel_ import Clarabel
 from wbc.qp.solvers.daqp_ import Daqp
+from wbc.qp.solvers.guarded import Guarded
 from wbc.qp.solvers.osqp_ import Osqp
 from wbc.qp.solvers.pdas import Pdas
 from wbc.qp.solvers.piqp_ import Piqp
@@ -22,7 +23,7 @@ from wbc.qp.solvers.qpsolvers_ import BACKENDS, QpSolvers
 from wbc.qp.solvers.quadprog_ import Quadprog
 
 __all__ = [
-    "SOLVERS", "Clarabel", "Daqp", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
+    "SOLVERS", "Clarabel", "Daqp", "Guarded", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
     "by_name", "names", "table", "usable",
 ]  # fmt: skip
 

@@ -1,0 +1,149 @@
+"""Watchdog: clocks that stand still or run backwards, ticks that come late or take too long.
+
+All is counted, from two comparisons in a tick; ``refuse`` also answers a stale state and a clock that went back as a
+state that is not to be believed, so with the last command or a stop.
+
+    backwards   t < the t of the tick before
+    stale       the same t for more than ``stale_ticks`` ticks in a row
+    late        t more than ``late`` periods after the tick before; ``missed`` counts the periods in between
+    over        the tick took more than ``budget`` seconds of ``clock``
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isnan
+from time import perf_counter
+from typing import NamedTuple, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+
+_KEPT = 10_000
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Watchdog:
+    """Settings.
+
+    Args:
+        stale_ticks: how many ticks may repeat a time before the state is stale.
+        late: periods after which a tick is late.
+        budget: time [s] a tick may take; None: ticks are not timed.
+        refuse: whether to answer a stale state or a clock that went back with the ladder instead of a solve.
+        clock: seconds, for ``budget``; another one makes runs repeatable.
+
+    Raises:
+        InvalidInput: a number out of range, a clock that cannot be called.
+    """
+
+    stale_ticks: int = 2
+    late: float = 1.5
+    budget: float | None = None
+    refuse: bool = False
+    clock: Callable[[], float] = perf_counter
+
+    def __post_init__(self) -> None:
+        checks.number("stale_ticks", self.stale_ticks, low=0)
+        checks.number("late", self.late, low=1.0, strict=True)
+        if self.budget is not None:
+            checks.number("budget", self.budget, low=0.0, strict=True)
+        if not callable(self.clock):
+            raise InvalidInput(f"clock is {self.clock!r}; it must be a function that gives seconds")
+
+
+class Times(NamedTuple):
+    """Mean, standard deviation, 99th percentile and maximum [s]."""
+
+    mean: float
+    std: float
+    p99: float
+    max: float
+
+
+@final
+class Watch:
+    """What a watchdog has seen of one controller, since it was made."""
+
+    def __init__(self, settings: Watchdog, dt: float) -> None:
+        self.settings, self._dt = settings, dt
+        self.clock, self.timed = settings.clock, settings.budget is not None
+        self._most = settings.late * dt
+        self.backwards = self.stale = self.late = self.missed = self.over = 0
+        self._durations: deque[float] = deque(maxlen=_KEPT)
+        self._periods: deque[float] = deque(maxlen=_KEPT)
+        self.reset()
+
+    def reset(self) -> None:
+        """The next tick is the first; counts stay."""
+        self._t = float("nan")
+        self._repeats = 0
+
+    def seen(self, t: float) -> str:
+        """Take note of a tick at time t [s]; why its state is not to be believed, or nothing."""
+        step = t - self._t
+        self._t = t
+        if self.timed:
+            self._periods.append(step)
+        if 0.0 < step < self._most:
+            self._repeats = 0
+            return ""
+        return self._odd(step)
+
+    def _odd(self, step: float) -> str:
+        if isnan(step):
+            return ""
+        if step > 0.0:
+            self._repeats = 0
+            self.late += 1
+            self.missed += round(step / self._dt) - 1
+            return ""
+        if step < 0.0:
+            self.backwards += 1
+            why = f"the clock went back by {-step:g} s"
+        else:
+            self._repeats += 1
+            if self._repeats <= self.settings.stale_ticks:
+                return ""
+            self.stale += 1
+            why = f"the state is stale: its time has been the same for {self._repeats + 1} ticks"
+        return why if self.settings.refuse else ""
+
+    def took(self, seconds: float) -> str:
+        """Take note of how long a tick took; what is wrong with that, or nothing."""
+        self._durations.append(seconds)
+        budget = self.settings.budget
+        if budget is None or seconds <= budget:
+            return ""
+        self.over += 1
+        return f"the tick took {1e3 * seconds:.3g} ms of {1e3 * budget:.3g} ms"
+
+    @property
+    def durations(self) -> Times | None:
+        """How long the last ticks took; None where they are not timed."""
+        return _times(self._durations)
+
+    @property
+    def periods(self) -> Times | None:
+        """Time between the last ticks, by their own t; None where they are not timed."""
+        return _times(self._periods)
+
+    def __str__(self) -> str:
+        counts = f"{self.backwards} backwards, {self.stale} stale, {self.late} late ({self.missed} periods missed)"
+        timed = self.durations
+        if timed is None:
+            return counts
+        ms = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in timed._asdict().items())
+        return f"{counts}, {self.over} over budget; ticks [ms]: {ms}"
+
+
+def _times(values: deque[float]) -> Times | None:
+    found = np.array([value for value in values if not isnan(value)])
+    if not len(found):
+        return None
+    return Times(float(found.mean()), float(found.std()), float(np.percentile(found, 99)), float(found.max()))
