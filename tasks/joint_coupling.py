@@ -29,7 +29,7 @@ class JointCoupling(Task):
 
     Example:
         >>> from tasks import JointCoupling
-        >>> JointCoupling("elbow", to={"shoulder_lift": -2.0}).exactly()
+        >>> JointCoupling("elbow", to={"shoulder_pitch": -2.0}).exactly()
         JointCoupling[elbow] exactly
     """
 

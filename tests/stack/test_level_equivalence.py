@@ -25,7 +25,7 @@ def full_rank(robot: RobotModel, kd: float | None) -> Any:
     gains = {"kp": RATE * (10.0 if kd is None else kd), "kd": 10.0 if kd is None else kd}
     state = robot.state()
     start = state.com if robot.nb else state.frame(robot.frame_names[-1]).position
-    curve = Sinusoid(start + [0.03, -0.02, -0.04], amplitude=[0.02, 0.03, 0.02], frequency=[0.5, 0.7, 0.9])
+    curve = Sinusoid(start + np.array([0.03, -0.02, -0.04]), amplitude=[0.02, 0.03, 0.02], frequency=[0.5, 0.7, 0.9])
     return CenterOfMass(target=curve, **gains) if robot.nb else Position(robot.frame_names[-1], target=curve, **gains)
 
 

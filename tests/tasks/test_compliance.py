@@ -1,0 +1,106 @@
+"""Impedance and admittance: the motion that a force makes is the one that was promised."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+import wbc
+from tasks import Admittance, Frame, Impedance, MeasuredWrench
+from tests.tasks.rows_of import linear_rows, moment, rows
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotState
+from wbc.testing import moments, robots
+from wbc.testing.strategies import states
+
+ARM = robots()[0]
+TOOL = ARM.frame_names[-1]
+PUSH = np.array([8.0, -5.0, 3.0, 0.4, 0.2, -0.3])
+SPRING = np.array([500.0, 400.0, 300.0, 20.0, 20.0, 30.0])
+DAMPER = np.array([50.0, 40.0, 30.0, 2.0, 2.0, 3.0])
+
+
+@given(states(ARM))
+def test_an_unmeasured_push_moves_an_impedance_with_the_robots_own_inertia(state: RobotState):
+    """What really happens: M a + h = tau + J' F. The frame's own inertia is then (J M⁻¹ J')⁻¹."""
+    target = state.frame(TOOL).placement
+    task = Impedance(TOOL, target=target, stiffness=SPRING, damping=DAMPER)
+    controller = wbc.Controller(ARM, wbc.Stack([task]), level=wbc.InverseDynamics(regularisation=1e-12))
+    tau = controller.tick(0.0, state.q, state.v).tau
+    J = state.frame(TOOL).jacobian()
+    compliance = J @ np.linalg.solve(state.M, J.T)
+    a = np.linalg.solve(state.M, tau + J.T @ PUSH - state.h)
+    acceleration = J @ a + state.frame(TOOL).drift()
+    promised = compliance @ (-DAMPER * (J @ state.v) + PUSH)  # e = 0 here
+    np.testing.assert_allclose(acceleration, promised, atol=1e-4 * (1.0 + np.abs(promised).max()))
+
+
+def test_at_a_singular_posture_an_impedance_is_still_defined():
+    state = moment(ARM, np.zeros(7), np.ones(7))
+    assert np.linalg.matrix_rank(state.frame(TOOL).jacobian(), tol=1e-9) < 6
+    out = linear_rows(Impedance(TOOL, target=np.eye(4), stiffness=SPRING, damping=DAMPER), state, 7)
+    J, drift = state.frame(TOOL).jacobian(), state.frame(TOOL).drift()
+    reach = np.linalg.norm(J @ np.linalg.solve(state.M, J.T), 2)
+    force = SPRING * rows(Frame(TOOL, target=np.eye(4)), state).e - DAMPER * (J @ state.v)
+    assert np.linalg.norm(out.b + drift) <= reach * np.linalg.norm(force) * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
+@pytest.mark.parametrize("stiffness", [200.0, 0.0])
+def test_an_admittance_moves_as_the_mass_it_stands_for(level: Any, stiffness: float):
+    state = moment(ARM, moments(ARM, count=1, seed=3)[0][1])
+    M, D, F = 2.0, 40.0, np.array([4.0, -2.0, 3.0])
+    task = Admittance(
+        TOOL, target=state.frame(TOOL).placement, inertia=M, damping=D, stiffness=stiffness, wrench=F
+    )  # fmt: skip
+    # The sensor tells the dynamics of the same force, so that the torques it costs are known.
+    sensor = [MeasuredWrench(TOOL, wrench=F)] if level.dynamics else []
+    controller = wbc.Controller(ARM, wbc.Stack([task], components=sensor), level=level, dt=1e-3)
+    q, v, start = state.q.copy(), np.zeros(7), state.frame(TOOL).position.copy()
+    x, speed = np.zeros(3), np.zeros(3)
+    for tick in range(200):
+        command = controller.tick(1e-3 * tick, q, v)
+        assert command.status.ok
+        q, v = command.q, command.v
+        if level.order == 1:
+            speed = (F - stiffness * x) / D
+        else:
+            speed = speed + 1e-3 * (F - D * speed - stiffness * x) / M
+        x = x + 1e-3 * speed
+    moved = moment(ARM, q).frame(TOOL).position - start
+    assert np.linalg.norm(x) > 5e-3
+    np.testing.assert_allclose(moved, x, atol=0.02 * np.linalg.norm(x))
+
+
+def test_a_held_force_moves_the_target_by_the_spring():
+    state = moment(ARM, moments(ARM, count=1)[0][1])
+    here = state.frame(TOOL).placement
+    task = Admittance(TOOL, target=here, inertia=1.0, damping=10.0, stiffness=SPRING)
+    assert np.abs(rows(task, state).e).max() < 1e-9
+    task.wrench = PUSH
+    np.testing.assert_allclose(rows(task, state).e, PUSH / SPRING, atol=1e-9)
+    task.wrench = lambda t: 2.0 * PUSH
+    np.testing.assert_allclose(rows(task, state).e[:3], 2.0 * (PUSH / SPRING)[:3], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"inertia": 0.0}, r"inertia\[0\] is 0; it must be > 0"),
+        ({"damping": [1, 1, 1, 1, 0, 1]}, r"damping\[4\] is 0; it must be > 0"),
+        ({"stiffness": -1.0}, r"stiffness\[0\] is -1; it must be >= 0"),
+        ({"stiffness": [1.0, 2.0]}, r"stiffness must have shape \(6,\)"),
+        ({"wrench": [1.0, 2.0]}, r"wrench must have shape \(3,\) or \(6,\)"),
+        ({"wrench": [np.nan, 0.0, 0.0]}, r"wrench\[0\] is nan"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_by_name(changed: Any, said: str):
+    settings = {"target": np.eye(4), "inertia": 1.0, "damping": 1.0, "stiffness": 1.0} | changed
+    with pytest.raises(InvalidInput, match=said):
+        Admittance(TOOL, **settings)
+    if "stiffness" in changed:
+        with pytest.raises(InvalidInput, match=said):
+            Impedance(TOOL, target=np.eye(4), damping=1.0, stiffness=changed["stiffness"])
