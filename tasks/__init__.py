@@ -18,6 +18,7 @@ from tasks.capture_point import CapturePoint as CapturePoint
 from tasks.center_of_pressure import CenterOfPressure as CenterOfPressure
 from tasks.centroidal_momentum import CentroidalMomentum as CentroidalMomentum
 from tasks.com import CenterOfMass as CenterOfMass
+from tasks.components.contact_schedule import ContactSchedule as ContactSchedule
 from tasks.components.fault_reaction import FaultReaction as FaultReaction
 from tasks.components.fault_reaction import When as When
 from tasks.components.measured_wrench import MeasuredWrench as MeasuredWrench
@@ -78,6 +79,9 @@ from tasks.relative_position import RelativePosition as RelativePosition
 from tasks.rolling import Rolling as Rolling
 from tasks.sole import Sole as Sole
 from tasks.torque import Torque as Torque
+from tasks.trajectories import MinimumJerk as MinimumJerk
+from tasks.trajectories import PoseInterpolation as PoseInterpolation
+from tasks.trajectories import Sequence as Sequence
 from tasks.trajectories import Sinusoid as Sinusoid
 from tasks.yaw import Yaw as Yaw
 from tasks.zero_moment_point import ZeroMomentPoint as ZeroMomentPoint

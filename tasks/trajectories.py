@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Callable, Iterable
 from typing import Any, final
 
 import numpy as np
+import pinocchio
 
 from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.stack.tracking import pose_target
 from wbc.types import Vec
+
+#: What a target may be: a function of time [s] giving a value, its rate and its acceleration.
+Trajectory = Callable[[float], tuple[Any, Vec, Vec]]
 
 
 @final
@@ -54,6 +62,148 @@ class Sinusoid:
             amplitude * (dr * sine + r * cosine),
             amplitude * ((ddr - r * self._omega**2) * sine + 2.0 * dr * cosine),
         )
+
+
+@final
+class MinimumJerk:
+    """From ``start`` to ``end``, (dim,) each, in ``duration`` seconds from ``start_time`` on, with the least ∫ |x⃛|² dt.
+
+    A quintic in s = (t − start_time) / duration, accelerations zero at both ends. ``start_rate`` and ``end_rate`` are
+    (dim,) or scalars [unit/s]; before and after, the motion goes on uniformly at these rates (0: it rests). With both
+    zero x = start + (10 s³ − 15 s⁴ + 6 s⁵) (end − start). Source: Flash, Hogan, J. Neuroscience 1985.
+
+    Raises:
+        InvalidInput: shapes that do not fit, NaN, a duration that is not positive.
+
+    Example:
+        >>> from tasks import MinimumJerk
+        >>> shift = MinimumJerk([0.0, 0.0, 0.9], [0.0, 0.1, 0.9], duration=1.0, start_time=0.5)
+        >>> value, rate, acceleration = shift(1.0)
+        >>> value, rate.max().round(6)
+        (array([0.  , 0.05, 0.9 ]), np.float64(0.1875))
+    """
+
+    __slots__ = ("_coefficients", "_duration", "_ends", "_start_time")
+
+    def __init__(
+        self, start: Any, end: Any, *, duration: float, start_time: float = 0.0, start_rate: Any = 0.0,
+        end_rate: Any = 0.0,
+    ) -> None:  # fmt: skip
+        a = checks.array("start", start, (None,))
+        b = checks.array("end", end, a.shape)
+        self._duration = T = checks.number("duration", duration, low=0.0, strict=True)
+        self._start_time = checks.number("start_time", start_time)
+        u, w = (
+            checks.array(name, np.full(a.shape, rate) if np.ndim(rate) == 0 else rate, a.shape)
+            for name, rate in (("start_rate", start_rate), ("end_rate", end_rate))
+        )
+        d, u_T, w_T = b - a, u * T, w * T
+        zero = np.zeros_like(a)
+        cubic, quartic, fifth = 10 * d - 6 * u_T - 4 * w_T, -15 * d + 8 * u_T + 7 * w_T, 6 * d - 3 * u_T - 3 * w_T
+        self._coefficients = np.array([a, u_T, zero, cubic, quartic, fifth])
+        self._ends = ((a, u), (b, w))
+
+    def __call__(self, t: float) -> tuple[Vec, Vec, Vec]:
+        """Value, rate and acceleration at time t [s]."""
+        T, late = self._duration, t - self._start_time
+        if not 0.0 < late < T:
+            (value, rate), since = (self._ends[0], late) if late <= 0.0 else (self._ends[1], late - T)
+            return value + since * rate, rate, np.zeros_like(rate)
+        s = late / T
+        s2, s3, s4 = s * s, s**3, s**4
+        powers = np.array(
+            [
+                [1.0, s, s2, s3, s4, s3 * s2],
+                [0.0, 1.0, 2 * s, 3 * s2, 4 * s3, 5 * s4],
+                [0.0, 0.0, 2.0, 6 * s, 12 * s2, 20 * s3],
+            ]
+        )
+        value, rate, acceleration = powers @ self._coefficients
+        return value, rate / T, acceleration / T**2
+
+
+@final
+class PoseInterpolation:
+    """From one pose to another on a straight line and the shortest turn, both 10 s³ − 15 s⁴ + 6 s⁵ of the way.
+
+    p = p₀ + r (p₁ − p₀),  R = exp(r w) R₀ with w = log(R₁ R₀ᵀ) and s = (t − start_time) / duration in [0, 1]. Rates and
+    accelerations (6,) are in world axes, linear first: a target of ``Frame``. ``lift`` [m] raises the way by
+    64 s³ (1 − s)³ lift along the world's z: a foot that swings.
+
+    Raises:
+        InvalidInput: not poses (pinocchio.SE3 or 4x4), a duration that is not positive.
+
+    Example:
+        >>> import numpy as np, pinocchio
+        >>> from tasks import PoseInterpolation
+        >>> ahead = pinocchio.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
+        >>> step = PoseInterpolation(pinocchio.SE3.Identity(), ahead, duration=1.0, lift=0.05)
+        >>> step(0.5)[0].translation
+        array([0.05, 0.  , 0.05])
+    """
+
+    __slots__ = ("_duration", "_lift", "_position", "_rotation", "_start_time", "_turn", "_way")
+
+    def __init__(
+        self, start: Any, end: Any, *, duration: float, start_time: float = 0.0, lift: float = 0.0
+    ) -> None:  # fmt: skip
+        (self._rotation, self._position), (rotation, position) = (
+            (part.copy() for part in pose_target(name, pose, True)) for name, pose in (("start", start), ("end", end))
+        )
+        self._duration = checks.number("duration", duration, low=0.0, strict=True)
+        self._start_time = checks.number("start_time", start_time)
+        self._lift = checks.number("lift", lift)
+        self._turn = pinocchio.log3(rotation @ self._rotation.T)
+        self._way = np.concatenate([position - self._position, self._turn])
+
+    def __call__(self, t: float) -> tuple[Any, Vec, Vec]:
+        """Pose, twist and acceleration at time t [s]."""
+        T, late = self._duration, t - self._start_time
+        r, dr, ddr = quintic(late, T)
+        position = self._position + r * self._way[:3]
+        rate, acceleration = dr * self._way, ddr * self._way
+        if self._lift and 0.0 < late < T:
+            s = late / T
+            rest = 1.0 - s
+            lift = 64.0 * self._lift
+            position[2] += lift * (s * rest) ** 3
+            rate[2] += lift * 3.0 * (s * rest) ** 2 * (rest - s) / T
+            acceleration[2] += lift * 6.0 * s * rest * ((rest - s) ** 2 - s * rest) / T**2
+        return pinocchio.SE3(pinocchio.exp3(r * self._turn) @ self._rotation, position), rate, acceleration
+
+
+@final
+class Sequence:
+    """One motion after another: at time t the last of ``pieces``, (start [s], trajectory) each, that has started.
+
+    Before the first start, the first. Whether the pieces fit together is theirs to know.
+
+    Raises:
+        InvalidInput: no piece, or starts that do not increase.
+
+    Example:
+        >>> from tasks import MinimumJerk, Sequence
+        >>> there = MinimumJerk([0.0], [1.0], duration=1.0)
+        >>> back = MinimumJerk([1.0], [0.0], duration=1.0, start_time=2.0)
+        >>> [float(Sequence([(0.0, there), (2.0, back)])(t)[0][0]) for t in (0.5, 1.5, 2.5)]
+        [0.5, 1.0, 0.5]
+    """
+
+    __slots__ = ("_motions", "_starts")
+
+    def __init__(self, pieces: Iterable[tuple[float, Trajectory]]) -> None:
+        pieces = list(pieces)
+        if not pieces:
+            raise InvalidInput("pieces is empty; a sequence has at least one (start, trajectory)")
+        self._starts = [checks.number(f"pieces[{i}] start", start) for i, (start, _) in enumerate(pieces)]
+        for i, (before, after) in enumerate(zip(self._starts, self._starts[1:], strict=False), start=1):
+            if not before < after:
+                raise InvalidInput(f"pieces[{i}] starts at {after:g} s, not after pieces[{i - 1}] at {before:g} s")
+        self._motions = [motion for _, motion in pieces]
+
+    def __call__(self, t: float) -> tuple[Any, Vec, Vec]:
+        """What the piece of this time gives."""
+        return self._motions[max(bisect_right(self._starts, t) - 1, 0)](t)
 
 
 def quintic(t: float, duration: float) -> tuple[float, float, float]:

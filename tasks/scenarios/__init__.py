@@ -3,6 +3,7 @@
 from tasks.scenarios.arm_reach import ArmReach
 from tasks.scenarios.four_p_adaptive import FourPAdaptive
 from tasks.scenarios.humanoid_stand import HumanoidStand
+from tasks.scenarios.humanoid_step import HumanoidStep
 from tasks.scenarios.pg_step import PgStep
 from tasks.scenarios.pr_fault import PrFault
 from tasks.scenarios.pr_torque import PrTorque
@@ -11,6 +12,6 @@ from tasks.scenarios.quadruped_stand import QuadrupedStand
 SCENARIOS = {
     scenario.name: scenario
     for scenario in (
-        HumanoidStand(), QuadrupedStand(), ArmReach(), PgStep(), FourPAdaptive(), PrTorque(), PrFault(),
+        HumanoidStand(), HumanoidStep(), QuadrupedStand(), ArmReach(), PgStep(), FourPAdaptive(), PrTorque(), PrFault(),
     )
 }  # fmt: skip

@@ -29,6 +29,7 @@ from wbc.sim.disturbance import Push
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
+from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
 
 #: What the controller keeps in hand for what it does not know of: of the floor's friction, of the joints' speed, of
@@ -85,15 +86,36 @@ def true_surfaces(robot: PinocchioModel) -> list[Contact]:
     return surfaces
 
 
-def _held_by_damping(robot: PinocchioModel) -> list[Contact]:
+def held_by_damping(robot: PinocchioModel) -> list[Contact]:
     """Feet that are not pulled back to where they were: the floor has no position to go back to."""
     return feet(robot, friction_share=FRICTION_SHARE, kp=0.0, kd=20.0)
 
 
+def joint_laws(robot: PinocchioModel) -> list[Constraint]:
+    """Torque, speed and range of the joints, with what is kept in hand of each; the reference is always allowed."""
+    limits, q_start = robot.limits, robot.q0[-robot.nj :]
+    return [
+        TorqueLimits(),
+        JointVelocityLimits(SPEED_SHARE * limits.v_max),
+        JointPositionLimits(
+            np.minimum(limits.q_min + POSITION_MARGIN, q_start),
+            np.maximum(limits.q_max - POSITION_MARGIN, q_start),
+            braking=BRAKING,
+        ),
+    ]
+
+
+def standing_plant(robot: PinocchioModel, stance: Stance, contacts: Sequence[Contact]) -> MujocoPlant:
+    """Physics with the robot standing at rest on its feet, in its reference configuration."""
+    friction = max(foot.friction for foot in robot.feet.values())
+    plant = MujocoPlant(robot, contacts=contacts, friction=friction, sole_geometry=stance.geometry)
+    plant.reset(plant.settled(robot.q0))
+    return plant
+
+
 def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
     """Sway the centre of mass, keep upright, draw a circle with a hand, stay near the stance; within all limits."""
-    state, limits = robot.state(), robot.limits
-    q_start = robot.q0[-robot.nj :]
+    state = robot.state()
     sway = Sinusoid(state.com, amplitude=stance.sway, frequency=stance.frequency)
     tasks: list[Any] = [
         CenterOfMass(target=sway, kp=400),
@@ -108,16 +130,8 @@ def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
         tasks.append(Position(stance.hand, target=circle, kp=100))
     return wbc.Stack(
         tasks,
-        contacts=_held_by_damping(robot),
-        subject_to=[
-            TorqueLimits(),
-            JointVelocityLimits(SPEED_SHARE * limits.v_max),
-            JointPositionLimits(
-                np.minimum(limits.q_min + POSITION_MARGIN, q_start),
-                np.maximum(limits.q_max - POSITION_MARGIN, q_start),
-                braking=BRAKING,
-            ),
-        ],
+        contacts=held_by_damping(robot),
+        subject_to=joint_laws(robot),
     )
 
 
@@ -148,9 +162,7 @@ def stand(
     """Run the standing stack by torque control at 1 kHz in MuJoCo, and judge it."""
     stack = standing_stack(robot, stance)
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
-    friction = max(foot.friction for foot in robot.feet.values())
-    plant = MujocoPlant(robot, contacts=stack.contacts, friction=friction, sole_geometry=stance.geometry)
-    plant.reset(plant.settled(robot.q0))
+    plant = standing_plant(robot, stance, stack.contacts)
     run = simulate(
         controller, plant, duration=duration, disturbances=pushes, progress=progress,
         meta={"scenario": name, "parameters": dict(parameters)},

@@ -2,26 +2,124 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks.trajectories import Sinusoid
+from tasks import MinimumJerk, PoseInterpolation, Sequence, Sinusoid
 from wbc.errors import InvalidInput
+from wbc.types import Vec
+
+NUMBERS = st.floats(-2.0, 2.0)
+VECTORS = st.lists(NUMBERS, min_size=3, max_size=3).map(np.array)
+SHARES, DURATIONS = st.floats(0.02, 0.98), st.floats(0.1, 3.0)
+TURNS = VECTORS.map(lambda w: w * min(1.0, 3.0 / max(float(np.linalg.norm(w)), 1e-9)))
+POSES = st.builds(lambda w, p: pinocchio.SE3(pinocchio.exp3(w), p), TURNS, VECTORS)
+
+
+def moved(before: Any, after: Any) -> Vec:
+    """The step from one value to another, rotations as vectors in world axes."""
+    if isinstance(before, pinocchio.SE3):
+        turn = pinocchio.log3(after.rotation @ before.rotation.T)
+        return np.concatenate([after.translation - before.translation, turn])
+    return after - before
+
+
+def assert_consistent(motion: Any, t: float, size: float) -> None:
+    h = 1e-5
+    (before, rate_before, _), (_, rate, acceleration), (after, rate_after, _) = motion(t - h), motion(t), motion(t + h)
+    np.testing.assert_allclose(moved(before, after) / (2 * h), rate, atol=1e-5 * size)
+    np.testing.assert_allclose((rate_after - rate_before) / (2 * h), acceleration, atol=1e-4 * size)
 
 
 @given(t=st.floats(0.0, 5.0), ramp=st.floats(0.1, 2.0), frequency=st.floats(0.1, 2.0))
-def test_rate_and_acceleration_are_derivatives_of_the_value(t: float, ramp: float, frequency: float) -> None:
+def test_a_sinusoid_is_consistent_away_from_the_ends_of_its_ramp(t: float, ramp: float, frequency: float) -> None:
     motion = Sinusoid([1.0, 2.0], amplitude=[0.1, -0.2], frequency=frequency, phase=[0.0, 1.0], ramp=ramp)
-    h = 1e-5
-    (before, rate_before, _), (_, rate, acceleration), (after, rate_after, _) = motion(t - h), motion(t), motion(t + h)
-    if abs(t - ramp) > 2 * h and t > 2 * h:
-        np.testing.assert_allclose((after - before) / (2 * h), rate, atol=1e-5)
-        np.testing.assert_allclose((rate_after - rate_before) / (2 * h), acceleration, atol=1e-3)
+    if abs(t - ramp) > 2e-5 and t > 2e-5:
+        assert_consistent(motion, t, 10.0)
 
 
-def test_it_starts_at_its_center_and_at_rest() -> None:
+@given(
+    VECTORS,
+    VECTORS,
+    VECTORS,
+    VECTORS,
+    DURATIONS,
+    NUMBERS,
+    st.floats(-0.9, 1.9).filter(lambda s: abs(s * (1 - s)) > 1e-3),
+)
+def test_a_minimum_jerk_is_consistent(start: Vec, end: Vec, u: Vec, w: Vec, T: float, t_0: float, share: float) -> None:
+    motion = MinimumJerk(start, end, duration=T, start_time=t_0, start_rate=u, end_rate=w)
+    assert_consistent(motion, t_0 + share * T, 1.0 + 1e3 / T**3)
+
+
+@given(POSES, POSES, DURATIONS, SHARES, st.floats(0.0, 0.2))
+def test_a_pose_interpolation_is_consistent(start: Any, end: Any, T: float, share: float, lift: float) -> None:
+    motion = PoseInterpolation(start, end, duration=T, start_time=0.3, lift=lift)
+    assert_consistent(motion, 0.3 + share * T, 1.0 + 1e3 / T**3)
+
+
+@given(VECTORS, VECTORS, VECTORS, VECTORS, DURATIONS)
+def test_a_minimum_jerk_keeps_its_ends_and_goes_on_uniformly(start: Vec, end: Vec, u: Vec, w: Vec, T: float) -> None:
+    motion = MinimumJerk(start, end, duration=T, start_rate=u, end_rate=w)
+    for t, value, rate in ((0.0, start, u), (T, end, w), (-0.5, start - 0.5 * u, u), (T + 2.0, end + 2.0 * w, w)):
+        for got, expected in zip(motion(t), (value, rate, np.zeros(3)), strict=True):
+            np.testing.assert_allclose(got, expected, atol=1e-9)
+    inside = motion(1e-12 * T)
+    for got, expected in zip(inside, (start, u, np.zeros(3)), strict=True):
+        np.testing.assert_allclose(got, expected, atol=1e-6 * (1 + 1 / T**2))
+
+
+@given(NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.integers(0, 4), st.floats(-1.0, 1.0))
+def test_no_other_motion_between_the_same_ends_has_less_jerk(
+    start: float, end: float, u: float, w: float, power: int, size: float
+) -> None:
+    """The jerk of any variation that vanishes at the ends up to its second derivative is orthogonal to the motion's."""
+    motion = MinimumJerk([start], [end], duration=1.0, start_rate=u, end_rate=w)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    t = 0.5 * (nodes + 1.0)
+    jerk = np.gradient(np.array([motion(s)[2][0] for s in np.linspace(0, 1, 2001)[1:-1]]), 1 / 2000)
+    jerk = np.interp(t, np.linspace(0, 1, 2001)[1:-1], jerk)
+    bump = np.polynomial.Polynomial([0, 0, 0, 1]) * np.polynomial.Polynomial([1, -1]) ** 3
+    variation = (size * bump * np.polynomial.Polynomial([0, 1]) ** power).deriv(3)(t)
+    with_it, without = (0.5 * weights @ (jerk + extra) ** 2 for extra in (variation, 0.0))
+    assert with_it >= without - 1e-3 * (1.0 + abs(without))
+
+
+@given(POSES, POSES, SHARES)
+def test_a_pose_goes_straight_and_turns_about_one_axis_by_the_shortest_way(start: Any, end: Any, share: float) -> None:
+    pose, rate, _ = PoseInterpolation(start, end, duration=1.0)(share)
+    whole, done = moved(start, end), moved(start, pose)
+    r = share**3 * (10 - 15 * share + 6 * share**2)
+    np.testing.assert_allclose(done[:3], r * whole[:3], atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(done[3:]), r * np.linalg.norm(whole[3:]), atol=1e-7)
+    np.testing.assert_allclose(np.cross(rate[3:], whole[3:]), 0.0, atol=1e-7)
+
+
+@given(POSES, POSES, st.floats(0.0, 0.2), SHARES)
+def test_a_pose_begins_and_ends_at_rest_and_a_lift_is_on_top_halfway(
+    start: Any, end: Any, lift: float, s: float
+) -> None:
+    motion, flat = (PoseInterpolation(start, end, duration=2.0, start_time=1.0, lift=x) for x in (lift, 0.0))
+    for t, pose in ((0.0, start), (1.0, start), (3.0, end), (9.0, end)):
+        got, rate, acceleration = motion(t)
+        np.testing.assert_allclose(moved(pose, got), 0.0, atol=1e-7)
+        assert not rate.any() and not acceleration.any()
+    height = [motion(t)[0].translation[2] - flat(t)[0].translation[2] for t in (2.0, 1.0 + 2.0 * s)]
+    assert height[0] == pytest.approx(lift) and -1e-12 <= height[1] <= lift + 1e-12
+
+
+@given(st.lists(st.floats(0.0, 10.0), min_size=1, max_size=6, unique=True).map(sorted), st.floats(-1.0, 12.0))
+def test_a_sequence_is_what_began_last(starts: list[float], t: float) -> None:
+    pieces = [(start, MinimumJerk([float(i)], [float(i)], duration=1.0)) for i, start in enumerate(starts)]
+    assert Sequence(pieces)(t)[0][0] == max(sum(start <= t for start in starts) - 1, 0)
+
+
+def test_a_sinusoid_starts_at_its_center_and_at_rest() -> None:
     value, rate, acceleration = Sinusoid([3.0], amplitude=1.0, frequency=1.0, phase=0.7)(0.0)
     assert (value[0], rate[0], acceleration[0]) == (3.0, 0.0, 0.0)
 
@@ -31,8 +129,20 @@ def test_a_ramp_of_zero_starts_in_full_motion() -> None:
     assert value[0] == 1.0
 
 
-def test_what_makes_no_sense_is_refused_by_name() -> None:
-    with pytest.raises(InvalidInput, match="amplitude"):
-        Sinusoid([0.0, 0.0], amplitude=[np.nan, 1.0], frequency=1.0)
-    with pytest.raises(InvalidInput, match="ramp"):
-        Sinusoid([0.0], amplitude=1.0, frequency=1.0, ramp=-1.0)
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Sinusoid([0.0, 0.0], amplitude=[np.nan, 1.0], frequency=1.0), "amplitude"),
+        (lambda: Sinusoid([0.0], amplitude=1.0, frequency=1.0, ramp=-1.0), "ramp"),
+        (lambda: MinimumJerk([0.0], [1.0, 2.0], duration=1.0), r"end must have shape \(1,\)"),
+        (lambda: MinimumJerk([0.0], [1.0], duration=0.0), "duration is 0"),
+        (lambda: MinimumJerk([0.0], [1.0], duration=1.0, end_rate=[np.inf]), r"end_rate\[0\] is inf"),
+        (lambda: PoseInterpolation(np.eye(3), np.eye(4), duration=1.0), "start must"),
+        (lambda: PoseInterpolation(np.eye(4), 2 * np.eye(4), duration=1.0), "end"),
+        (lambda: Sequence([]), "at least one"),
+        (lambda: Sequence([(1.0, None), (1.0, None)]), r"pieces\[1\] starts at 1 s, not after"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused_by_name(make: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        make()

@@ -81,7 +81,7 @@ class Plan:
         """What is remembered from tick to tick: the plans of one stack have it in common."""
         model, contacts, limits = self.model, self.layout.contacts, self.layout.motion_limits
         if like is None:
-            self.places = {contact.name: i for i, contact in enumerate(contacts)}
+            self.places = {key: i for i, contact in enumerate(contacts) for key in (contact.frame, contact.name)}
             self.extra_bias = np.zeros(model.nv)
             self.normal_limits = np.full(len(contacts), np.inf)
             self.intervals = JointIntervals.compose(limits, model, self.dt) if limits else None

@@ -1,0 +1,162 @@
+"""ContactSchedule: which contacts hold when, and how the load goes onto them and off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import combinations, pairwise
+from math import inf
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotState
+from wbc.stack.schedule import Schedule
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.plan import Plan
+
+#: Share of a tick's step of the ramp with which a contact begins and ends: the cone over no force at all is a point.
+FIRST_STEP = 0.1
+#: Times that differ by less are the same [s]: a clock that adds up ticks is not exact.
+_SAME = 1e-9
+
+
+@final
+class ContactSchedule(Schedule):
+    """Contacts that are made and broken at given times, their load brought up and down on ramps.
+
+    ``timeline``: (time [s], names or frames of the contacts that hold from then on); the first set holds from the
+    beginning. With ``period`` [s] the timeline, its times then in [0, period), repeats. The normal force of a contact
+    is bounded by f_z <= k m min(t − t_made, t_break − t): the bound comes down ahead of the break and goes up after the
+    make, by ``ramp`` k [N per ms and kg of the robot's mass m], and next to nothing is left when the contact is let go.
+    A robot that cannot stand on the others then falls: shift its weight first.
+
+    ``touching``: says of a name whether a sensor feels the ground. With it a contact is made when it touches, ``early``
+    seconds before its time at the earliest and as late as it comes; until then it is open.
+
+    Signals, in the order of ``names``: ``contacts`` (n,), 1 where one holds, and ``limits`` (n,) [N].
+
+    Raises:
+        InvalidInput: an empty timeline, times that do not increase or are outside the period, a ramp that is not > 0.
+        UnknownContact: a name the stack has not, when a controller is made.
+
+    Example:
+        >>> from tasks import ContactSchedule
+        >>> left, right = "left_sole", "right_sole"
+        >>> step = ContactSchedule([(0.0, [left, right]), (1.0, [left]), (1.8, [left, right])])
+        >>> step.holds(right)
+        [(-inf, 1.0), (1.8, inf)]
+    """
+
+    def __init__(
+        self, timeline: Sequence[tuple[float, Iterable[str]]], *, period: float | None = None, ramp: float = 0.03,
+        touching: Callable[[str], bool] | None = None, early: float = 0.05, name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(name=name)
+        self.period = None if period is None else checks.number(f"{self.name}.period", period, low=0.0, strict=True)
+        starts, sets = self._read(timeline)
+        self.ramp = checks.number(f"{self.name}.ramp", ramp, low=0.0, strict=True)
+        self.touching = touching
+        self.early = checks.number(f"{self.name}.early", early, low=0.0)
+        self.names = tuple(sorted(frozenset().union(*sets)))
+        self._sets = sets
+        self._holds = {name: self._intervals(name, starts) for name in self.names}
+        n = len(self.names)
+        self._made, self._until, self._limits = np.full(n, -inf), np.full(n, -inf), np.zeros(n)
+        self._places = np.zeros(0, dtype=np.intp)
+        self._held: frozenset[str] = frozenset()
+        self._next_change = -inf
+
+    def _read(self, timeline: Sequence[tuple[float, Iterable[str]]]) -> tuple[list[float], list[frozenset[str]]]:
+        if not timeline:
+            raise InvalidInput(f"{self.name}.timeline is empty; it has at least one (time, names)")
+        starts = [checks.number(f"{self.name}.timeline[{i}] time", time) for i, (time, _) in enumerate(timeline)]
+        for i, (before, after) in enumerate(pairwise(starts), start=1):
+            if not before < after:
+                raise InvalidInput(f"{self.name}.timeline[{i}] is at {after:g} s, not after {before:g} s")
+        if self.period is not None and not (0.0 <= starts[0] and starts[-1] < self.period):
+            raise InvalidInput(f"{self.name}.timeline has times outside its period, [0, {self.period:g}) s")
+        for i, (_, names) in enumerate(timeline):
+            if isinstance(names, str):
+                raise InvalidInput(f"{self.name}.timeline[{i}] has the text {names!r}; give a list of names")
+        return starts, [frozenset(names) for _, names in timeline]
+
+    # ---- what the timeline says
+    def holds(self, name: str) -> list[tuple[float, float]]:
+        """When a contact holds by the timeline: (make, break) [s]; of one period, whose last may end in the next."""
+        return list(self._holds[name])
+
+    def _intervals(self, name: str, starts: list[float]) -> list[tuple[float, float]]:
+        on = [name in names for names in self._sets]
+        if all(on):
+            return [(-inf, inf)]
+        before = on[-1] if self.period is not None else False  # the first set of a timeline without period is made
+        makes = [start for start, now, was in zip(starts, on, [before, *on], strict=False) if now and not was]
+        breaks = [start for start, now, was in zip(starts, on, [before, *on], strict=False) if was and not now]
+        if self.period is None:
+            makes = [-inf, *makes[1:]] if on[0] else makes
+            return list(zip(makes, [*breaks, inf], strict=False))
+        if breaks[0] < makes[0]:  # it holds over the end of the period
+            breaks = [*breaks[1:], breaks[0] + self.period]
+        return list(zip(makes, breaks, strict=True))
+
+    def interval(self, name: str, t: float) -> tuple[float, float]:
+        """(make, break) [s] of the time of holding that t is in or that comes next; (inf, inf) where none does."""
+        t += _SAME
+        shifts = [0.0] if self.period is None else [self.period * (t // self.period + k) for k in (-1, 0, 1)]
+        coming = ((a + shift, b + shift) for shift in shifts for a, b in self._holds[name] if b + shift > t)
+        return next(coming, (inf, inf))
+
+    # ---- in the tick
+    def contact_sets(self) -> list[frozenset[str]]:
+        sets = dict.fromkeys(self._sets)
+        if self.touching is not None:  # feet that are to land together touch one after the other
+            for before, after in zip(self._sets, [*self._sets[1:], self._sets[0]], strict=True):
+                new = sorted(after - before)
+                for k in range(len(new) + 1):
+                    for some in combinations(new, k):
+                        sets |= {before | frozenset(some): None, (before & after) | frozenset(some): None}
+        return list(sets)
+
+    def contacts(self, state: RobotState, last: object) -> frozenset[str]:
+        """The timeline's set; with a sensor, what of it has touched."""
+        t = state.t
+        if t + _SAME < self._next_change:
+            return self._held
+        held = set()
+        for i, name in enumerate(self.names):
+            if name in self._held and t + _SAME < self._until[i]:
+                held.add(name)
+                continue
+            make, end = self.interval(name, t)
+            if make <= t + _SAME if self.touching is None else make - self.early <= t + _SAME and self.touching(name):
+                held.add(name)
+                self._made[i] = t if make > -inf else -inf
+                self._until[i] = end
+        self._held = frozenset(held)
+        if self.touching is None:
+            following = [self.interval(name, t) for name in self.names]
+            self._next_change = min((a if a > t + _SAME else b for a, b in following), default=inf)
+        return self._held
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+        if not len(self._places):
+            self._places = np.array([plan.places[name] for name in self.names], dtype=np.intp)
+        room = np.minimum(state.t - self._made, self._until - plan.dt - state.t)
+        np.maximum(room, FIRST_STEP * plan.dt, out=self._limits)
+        self._limits *= 1e3 * self.ramp * plan.model.mass
+        plan.normal_limits[self._places] = self._limits
+
+    def reset(self, state: RobotState) -> None:
+        self._held, self._next_change = frozenset(), -inf
+        touching, self.touching = self.touching, None  # what holds at the start needs no sensor
+        self.contacts(state, None)
+        self.touching = touching
+        self._made[[name in self._held for name in self.names]] = -inf
+        self._next_change = self._next_change if touching is None else -inf
+
+    def signals(self) -> dict[str, Vec]:
+        return {"contacts": np.array([float(name in self._held) for name in self.names]), "limits": self._limits}

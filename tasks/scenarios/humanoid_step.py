@@ -1,0 +1,176 @@
+"""A humanoid takes ten steps, one after the other: shift the weight, lift a foot, place it ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+import wbc
+from tasks import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
+from tasks.scenarios import judge
+from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.plan_step import PlanStep
+from tasks.scenarios.standing import Stance, held_by_damping, joint_laws, standing_plant
+from tasks.scenarios.walking import Footstep, Gait, Walk, walk
+from wbc import checks
+from wbc.errors import UnknownRobot
+from wbc.models.model import RobotState
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.stack.contact import Contact
+
+GAITS: Mapping[str, Gait] = {
+    "talos": Gait(length=0.10, lift=0.05, shift=1.2, swing=1.0, inset=0.015),
+    "g1": Gait(length=0.05, lift=0.03, shift=1.6, swing=0.8, inset=0.0),
+    "humanoid": Gait(length=0.08, lift=0.04, shift=1.2, swing=0.8, inset=0.01),
+}
+#: What a good walk keeps to: CoM error, rms [m]; placement and slip of a foot [m]; step of the torques at a change of
+#: plan [N m]; step of a contact's normal force [N per ms and kg of body mass].
+COM_RMS, PLACEMENT, SLIP, PLAN_STEP, FORCE_STEP = 2e-3, 1e-3, 2e-3, 1.0, 0.05
+#: How long after it is down a foot's place is looked at, and what an impact does to the torques is looked for [s].
+PLACED, IMPACT = 0.1, 0.02
+
+
+@final
+class HumanoidStep(Scenario):
+    """Torque control at 1 kHz in MuJoCo; everything planned ahead as functions of time, no sensor in the feet.
+
+    ``robot``: talos, g1 (both need example-robot-data) or humanoid. ``steps``: how many. ``length`` of a step [m]; 0:
+    the robot's usual one (0.10, 0.05, 0.08).
+    """
+
+    name: ClassVar[str] = "humanoid-step"
+    summary: ClassVar[str] = "a humanoid takes ten steps: shift the weight, lift a foot, place it ahead"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "steps": 10, "length": 0.0}
+    plants = ("mujoco",)
+    duration = 30.0
+
+    def run(
+        self, parameters: Mapping[str, Any], *, solver: str, hierarchy: str, duration: float, plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:  # fmt: skip
+        del hierarchy, plant  # there is one of each
+        name = parameters["robot"]
+        if name not in GAITS:
+            raise UnknownRobot(name, GAITS, f"{self.name} knows how these walk")
+        steps = int(checks.number("parameter 'steps'", parameters["steps"], low=1))
+        length = checks.number("parameter 'length'", parameters["length"]) or GAITS[name].length
+        stance = STANCES[name]
+        robot = stance.robot(name)
+        contacts = held_by_damping(robot)
+        floor = standing_plant(robot, stance, contacts)
+        state = robot.state()
+        state.update(0.0, floor.q, floor.v)
+        way = walk(state, robot.feet, replace(GAITS[name], length=length), steps)
+        controller = wbc.Controller(
+            robot, walking_stack(state, stance, way, contacts), level=wbc.InverseDynamics(), solver=solver, dt=1e-3
+        )
+        run = simulate(
+            controller, floor, duration=duration, progress=progress,
+            meta={"scenario": self.name, "parameters": {**parameters, "length": length}},
+        )  # fmt: skip
+        return _judged(run, robot, way, duration)
+
+
+def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequence[Contact]) -> wbc.Stack:
+    """Weight, feet and posture along the way, the upper body as it is in ``state``; within all limits.
+
+    The foot that stands has its task too: its contact decides, and nobody need switch.
+    """
+    robot = state.model
+    assert isinstance(robot, PinocchioModel), "scenarios load their robots from URDF"
+    return wbc.Stack(
+        [
+            CenterOfMass(target=way.com, kp=100),
+            Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+            *(Frame(frame, target=motion, kp=100, weight=10.0) for frame, motion in way.feet.items()),
+            Posture(robot.q0, kp=100, weight=1e-4),
+        ],
+        contacts=contacts,
+        subject_to=joint_laws(robot),
+        components=[ContactSchedule(way.timeline), PlanStep()],
+    )
+
+
+def _judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> ScenarioResult:
+    tracking, violations = measure.tracking(run), measure.violations(run)
+    stood, com = measure.seconds(run), measure.tracking(run)["CenterOfMass"]
+    asked = [step for step in way.steps if step.down + PLACED < duration]
+    misses = [_miss(run, robot, step) for step in asked if step.down + PLACED < stood]
+    placement = max(misses, default=0.0)
+    taken = sum(miss <= PLACEMENT for miss in misses)
+    slip = max(_stance_slip(run, contact, way) for contact in run.meta["contacts"])
+    torque_step = float(np.abs(run["signal.PlanStep.tau"]).max())
+    force_step = _force_step(run) / robot.mass
+    figures = {
+        "steps": taken,
+        "fell": bool(run.meta["fallen"]),
+        "com_rms_m": com["rms"],
+        "com_max_error_m": com["max"],
+        "placement_m": placement,
+        "plan_torque_step_Nm": torque_step,
+        "impact_torque_step_Nm": _impact(run, way),
+        "normal_force_step_N_per_ms_kg": force_step,
+        "slip_m": slip,
+        "certified_share": judge.certified_share(run),
+        "torque_use": float(measure.use(run)["torque"].max()),
+    }
+    verdict = [
+        Check("stays up", stood, duration, stood >= duration - 1e-9, "s"),
+        Check("steps taken", taken, len(asked), taken == len(asked), ""),
+        Check("CoM error, rms", com["rms"], COM_RMS, com["rms"] < COM_RMS, "m"),
+        Check("placement of a foot", placement, PLACEMENT, placement < PLACEMENT, "m"),
+        Check("slip of a foot while it stands", slip, SLIP, slip < SLIP, "m"),
+        Check("step of the torques at a change of plan", torque_step, PLAN_STEP, torque_step <= PLAN_STEP, "N m"),
+        Check("step of a normal force", force_step, FORCE_STEP, force_step <= FORCE_STEP, "N/ms/kg"),
+        *judge.common_checks(run, violations),
+    ]
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
+        verdict=verdict, figures=figures, robot=robot,
+    )  # fmt: skip
+
+
+def _row(run: wbc.Run, t: float) -> int:
+    return min(round(t / float(run.meta["dt"])), run.rows - 1)
+
+
+def _miss(run: wbc.Run, robot: PinocchioModel, step: Footstep) -> float:
+    """How far from where it was to go a foot stands, seen from above [m]; inf where it does not carry."""
+    row, state = _row(run, step.down + PLACED), robot.state()
+    state.update(0.0, run["plant.q"][row], run["plant.v"][row])
+    name = next(name for name, contact in run.meta["contacts"].items() if contact["frame"] == step.frame)
+    carries = run[f"plant.f.{name}"][row, 2] > 0.0
+    return float(np.linalg.norm((state.frame(step.frame).position - step.position)[:2])) if carries else np.inf
+
+
+def _stance_slip(run: wbc.Run, contact: str, way: Walk) -> float:
+    """The farthest that a foot slid between being down and being lifted [m]."""
+    frame = run.meta["contacts"][contact]["frame"]
+    mine = [step for step in way.steps if step.frame == frame]
+    stances = zip(
+        [measure.SETTLED, *(step.down for step in mine)], [*(step.lifted for step in mine), np.inf], strict=True
+    )
+    worst, t = 0.0, measure.times(run)
+    for start, end in stances:
+        path = run[f"plant.slip.{contact}"][(t >= start) & (t < end)]
+        worst = max(worst, float(np.linalg.norm(path - path[:1], axis=1).max(initial=0.0)))
+    return worst
+
+
+def _force_step(run: wbc.Run) -> float:
+    """Largest change of a commanded normal force [N/ms]."""
+    changes = [np.abs(np.diff(run[f"f.{contact}"][:, 2])).max(initial=0.0) for contact in run.meta["contacts"]]
+    return 1e-3 * float(max(changes)) / float(run.meta["dt"])
+
+
+def _impact(run: wbc.Run, way: Walk) -> float:
+    """Largest change of a torque from one tick to the next just after a foot is down [N m]."""
+    t, change = measure.times(run)[1:], np.abs(np.diff(run["tau"], axis=0)).max(axis=1)
+    near = [change[(t >= step.down - IMPACT) & (t < step.down + IMPACT)] for step in way.steps]
+    return float(max((part.max(initial=0.0) for part in near), default=0.0))

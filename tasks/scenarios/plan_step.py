@@ -1,0 +1,53 @@
+"""What a change of contacts does to the torques, apart from what it does to the robot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from wbc.models.model import RobotState
+from wbc.qp.solvers import by_name
+from wbc.stack.component import Component
+from wbc.stack.hierarchy import Weighted
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.plan import Plan
+
+
+@final
+class PlanStep(Component):
+    """Torques (nj,) [N m] of the plan before a change less those of the plan after it, in one and the same state.
+
+    Zero where the plan has not changed. The last in the list of a stack's components: the others have spoken then.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._plan: Plan | None = None
+        self._former: Vec | None = None
+        self._step: Vec = np.zeros(0)
+
+    def prepare(self, model: Any) -> None:
+        self._step = np.zeros(model.nj)
+
+    def reset(self, state: RobotState) -> None:
+        self._plan, self._former = None, None
+        self._step[:] = 0.0
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+        former, self._plan, self._former = self._plan, plan, None
+        if former is None or former is plan:
+            return
+        former.fill(state)
+        problem = former.problem
+        if Weighted().open(problem, by_name("daqp")).solve().ok:
+            first = problem.first_row + state.model.nb
+            self._former = problem.value[first : first + state.model.nj].copy()
+
+    def after(self, state: RobotState, command: Any) -> None:
+        self._step[:] = 0.0 if self._former is None else command.tau - self._former
+
+    def signals(self) -> dict[str, Vec]:
+        return {"tau": self._step}

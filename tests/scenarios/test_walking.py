@@ -1,0 +1,72 @@
+"""Robots that make and break contacts keep to what their verdict demands: one step in every run, ten when asked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks.scenarios.walking import Gait, walk
+from tests.scenarios.test_standing import failed, needs_examples, run
+from wbc.errors import InvalidInput, UnknownRobot
+
+HUMANOID = wbc.load("humanoid")
+
+
+@pytest.mark.physics
+def test_our_own_humanoid_takes_a_step() -> None:
+    result = run("humanoid-step", "robot=humanoid", "steps=1", duration=3.0)
+    assert not failed(result)
+    assert result.figures["steps"] == 1 and not result.figures["fell"]
+    open_ticks = [result.run[f"f.{name}"][:, 2] == 0.0 for name in result.run.meta["contacts"]]
+    assert [int(ticks.sum()) for ticks in open_ticks] == [800, 0]
+    assert 0.0 < result.figures["plan_torque_step_Nm"] <= 1.0
+
+
+@needs_examples
+@pytest.mark.physics
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["talos", "g1"])
+def test_real_humanoids_take_ten_steps(robot: str) -> None:
+    result = run("humanoid-step", f"robot={robot}")
+    assert not failed(result)
+    assert result.figures["steps"] == 10
+
+
+@pytest.mark.physics
+def test_a_step_too_long_to_reach_is_a_verdict_of_no() -> None:
+    result = run("humanoid-step", "robot=humanoid", "steps=1", "length=0.9", duration=3.0)
+    assert "steps taken" in {check.text for check in failed(result)}
+
+
+@given(
+    length=st.floats(0.01, 0.2), lift=st.floats(0.0, 0.1), shift=st.floats(0.5, 2.0), swing=st.floats(0.3, 2.0),
+    steps=st.integers(1, 4),
+)  # fmt: skip
+def test_every_target_of_a_walk_goes_on_where_it_was(
+    length: float, lift: float, shift: float, swing: float, steps: int
+) -> None:
+    way = walk(HUMANOID.state(), HUMANOID.feet, Gait(length, lift, shift, swing, 0.01), steps)
+    times = [t for t, _ in way.timeline[1:]]
+    for t in times:
+        assert np.abs(way.com(t - 1e-9)[0] - way.com(t + 1e-9)[0]).max() < 1e-7
+        for foot in way.feet.values():
+            before, after = foot(t - 1e-9)[0], foot(t + 1e-9)[0]
+            assert np.abs(before.homogeneous - after.homogeneous).max() < 1e-7
+    for step in way.steps:
+        np.testing.assert_allclose(way.feet[step.frame](step.down)[0].translation, step.position, atol=1e-12)
+        assert [names for t, names in way.timeline if t == step.lifted] == [
+            [n for n in HUMANOID.feet if n != step.frame]
+        ]
+    assert way.steps[-1].position[0] - HUMANOID.state().frame(way.steps[-1].frame).position[0] == pytest.approx(
+        steps * length
+    )
+
+
+def test_what_a_walk_cannot_be_is_refused() -> None:
+    with pytest.raises(UnknownRobot, match="talos"):
+        run("humanoid-step", "robot=talo")
+    with pytest.raises(InvalidInput, match="steps"):
+        run("humanoid-step", "robot=humanoid", "steps=0")

@@ -1,0 +1,146 @@
+"""A schedule names what its timeline says, and the loads it lets through come and go on ramps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks import ContactSchedule
+from tests.stack.conftest import standing
+from wbc.errors import InvalidInput, UnknownName
+from wbc.stack.stack import Stack
+
+QUADRUPED = wbc.load("quadruped")
+FEET = tuple(QUADRUPED.feet)
+DT = 1e-3
+
+#: Timelines in ticks, so that times are never in doubt.
+SETS = st.sets(st.sampled_from("abc")).map(frozenset)
+TICKS = st.lists(st.integers(0, 60), min_size=1, max_size=6, unique=True).map(sorted)
+TIMELINES = TICKS.flatmap(lambda ticks: st.tuples(*(st.tuples(st.just(DT * k), SETS) for k in ticks))).filter(
+    lambda timeline: any(names for _, names in timeline)
+)
+PERIODS = st.none() | st.integers(61, 90).map(lambda k: DT * k)
+
+
+class Clock:
+    """A state of which only the time is looked at."""
+
+    def __init__(self, t: float) -> None:
+        self.t = t
+
+
+def said(timeline: Any, period: float | None, tick: int) -> frozenset[str]:
+    """What holds at a tick, looked up."""
+    if period is not None:
+        tick %= round(period / DT)
+    begun = [names for start, names in timeline if round(start / DT) <= tick]
+    return begun[-1] if begun else timeline[0 if period is None else -1][1]
+
+
+def ticked(schedule: ContactSchedule, ticks: int) -> list[frozenset[str]]:
+    schedule.reset(Clock(0.0))
+    return [schedule.contacts(Clock(DT * k), None) for k in range(ticks)]
+
+
+@given(TIMELINES, PERIODS)
+def test_at_every_tick_the_set_is_that_of_the_timeline(timeline: Any, period: float | None) -> None:
+    schedule = ContactSchedule(timeline, period=period)
+    for tick, held in enumerate(ticked(schedule, 200)):
+        assert held == said(timeline, period, tick)
+
+
+@given(TIMELINES, PERIODS, st.randoms(use_true_random=False))
+def test_with_a_sensor_a_contact_is_made_when_it_touches_and_broken_when_the_timeline_says(
+    timeline: Any, period: float | None, random: Any
+) -> None:
+    feels = {name: False for name in "abc"}
+    schedule = ContactSchedule(timeline, period=period, touching=lambda name: feels[name], early=0.005)
+    schedule.reset(Clock(0.0))
+    before = schedule.contacts(Clock(0.0), None)
+    assert before == said(timeline, period, 0)
+    for tick in range(1, 200):
+        feels = {name: random.random() < 0.3 for name in "abc"}
+        held = schedule.contacts(Clock(DT * tick), None)
+        soon = [said(timeline, period, tick + k) for k in range(6)]
+        for name in "abc":
+            if name in held - before:
+                assert feels[name] and any(name in names for names in soon)
+            if name in before - held:
+                assert name not in soon[0]
+            if name in soon[0] - held:
+                assert not feels[name]
+        before = held
+
+
+@given(TIMELINES, PERIODS)
+def test_every_set_it_can_name_is_announced(timeline: Any, period: float | None) -> None:
+    schedule = ContactSchedule(timeline, period=period)
+    assert set(ticked(schedule, 200)) <= set(schedule.contact_sets())
+
+
+def test_feet_that_land_together_may_touch_one_after_the_other_without_surprise() -> None:
+    timeline = [(0.0, FEET), (0.1, FEET[:2]), (0.2, FEET)]
+    announced = set(ContactSchedule(timeline, touching=lambda name: True).contact_sets())
+    assert {frozenset((*FEET[:2], foot)) for foot in FEET[2:]} <= announced
+    assert len(ContactSchedule(timeline).contact_sets()) == 2
+
+
+def controller(schedule: ContactSchedule) -> wbc.Controller:
+    stack = standing(QUADRUPED)
+    stack = Stack(stack.levels, subject_to=stack.subject_to, contacts=stack.contacts, components=[schedule])
+    return wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
+
+
+@given(st.floats(0.01, 0.1), st.sampled_from(FEET))
+def test_the_normal_force_of_a_contact_comes_and_goes_no_faster_than_the_ramp(ramp: float, foot: str) -> None:
+    others = [name for name in FEET if name != foot]
+    schedule = ContactSchedule([(0.0, FEET), (0.15, others), (0.2, FEET)], ramp=ramp)
+    loop, rest = controller(schedule), np.zeros(QUADRUPED.nv)
+    forces, limits = [], []
+    for k in range(350):
+        command = loop.tick(DT * k, QUADRUPED.q0, rest)
+        assert command.status.ok
+        forces.append(command.f[foot][2])
+        limits.append(schedule.signals()["limits"][schedule.names.index(foot)])
+    step = 1e3 * ramp * QUADRUPED.mass * DT
+    assert np.abs(np.diff(forces)).max() <= step * (1 + 1e-6)
+    assert not any(forces[150:200]) and forces[149] <= 0.1 * step + 1e-9 and forces[200] <= 0.1 * step + 1e-9
+    assert forces[0] > 10.0 * step and forces[349] == pytest.approx(forces[0], rel=1e-6)
+    assert (np.array(forces) <= np.array(limits) + 1e-7).all()
+
+
+def test_a_run_that_starts_again_starts_on_its_feet() -> None:
+    schedule = ContactSchedule([(0.0, FEET), (0.01, FEET[1:])])
+    loop, rest = controller(schedule), np.zeros(QUADRUPED.nv)
+    first = [loop.tick(DT * k, QUADRUPED.q0, rest).tau for k in range(20)]
+    loop.reset()
+    again = [loop.tick(DT * k, QUADRUPED.q0, rest).tau for k in range(20)]
+    np.testing.assert_allclose(again, first, atol=1e-9)
+    assert schedule.signals()["contacts"].tolist() == [float(name != FEET[0]) for name in schedule.names]
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: ContactSchedule([]), "timeline is empty"),
+        (lambda: ContactSchedule([(0.0, ["a"]), (0.0, ["b"])]), r"timeline\[1\] is at 0 s, not after 0 s"),
+        (lambda: ContactSchedule([(0.0, "left")]), "has the text 'left'; give a list of names"),
+        (lambda: ContactSchedule([(0.0, ["a"]), (1.0, [])], period=1.0), r"outside its period, \[0, 1\) s"),
+        (lambda: ContactSchedule([(0.0, ["a"])], ramp=0.0), "ramp is 0"),
+        (lambda: ContactSchedule([(np.nan, ["a"])]), r"timeline\[0\] time is nan"),
+    ],
+)
+def test_a_timeline_that_makes_no_sense_is_refused(make: Any, text: str) -> None:
+    with pytest.raises(InvalidInput, match=text):
+        make()
+
+
+def test_a_name_the_stack_has_not_is_refused_when_the_controller_is_made() -> None:
+    with pytest.raises(UnknownName, match="no contact 'front_left_hoof'"):
+        controller(ContactSchedule([(0.0, ["front_left_hoof"])]))
