@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.qp.zoo import INFEASIBLE, SOLVABLE, UNBOUNDED, Case, random_qp, sequence
+from wbc.errors import InvalidInput
 from wbc.qp import QP, Solution, Solver
 from wbc.qp.solvers import by_name, usable
 from wbc.types import Status
@@ -148,3 +149,25 @@ def test_times_and_names_are_told(solver: Solver):
     answer = solver.solve(random_qp(1, 4, 1, 3))
     assert answer.solver == solver.name
     assert 0.0 <= answer.build_time < 10.0 and 0.0 < answer.solve_time < 10.0
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_a_solver_asked_for_an_accuracy_is_judged_by_that(solver: Solver, tolerance: float):
+    asked = solver.at(tolerance)
+    assert asked.tolerance == tolerance and asked.name == solver.name and type(asked) is type(solver)
+    assert solver.tolerance == 1e-6, "the solver itself stays as it is"
+    for seed in range(5):
+        answer = asked.solve(random_qp(seed, 12, 3, 8))
+        assert (answer.status is Status.SOLVED) == answer.certificate.within(tolerance)
+        if solver.name != "highs":  # its tolerances have hardly any effect
+            assert answer.certificate.within(100.0 * tolerance), answer.certificate
+
+
+def test_a_solver_asked_for_an_accuracy_survives_pickling(solver: Solver):
+    again = pickle.loads(pickle.dumps(solver.at(1e-4)))
+    assert again.tolerance == 1e-4 and again == solver.at(1e-4)
+
+
+def test_an_accuracy_is_positive(solver: Solver):
+    with pytest.raises(InvalidInput, match="tolerance"):
+        solver.at(0.0)

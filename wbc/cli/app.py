@@ -14,6 +14,7 @@ from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
 from wbc.cli.explain import explain
 from wbc.cli.list_ import list_
+from wbc.cli.report import report
 from wbc.cli.run import run
 
 app = typer.Typer(
@@ -28,6 +29,7 @@ app.command("list")(list_)
 app.command("doctor")(doctor)
 app.command("bench")(bench)
 app.command("derive")(derive)
+app.add_typer(report)
 app.command("explain")(explain)
 
 

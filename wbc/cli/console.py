@@ -40,11 +40,20 @@ def one_sentence(verb: Callable[P, R]) -> Callable[P, R]:
         except WbcError as error:
             complain(str(error))
             raise typer.Exit(BAD_INPUT) from None
-        except KeyboardInterrupt:
-            complain("interrupted; nothing was written")
+        except KeyboardInterrupt as interrupt:
+            complain(f"interrupted; {str(interrupt) or 'nothing was written'}")
             raise typer.Exit(INTERRUPTED) from None
 
     return guarded
+
+
+@contextmanager
+def kept(how_to_go_on: str) -> Iterator[None]:
+    """Around work that an interrupt does not undo: the sentence about it says how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(how_to_go_on) from None
 
 
 @contextmanager

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from copy import copy
 from dataclasses import dataclass
 from importlib.util import find_spec
 from time import perf_counter
-from typing import final
+from typing import Self, final
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidProblem, SolverMissing
 from wbc.qp.certificate import TOLERANCE, Certificate, certificate
 from wbc.qp.problem import QP, Shape
@@ -98,6 +100,10 @@ class Session(ABC):
     def reset(self) -> None:
         """Forget the warm start."""
 
+    def unguarded(self, qp: QP) -> Answer:
+        """The back end's own word on a problem that nobody looked at; it may hang or crash. For reports alone."""
+        return self._solve(qp)
+
     @final
     def solve(self, qp: QP) -> Solution:
         """Check the problem, solve it, check the answer.
@@ -170,3 +176,26 @@ class Solver(ABC):
     def solve(self, qp: QP) -> Solution:
         """Solve one QP in a fresh session."""
         return self.open(qp.shape).solve(qp)
+
+    @final
+    def at(self, tolerance: float) -> Self:
+        """The same solver asked for another accuracy: where it stops, and the certificate an answer needs to be SOLVED.
+
+        Raises:
+            InvalidInput: a tolerance that is not positive.
+
+        Example:
+            >>> from wbc.qp.solvers import by_name
+            >>> coarse = by_name("osqp").at(1e-3)
+            >>> coarse.eps_abs, coarse.tolerance
+            (0.001, 0.001)
+        """
+        tolerance = checks.number("tolerance", tolerance, low=0.0, strict=True)
+        asked = copy(self._stopping_at(tolerance))
+        object.__setattr__(asked, "tolerance", tolerance)  # settings are frozen for everybody else
+        return asked
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        """These settings with another accuracy; themselves where a solver can be asked for none."""
+        del tolerance
+        return self

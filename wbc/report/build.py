@@ -34,13 +34,13 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     return Report(title, summary(result), result.ok, sections, highlights(result))
 
 
-def require_extras() -> None:
-    """Check that a report can be drawn, before any long work.
+def require_extras(*modules: str) -> None:
+    """Check that a report can be drawn, before any long work. ``modules``: those it needs; by default, those of a run.
 
     Raises:
         NotSupported: a package is missing; the message says what to install.
     """
-    missing = [name for name in ("jinja2", "matplotlib", "viser") if find_spec(name) is None]
+    missing = [name for name in modules or ("jinja2", "matplotlib", "viser") if find_spec(name) is None]
     if missing:
         raise NotSupported(f"a report needs {', '.join(missing)}; pip install 'wbc-qp[report]'")
 

@@ -74,11 +74,14 @@ class Section:
 @final
 @dataclass(frozen=True)
 class Report:
-    """``summary`` says in one sentence what happened; ``highlights`` (what, value) are the few figures to see first."""
+    """``summary`` says in one sentence what happened; ``highlights`` (what, value) are the few figures to see first.
+
+    ``ok`` is the verdict, None where there is nothing to pass or fail.
+    """
 
     title: str
     summary: str
-    ok: bool
+    ok: bool | None
     sections: Sequence[Section]
     highlights: Sequence[tuple[str, str]] = ()
 

@@ -11,7 +11,8 @@ FIGURES = "figures"
 
 def markdown(report: Report) -> str:
     """The text of ``report.md``; pictures are expected in ``figures/`` beside it."""
-    lines = [f"# {report.title}", "", f"**{'passed' if report.ok else 'failed'}**: {report.summary}", ""]
+    verdict = "" if report.ok is None else f"**{'passed' if report.ok else 'failed'}**: "
+    lines = [f"# {report.title}", "", f"{verdict}{report.summary}", ""]
     if report.highlights:
         lines += [*table(Table(("", "value"), report.highlights)), ""]
     for section in report.sections:

@@ -17,6 +17,7 @@ from wbc.control.recorder import Recorder, Run
 from wbc.errors import InvalidInput, SimulationError
 from wbc.sim.disturbance import Disturbance, Effect, SensorNoise
 from wbc.sim.footprint import Rectangular
+from wbc.sim.joining import guests
 from wbc.sim.plant import Plant
 from wbc.sim.provenance import machine, versions
 from wbc.stack.contact import Contact
@@ -44,6 +45,8 @@ def simulate(
 
     Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP.
 
+    Who has joined (:mod:`wbc.sim.joining`) looks on and may bring disturbances along.
+
     The run ends early when the robot has fallen, or when the plant diverges or is given a command that is not finite:
     ``run.meta["ended"]`` says which ("complete" otherwise).
 
@@ -64,7 +67,8 @@ def simulate(
         (100, 'complete')
     """
     ticks = _ticks(controller, plant, duration)
-    disturbances = list(disturbances)
+    present = guests()
+    disturbances = [*disturbances, *(disturbance for guest in present for disturbance in guest.disturbances)]
     effects = [disturbance.begin(plant) for disturbance in disturbances]
     columns = _Columns(controller, plant) if recorder else _FewColumns()
     record = Recorder(ticks)
@@ -82,6 +86,8 @@ def simulate(
             if failure is None and not controller.status.ok:
                 failure = {"t": row["t"], "why": controller.explain()}
                 failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
+            for guest in present:
+                guest.watch(k, ticks, controller)
             if problem is not None:
                 ended = problem
                 break

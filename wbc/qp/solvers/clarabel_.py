@@ -5,8 +5,8 @@ Goulart, Chen: Clarabel: an interior-point solver for conic programs with quadra
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import dataclass, replace
+from typing import Any, Self, final
 
 import numpy as np
 
@@ -54,6 +54,9 @@ class Clarabel(Solver):
     def open(self, shape: Shape) -> ClarabelSession:
         self.require()
         return ClarabelSession(self, shape)
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        return replace(self, tol=tolerance)
 
 
 @final

@@ -6,8 +6,8 @@ updates, IEEE Transactions on Automatic Control 67(8), 2022.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import dataclass, replace
+from typing import Any, Self, final
 
 import numpy as np
 
@@ -69,6 +69,12 @@ class Daqp(Solver):
     def open(self, shape: Shape) -> DaqpSession:
         self.require()
         return DaqpSession(self, shape)
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        # Its steps end at a vertex: less accuracy would save nothing.
+        return replace(
+            self, primal_tol=min(self.primal_tol, 0.1 * tolerance), eta_prox=min(self.eta_prox, 0.01 * tolerance)
+        )
 
 
 @final

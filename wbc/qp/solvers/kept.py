@@ -65,17 +65,17 @@ class KeptSession(Session):
         return answer
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        return explained(qp, answer, proof)
+        return explained(qp, answer, proof, self.solver.tolerance)
 
 
-def explained(qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
+def explained(qp: QP, answer: Answer, proof: Certificate, tolerance: float = TOLERANCE) -> Answer | None:
     """Why there is no answer, where the back end does not know or is mistaken.
 
     DAQP is asked whether the rows can be met and the cost has a minimum; never for the answer itself.
     """
     from wbc.qp.solvers.daqp_ import Daqp
 
-    if proof.within(TOLERANCE):
+    if proof.within(tolerance):
         return None
     status = Daqp().solve(qp).status
     if status in (Status.INFEASIBLE, Status.UNBOUNDED):

@@ -6,8 +6,8 @@ Programming Computation 12, 2020.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import dataclass, replace
+from typing import Any, Self, final
 
 import numpy as np
 
@@ -61,6 +61,9 @@ class Osqp(Solver):
     def open(self, shape: Shape) -> OsqpSession:
         self.require()
         return OsqpSession(self, shape)
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        return replace(self, eps_abs=tolerance)
 
 
 @final
@@ -119,7 +122,7 @@ class OsqpSession(KeptSession):
             return None
         plain = self._set_up(qp, scaling=0)
         again = self._run(qp, plain) if plain is not None else answer
-        return again if again.status.ok else explained(qp, answer, proof)
+        return again if again.status.ok else explained(qp, answer, proof, self.solver.tolerance)
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
         from osqp import SolverStatus

@@ -17,8 +17,8 @@ linear complementarity problems, Computers & Operations Research 21(5), 1994.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import final
+from dataclasses import dataclass, field, replace
+from typing import Self, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,9 @@ class Pdas(Solver):
         self.require()
         return PdasSession(self, shape)
 
+    def _stopping_at(self, tolerance: float) -> Self:
+        return replace(self, accuracy=min(self.accuracy, tolerance), fallback=self.fallback.at(tolerance))
+
 
 @final
 class PdasSession(Session):
@@ -98,6 +101,12 @@ class PdasSession(Session):
         """Take as active the two-sided rows and the variables whose ``side`` is −1 (lower) or 1 (upper)."""
         self._side = side
         self._kkt.hold(side)
+
+    def unguarded(self, qp: QP) -> Answer:
+        """A guess is nothing without the certificate: DAQP's word where it fails."""
+        answer = self._solve(qp)
+        proof = certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
+        return self._improve(qp, answer, proof) or answer
 
     def _solve(self, qp: QP) -> Answer:
         answer = None

@@ -5,8 +5,8 @@ Schwan, Jiang, Kuhn, Jones: PIQP: a proximal interior-point quadratic programmin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import dataclass, replace
+from typing import Any, Self, final
 
 import numpy as np
 
@@ -51,6 +51,9 @@ class Piqp(Solver):
     def open(self, shape: Shape) -> PiqpSession:
         self.require()
         return PiqpSession(self, shape)
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        return replace(self, eps_abs=tolerance)
 
 
 @final

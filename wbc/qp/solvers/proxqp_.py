@@ -6,8 +6,8 @@ for real-time robotics applications and beyond, 2023.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import dataclass, replace
+from typing import Any, Self, final
 
 import numpy as np
 
@@ -60,6 +60,9 @@ class ProxQp(Solver):
     def open(self, shape: Shape) -> ProxQpSession:
         self.require()
         return ProxQpSession(self, shape)
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        return replace(self, eps_abs=tolerance)
 
 
 @final

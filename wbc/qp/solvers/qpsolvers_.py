@@ -6,12 +6,15 @@ Caron et al.: qpsolvers: quadratic programming solvers in Python with a unified 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, NamedTuple, final
+from types import MappingProxyType
+from typing import Any, NamedTuple, Self, final
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import UnknownSolver
 from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
@@ -21,43 +24,40 @@ from wbc.types import Status, Vec
 
 
 class Backend(NamedTuple):
-    """Module that must be there, package that brings it, and settings that ask for about 1e-9."""
+    """Module that must be there, package that brings it, which of its settings are tolerances, and the others."""
 
     module: str
     package: str
-    settings: dict[str, Any]
+    tolerances: tuple[str, ...] = ()
+    others: Mapping[str, Any] = MappingProxyType({})
 
 
 BACKENDS = {
-    "copt": Backend("coptpy", "coptpy", {"FeasTol": 1e-9, "DualTol": 1e-9}),
-    "cvxopt": Backend("cvxopt", "cvxopt", {"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}),
-    "ecos": Backend("ecos", "ecos", {"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}),
-    "gurobi": Backend("gurobipy", "gurobipy", {"FeasibilityTol": 1e-9, "OptimalityTol": 1e-9}),
+    "copt": Backend("coptpy", "coptpy", ("FeasTol", "DualTol")),
+    "cvxopt": Backend("cvxopt", "cvxopt", ("abstol", "reltol", "feastol")),
+    "ecos": Backend("ecos", "ecos", ("abstol", "reltol", "feastol")),
+    "gurobi": Backend("gurobipy", "gurobipy", ("FeasibilityTol", "OptimalityTol")),
     "highs": Backend(
         "highspy",
         "highspy",
-        # Its own regularisation, 1e-7, shows in the multipliers.
-        {
-            "primal_feasibility_tolerance": 1e-9,
-            "dual_feasibility_tolerance": 1e-9,
-            "qp_regularization_value": 1e-10,
-            "qp_iteration_limit": 10_000,  # without one it cycles for ever on some problems
-        },
+        ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
+        # Its own regularisation, 1e-7, shows in the multipliers; without a limit it cycles for ever on some problems.
+        {"qp_regularization_value": 1e-10, "qp_iteration_limit": 10_000},
     ),
-    "hpipm": Backend("hpipm_python", "hpipm_python", {}),
-    "jaxopt_osqp": Backend("jaxopt", "jaxopt", {"tol": 1e-9}),
-    "kvxopt": Backend("kvxopt", "kvxopt", {"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}),
-    "mosek": Backend("mosek", "mosek cvxopt", {}),
-    "nppro": Backend("nppro", "nppro", {}),
-    "pdhcg": Backend("pdhcg", "pdhcg", {"OptimalityTol": 1e-9, "FeasibilityTol": 1e-9}),
-    "pyqpmad": Backend("pyqpmad", "pyqpmad", {}),
-    "qpalm": Backend("qpalm", "qpalm", {"eps_abs": 1e-9, "eps_rel": 0.0}),
-    "qpax": Backend("qpax", "qpax", {}),
-    "qpoases": Backend("qpoases", "qpoases", {}),
-    "qpswift": Backend("qpSWIFT", "qpSWIFT", {}),
-    "qtqp": Backend("qtqp", "qtqp", {"atol": 1e-9, "rtol": 0.0}),
-    "scs": Backend("scs", "scs", {"eps_abs": 1e-9, "eps_rel": 0.0, "max_iters": 20_000}),
-    "sip": Backend("sip_qp_python", "sip-qp-python", {}),
+    "hpipm": Backend("hpipm_python", "hpipm_python"),
+    "jaxopt_osqp": Backend("jaxopt", "jaxopt", ("tol",)),
+    "kvxopt": Backend("kvxopt", "kvxopt", ("abstol", "reltol", "feastol")),
+    "mosek": Backend("mosek", "mosek cvxopt"),
+    "nppro": Backend("nppro", "nppro"),
+    "pdhcg": Backend("pdhcg", "pdhcg", ("OptimalityTol", "FeasibilityTol")),
+    "pyqpmad": Backend("pyqpmad", "pyqpmad"),
+    "qpalm": Backend("qpalm", "qpalm", ("eps_abs",), {"eps_rel": 0.0}),
+    "qpax": Backend("qpax", "qpax"),
+    "qpoases": Backend("qpoases", "qpoases"),
+    "qpswift": Backend("qpSWIFT", "qpSWIFT"),
+    "qtqp": Backend("qtqp", "qtqp", ("atol",), {"rtol": 0.0}),
+    "scs": Backend("scs", "scs", ("eps_abs",), {"eps_rel": 0.0, "max_iters": 20_000}),
+    "sip": Backend("sip_qp_python", "sip-qp-python"),
 }
 
 
@@ -66,10 +66,11 @@ BACKENDS = {
 class QpSolvers(Solver):
     """A back end of the qpsolvers package, by its name there.
 
-    Offline: the problem is built anew at each call, and tolerances are the back end's own matter.
+    Offline: the problem is built anew at each call, and what ``accuracy`` means is the back end's own matter.
 
     Raises:
         UnknownSolver: no such back end.
+        InvalidInput: an accuracy that is not positive.
 
     Example:
         >>> QpSolvers("highs").offline
@@ -79,8 +80,10 @@ class QpSolvers(Solver):
     offline = True
 
     name: str
+    accuracy: float = 1e-9
 
     def __post_init__(self) -> None:
+        checks.number("accuracy", self.accuracy, low=0.0, strict=True)
         if self.name not in BACKENDS:
             raise UnknownSolver(self.name, BACKENDS)
         backend = BACKENDS[self.name]
@@ -90,11 +93,15 @@ class QpSolvers(Solver):
     @property
     def settings(self) -> dict[str, Any]:
         """What the back end is told."""
-        return dict(BACKENDS[self.name].settings)
+        backend = BACKENDS[self.name]
+        return dict.fromkeys(backend.tolerances, self.accuracy) | dict(backend.others)
 
     def open(self, shape: Shape) -> QpSolversSession:
         self.require()
         return QpSolversSession(self, shape)
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        return replace(self, accuracy=tolerance)
 
 
 @final
@@ -129,7 +136,7 @@ class QpSolversSession(Session):
         return Answer(status, np.array(found.x), y, z, z_box, 0, build_time + (found.build_time or 0.0))
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        return explained(qp, answer, proof)
+        return explained(qp, answer, proof, self.solver.tolerance)
 
 
 def _vector(values: Any, size: int) -> Vec:

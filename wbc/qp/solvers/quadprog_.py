@@ -67,4 +67,4 @@ class QuadprogSession(Session):
             return None
         scaled = Equilibrated(qp)
         again = scaled.undo(self._solve(scaled.qp))
-        return again if again.status.ok else explained(qp, answer, proof)
+        return again if again.status.ok else explained(qp, answer, proof, self.solver.tolerance)

@@ -1,0 +1,104 @@
+"""Problems are read as they were written, recorded where they were met, and made with the active rows they promise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.qp.zoo import random_qp
+from wbc.errors import InvalidInput
+from wbc.qp import QP, solve
+from wbc.report.solvers.problems import GROWTH, ProblemSet, from_folder, growing, made_qp, read_qp, sequence
+from wbc.report.solvers.recording import record
+from wbc.sim.scenario import find
+
+REACH = f"{Path(__file__).with_name('reaching.py')}:reach"
+PARTS = ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")
+
+
+def same(one: QP, other: QP) -> bool:
+    return all(np.array_equal(getattr(one, part), getattr(other, part)) for part in PARTS) and one.rows == other.rows
+
+
+def test_a_set_is_read_back_to_the_same_bits(tmp_path: Path):
+    named = random_qp(1, 4, 1, 2).copy()
+    written = ProblemSet("a/b", "sequence", "here", (random_qp(0, 4, 1, 2), named), ["x", "y"], [(0, 1), (1, 2)], 1e-3)
+    written.save(tmp_path / "set.npz")
+    read = ProblemSet.load(tmp_path / "set.npz")
+    assert read.about() == written.about()
+    assert all(same(one, other) for one, other in zip(read.qps, written.qps, strict=True))
+
+
+def test_three_formats_are_one_problem(files: Path):
+    ours, onesided = read_qp(files / "ours.npz"), read_qp(files / "onesided.npz")
+    np.testing.assert_allclose(solve(ours).x, solve(onesided).x, atol=1e-9)
+
+
+def test_sides_that_are_equal_become_equations_and_huge_ones_none(files: Path):
+    qp = read_qp(files / "between.npz")
+    assert qp.shape == (5, 1, 3) and qp.b == [0.5]
+    np.testing.assert_array_equal(qp.cl, [-np.inf, -1.0, -2.0])
+    np.testing.assert_array_equal(qp.cu, [1.0, np.inf, 2.0])
+
+
+def test_one_triangle_of_a_cost_is_the_whole_cost(tmp_path: Path):
+    P = np.array([[2.0, 1.0], [1.0, 3.0]])
+    np.savez(tmp_path / "upper.npz", P=np.triu(P), q=np.zeros(2))
+    np.testing.assert_array_equal(read_qp(tmp_path / "upper.npz").H, P)
+
+
+def test_what_cannot_be_read_is_told_with_its_reason(files: Path):
+    sets, unread = from_folder(files)
+    assert [(s.name, list(s.labels)) for s in sets] == [("mixed", ["between", "onesided", "ours"])]
+    assert set(unread) == {"notes.npz", "picture.npz", "saddle.npz"}
+    assert "convex" in unread["saddle.npz"] and "pixels" in unread["picture.npz"]
+
+
+def test_every_folder_is_a_set_of_its_own(files: Path, tmp_path: Path):
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "qp.npz").write_bytes((files / "ours.npz").read_bytes())
+    sets, unread = from_folder(tmp_path)
+    assert [s.name for s in sets] == [f"{tmp_path.name}/one", f"{tmp_path.name}/two"] and not unread
+
+
+def test_a_folder_without_problems_is_refused(tmp_path: Path):
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(InvalidInput):
+            from_folder(folder)
+    with pytest.raises(InvalidInput):
+        sequence("empty", [])
+
+
+@pytest.mark.parametrize("axis", GROWTH)
+def test_made_problems_have_the_active_rows_they_promise(axis: str):
+    for k, size in enumerate(GROWTH[axis]):
+        qp = made_qp(np.random.SeedSequence([0, k]), 2, **size)
+        answer = solve(qp, "daqp")
+        assert answer.certificate.within(1e-7) and int(np.sum(np.abs(answer.z) > 1e-7)) == size["active"]
+
+
+def test_made_problems_depend_on_the_seed_alone():
+    for one, same_seed, other in zip(growing(1), growing(1), growing(2), strict=True):
+        assert all(same(a, b) for a, b in zip(one.qps, same_seed.qps, strict=True))
+        assert not same(one.qps[0], other.qps[0])
+
+
+def test_a_scenario_is_recorded_in_stretches_of_consecutive_ticks():
+    scenario = find(REACH)
+    chosen = scenario.choose(plant=None, hierarchy=None, duration=0.3)
+    found = record(scenario, scenario.parse([]), chosen, count=120)
+    assert found.stretches == [(0, 40), (40, 80), (80, 120)] and found.period == 1e-3
+    assert found.labels[0] == "t = 0.000 s" and found.labels[-1] == "t = 0.299 s"
+    times = np.array([float(label.split()[2]) for label in found.labels])
+    for start, end in found.stretches:
+        np.testing.assert_allclose(np.diff(times[start:end]), 1e-3, atol=1e-9)
+    assert {row.unit for row in found.qps[0].rows} == {"rad/s"}
+
+
+def test_a_scenario_without_a_loop_of_ours_cannot_be_recorded():
+    scenario = find(f"{Path(__file__).parents[2] / 'cli' / 'waving.py'}:wave")
+    with pytest.raises(InvalidInput, match="simulate"):
+        record(scenario, scenario.parse([]), scenario.choose(plant=None, hierarchy=None, duration=None))

@@ -1,0 +1,103 @@
+"""A comparison that is killed loses nothing: taken up again, it ends with the same data."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wbc.errors import InvalidInput
+from wbc.report.solvers import compare, resume
+from wbc.report.solvers.data import read
+from wbc.report.solvers.journal import Journal
+
+PROGRAM = """
+import sys
+from tests.qp.zoo import sequence
+from wbc.report.solvers import compare, resume
+if sys.argv[2] == "anew":
+    compare(
+        sequence(6, n=8), solvers=["pdas", "daqp", "clarabel"], out=sys.argv[1], rounds=2, torture=False, growth=False,
+    )
+else:
+    resume(sys.argv[1])
+"""
+ROOT = Path(__file__).parents[3]
+UNTOUCHED = ("total_us", "build_us", "solve_us")
+
+
+def started(folder: Path, how: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-c", PROGRAM, str(folder), how], cwd=ROOT, stderr=subprocess.DEVNULL)
+
+
+def without_times(data: dict[str, Any]) -> dict[str, Any]:
+    measures = [{key: value for key, value in m.items() if key not in UNTOUCHED} for m in data["measures"]]
+    return {**data, "measures": measures, "surroundings": None}
+
+
+def lines(journal: Path) -> int:
+    return journal.read_bytes().count(b"\n") if journal.exists() else 0
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.deep), pytest.param(3, marks=pytest.mark.deep)])
+def test_killed_at_any_moment_and_taken_up_it_gives_the_same_data(tmp_path: Path, seed: int):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    assert started(whole, "anew").wait() == 0
+    journal = tmp_path / "broken.unfinished" / "journal.jsonl"
+    process, moment = started(broken, "anew"), random.Random(seed).randrange(2, 60)
+    while lines(journal) < moment and process.poll() is None:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not broken.exists() and lines(journal) >= moment, "it was killed in the middle of its work"
+    kept = journal.read_text().splitlines()[1:moment]
+    assert started(broken, "again").wait() == 0
+    assert not journal.exists()
+    one, other = read(whole / "data.json"), read(broken / "data.json")
+    assert without_times(one) == without_times(other)
+    first = next(json.loads(line) for line in kept if json.loads(line)[0][-1] == 0)
+    (_, _, solver, asked, mode, _, _), rows = first
+    again = next(
+        m for m in other["measures"] if (m["solver"], m["class"], m["mode"]) == (solver, asked, mode)
+    )  # fmt: skip
+    assert all(new <= row["us"][0] for row, new in zip(rows, again["total_us"], strict=True)), "what was timed stays"
+
+
+def test_a_line_that_was_not_finished_is_cut_off(tmp_path: Path):
+    journal = Journal.begin(tmp_path / "j", {"x": 1})
+    journal.add(("solve", "a", 0), [1])
+    with (tmp_path / "j").open("a") as file:
+        file.write('[["solve", "b", 0], [2')
+    again = Journal(tmp_path / "j")
+    assert again.header == {"x": 1} and again.findings == {("solve", "a", 0): [1]}
+    again.add(("solve", "b", 0), [3])
+    assert Journal(tmp_path / "j").findings == {("solve", "a", 0): [1], ("solve", "b", 0): [3]}
+
+
+def test_what_is_unfinished_is_not_begun_anew_by_accident(tmp_path: Path):
+    folder = tmp_path / "report.unfinished"
+    folder.mkdir()
+    Journal.begin(folder / "journal.jsonl", {})
+    with pytest.raises(InvalidInput, match="--resume"):
+        compare([], out=tmp_path / "report")
+
+
+def test_there_must_be_something_to_take_up(tmp_path: Path):
+    with pytest.raises(InvalidInput, match="no unfinished comparison"):
+        resume(tmp_path / "report")
+
+
+def test_other_versions_are_another_comparison(tmp_path: Path):
+    folder = tmp_path / "report.unfinished"
+    folder.mkdir()
+    header = {"surroundings": {"versions": {"daqp": "0.0.1"}}, "request": {}}
+    Journal.begin(folder / "journal.jsonl", header)
+    with pytest.raises(InvalidInput, match="daqp"):
+        resume(tmp_path / "report")

@@ -1,0 +1,90 @@
+"""Figures are what they say: never negative, never NaN, never mixed with failures."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wbc.report.solvers.statistics import (
+    Measure,
+    best_classes,
+    geometric_mean,
+    percentiles,
+    profile,
+    ratio,
+    slope,
+    wins,
+)
+
+TIMES = st.lists(st.one_of(st.floats(0.0, 1e7), st.just(np.inf)), min_size=1, max_size=12).map(np.array)
+
+
+def made(total: list[float], achieved: list[float], *, solver: str = "s", asked: str = "default") -> Measure:
+    n, nothing = len(total), np.zeros(len(total))
+    return Measure(
+        "set", solver, asked, "warm", ["SOLVED"] * n, np.array(total, float), nothing, nothing,
+        np.array(achieved, float), nothing, nothing, nothing, {}, [str(i) for i in range(n)], {},
+    )  # fmt: skip
+
+
+@given(TIMES)
+def test_a_mean_lies_between_the_least_and_the_largest_of_what_was_solved(times: np.ndarray):
+    mean, finite = geometric_mean(times), np.maximum(times[np.isfinite(times)], 1e-3)
+    assert (mean is None) == (finite.size == 0)
+    if mean is not None:
+        assert finite.min() * (1 - 1e-9) <= mean <= finite.max() * (1 + 1e-9)
+
+
+@given(TIMES)
+def test_percentiles_are_in_order_and_of_what_was_solved(times: np.ndarray):
+    found = percentiles(times)
+    if np.isfinite(times).any():
+        assert 0.0 <= found[0] <= found[1] <= found[2] == times[np.isfinite(times)].max()
+    else:
+        assert found == (None, None, None)
+
+
+@given(st.integers(1, 10).flatmap(lambda n: st.tuples(*[st.lists(st.floats(0, 1e6), min_size=n, max_size=n)] * 2)))
+def test_ratio_and_wins_of_a_pair_are_each_others_mirror(pair: tuple[list[float], list[float]]):
+    one, other = (np.where(np.array(p) > 9e5, np.inf, p) for p in pair)
+    there, common = ratio(one, other)
+    back, again = ratio(other, one)
+    assert common == again == int((np.isfinite(one) & np.isfinite(other)).sum())
+    if common:
+        np.testing.assert_allclose(there * back, 1.0, rtol=1e-9)
+    won, lost = wins(one, other), wins(other, one)
+    assert (won is None) == (lost is None) and (won is None or 0.0 <= won + lost <= 1.0 + 1e-12)
+
+
+def test_a_failure_is_in_no_time():
+    quick_but_wrong, slow = made([1.0, 1.0], [1e-9, 1e-2]), made([5.0, 5.0], [1e-9, 1e-9])
+    assert quick_but_wrong.times(1e-6).tolist() == [1.0, np.inf]
+    assert percentiles(quick_but_wrong.times(1e-6)) == (1.0, 1.0, 1.0)
+    assert ratio(quick_but_wrong.times(1e-6), slow.times(1e-6)) == (0.2, 1)
+
+
+def test_a_profile_starts_at_the_fastest_and_ends_at_what_was_solved():
+    found = dict(
+        (m.solver, ratios.tolist())
+        for m, ratios in profile([
+            made([2.0, 9.0, 4.0, 1.0], [0, 0, 0, 1], solver="a"), made([4.0, 3.0, 4.0, 1.0], [0, 0, 1, 1], solver="b"),
+        ])
+    )  # fmt: skip
+    assert found == {"a": [1.0, 3.0, 1.0, np.inf], "b": [2.0, 1.0, np.inf, np.inf]}
+
+
+def test_the_class_to_compare_at_solves_most_then_is_fastest_and_the_default_wins_a_draw():
+    def best(**times: tuple[float, float]) -> str:
+        found = [made([t, t], [0, e], asked=asked.replace("_", "-")) for asked, (t, e) in times.items()]
+        return best_classes(found)[0].asked
+
+    assert best(default=(10.0, 0), coarse=(1.0, 1.0)) == "default"
+    assert best(default=(10.0, 0), coarse=(1.0, 0)) == "coarse"
+    assert best(default=(10.0, 0), coarse=(9.5, 0)) == "default"
+    assert best(default=(1.0, 1.0), fine=(10.0, 0)) == "fine"
+
+
+def test_a_slope_needs_three_points():
+    assert slope(np.array([1.0, 2.0]), np.array([1.0, 2.0])) is None
+    assert slope(np.array([0.0, 2.0, 4.0, 8.0]), np.array([5.0, 4.0, np.nan, 64.0])) is None

@@ -1,0 +1,82 @@
+"""``wbc report``: comparisons that people can decide from."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from wbc.cli.console import kept, notes, one_sentence, progress, tell
+from wbc.errors import InvalidInput
+
+report = typer.Typer(name="report", help="Compare QP solvers on your own scenarios and problems.", no_args_is_help=True)
+
+#: What ``--all`` runs besides the folders it is given.
+SCENARIOS = ("arm-reach", "quadruped-stand", "humanoid-stand")
+
+
+@report.callback()
+def top() -> None:
+    """Compare QP solvers on your own scenarios and problems."""
+
+
+@report.command("solvers")
+@one_sentence
+def solvers(
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[SCENARIO|FOLDER]...", help="Scenarios as wbc run names them, folders of QPs (.npz)."),
+    ] = None,
+    *,
+    every: Annotated[bool, typer.Option("--all", help=f"Add {', '.join(SCENARIOS)}.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/solvers-TIME.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the comparison that --out began.")] = False,
+    data: Annotated[
+        Path | None, typer.Option("--from", metavar="DATA", help="Write the pages once more from a data.json.")
+    ] = None,
+    solver: Annotated[list[str] | None, typer.Option(help="A solver, again for more; default: all usable.")] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Simulated time of the scenarios in seconds.")] = None,
+    ticks: Annotated[int, typer.Option(min=2, help="QPs to record of each scenario.")] = 200,
+    rounds: Annotated[int, typer.Option(min=1, help="How often each solve is timed; the least counts.")] = 3,
+    limit: Annotated[float, typer.Option(min=0.1, help="Seconds a solve may take.")] = 5.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the made problems.")] = 0,
+    loop: Annotated[bool, typer.Option(help="Run the scenarios with each solver in the loop.")] = True,
+    torture: Annotated[bool, typer.Option(help="Torture the solvers.")] = True,
+    growth: Annotated[bool, typer.Option(help="Measure how times grow with size.")] = True,
+) -> None:
+    """Which solver at which tolerance: replay QPs over every solver, each in its own process, and say what to use."""
+    from wbc.report import solvers as comparing
+    from wbc.report.build import require_extras
+    from wbc.report.folder import HTML
+    from wbc.report.solvers.page import page
+
+    require_extras("jinja2", "matplotlib")
+    folder = out or Path("runs") / f"solvers-{datetime.now():%Y%m%d-%H%M%S}"
+    if data is not None:
+        summary = comparing.redraw(data, folder).summary
+    else:
+        if resume and out is None:
+            raise InvalidInput("--resume goes on with the comparison of a folder: give it as --out")
+        options: dict[str, Any] = {
+            "solvers": solver, "settings": settings or (), "duration": duration, "ticks": ticks, "rounds": rounds,
+            "limit": limit, "seed": seed, "loop": loop, "torture": torture, "growth": growth,
+        }  # fmt: skip
+        wanted = [*(sources or ()), *(name for name in SCENARIOS if every and name not in (sources or ()))]
+        if not wanted and not resume:
+            raise InvalidInput("give a scenario, a folder of QPs, or --all")
+        going_on = f"what was measured stays: wbc report solvers --resume --out {folder}"
+        with notes() as found, progress("comparing") as step, kept(going_on):
+            if resume:
+                measured = comparing.resume(folder, progress=step)
+            else:
+                measured = comparing.compare(wanted, out=folder, progress=step, **options)
+        tell(found)
+        summary = page(measured).summary
+    console = Console(highlight=False)
+    console.print(Text(summary))
+    console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)

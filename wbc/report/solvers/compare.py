@@ -1,0 +1,273 @@
+"""Comparing: from what a user names to a folder with the page, its tables and the raw data."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wbc.errors import InvalidInput
+from wbc.qp.problem import QP
+from wbc.qp.solver import Solver
+from wbc.qp.solvers import by_name, usable
+from wbc.report.document import Report
+from wbc.report.folder import check_free, replaced
+from wbc.report.folder import write as write_report
+from wbc.report.solvers import data as raw
+from wbc.report.solvers.appendix import FAILURES, failed, failure_file
+from wbc.report.solvers.data import Data
+from wbc.report.solvers.drawing import slug
+from wbc.report.solvers.engine import work
+from wbc.report.solvers.journal import Journal
+from wbc.report.solvers.page import page
+from wbc.report.solvers.problems import ProblemSet, from_folder, growing, sequence
+from wbc.report.solvers.recording import record
+from wbc.report.solvers.request import Request, ScenarioRequest
+from wbc.sim.scenario import Progress, Scenario, find, silent
+
+if TYPE_CHECKING:
+    pass
+
+DATA = "data.json"
+PROBLEMS = "problems"
+_JOURNAL = "journal.jsonl"
+
+#: What :func:`compare` takes: a recorder that joined simulations, QPs, a problem set, a scenario or its name, a folder.
+Source = "QpRecorder | Sequence[QP] | ProblemSet | Scenario | str | Path"
+
+
+def compare(
+    run: Any,
+    *,
+    solvers: Iterable[str | Solver] | None = None,
+    out: str | Path | None = None,
+    settings: Sequence[str] = (),
+    plant: str | None = None,
+    hierarchy: str | None = None,
+    duration: float | None = None,
+    progress: Progress = silent,
+    **options: Any,
+) -> Data:
+    """Compare solvers on a scenario, on recorded QPs or on a folder of QPs; several of these in a list stay apart.
+
+    Args:
+        run: a :class:`~wbc.report.solvers.recording.QpRecorder`, a list of QPs, a problem set, a scenario or its
+            name, or a folder of .npz files; or a list of such things.
+        solvers: names or settings; all usable ones by default. Each works in a process of its own, so a class of
+            one's own must be importable by name there.
+        out: a folder for ``report.html``, ``report.md`` and ``data.json``; nothing is written without.
+        settings: parameters of the scenarios, "key=value"; ``plant``, ``hierarchy``, ``duration`` likewise.
+        progress: told how far it is and how long the rest will take.
+        options: fields of :class:`~wbc.report.solvers.request.Request`: classes, rounds, limit, patience, ticks,
+            seed, loop, torture, growth.
+
+    Returns:
+        The raw data; :func:`wbc.report.solvers.page.page` makes the report of them.
+
+    Raises:
+        InvalidInput: nothing to compare, or a place that cannot be written.
+        UnknownSolver, SolverMissing, UnknownScenario: a name that means nothing here.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.report import compare
+        >>> qps = [wbc.QP([[2.0]], [-2.0 * k], ub=[1.0]) for k in range(3)]
+        >>> data = compare(qps, solvers=["pdas"], torture=False, growth=False, rounds=1)
+        >>> [m["status"] for m in data["measures"] if m["class"] == "default"]
+        [['SOLVED', 'SOLVED', 'SOLVED'], ['SOLVED', 'SOLVED', 'SOLVED']]
+    """
+    chosen = [by_name(solver) for solver in (usable() if solvers is None else solvers)]
+    if not chosen:
+        raise InvalidInput("there is no solver to compare")
+    choices = {"plant": plant, "hierarchy": hierarchy, "duration": duration}
+    with _workplace(out) as folder:
+        request = _prepared(_listed(run), chosen, folder, progress, settings=settings, choices=choices, options=options)
+        return _finished(request, folder, Path(out) if out is not None else None, progress)
+
+
+def resume(out: str | Path, *, progress: Progress = silent) -> Data:
+    """Take up a comparison that was interrupted, where it stood: everything that was asked is in its journal.
+
+    Raises:
+        InvalidInput: there is none, or other versions of the packages are installed now.
+    """
+    folder = unfinished(Path(out))
+    journal = folder / _JOURNAL
+    if not journal.is_file():
+        raise InvalidInput(f"there is no unfinished comparison {folder}; start one without --resume")
+    header = Journal(journal).header
+    now = raw.surroundings("")["versions"]
+    changed = [name for name, version in header["surroundings"]["versions"].items() if now.get(name) != version]
+    if changed:
+        raise InvalidInput(f"{folder} was begun with other versions of {', '.join(changed)}; start anew")
+    return _finished(Request.from_json(header["request"]), folder, Path(out), progress)
+
+
+def redraw(source: Path, out: Path) -> Report:
+    """Write the page and its tables once more from ``data.json`` (or the folder it is in): the same bits.
+
+    Raises:
+        InvalidInput: no such data.
+    """
+    file = source / DATA if source.is_dir() else source
+    data = raw.read(file)
+    report = page(data)
+    text = file.read_bytes()
+    with replaced(out) as pending:
+        write_report(report, pending)
+        (pending / DATA).write_bytes(text)
+    return report
+
+
+def unfinished(out: Path) -> Path:
+    """The folder beside ``out`` in which a comparison works until it is done."""
+    return out.with_name(f"{out.name}.unfinished")
+
+
+class _workplace:
+    """A folder to work in: beside ``out`` where it stays after an interrupt, or a temporary one."""
+
+    def __init__(self, out: str | Path | None) -> None:
+        self._out = None if out is None else Path(out)
+        self._temporary: Any = None
+
+    def __enter__(self) -> Path:
+        if self._out is None:
+            from tempfile import TemporaryDirectory
+
+            self._temporary = TemporaryDirectory(prefix="wbc-compare-")
+            return Path(self._temporary.name)
+        check_free(self._out)
+        folder = unfinished(self._out)
+        if (folder / _JOURNAL).exists():
+            raise InvalidInput(f"an unfinished comparison stands in {folder}; take it up with --resume, or remove it")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as cause:
+            raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
+        return folder
+
+    def __exit__(self, *error: object) -> None:
+        if self._temporary is not None:
+            self._temporary.cleanup()
+
+
+def _listed(run: Any) -> list[Any]:
+    """``run`` as a list of sources; a list of QPs is one source."""
+    if isinstance(run, Sequence) and not isinstance(run, str) and not (run and isinstance(run[0], QP)):
+        return list(run)
+    return [run]
+
+
+def _prepared(
+    sources: Sequence[Any],
+    solvers: Sequence[Solver],
+    folder: Path,
+    progress: Progress,
+    *,
+    settings: Sequence[str],
+    choices: Mapping[str, Any],
+    options: Mapping[str, Any],
+) -> Request:
+    """Record and read all problems, write them down, begin the journal."""
+    request = Request(solvers, **options)
+    sets: list[ProblemSet] = []
+    scenarios: list[ScenarioRequest] = []
+    unread: dict[str, str] = {}
+    _refuse_stray(settings, sources)
+    for k, source in enumerate(sources):
+        progress(0.0, f"collecting problems: {source if isinstance(source, str | Path) else 'given'}")
+        if _is_folder(source):
+            read, faults = from_folder(Path(source))
+            sets += read
+            unread |= faults
+        elif isinstance(source, str | Scenario):
+            scenario = source if isinstance(source, Scenario) else find(source)
+            asked = _asked(source, scenario, settings, choices)
+            sets.append(record(scenario, asked.parameters, asked.settings, count=request.ticks))
+            scenarios.append(asked)
+        else:
+            sets.append(_given(source, f"problems {k + 1}" if len(sources) > 1 else "problems"))
+    if request.growth:
+        sets += growing(request.seed)
+    names = [found.name for found in sets]
+    if len(set(names)) < len(names):
+        raise InvalidInput(f"two sets of problems have the same name: {', '.join(names)}")
+    (folder / PROBLEMS).mkdir(exist_ok=True)
+    files = {found.name: f"{PROBLEMS}/{slug(found.name)}.npz" for found in sets}
+    for found in sets:
+        found.save(folder / files[found.name])
+    request = Request(solvers, scenarios, files, **options)
+    header = {
+        "surroundings": raw.surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}"),
+        "request": request.to_json(),
+        "unread": unread,
+    }
+    Journal.begin(folder / _JOURNAL, header)
+    return request
+
+
+def _asked(
+    source: str | Scenario, scenario: Scenario, settings: Sequence[str], choices: Mapping[str, Any]
+) -> ScenarioRequest:
+    kind = type(scenario)
+    text = source if isinstance(source, str) else f"{kind.__module__}:{kind.__qualname__}"
+    own = [setting for setting in settings if setting.partition("=")[0] in scenario.parameters]
+    chosen = scenario.choose(plant=choices["plant"], hierarchy=choices["hierarchy"], duration=choices["duration"])
+    return ScenarioRequest(text, scenario.name, scenario.parse(own), chosen)
+
+
+def _refuse_stray(settings: Sequence[str], sources: Sequence[Any]) -> None:
+    """A parameter must belong to one of the scenarios, a misspelt one to none."""
+    scenarios = [find(s) if isinstance(s, str) else s for s in sources if not _is_folder(s)]
+    scenarios = [s for s in scenarios if isinstance(s, Scenario)]
+    for setting in settings:
+        if not scenarios:
+            raise InvalidInput(f"{setting!r} is a parameter of a scenario, and there is none")
+        if not any(setting.partition("=")[0] in s.parameters for s in scenarios):
+            scenarios[0].parse([setting])
+
+
+def _is_folder(source: Any) -> bool:
+    return isinstance(source, str | Path) and Path(source).is_dir()
+
+
+def _given(source: Any, name: str) -> ProblemSet:
+    from wbc.report.solvers.recording import QpRecorder
+
+    if isinstance(source, ProblemSet):
+        return source
+    if isinstance(source, QpRecorder):
+        return source.problems(name)
+    if isinstance(source, Sequence) and all(isinstance(qp, QP) for qp in source):
+        return sequence(name, source)
+    raise InvalidInput(
+        f"{source!r} is nothing to compare solvers on; give a scenario or its name, a folder of QPs, a list of QPs, "
+        "or a QpRecorder that joined a simulation"
+    )
+
+
+def _finished(request: Request, folder: Path, out: Path | None, progress: Progress) -> Data:
+    """Do what is left, and write everything down."""
+    journal = Journal(folder / _JOURNAL)
+    work(request, folder, journal, progress)
+    sets = {name: ProblemSet.load(folder / file) for name, file in request.files.items()}
+    data = raw.gathered(request, sets, journal, journal.header["unread"])
+    if out is None:
+        return data
+    progress(1.0, "drawing the report")
+    with replaced(out) as pending:
+        raw.write(data, pending / DATA)
+        write_report(page(raw.read(pending / DATA)), pending)
+        shutil.copytree(folder / PROBLEMS, pending / PROBLEMS)
+        _save_failures(data, sets, pending)
+    shutil.rmtree(folder)
+    return data
+
+
+def _save_failures(data: Data, sets: Mapping[str, ProblemSet], pending: Path) -> None:
+    (pending / FAILURES).mkdir()
+    for name, index in {(name, index) for name, index, _, _ in failed(data)}:
+        sets[name].qps[index].save(pending / failure_file(name, index))

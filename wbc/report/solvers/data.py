@@ -1,0 +1,155 @@
+"""The raw data of a comparison: everything that was measured, in json's types; the pages are made from it alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from wbc.errors import InvalidInput
+from wbc.report.solvers.journal import Journal, Key
+from wbc.report.solvers.problems import ProblemSet
+from wbc.report.solvers.request import Request
+from wbc.sim.provenance import machine, versions
+
+FORMAT = 1
+Data = dict[str, Any]
+
+
+def surroundings(date: str) -> Data:
+    """Where and when it is measured: machine, load, clock governor, versions."""
+    governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
+    return {
+        "date": date,
+        "machine": machine(),
+        "load": [round(x, 2) for x in os.getloadavg()] if hasattr(os, "getloadavg") else None,
+        "governor": governor.read_text(encoding="utf-8").strip() if governor.is_file() else "not told by the system",
+        "versions": versions(),
+        "python": sys.version.split()[0],
+    }
+
+
+def gathered(request: Request, sets: Mapping[str, ProblemSet], journal: Journal, unread: Mapping[str, str]) -> Data:
+    """Everything in the journal, in an order that does not depend on interruptions."""
+    findings = journal.findings
+    return {
+        "format": FORMAT,
+        "surroundings": journal.header["surroundings"],
+        "settings": {
+            "rounds": request.rounds, "limit_s": request.limit, "patience_s": request.patience,
+            "ticks": request.ticks, "seed": request.seed,
+        },
+        "solvers": [
+            {
+                "name": solver.name,
+                "offline": solver.offline,
+                "repeatable": solver.repeatable,
+                "calls": {name: call(solver, tolerance) for name, tolerance in request.classes.items()},
+            }
+            for solver in request.solvers
+        ],
+        "classes": dict(request.classes),
+        "sets": [found.about() for found in sets.values()],
+        "unread": dict(unread),
+        "measures": [m for found in sets.values() for m in _measures(request, found, findings)],
+        "loops": [_loop(key, value) for key, value in findings.items() if key[0] == "loop"],
+        "levels": [{"scenario": key[1], **value} for key, value in findings.items() if key[0] == "levels"],
+        "torture": [
+            {"case": key[1], "solver": key[2], "how": key[3], **value}
+            for key, value in findings.items() if key[0] == "torture"
+        ],
+    }  # fmt: skip
+
+
+def write(data: Data, path: Path) -> None:
+    """Write the data, one long line a measure."""
+    parts = []
+    for key, value in data.items():
+        if isinstance(value, list):
+            lines = ",\n  ".join(_dumped(item) for item in value)
+            parts.append(f" {json.dumps(key)}: [\n  {lines}\n ]" if value else f" {json.dumps(key)}: []")
+        else:
+            parts.append(f" {json.dumps(key)}: {_dumped(value)}")
+    path.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
+
+
+def read(path: Path) -> Data:
+    """What :func:`write` wrote.
+
+    Raises:
+        InvalidInput: not such a file, or of another version of this library.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        known = data["format"]
+    except (OSError, ValueError, KeyError, TypeError) as cause:
+        raise InvalidInput(f"{path} is not the data of a comparison: {cause}") from cause
+    if known != FORMAT:
+        raise InvalidInput(f"{path} has format {known}; this version reads {FORMAT}")
+    found: Data = data
+    return found
+
+
+def call(solver: Any, tolerance: float | None) -> str:
+    """The exact settings of a solver in a class."""
+    asked = solver if tolerance is None else solver.at(tolerance)
+    told = getattr(asked, "settings", None)
+    text = (
+        f"{asked.name}: {', '.join(f'{k} = {v}' for k, v in told.items()) or 'its own'}" if told is not None else asked
+    )
+    return f"{text}, certified to {asked.tolerance:g}"
+
+
+def _measures(request: Request, found: ProblemSet, findings: Mapping[Key, Any]) -> Iterable[Data]:
+    classes = [name for name in request.classes] if found.kind != "growth" else ["1e-6"]
+    for solver in request.solvers:
+        for name in classes:
+            for mode in found.modes:
+                rounds = [
+                    [
+                        findings.get(("solve", found.name, solver.name, name, mode, c, r), [])
+                        for r in range(request.rounds)
+                    ]
+                    for c in range(len(found.stretches))
+                ]
+                yield {"set": found.name, "solver": solver.name, "class": name, "mode": mode, **_columns(rounds)}
+
+
+def _columns(stretches: Sequence[Sequence[Sequence[Data]]]) -> Data:
+    """One list a quantity, one entry a problem: findings of the first round, times of the fastest."""
+    rows: list[Data] = []
+    best: list[list[float | None]] = []
+    for rounds in stretches:
+        rows += rounds[0]
+        for i, row in enumerate(rounds[0]):
+            times = [r[i]["us"] for r in rounds if i < len(r) and "us" in r[i]]
+            best.append(min(times, default=[None, None, None]) if "us" in row else [None, None, None])
+    units = sorted({unit for row in rows for unit in row.get("violation", {})})
+    kkt = [row.get("kkt") or [None, None, None] for row in rows]
+    return {
+        "status": [row["status"] for row in rows],
+        "lost": {str(i): row["lost"] for i, row in enumerate(rows) if "lost" in row},
+        "total_us": [times[0] for times in best],
+        "build_us": [times[1] for times in best],
+        "solve_us": [times[2] for times in best],
+        "primal": [r[0] for r in kkt],
+        "dual": [r[1] for r in kkt],
+        "gap": [r[2] for r in kkt],
+        "active": [row.get("active") for row in rows],
+        "changed": [row.get("changed") for row in rows],
+        "iterations": [row.get("iterations") for row in rows],
+        "violation": {unit: [row.get("violation", {}).get(unit) for row in rows] for unit in units},
+    }
+
+
+def _loop(key: Key, finding: Data) -> Data:
+    lost = finding.get("lost")
+    shown = {"error": lost} if lost else finding
+    return {"scenario": key[1], "solver": key[2], "class": key[3], **shown}
+
+
+def _dumped(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))

@@ -1,0 +1,70 @@
+"""The page of a comparison: made from its data alone, so the same data give the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wbc.report.document import Cell, Item, Report, Section, Table, Text, percent
+from wbc.report.solvers import appendix, closing, growth, robustness, solving
+from wbc.report.solvers.advice import Advice, advice, overall
+from wbc.report.solvers.data import Data
+from wbc.report.solvers.drawing import short
+from wbc.report.solvers.statistics import TARGET, percentiles
+
+
+def page(data: Data) -> Report:
+    """The report: advice first, then every table and figure behind it."""
+    advised = [advice(data, about) for about in data["sets"] if about["kind"] != "growth"]
+    sections = [section for section in _sections(data, advised) if section.items]
+    kinds = [about["name"] for about in data["sets"] if about["kind"] != "growth"]
+    title = f"QP solvers compared · {', '.join(kinds)}"
+    return Report(title, overall(advised), None, sections, _tiles(data, advised))
+
+
+def _sections(data: Data, advised: list[Advice]) -> Iterator[Section]:
+    if advised:
+        yield _answer(advised)
+    for about in data["sets"]:
+        if about["kind"] != "growth":
+            yield solving.section(data, about)
+    yield closing.section(data)
+    yield from closing.levels(data)
+    yield robustness.section(data)
+    yield growth.section(data)
+    yield appendix.failures(data)
+    yield appendix.settings(data)
+    yield appendix.limits(data)
+
+
+def _answer(advised: list[Advice]) -> Section:
+    columns = ("problems", "use", "at", f"solved to {short(TARGET)}", "median [µs]", "p99 [µs]", "max [µs]")
+    rows: list[list[Cell]] = []
+    for one in advised:
+        if one.use is None:
+            rows.append([one.set, "none", "", "0 %", None, None, None])
+            continue
+        times = percentiles(one.use.times(TARGET))
+        rows.append([one.set, one.use.solver, one.at, percent(one.use.share(TARGET)), *times])
+    items: list[Item] = [Table(columns, rows, "Times are of a whole solve: checks, conversion, back end, certificate.")]
+    if len(advised) > 1:  # of one alone the summary says it
+        items += [Text(one.sentence[0].upper() + one.sentence[1:]) for one in advised]
+    return Section("Which solver", items)
+
+
+def _tiles(data: Data, advised: list[Advice]) -> list[tuple[str, str]]:
+    tiles = [("solvers", str(len(data["solvers"])))]
+    tiles.append(("problems", str(sum(len(s["labels"]) for s in data["sets"] if s["kind"] != "growth"))))
+    solves = sum(len(m["status"]) for m in data["measures"])
+    tiles.append(("solves judged", f"{solves:,}".replace(",", " ")))
+    wrong = sum(_wrong(m) for m in data["measures"] if m["class"] == "default")
+    tiles.append(("wrongly called solved", str(wrong)))
+    uses = {one.use.solver for one in advised if one.use is not None}
+    if len(uses) == 1:
+        tiles.insert(0, ("use", uses.pop()))
+    return tiles
+
+
+def _wrong(measure: Data) -> int:
+    return int(np.sum([word == "INACCURATE" for word in measure["status"]]))

@@ -1,0 +1,251 @@
+"""Problem sets: QPs that belong together, from a scenario's own ticks, from files, or made to measure growth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+from zipfile import BadZipFile
+
+import numpy as np
+
+from wbc.errors import InvalidInput, InvalidProblem
+from wbc.qp.problem import QP, Row
+from wbc.types import Vec
+
+#: Numbers from here on mean "no bound" in many collections.
+NO_BOUND = 1e20
+_PARTS = ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ProblemSet:
+    """QPs under one name. ``kind``: "sequence" (ticks of a controller), "files" or "growth" (made, of growing size).
+
+    ``stretches`` are the runs [start, end) of problems that follow one another: a warm start goes from one to the
+    next inside a stretch. Problems from files stand alone, each a stretch of its own. ``period`` is the time between
+    ticks [s].
+    """
+
+    name: str
+    kind: str
+    source: str
+    qps: Sequence[QP]
+    labels: Sequence[str]
+    stretches: Sequence[tuple[int, int]]
+    period: float | None = None
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """How it is solved: cold, each in a new session; and warm, one after the other, where problems follow."""
+        return ("cold",) if self.kind == "files" else ("cold", "warm")
+
+    def about(self) -> dict[str, Any]:
+        """What a report says of the set, in json's types."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "source": self.source,
+            "labels": list(self.labels),
+            "stretches": [list(stretch) for stretch in self.stretches],
+            "period": self.period,
+            "shapes": [list(qp.shape) for qp in self.qps],
+        }
+
+    def save(self, path: Path) -> None:
+        """Write one compressed .npz that :meth:`load` reads back to the same bits."""
+        arrays = {f"{i}/{part}": getattr(qp, part) for i, qp in enumerate(self.qps) for part in _PARTS}
+        names = [[list(row) for row in qp.rows] for qp in self.qps]
+        about = {key: value for key, value in self.about().items() if key != "shapes"} | {"rows": _folded(names)}
+        with path.open("wb") as file:
+            np.savez_compressed(file, about=np.array(json.dumps(about)), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> ProblemSet:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            InvalidProblem: not such a file.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                about = json.loads(str(file["about"]))
+                rows = [[Row(*row) for row in about["rows"]["lists"][k]] for k in about["rows"]["which"]]
+                data = [{part: file[f"{i}/{part}"] for part in _PARTS} for i in range(len(rows))]
+        except (OSError, EOFError, BadZipFile, KeyError, ValueError, TypeError) as cause:
+            raise InvalidProblem(f"{path} is not a problem set saved by this library: {cause}") from cause
+        qps = [QP(part.pop("H"), part.pop("g"), rows=names, **part) for part, names in zip(data, rows, strict=True)]
+        stretches = [(start, end) for start, end in about["stretches"]]
+        return cls(about["name"], about["kind"], about["source"], qps, about["labels"], stretches, about["period"])
+
+
+def sequence(name: str, qps: Sequence[QP], *, source: str = "given QPs", period: float | None = None) -> ProblemSet:
+    """QPs of consecutive ticks as a set of one stretch.
+
+    Raises:
+        InvalidInput: there are none.
+    """
+    if not qps:
+        raise InvalidInput(f"{name}: there is no QP to compare solvers on")
+    labels = [f"problem {i}" for i in range(len(qps))]
+    return ProblemSet(name, "sequence", source, tuple(qps), labels, [(0, len(qps))], period)
+
+
+def from_folder(folder: Path) -> tuple[list[ProblemSet], dict[str, str]]:
+    """Every folder of .npz files at or below ``folder`` as a set of its own; and what could not be read, with reasons.
+
+    Understood are QPs saved by this library; ``P, q, G, h, A, b, lb, ub`` (what is not there is absent) for
+    ½ xᵀPx + qᵀx, G x ≤ h, A x = b; and ``P, q, A, l, u`` for l ≤ A x ≤ u. Problem sets of an older comparison are
+    sets again.
+
+    Raises:
+        InvalidInput: no such folder, or nothing in it that can be read.
+    """
+    if not folder.is_dir():
+        raise InvalidInput(f"{folder} is neither a scenario nor a folder of QPs (.npz)")
+    found: dict[str, list[tuple[str, QP]]] = {}
+    sets: list[ProblemSet] = []
+    unread: dict[str, str] = {}
+    for path in sorted(folder.rglob("*.npz")):
+        place = path.parent.relative_to(folder)
+        try:
+            if _is_set(path):
+                sets.append(ProblemSet.load(path))
+            else:
+                name = "/".join((folder.resolve().name, *place.parts))
+                found.setdefault(name, []).append((path.stem, read_qp(path)))
+        except InvalidProblem as reason:
+            unread[(place / path.name).as_posix()] = str(reason).replace(f"{folder}/", "")
+    for name, members in found.items():
+        labels, qps = zip(*members, strict=True)
+        stretches = [(i, i + 1) for i in range(len(qps))]
+        sets.append(ProblemSet(name, "files", "files", qps, labels, stretches))
+    if not sets:
+        raise InvalidInput(f"{folder} holds no QP that can be read; see docs/solvers.md for the formats")
+    return sets, unread
+
+
+def read_qp(path: Path) -> QP:
+    """One QP from an .npz in any of the formats of :func:`from_folder`.
+
+    Raises:
+        InvalidProblem: another format, or not a convex QP.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            part = {name: file[name] for name in file.files}
+    except (OSError, EOFError, BadZipFile, ValueError) as cause:
+        raise InvalidProblem(f"{path} cannot be read: {cause}") from cause
+    keys = set(part)
+    if {"H", "g", "rows"} <= keys:
+        return QP.load(path)
+    if {"P", "q", "A", "l", "u"} <= keys:
+        return _between(part)
+    if {"P", "q"} <= keys:
+        return QP(
+            _symmetric(part["P"]), part["q"], A=part.get("A"), b=part.get("b"), C=part.get("G"),
+            cu=_open(part.get("h")), lb=_open(part.get("lb")), ub=_open(part.get("ub")),
+        )  # fmt: skip
+    raise InvalidProblem(f"{path} holds {', '.join(sorted(keys)[:6]) or 'nothing'}: not a QP in a format known here")
+
+
+def _between(part: Mapping[str, Any]) -> QP:
+    """min ½ xᵀPx + qᵀx with l ≤ A x ≤ u; rows whose sides are equal become equalities."""
+    A, lower, upper = part["A"], _open(part["l"]), _open(part["u"])
+    assert lower is not None and upper is not None
+    equal = lower == upper
+    return QP(
+        _symmetric(part["P"]), part["q"], A=A[equal], b=upper[equal],
+        C=A[~equal], cl=lower[~equal], cu=upper[~equal],
+    )  # fmt: skip
+
+
+def _symmetric(P: Any) -> Any:
+    """Some collections hold one triangle, or rounding in one of them."""
+    P = np.asarray(P, dtype=np.float64)
+    if np.allclose(P, np.triu(P)) and not np.allclose(P, np.diag(P.diagonal())):
+        P = P + np.triu(P, 1).T
+    return 0.5 * (P + P.T)
+
+
+def _open(bound: Any) -> Vec | None:
+    """Huge numbers as infinity."""
+    if bound is None:
+        return None
+    values = np.array(bound, dtype=np.float64)
+    values[np.abs(values) >= NO_BOUND] *= np.inf
+    return values
+
+
+def _is_set(path: Path) -> bool:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return "about" in file.files
+    except (OSError, EOFError, BadZipFile, ValueError):
+        return False
+
+
+def _folded(names: list[list[list[str]]]) -> dict[str, Any]:
+    """Lists of row names, each different one once: the ticks of a controller all have the same."""
+    lists: list[Any] = []
+    which = []
+    for rows in names:
+        if rows not in lists:
+            lists.append(rows)
+        which.append(lists.index(rows))
+    return {"lists": lists, "which": which}
+
+
+# ---- made problems
+#: What grows along each axis, and what stays.
+GROWTH: Mapping[str, Sequence[dict[str, int]]] = {
+    "variables": [dict(n=n, n_eq=n // 5, n_in=n, active=n // 5) for n in (7, 14, 28, 56, 100)],
+    "rows": [dict(n=40, n_eq=6, n_in=m, active=10) for m in (10, 30, 80, 160, 320)],
+    "active rows": [dict(n=60, n_eq=6, n_in=80, active=k) for k in (0, 5, 10, 20, 40)],
+}
+_TICKS = 6
+
+
+def growing(seed: int) -> Iterator[ProblemSet]:
+    """Strictly convex problems with a known number of active rows, one set for each axis of :data:`GROWTH`.
+
+    Each size is a stretch of six problems that change by 1 % from one to the next and keep their active rows.
+    """
+    for axis, sizes in GROWTH.items():
+        qps: list[QP] = []
+        labels: list[str] = []
+        stretches: list[tuple[int, int]] = []
+        for k, size in enumerate(sizes):
+            stretches.append((len(qps), len(qps) + _TICKS))
+            for tick in range(_TICKS):
+                qps.append(made_qp(np.random.SeedSequence([seed, k]), tick, **size))
+                labels.append(f"{axis} {list(size.values())}, {tick}")
+        yield ProblemSet(f"growth/{axis}", "growth", f"made from seed {seed}", qps, labels, stretches)
+
+
+def made_qp(seed: np.random.SeedSequence, tick: int, *, n: int, n_eq: int, n_in: int, active: int) -> QP:
+    """A QP built from its answer: x, and multipliers of ``active`` rows; g = −(H x + Aᵀy + Cᵀz).
+
+    Example:
+        >>> import numpy as np, wbc
+        >>> from wbc.report.solvers.problems import made_qp
+        >>> answer = wbc.solve(made_qp(np.random.SeedSequence(1), 0, n=9, n_eq=2, n_in=8, active=3))
+        >>> int(np.sum(answer.z != 0))
+        3
+    """
+    rng = np.random.default_rng(seed)
+    J, drift = rng.standard_normal((n, n)), rng.standard_normal((n, n))
+    H = (J + 0.01 * tick * drift) / np.sqrt(n)
+    H = H @ H.T + 0.1 * np.eye(n)
+    A, C = rng.standard_normal((n_eq, n)), rng.standard_normal((n_in, n))
+    x = rng.standard_normal(n) + 0.01 * tick * rng.standard_normal(n)
+    y, z = rng.standard_normal(n_eq), np.zeros(n_in)
+    z[:active] = (1.0 + rng.uniform(size=active)) * rng.choice([-1.0, 1.0], active)
+    room = 1.0 + rng.uniform(size=(2, n_in))
+    room[0, z < 0.0] = 0.0
+    room[1, z > 0.0] = 0.0
+    g = -(H @ x + A.T @ y + C.T @ z)
+    return QP(H, g, A=A, b=A @ x, C=C, cl=C @ x - room[0], cu=C @ x + room[1])
