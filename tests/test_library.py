@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -53,5 +54,9 @@ def test_every_member_is_on_it() -> None:
 
 
 if __name__ == "__main__":
+    sys.path.insert(0, str(DOCUMENT.parents[1]))
+    from tests import test_features
+
     text = DOCUMENT.read_text(encoding="utf-8")
     DOCUMENT.write_text(text.split(MARK)[0] + MARK + written(), encoding="utf-8")
+    test_features.DOCUMENT.write_text(test_features.written(), encoding="utf-8")

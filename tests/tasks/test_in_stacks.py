@@ -11,25 +11,28 @@ import tasks
 import wbc
 from tasks import Sole
 from wbc.models.model import RobotModel
+from wbc.stack.constraint import Constraint, LinearConstraint
 from wbc.stack.contact import Contact
 from wbc.stack.task import LinearTask, Objective, Task
 from wbc.testing import levels_of, robots
 from wbc.testing.levels import stack_with
 
-MEMBERS = [m for _, m in sorted(vars(tasks).items()) if isinstance(m, type) and issubclass(m, Objective)]
+KINDS = (Objective, Constraint, Contact)
+MEMBERS = [m for _, m in sorted(vars(tasks).items()) if isinstance(m, type) and issubclass(m, KINDS)]
 
 
 def contacts_of(member: Any, robot: RobotModel) -> list[Contact]:
     """What a task on a force speaks of."""
-    on_force = isinstance(member, LinearTask) and member.on == "force"
+    on_force = isinstance(member, LinearTask | LinearConstraint) and member.on == "force"
     return [Sole(robot.frame_names[-1], half_size=(0.1, 0.05), friction=0.5)] if on_force else []
 
 
 @pytest.mark.parametrize("robot", robots(), ids=lambda robot: robot.name)
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
-def test_a_task_is_solved_at_every_level_that_carries_it(member: Any, robot: RobotModel):
+def test_a_member_does_its_work_at_every_level_that_carries_it(member: Any, robot: RobotModel):
     rng = np.random.default_rng(3)
-    q, v = robot.random_configuration(rng), 0.3 * rng.normal(size=robot.nv)
+    q = robot.integrate(robot.q0, 0.05 * rng.normal(size=robot.nv))
+    v = 0.1 * rng.normal(size=robot.nv)
     for sample in member.samples(robot):
         contacts = contacts_of(sample, robot)
         levels = levels_of(sample, robot, contacts=contacts)

@@ -228,7 +228,7 @@ def _quantity(
 
         def write(A: Mat, v: Vec) -> None:  # the velocity that the tick ends with, v + a dt
             np.multiply(A, dt, out=rows[:, :nv])
-            np.dot(A, v, out=right)
+            right[:] = np.dot(A, v)
 
     else:  # the unknown itself; Layout lets no other quantity through
 
