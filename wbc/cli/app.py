@@ -16,6 +16,7 @@ from wbc.cli.explain import explain
 from wbc.cli.list_ import list_
 from wbc.cli.report import report
 from wbc.cli.run import run
+from wbc.cli.soak import soak
 
 app = typer.Typer(
     name="wbc",
@@ -31,6 +32,7 @@ app.command("bench")(bench)
 app.command("derive")(derive)
 app.add_typer(report)
 app.command("explain")(explain)
+app.command("soak")(soak)
 
 
 @app.callback(invoke_without_command=True)

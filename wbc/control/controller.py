@@ -8,7 +8,6 @@ a bounded command all the same, from the next rung of the ladder (:mod:`wbc.cont
 
 from __future__ import annotations
 
-from math import isfinite
 from pathlib import Path
 from typing import Any, final
 
@@ -31,6 +30,9 @@ from wbc.stack.hierarchy import Hierarchy, Weighted
 from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
+
+#: Squares of numbers beyond which no state can be: 1e8 m, rad, m/s or rad/s.
+_HUGE = 1e16
 
 
 @final
@@ -161,12 +163,15 @@ class Controller:
 
     def _implausible(self, t: float, q: Vec, v: Vec) -> str:
         """What is wrong with a state, or nothing. A quaternion that is nearly of norm 1 is normalised in place."""
-        if not isfinite(ddot(q, q) + ddot(v, v) + t):  # in silence where the squares overflow
-            for name, vector in (("q", q), ("v", v)):
-                if not np.isfinite(vector).all():
-                    i = int(np.argmin(np.isfinite(vector)))
-                    return f"{name}[{i}] is {vector[i]}"
-            return "q or v is too large to be squared" if isfinite(t) else f"t is {t}"
+        if not -_HUGE < ddot(q, q) + ddot(v, v) + t < _HUGE:  # ddot: in silence where the squares overflow
+            if not -_HUGE < t < _HUGE:
+                return f"t is {t:g}"
+            if not self._has_quaternion or not np.isfinite(q).all() or abs(q[3:7]).max() < _HUGE**0.5:
+                for name, vector in (("q", q), ("v", v)):
+                    sound = np.abs(vector) < _HUGE**0.5
+                    if not sound.all():
+                        return f"{name}[{sound.argmin()}] is {vector[sound.argmin()]:g}"
+            return f"the base's quaternion q[3:7] has norm {np.linalg.norm(q[3:7] / 1e200) * 1e200:g}"
         if self._has_quaternion:
             quaternion = q[3:7]
             square = float(quaternion.dot(quaternion))

@@ -1,6 +1,6 @@
 """Ladder: what a controller does, in the same tick, when the solver asked for has no certified answer.
 
-    other solver   the default solver, from the active set it remembers, then DAQP; for those two ProxQP
+    other solver   the default solver, from the active set it remembers, then DAQP; for those two Clarabel
     relaxed        laws give way in a declared order, each as little as it can; torques, friction and physics hold
     closed form    the minimum of the cost under the equalities alone, cut to the limits
     hold           the last certified command
@@ -30,6 +30,7 @@ from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
 from wbc.qp.relax import relaxed
 from wbc.qp.solvers import by_name
+from wbc.qp.solvers.clarabel_ import Clarabel
 from wbc.qp.solvers.daqp_ import Daqp
 from wbc.stack.hierarchy import Weighted
 from wbc.stack.plan import Plan
@@ -42,8 +43,11 @@ if TYPE_CHECKING:
 GIVES = ("laws", "joint limits", "barriers", "contacts")
 
 _NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
+#: No acceleration, force or torque is larger.
+_HUGE = 1e12
 #: What the largest curvature of the cost counts beside a unit of violation.
-_SHARE = 1e-4
+_SHARE = 1e-3
+_OF_RELAXED = (Daqp(max_iter=1000), Clarabel())
 
 
 @final
@@ -150,7 +154,7 @@ class Ladder:
         controller = self._controller
         mode = controller.mode
         if mode.second is None:
-            name = "proxqp" if controller.solver.name in ("pdas", "daqp") else "pdas"
+            name = "clarabel" if controller.solver.name in ("pdas", "daqp") else "pdas"
             mode.second = Weighted().open(controller.plan.problem, by_name(name))
         answer = controller.asked(mode.second)
         return answer if answer.ok or answer is Status.INFEASIBLE else status
@@ -166,15 +170,14 @@ class Ladder:
             if not classes[kind] or not self._in_time(start):
                 continue
             items += classes[kind]
-            try:
-                solution = Daqp(max_iter=1000).solve(relaxed(qp, items, share=share))
-            except InvalidProblem:
-                return None
-            if solution.status.ok:
-                self._write(solution.x[: p.n])
-                return solution.certificate
-            if solution.status is not Status.INFEASIBLE:
-                return None
+            for solver in _OF_RELAXED:  # what one takes for infeasible the other may solve
+                try:
+                    solution = solver.solve(relaxed(qp, items, share=share))
+                except InvalidProblem:
+                    return None
+                if solution.status.ok and np.abs(solution.x).max() < _HUGE:
+                    self._write(solution.x[: p.n])
+                    return solution.certificate
         return None
 
     def _closed_form(self) -> bool:
@@ -186,10 +189,8 @@ class Ladder:
             x = np.linalg.solve(share * qp.H + qp.A.T @ qp.A, qp.A.T @ qp.b - share * qp.g)
         except np.linalg.LinAlgError:
             return False
-        if not np.isfinite(x).all():
-            return False
         self._write(np.clip(x, qp.lb, qp.ub))
-        return bool(np.isfinite(p.value).all())
+        return bool((np.abs(p.value) < _HUGE).all())
 
     def _write(self, x: Vec) -> None:
         """An answer of the standard form into the problem's memory, where a solver would leave it; torques are cut."""
@@ -253,7 +254,7 @@ class Ladder:
     def _expected(self) -> tuple[Vec, Vec]:
         """The state that the last command was to reach; before any, the robot's reference at rest."""
         last, model = self._controller.last, self._controller.model
-        if last is None:
+        if last is None or not np.isfinite(last.q).all():
             return np.array(model.q0), np.zeros(model.nv)
         return last.q, last.v
 

@@ -199,7 +199,7 @@ def find(text: str) -> Scenario:
         if text not in registered:
             raise UnknownScenario(text, registered, "or give module:name or file.py:name")
         return registered[text]
-    module = _module(place)
+    module = imported(place)
     if not hasattr(module, name):
         members = (key for key, value in vars(module).items() if _as_scenario(value) is not None)
         raise UnknownScenario(name, members, f"in {place}")
@@ -215,7 +215,7 @@ def _as_scenario(value: Any) -> Scenario | None:
     return value if isinstance(value, Scenario) else None
 
 
-def _module(place: str) -> Any:
+def imported(place: str) -> Any:
     """Import ``package.module`` or ``some/file.py``; its folder becomes importable, as for ``python file.py``."""
     path = Path(place)
     is_file = path.suffix == ".py"

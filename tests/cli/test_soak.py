@@ -1,0 +1,34 @@
+"""``wbc soak``: rows of figures, an exit code that is a verdict."""
+
+from __future__ import annotations
+
+import json
+
+SOAKS = "tasks.scenarios.soaks:SOAKS"
+
+
+def test_a_soak_prints_its_figures_and_writes_them(wbc, tmp_path):
+    answer = wbc("soak", f"{SOAKS}.arm-velocity", "--ticks", 600, "--json", "rows.json")
+    assert answer.code == 0
+    assert "arm-velocity" in answer.out and "100.000 %" in answer.out
+    (row,) = json.loads((tmp_path / "rows.json").read_text())
+    assert row["ok"] and row["ticks"] == 600 and row["rungs"] == {"solved": 600} and not row["exceptions"]
+
+
+def test_the_same_seed_gives_the_same_bits(wbc, tmp_path):
+    digests = []
+    for seed in (1, 1, 2):
+        wbc("soak", f"{SOAKS}.arm-acceleration", "--ticks", 100, "--seed", seed, "--json", "rows.json")
+        digests.append(json.loads((tmp_path / "rows.json").read_text())[0]["digest"])
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_what_is_not_known_is_one_sentence(wbc):
+    for words, said in (
+        (["soak", f"{SOAKS}.arm"], "there is no subject of a soak 'arm'"),
+        (["soak", "tasks:Posture"], "is no wbc.sim.soak.Subject"),
+        (["soak", f"{SOAKS}.arm-velocity", "--kind", "salt"], "valid, fuzz, starts"),
+        (["soak", f"{SOAKS}.arm-velocity", "--solver", "dapq"], "did you mean 'daqp'"),
+    ):
+        answer = wbc(*words)
+        assert answer.code == 2 and answer.out == "" and said in answer.err

@@ -1,0 +1,72 @@
+"""Ticks drawn at random, few here and many with ``wbc soak``: finite, bounded, and solved where there is a solution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks.scenarios.soaks import SOAKS
+from wbc.errors import InvalidInput
+from wbc.sim.soak import Subject, soak
+
+KINEMATIC = ("arm-velocity", "arm-acceleration")
+
+
+@pytest.mark.parametrize("name", SOAKS)
+def test_valid_ticks_are_solved_and_keep_the_limits(name: str):
+    found = soak(SOAKS[name], ticks=1500)
+    assert found.ok, found
+    assert found.first_rung >= 0.999
+
+
+@pytest.mark.parametrize("name", SOAKS)
+def test_nonsense_gives_finite_bounded_commands(name: str):
+    assert soak(SOAKS[name], ticks=300, kind="fuzz").ok
+
+
+@pytest.mark.parametrize("name", SOAKS)
+def test_any_start_has_a_certified_answer(name: str):
+    found = soak(SOAKS[name], ticks=100, kind="starts")
+    assert found.ok, found
+    if name in KINEMATIC:
+        assert found.first_rung == 1.0, "limits on positions, velocities and accelerations never contradict each other"
+
+
+class Broken(Subject):
+    """Commands that a soak must not let pass."""
+
+    name, summary = "broken", "breaks its limits"
+
+    def __init__(self, spoil: str) -> None:
+        self._spoil = spoil
+
+    def controller(self, solver: str) -> wbc.Controller:
+        control = SOAKS["arm-velocity"].controller(solver)
+        decode, spoil = control.decode, self._spoil
+
+        def decoded(*words: object) -> wbc.control.command.Command:
+            if spoil == "raises":
+                raise RuntimeError("a slip")
+            command = decode(*words)  # type: ignore[arg-type]
+            command._v = command.v + (np.nan if spoil == "nan" else 1.0)
+            return command
+
+        control.decode = decoded  # type: ignore[method-assign]
+        return control
+
+    def stir(self, controller: wbc.Controller, rng: np.random.Generator) -> None:
+        SOAKS["arm-velocity"].stir(controller, rng)
+
+
+@pytest.mark.parametrize(("spoil", "finding"), [("nan", "not_finite"), ("more", "beyond"), ("raises", "exceptions")])
+def test_a_soak_finds_what_it_looks_for(spoil: str, finding: str):
+    found = soak(Broken(spoil), ticks=200)
+    assert not found.ok
+    assert getattr(found, finding)
+
+
+def test_a_soak_of_nothing_is_refused():
+    for settings in ({"kind": "salt", "ticks": 1}, {"ticks": 0}):
+        with pytest.raises(InvalidInput):
+            soak(SOAKS["arm-velocity"], **settings)

@@ -1,0 +1,121 @@
+"""``wbc soak``: very many ticks, each command judged. What is put to soak belongs to whoever registers it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from wbc.cli.console import NO, notes, one_sentence, progress
+from wbc.cli.list_ import table
+from wbc.errors import InvalidInput, UnknownName
+from wbc.sim.scenario import imported
+from wbc.sim.soak import KINDS, Findings, Subject
+from wbc.sim.soak import soak as soaked
+
+GROUP = "wbc.soaks"
+
+
+class UnknownSubject(UnknownName):
+    """No such subject."""
+
+    kind = "subject of a soak"
+
+
+@one_sentence
+def soak(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[SUBJECT]...", help="Names, or module:NAME. Default: all.")
+    ] = None,
+    *,
+    kind: Annotated[str, typer.Option(help=f"{', '.join(KINDS)}.")] = "valid",
+    ticks: Annotated[int, typer.Option(min=1, help="Ticks of each subject.")] = 10_000,
+    solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")] = None,
+) -> None:
+    """Let controllers run for very many ticks and judge each command. Exit code 1: one was not as promised."""
+    chosen = [_found(name) for name in names] if names else list(subjects().values())
+    rows: list[dict[str, Any]] = []
+    with notes(), progress("soaking") as step:
+        for i, subject in enumerate(chosen):
+
+            def one(done: float, i: int = i, name: str = subject.name) -> None:
+                step((i + done) / len(chosen), f"soaking {name}")
+
+            found = soaked(subject, solver=solver, ticks=ticks, kind=kind, seed=seed, progress=one)
+            rows.append({"subject": subject.name, "solver": solver, "seed": seed, **_row(found)})
+    if json_file is not None:
+        json_file.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    _print(kind, rows)
+    raise typer.Exit(0 if all(row["ok"] for row in rows) else NO)
+
+
+def subjects() -> dict[str, Subject]:
+    """Every registered subject by name.
+
+    Raises:
+        InvalidInput: an entry point that cannot be loaded.
+    """
+    found: dict[str, Subject] = {}
+    for point in entry_points(group=GROUP):
+        try:
+            found |= point.load()
+        except Exception as cause:
+            raise InvalidInput(f"the subjects of {point.value} cannot be loaded: {cause}") from cause
+    return found
+
+
+def _found(text: str) -> Subject:
+    """A registered name, ``module:NAME`` or ``module:MAPPING.name``."""
+    place, colon, name = text.rpartition(":")
+    if not colon:
+        known = subjects()
+        if text not in known:
+            raise UnknownSubject(text, known)
+        return known[text]
+    mapping, _, key = name.partition(".")
+    value = getattr(imported(place), mapping, None)
+    if isinstance(value, Mapping):
+        if key not in value:
+            raise UnknownSubject(key, value)
+        value = value[key]
+    if not isinstance(value, Subject):
+        raise InvalidInput(f"{text} is no wbc.sim.soak.Subject")
+    return value
+
+
+def _row(found: Findings) -> dict[str, Any]:
+    return {
+        "ok": found.ok, "kind": found.kind, "ticks": found.ticks, "exceptions": dict(found.exceptions),
+        "not_finite": found.not_finite, "beyond": found.beyond, "worst": found.worst, "rungs": dict(found.rungs),
+        "statuses": dict(found.statuses), "first_rung": found.first_rung, "uncertified": found.uncertified,
+        "restarts": found.restarts, "seconds": round(found.seconds, 1), "grown_bytes": found.grown_bytes,
+        "digest": found.digest,
+    }  # fmt: skip
+
+
+def _print(kind: str, rows: list[dict[str, Any]]) -> None:
+    made = table(f"Soak: {kind}", "subject", "ticks", "first rung", "raised", "not finite", "beyond", "memory")
+    for row in rows:
+        made.add_row(
+            Text(f"{row['subject']}, {row['solver']}"), f"{row['ticks']:,}", f"{100 * row['first_rung']:.3f} %",
+            str(sum(row["exceptions"].values())), str(row["not_finite"]), str(row["beyond"]),
+            f"{row['grown_bytes'] / 1e6:+.1f} MB",
+        )  # fmt: skip
+    console = Console(highlight=False)
+    console.print(made)
+    for row in rows:
+        rungs = ", ".join(f"{rung} {count:,}" for rung, count in row["rungs"].items())
+        console.print(Text(f"{row['subject']}: {rungs}"), soft_wrap=True)
+        if row["worst"]:
+            worst = ", ".join(f"{name} {value:+.0e}" for name, value in row["worst"].items())
+            console.print(Text(f"  least room and worst excess: {worst}"), soft_wrap=True)
+        for text, count in row["exceptions"].items():
+            console.print(Text(f"  {count} times {text}"), soft_wrap=True)

@@ -1,0 +1,252 @@
+"""Soak: very many ticks of one controller, each command judged by laws written anew here.
+
+    valid    the robot does what it is told, targets change every 500 ticks, some of them out of reach
+    fuzz     states, times, targets and weights with NaN, ±inf, 1e±300, denormals and plain nonsense among them
+    starts   a new state in every tick, one in five of them outside the joint limits
+
+A controller and a way to stir it up (``stir(controller, rng)`` assigns targets and weights) make a :class:`Subject`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, final
+
+import numpy as np
+
+from wbc.control.command import Command
+from wbc.control.controller import Controller
+from wbc.errors import InvalidInput, WbcError
+from wbc.stack.constraint import JointInterval
+from wbc.types import Vec
+
+KINDS = ("valid", "fuzz", "starts")
+#: How far beyond a limit a command may be [unit of the limit].
+TOLERANCE = 1e-6
+EVERY = 500
+#: Numbers that have broken something somewhere.
+RUBBISH = (np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-300, 5e-324, -0.0, 1e154, 1e20, -1e6, 1e12, 1e-12, 7.0)
+_CERTIFIED = ("solved", "other solver", "relaxed")
+
+
+class Subject(ABC):
+    """What is put to soak."""
+
+    name: str
+    summary: str
+
+    @abstractmethod
+    def controller(self, solver: str) -> Controller:
+        """A new controller on this solver."""
+
+    @abstractmethod
+    def stir(self, controller: Controller, rng: np.random.Generator) -> None:
+        """Assign targets and weights that make sense, reachable or not."""
+
+
+@final
+@dataclass
+class Findings:
+    """What came of a soak. ``ok`` is whether everything that was promised held."""
+
+    kind: str
+    ticks: int = 0
+    exceptions: Counter[str] = field(default_factory=Counter)
+    not_finite: int = 0
+    beyond: int = 0
+    worst: dict[str, float] = field(default_factory=dict)
+    rungs: Counter[str] = field(default_factory=Counter)
+    statuses: Counter[str] = field(default_factory=Counter)
+    uncertified: int = 0
+    restarts: int = 0
+    seconds: float = 0.0
+    grown_bytes: int = 0
+    digest: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """No exception, no number that is not finite, no limit passed; from any start a certified answer."""
+        return not (self.exceptions or self.not_finite or self.beyond or (self.kind == "starts" and self.uncertified))
+
+    @property
+    def first_rung(self) -> float:
+        """Share of the ticks that the first rung answered."""
+        return self.rungs["solved"] / max(1, self.ticks)
+
+
+def soak(
+    subject: Subject, *, solver: str = "pdas", ticks: int, kind: str = "valid", seed: int = 0,
+    progress: Callable[[float], None] = lambda done: None,
+) -> Findings:  # fmt: skip
+    """Let a subject run for ``ticks`` ticks.
+
+    Raises:
+        InvalidInput: another ``kind``, or no ticks.
+    """
+    if kind not in KINDS or ticks < 1:
+        raise InvalidInput(f"a soak is of kind {', '.join(KINDS)} and has ticks, not {kind!r} and {ticks}")
+    control = subject.controller(solver)
+    run = _Run(subject, control, np.random.default_rng([seed, KINDS.index(kind)]), Findings(kind))
+    start, digest, memory = perf_counter(), hashlib.sha256(), 0
+    for k in range(ticks):
+        if k % EVERY == 0:
+            progress(k / ticks)
+            run.stir()
+        if k == ticks // 10:
+            memory = _resident()
+        for part in run.tick():
+            digest.update(part.tobytes())
+    found = run.found
+    found.ticks, found.seconds, found.digest = ticks, perf_counter() - start, digest.hexdigest()
+    found.grown_bytes = _resident() - memory
+    progress(1.0)
+    return found
+
+
+@final
+class _Run:
+    """One soak between two ticks."""
+
+    def __init__(self, subject: Subject, control: Controller, rng: np.random.Generator, found: Findings) -> None:
+        self.subject, self.control, self.rng, self.found = subject, control, rng, found
+        self.model, self.dt = control.model, control.dt
+        self.t, self.failed = 0.0, 0
+        self.q, self.v = np.array(self.model.q0), np.zeros(self.model.nv)
+        self.limits = _limits(control)
+
+    def stir(self) -> None:
+        """New targets; in a fuzz rubbish among them, which may be refused by a typed error and nothing else."""
+        self.subject.stir(self.control, self.rng)
+        if self.found.kind != "fuzz":
+            return
+        for task in self.control.stack.tasks:
+            for name in ("target", "weight"):
+                if hasattr(task, name) and self.rng.uniform() < 0.1:
+                    try:
+                        setattr(task, name, self._spoilt(np.array(getattr(task, name), dtype=np.float64)))
+                    except (WbcError, TypeError):  # TypeError: what it holds is no array of numbers
+                        continue
+                    except Exception as cause:
+                        self.found.exceptions[f"{name}: {type(cause).__name__}: {cause}"[:200]] += 1
+
+    def tick(self) -> tuple[Vec, ...]:
+        """One tick, judged; what was decided."""
+        t, q, v = self._state()
+        try:
+            command = self.control.tick(t, q, v)
+        except Exception as cause:
+            self.found.exceptions[f"{type(cause).__name__}: {cause}"[:200]] += 1
+            return ()
+        parts = _decided(command, self.control)
+        found = self.found
+        found.rungs[command.rung] += 1
+        found.statuses[command.status.name] += 1
+        found.uncertified += command.rung not in _CERTIFIED or not command.certificate.ok
+        if not all(np.isfinite(part).all() for part in parts):
+            found.not_finite += 1
+            return parts
+        self._judge(command, v)
+        self._go_on(command)
+        return parts
+
+    def _state(self) -> tuple[float, Vec, Vec]:
+        if self.found.kind == "valid":
+            return self.t, self.q, self.v
+        rng, model = self.rng, self.model
+        if self.found.kind == "starts":
+            self.control.reset()
+            return 0.0, *self._start()
+        q, v, t = self.q.copy(), self.v.copy(), self.t
+        kind = rng.integers(8)
+        if kind == 0:
+            q = self._spoilt(q)
+        elif kind == 1:
+            v = self._spoilt(v)
+        elif kind == 2:
+            t = float(rng.choice(RUBBISH))
+        elif kind == 3:
+            q, v = model.random_configuration(rng), rng.normal(size=model.nv) * 10.0 ** rng.uniform(-3, 3)
+        return t, q, v
+
+    def _start(self) -> tuple[Vec, Vec]:
+        """A state inside the joint limits, in one of five cases outside in positions or velocities."""
+        rng, model = self.rng, self.model
+        joints = slice(model.nq - model.nj, model.nq)
+        q, v = np.array(model.q0), np.zeros(model.nv)
+        low, high = self.limits.get("position", (model.limits.q_min, model.limits.q_max))
+        low, high = np.maximum(low, -np.pi), np.minimum(high, np.pi)
+        q[joints] = rng.uniform(low, high)
+        fastest = np.minimum(self.limits["velocity"][1] if "velocity" in self.limits else 1.0, 1e2)
+        v[model.nb :] = rng.uniform(-fastest, fastest)
+        if rng.uniform() < 0.2:
+            which = rng.uniform(size=model.nj) < 0.3
+            q[joints] += which * rng.choice([-1.0, 1.0], model.nj) * rng.uniform(0.0, 0.5, model.nj)
+            v[model.nb :] *= 1.0 + which * rng.uniform(0.0, 0.5, model.nj)
+        return q, v
+
+    def _spoilt(self, values: Any) -> Any:
+        values = np.array(values, dtype=np.float64)
+        if values.size:
+            where = self.rng.integers(values.size, size=int(self.rng.integers(1, 4)))
+            values.reshape(-1)[where] = self.rng.choice(RUBBISH, size=len(where))
+        return values
+
+    def _judge(self, command: Command, v: Vec) -> None:
+        """Limits, from the laws of the stack; in a fuzz only what no state can excuse."""
+        nb, nj, kind = self.model.nb, self.model.nj, self.found.kind
+        values = {}
+        if kind == "valid":
+            values = {"position": command.q[-nj:], "velocity": command.v[nb:]}
+            values["acceleration"] = (command.v[nb:] - v[nb:]) / self.dt
+        if self.control.level.dynamics:
+            values["torque"] = command.tau
+        beyond = False
+        for quantity, value in values.items():
+            if quantity in self.limits:
+                low, high = self.limits[quantity]
+                excess = float(np.maximum(value - high, low - value).max())
+                self.found.worst[quantity] = max(self.found.worst.get(quantity, -np.inf), excess)
+                beyond |= excess > TOLERANCE
+        self.found.beyond += beyond
+
+    def _go_on(self, command: Command) -> None:
+        if self.found.kind == "starts":
+            return
+        self.t += self.dt
+        self.failed = 0 if command.status.ok else self.failed + 1
+        if self.found.kind == "valid" or (command.status.ok and self.rng.uniform() < 0.9):
+            self.q, self.v = np.array(command.q), np.array(command.v)
+        lost = bool(np.abs(self.q).max() > 1e3 or np.abs(self.v).max() > 1e3)
+        if lost or self.failed > EVERY:
+            self.q, self.v, self.failed = np.array(self.model.q0), np.zeros(self.model.nv), 0
+            self.control.reset()
+            self.found.restarts += 1
+
+
+def _decided(command: Command, control: Controller) -> tuple[Vec, ...]:
+    if control.level.order == 1:
+        return command.v, command.q
+    return (command.tau, command.a, command.q) if control.level.dynamics else (command.a, command.q)
+
+
+def _limits(control: Controller) -> dict[str, tuple[Vec, Vec]]:
+    """By quantity, what all laws of the stack together leave each joint."""
+    limits: dict[str, tuple[Vec, Vec]] = {}
+    for law in control.stack.subject_to:
+        if isinstance(law, JointInterval):
+            low, high = law.bounds(control.model)
+            before = limits.get(law.quantity, (low, high))
+            limits[law.quantity] = (np.maximum(low, before[0]), np.minimum(high, before[1]))
+    return limits
+
+
+def _resident() -> int:
+    """Bytes of memory in use."""
+    with open("/proc/self/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
