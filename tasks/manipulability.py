@@ -7,7 +7,7 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.criteria.manipulability import ROWS, Manipulability, change_along_joints
+from tasks.criteria.manipulability import ROWS, Manipulability, change_along_joints, cross
 from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
@@ -74,8 +74,8 @@ class ManipulabilityTask(Tracking, Task):
         out.e[:] = target.value - H
         out.J[0, nb:] = change_along_joints(chain, G)
         if nb:  # a base that turns takes every column with it
-            turned = np.cross(chain[:3].T, G[:3].T) + np.cross(chain[3:].T, G[3:].T)
-            out.J[0, :nb] = turned.sum(axis=0) @ J[3:, :nb]
+            turned = cross(chain[:3], G[:3]) + cross(chain[3:], G[3:])
+            out.J[0, :nb] = turned.sum(axis=1) @ J[3:, :nb]
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
         if state.drifts:
             first, second = _rates(chain, J[3:, :nb] @ state.v[:nb], state.v_joints)
@@ -97,22 +97,22 @@ def _rates(J: Mat, base_spin: Vec, v: Vec) -> tuple[Mat, Mat]:
     A column (a, w) turns with what stands before it in the chain, Ω, and its joint w moves what stands behind, u:
     ȧ = Ω × a + w × u, ẇ = Ω × w; once more for the second derivatives.
     """
-    a, w, speed = J[:3].T, J[3:].T, v[:, None]
+    a, w = J[:3], J[3:]
 
     def before(x: Mat) -> Mat:
-        moved = speed * x
-        return np.cumsum(moved, axis=0) - moved
+        moved = v * x
+        return np.cumsum(moved, axis=1) - moved
 
     def behind(x: Mat) -> Mat:
-        return np.cumsum((speed * x)[::-1], axis=0)[::-1]
+        return np.cumsum((v * x)[:, ::-1], axis=1)[:, ::-1]
 
-    spin, u = base_spin + before(w), behind(a)
-    w_rate = np.cross(spin, w)
-    a_rate = np.cross(spin, a) + np.cross(w, u)
+    spin, u = base_spin[:, None] + before(w), behind(a)
+    w_rate = cross(spin, w)
+    a_rate = cross(spin, a) + cross(w, u)
     spin_rate, u_rate = before(w_rate), behind(a_rate)
-    w_second = np.cross(spin_rate, w) + np.cross(spin, w_rate)
-    a_second = np.cross(spin_rate, a) + np.cross(spin, a_rate) + np.cross(w_rate, u) + np.cross(w, u_rate)
-    return np.vstack([a_rate.T, w_rate.T]), np.vstack([a_second.T, w_second.T])
+    w_second = cross(spin_rate, w) + cross(spin, w_rate)
+    a_second = cross(spin_rate, a) + cross(spin, a_rate) + cross(w_rate, u) + cross(w, u_rate)
+    return np.concatenate([a_rate, w_rate]), np.concatenate([a_second, w_second])
 
 
 _number = vector_target(1)

@@ -73,13 +73,21 @@ class Manipulability(Criterion):
 
 def change_along_joints(J: Mat, G: Mat) -> Vec:
     """Σ G ∘ ∂J/∂q_j of each joint j (nj,). Joints of a chain are counted from its base; others have zero columns."""
-    a, w = J[:3].T, J[3:].T
-    Ga, Gw = G[:3].T, G[3:].T
+    a, w, Ga, Gw = J[:3], J[3:], G[:3], G[3:]
     # From w_j × x · g = w_j · (x × g): sums over the joints i from j on, of what turns with joint j ...
-    turned = np.cross(a, Ga) + np.cross(w, Gw)
-    behind = np.cumsum(turned[::-1], axis=0)[::-1]
+    turned = cross(a, Ga) + cross(w, Gw)
+    behind = np.cumsum(turned[:, ::-1], axis=1)[:, ::-1]
     # ... and from w_i × a_j · g_i = a_j · (g_i × w_i): over the joints i before j.
-    moved = np.cross(Ga, w)
-    before = np.cumsum(moved, axis=0) - moved
-    change: Vec = (w * behind).sum(axis=1) + (a * before).sum(axis=1)
+    moved = cross(Ga, w)
+    before = np.cumsum(moved, axis=1) - moved
+    change: Vec = (w * behind).sum(axis=0) + (a * before).sum(axis=0)
     return change
+
+
+def cross(a: Mat, b: Mat) -> Mat:
+    """a × b, column by column (3, n); numpy's own takes five times as long for a few columns."""
+    product: Mat = a[_NEXT] * b[_LAST] - a[_LAST] * b[_NEXT]
+    return product
+
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])

@@ -14,8 +14,8 @@ LAW = f"{ADAPTS}::test_with_no_limit_active_the_command_is_the_law"
 #: (file, old text, new text, test that must fail)
 MUTATIONS = [
     # criteria and their task
-    (MANIPULABILITY, "np.cross(a, Ga) + np.cross(w, Gw)", "np.cross(a, Ga) - np.cross(w, Gw)", GRADIENTS),
-    (MANIPULABILITY, "np.cumsum(moved, axis=0) - moved", "np.cumsum(moved, axis=0)", GRADIENTS),
+    (MANIPULABILITY, "turned = cross(a, Ga) + cross(w, Gw)", "turned = cross(a, Ga) - cross(w, Gw)", GRADIENTS),
+    (MANIPULABILITY, "np.cumsum(moved, axis=1) - moved", "np.cumsum(moved, axis=1)", GRADIENTS),
     (MANIPULABILITY, "(left * others) @ right", "(left * sizes) @ right", GRADIENTS),
     ("tasks/criteria/mid_range.py", "self._middle - state.q_joints", "state.q_joints - self._middle", GRADIENTS),
     ("tasks/criteria/clearance.py", "self.reach - d) * away", "self.reach + d) * away", GRADIENTS),
