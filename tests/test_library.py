@@ -16,7 +16,10 @@ from wbc.stack.task import LinearTask, Task
 DOCUMENT = Path(__file__).parents[1] / "docs" / "library.md"
 MARK = "<!-- written by tests/test_library.py -->\n"
 KINDS: dict[str, tuple[str, type]] = {
-    "Kinematic tasks": ("At the velocity level and at the acceleration levels; `task.exactly()` makes a law.", Task),
+    "Kinematic tasks": (
+        "At every level; `task.exactly()` makes an equality of one, `task.within(…)` an interval.",
+        Task,
+    ),
     "Linear tasks": ("On torques or forces, so with `InverseDynamics`.", LinearTask),
     "Limits": ("In `subject_to`.", Constraint),
     "Contacts": ("In `contacts`; `tasks.feet(robot)` makes those of a robot's own feet.", Contact),

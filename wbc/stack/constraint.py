@@ -126,7 +126,7 @@ class Barrier(Constraint):
     """
 
     dim: int
-    units: str
+    units: str | tuple[str, ...]
 
     def __init__(self, *, rate: float = 10.0, slack: float | None = None, name: str | None = None) -> None:
         super().__init__(name=name)
@@ -140,6 +140,10 @@ class Barrier(Constraint):
     def label(self, row: int) -> str:
         """What one row is called in reports."""
         return "" if self.dim == 1 else str(row)
+
+    def unit(self, row: int) -> str:
+        """Unit of one row."""
+        return self.units if isinstance(self.units, str) else self.units[row]
 
 
 class ConstraintRows:
@@ -157,7 +161,7 @@ class LinearConstraint(Constraint):
 
     on: ClassVar[Literal["velocity", "acceleration", "torque", "force"]]
     dim: int
-    units: str
+    units: str | tuple[str, ...]
     #: For ``on = "force"``: the name or frame of the contact, or of several, whose wrenches stand one behind the other.
     contact: str | tuple[str, ...] = ""
 
@@ -168,6 +172,10 @@ class LinearConstraint(Constraint):
     def label(self, row: int) -> str:
         """What one row is called in reports."""
         return "" if self.dim == 1 else str(row)
+
+    def unit(self, row: int) -> str:
+        """Unit of one row."""
+        return self.units if isinstance(self.units, str) else self.units[row]
 
 
 @final
@@ -186,7 +194,8 @@ class _LinearExactly(LinearConstraint):
 
     def prepare(self, model: RobotModel) -> None:
         self._task.prepare(model)
-        self.dim, self.units = self._task.dim, self._task.unit(0)
+        self.dim = self._task.dim
+        self.units = tuple(self._task.unit(i) for i in range(self.dim))
 
     def fill(self, state: RobotState, out: ConstraintRows) -> None:
         self._rows.A, self._rows.b = out.A, out.lo

@@ -172,9 +172,9 @@ class Layout:
             for contact in self.contacts:
                 rows += [Row(f"friction[{contact.short_name}]", label, unit) for label, unit in contact.cone_labels()]
         for barrier in self.barriers:
-            rows += [Row(barrier.name, barrier.label(i), barrier.units + suffix) for i in range(barrier.dim)]
+            rows += [Row(barrier.name, barrier.label(i), barrier.unit(i) + suffix) for i in range(barrier.dim)]
         for law in self.constraints:
-            rows += [Row(law.name, law.label(i), law.units) for i in range(law.dim)]
+            rows += [Row(law.name, law.label(i), law.unit(i)) for i in range(law.dim)]
         for soft in self.soft_laws:
             rows += [Row(soft.name, soft.label(i), self._soft_unit(soft, i)) for i in range(soft.dim)]
         for linear in self.linear:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.within import Within
 
 
 class TaskRows:
@@ -227,6 +230,19 @@ class Task(Objective):
     def exactly(self, *, name: str | None = None) -> Exactly:
         """The same task as a law: its rows hold exactly, above every weight."""
         return Exactly(self, name=name)
+
+    def within(
+        self, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None, name: str | None = None
+    ) -> Within:
+        """The same task as an interval: lower <= e <= upper, scalar or (dim,), in the units of e; one number: ±that.
+
+        A control barrier function at every level, for ``subject_to``; ``rate`` and ``slack`` as
+        :class:`~wbc.stack.constraint.Barrier` has them, infinite bounds are none. See
+        :class:`~wbc.stack.within.Within`.
+        """
+        from wbc.stack.within import Within
+
+        return Within(self, lower, upper, rate=rate, slack=slack, name=name)
 
     def scaled(self) -> Self:
         """The same task done as a whole or in part, never sideways: a copy with ``is_scaled``.
