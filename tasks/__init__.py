@@ -80,8 +80,8 @@ from tasks.rolling import Rolling as Rolling
 from tasks.sole import Sole as Sole
 from tasks.torque import Torque as Torque
 from tasks.trajectories import MinimumJerk as MinimumJerk
+from tasks.trajectories import Piecewise as Piecewise
 from tasks.trajectories import PoseInterpolation as PoseInterpolation
-from tasks.trajectories import Sequence as Sequence
 from tasks.trajectories import Sinusoid as Sinusoid
 from tasks.yaw import Yaw as Yaw
 from tasks.zero_moment_point import ZeroMomentPoint as ZeroMomentPoint

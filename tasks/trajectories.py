@@ -173,7 +173,7 @@ class PoseInterpolation:
 
 
 @final
-class Sequence:
+class Piecewise:
     """One motion after another: at time t the last of ``pieces``, (start [s], trajectory) each, that has started.
 
     Before the first start, the first. Whether the pieces fit together is theirs to know.
@@ -182,10 +182,10 @@ class Sequence:
         InvalidInput: no piece, or starts that do not increase.
 
     Example:
-        >>> from tasks import MinimumJerk, Sequence
+        >>> from tasks import MinimumJerk, Piecewise
         >>> there = MinimumJerk([0.0], [1.0], duration=1.0)
         >>> back = MinimumJerk([1.0], [0.0], duration=1.0, start_time=2.0)
-        >>> [float(Sequence([(0.0, there), (2.0, back)])(t)[0][0]) for t in (0.5, 1.5, 2.5)]
+        >>> [float(Piecewise([(0.0, there), (2.0, back)])(t)[0][0]) for t in (0.5, 1.5, 2.5)]
         [0.5, 1.0, 0.5]
     """
 
@@ -194,7 +194,7 @@ class Sequence:
     def __init__(self, pieces: Iterable[tuple[float, Trajectory]]) -> None:
         pieces = list(pieces)
         if not pieces:
-            raise InvalidInput("pieces is empty; a sequence has at least one (start, trajectory)")
+            raise InvalidInput("pieces is empty; there is at least one (start, trajectory)")
         self._starts = [checks.number(f"pieces[{i}] start", start) for i, (start, _) in enumerate(pieces)]
         for i, (before, after) in enumerate(zip(self._starts, self._starts[1:], strict=False), start=1):
             if not before < after:

@@ -8,10 +8,12 @@ from tasks.scenarios.pg_step import PgStep
 from tasks.scenarios.pr_fault import PrFault
 from tasks.scenarios.pr_torque import PrTorque
 from tasks.scenarios.quadruped_stand import QuadrupedStand
+from tasks.scenarios.quadruped_trot import QuadrupedTrotInPlace
 
 SCENARIOS = {
     scenario.name: scenario
     for scenario in (
-        HumanoidStand(), HumanoidStep(), QuadrupedStand(), ArmReach(), PgStep(), FourPAdaptive(), PrTorque(), PrFault(),
+        HumanoidStand(), HumanoidStep(), QuadrupedStand(), QuadrupedTrotInPlace(), ArmReach(), PgStep(),
+        FourPAdaptive(), PrTorque(), PrFault(),
     )
 }  # fmt: skip

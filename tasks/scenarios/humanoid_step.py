@@ -104,17 +104,19 @@ def _judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> 
     misses = [_miss(run, robot, step) for step in asked if step.down + PLACED < stood]
     placement = max(misses, default=0.0)
     taken = sum(miss <= PLACEMENT for miss in misses)
-    slip = max(_stance_slip(run, contact, way) for contact in run.meta["contacts"])
-    torque_step = float(np.abs(run["signal.PlanStep.tau"]).max())
-    force_step = _force_step(run) / robot.mass
+    stances = ContactSchedule(way.timeline)
+    slip = max(
+        judge.stance_slip(run, name, stances.holds(contact["frame"])) for name, contact in run.meta["contacts"].items()
+    )
+    plan_step, force_step = float(np.abs(run["signal.PlanStep.tau"]).max()), judge.force_step(run) / robot.mass
     figures = {
         "steps": taken,
         "fell": bool(run.meta["fallen"]),
         "com_rms_m": com["rms"],
         "com_max_error_m": com["max"],
         "placement_m": placement,
-        "plan_torque_step_Nm": torque_step,
-        "impact_torque_step_Nm": _impact(run, way),
+        "plan_torque_step_Nm": plan_step,
+        "impact_torque_step_Nm": judge.torque_step(run, [step.down for step in way.steps], within=IMPACT),
         "normal_force_step_N_per_ms_kg": force_step,
         "slip_m": slip,
         "certified_share": judge.certified_share(run),
@@ -126,7 +128,7 @@ def _judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> 
         Check("CoM error, rms", com["rms"], COM_RMS, com["rms"] < COM_RMS, "m"),
         Check("placement of a foot", placement, PLACEMENT, placement < PLACEMENT, "m"),
         Check("slip of a foot while it stands", slip, SLIP, slip < SLIP, "m"),
-        Check("step of the torques at a change of plan", torque_step, PLAN_STEP, torque_step <= PLAN_STEP, "N m"),
+        Check("step of the torques at a change of plan", plan_step, PLAN_STEP, plan_step <= PLAN_STEP, "N m"),
         Check("step of a normal force", force_step, FORCE_STEP, force_step <= FORCE_STEP, "N/ms/kg"),
         *judge.common_checks(run, violations),
     ]
@@ -136,41 +138,10 @@ def _judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> 
     )  # fmt: skip
 
 
-def _row(run: wbc.Run, t: float) -> int:
-    return min(round(t / float(run.meta["dt"])), run.rows - 1)
-
-
 def _miss(run: wbc.Run, robot: PinocchioModel, step: Footstep) -> float:
     """How far from where it was to go a foot stands, seen from above [m]; inf where it does not carry."""
-    row, state = _row(run, step.down + PLACED), robot.state()
+    row, state = min(round((step.down + PLACED) / float(run.meta["dt"])), run.rows - 1), robot.state()
     state.update(0.0, run["plant.q"][row], run["plant.v"][row])
     name = next(name for name, contact in run.meta["contacts"].items() if contact["frame"] == step.frame)
     carries = run[f"plant.f.{name}"][row, 2] > 0.0
     return float(np.linalg.norm((state.frame(step.frame).position - step.position)[:2])) if carries else np.inf
-
-
-def _stance_slip(run: wbc.Run, contact: str, way: Walk) -> float:
-    """The farthest that a foot slid between being down and being lifted [m]."""
-    frame = run.meta["contacts"][contact]["frame"]
-    mine = [step for step in way.steps if step.frame == frame]
-    stances = zip(
-        [measure.SETTLED, *(step.down for step in mine)], [*(step.lifted for step in mine), np.inf], strict=True
-    )
-    worst, t = 0.0, measure.times(run)
-    for start, end in stances:
-        path = run[f"plant.slip.{contact}"][(t >= start) & (t < end)]
-        worst = max(worst, float(np.linalg.norm(path - path[:1], axis=1).max(initial=0.0)))
-    return worst
-
-
-def _force_step(run: wbc.Run) -> float:
-    """Largest change of a commanded normal force [N/ms]."""
-    changes = [np.abs(np.diff(run[f"f.{contact}"][:, 2])).max(initial=0.0) for contact in run.meta["contacts"]]
-    return 1e-3 * float(max(changes)) / float(run.meta["dt"])
-
-
-def _impact(run: wbc.Run, way: Walk) -> float:
-    """Largest change of a torque from one tick to the next just after a foot is down [N m]."""
-    t, change = measure.times(run)[1:], np.abs(np.diff(run["tau"], axis=0)).max(axis=1)
-    near = [change[(t >= step.down - IMPACT) & (t < step.down + IMPACT)] for step in way.steps]
-    return float(max((part.max(initial=0.0) for part in near), default=0.0))

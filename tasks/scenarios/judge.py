@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,27 @@ def cone_excess(run: Run, contacts: Sequence[Contact]) -> float:
 def certified_share(run: Run) -> float:
     """Share of the ticks that ended SOLVED, that is with a certified answer."""
     return measure.statuses(run).get("SOLVED", 0) / run.rows
+
+
+def stance_slip(run: Run, contact: str, stances: Iterable[tuple[float, float]]) -> float:
+    """The farthest that a foot slid within one of its ``stances``, (made, broken) [s] each [m]."""
+    worst, t = 0.0, measure.times(run)
+    for start, end in stances:
+        path = run[f"plant.slip.{contact}"][(t >= max(start, measure.SETTLED)) & (t < end)]
+        worst = max(worst, float(np.linalg.norm(path - path[:1], axis=1).max(initial=0.0)))
+    return worst
+
+
+def force_step(run: Run) -> float:
+    """Largest change of a commanded normal force [N/ms]."""
+    changes = [np.abs(np.diff(run[f"f.{contact}"][:, 2])).max(initial=0.0) for contact in run.meta["contacts"]]
+    return 1e-3 * float(max(changes)) / float(run.meta["dt"])
+
+
+def torque_step(run: Run, times: Iterable[float], *, within: float) -> float:
+    """Largest change of a commanded torque from one tick to the next ``within`` seconds of one of ``times`` [N m]."""
+    t, change = measure.times(run)[1:], np.abs(np.diff(run["tau"], axis=0)).max(axis=1)
+    return max((float(change[np.abs(t - moment) <= within].max(initial=0.0)) for moment in times), default=0.0)
 
 
 def common_checks(run: Run, violations: Mapping[str, tuple[float, str]]) -> list[Check]:

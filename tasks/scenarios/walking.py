@@ -9,7 +9,7 @@ from typing import NamedTuple, final
 import numpy as np
 import pinocchio
 
-from tasks import MinimumJerk, PoseInterpolation, Sequence
+from tasks import MinimumJerk, Piecewise, PoseInterpolation
 from tasks.trajectories import Trajectory
 from wbc.models.feet import Foot
 from wbc.models.model import RobotState
@@ -93,7 +93,7 @@ def walk(state: RobotState, feet: Mapping[str, Foot], gait: Gait, steps: int) ->
         poses[swinging], t = goal, t + gait.swing + LOAD
     move_weight(*(0.5 * (middle(names[0]) + middle(names[1]))[:2]))
     ways: dict[str, Trajectory] = {
-        name: Sequence(swings[name] or [(0.0, PoseInterpolation(poses[name], poses[name], duration=1.0))])
+        name: Piecewise(swings[name] or [(0.0, PoseInterpolation(poses[name], poses[name], duration=1.0))])
         for name in names
     }
-    return Walk(timeline, Sequence(shifts), ways, done, t + END)
+    return Walk(timeline, Piecewise(shifts), ways, done, t + END)

@@ -36,6 +36,22 @@ def test_real_humanoids_take_ten_steps(robot: str) -> None:
 
 
 @pytest.mark.physics
+def test_our_own_quadruped_trots_in_place() -> None:
+    result = run("quadruped-trot-in-place", "robot=quadruped", duration=2.2)
+    assert not failed(result)
+    assert result.figures["steps"] == 2 and not result.figures["fell"]
+
+
+@needs_examples
+@pytest.mark.physics
+@pytest.mark.slow
+def test_a_real_quadruped_trots_in_place_for_ten_seconds() -> None:
+    result = run("quadruped-trot-in-place", "robot=go2")
+    assert not failed(result)
+    assert result.figures["steps"] == 22
+
+
+@pytest.mark.physics
 def test_a_step_too_long_to_reach_is_a_verdict_of_no() -> None:
     result = run("humanoid-step", "robot=humanoid", "steps=1", "length=0.9", duration=3.0)
     assert "steps taken" in {check.text for check in failed(result)}

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks import MinimumJerk, PoseInterpolation, Sequence, Sinusoid
+from tasks import MinimumJerk, Piecewise, PoseInterpolation, Sinusoid
 from wbc.errors import InvalidInput
 from wbc.types import Vec
 
@@ -114,9 +114,9 @@ def test_a_pose_begins_and_ends_at_rest_and_a_lift_is_on_top_halfway(
 
 
 @given(st.lists(st.floats(0.0, 10.0), min_size=1, max_size=6, unique=True).map(sorted), st.floats(-1.0, 12.0))
-def test_a_sequence_is_what_began_last(starts: list[float], t: float) -> None:
+def test_pieces_follow_one_another(starts: list[float], t: float) -> None:
     pieces = [(start, MinimumJerk([float(i)], [float(i)], duration=1.0)) for i, start in enumerate(starts)]
-    assert Sequence(pieces)(t)[0][0] == max(sum(start <= t for start in starts) - 1, 0)
+    assert Piecewise(pieces)(t)[0][0] == max(sum(start <= t for start in starts) - 1, 0)
 
 
 def test_a_sinusoid_starts_at_its_center_and_at_rest() -> None:
@@ -139,8 +139,8 @@ def test_a_ramp_of_zero_starts_in_full_motion() -> None:
         (lambda: MinimumJerk([0.0], [1.0], duration=1.0, end_rate=[np.inf]), r"end_rate\[0\] is inf"),
         (lambda: PoseInterpolation(np.eye(3), np.eye(4), duration=1.0), "start must"),
         (lambda: PoseInterpolation(np.eye(4), 2 * np.eye(4), duration=1.0), "end"),
-        (lambda: Sequence([]), "at least one"),
-        (lambda: Sequence([(1.0, None), (1.0, None)]), r"pieces\[1\] starts at 1 s, not after"),
+        (lambda: Piecewise([]), "at least one"),
+        (lambda: Piecewise([(1.0, None), (1.0, None)]), r"pieces\[1\] starts at 1 s, not after"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_by_name(make: Any, said: str) -> None:

@@ -1,0 +1,182 @@
+"""A quadruped trots in place: two feet across from one another swing, then the other two."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, final
+
+import numpy as np
+
+import wbc
+from tasks import CenterOfMass, ContactSchedule, MinimumJerk, Orientation, Piecewise, Position, Posture
+from tasks.scenarios import judge
+from tasks.scenarios.plan_step import PlanStep
+from tasks.scenarios.quadruped_stand import STANCES
+from tasks.scenarios.standing import Stance, held_by_damping, joint_laws, standing_plant
+from tasks.trajectories import Trajectory
+from wbc.errors import UnknownRobot
+from wbc.models.model import RobotState
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.types import Vec
+
+#: The weight goes over the middle of the feet in ``CENTRED`` s; the first feet swing at ``START``, the last are down
+#: ``END`` s before the run ends. A pair is up for ``SWING``, all feet are down for ``STAND`` between [s].
+CENTRED, START, END, SWING, STAND = 0.6, 1.0, 0.3, 0.2, 0.2
+LIFT = 0.03
+#: A foot that swings comes down further than where the ground should be [m], within this time [s].
+SINK, SINKING = 0.003, 0.1
+UP = np.array([0.0, 0.0, 1.0])
+#: What a sensor in a foot must feel to say that it touches: a share of the robot's weight.
+TOUCH = 0.0125
+#: What a good trot keeps to [m].
+DRIFT, SLIP = 5e-3, 2e-3
+
+
+class Swing(NamedTuple):
+    """Two feet are up between these times [s]."""
+
+    feet: tuple[str, str]
+    lifted: float
+    down: float
+
+
+def swings(feet: Sequence[str], duration: float) -> list[Swing]:
+    """The pairs across, in turn, as long as there is time: of front left, front right, rear left, rear right."""
+    front_left, front_right, rear_left, rear_right = feet
+    pairs = ((front_left, rear_right), (front_right, rear_left))
+    count = max(0, int((duration - START - END + STAND + 1e-9) / (SWING + STAND)))
+    starts = [START + k * (SWING + STAND) for k in range(count)]
+    return [Swing(pairs[k % 2], start, start + SWING) for k, start in enumerate(starts)]
+
+
+def timeline(feet: Sequence[str], trot: Sequence[Swing]) -> list[tuple[float, list[str]]]:
+    """What a contact schedule has to know."""
+    entries = [(0.0, list(feet))]
+    for swing in trot:
+        entries += [(swing.lifted, [foot for foot in feet if foot not in swing.feet]), (swing.down, list(feet))]
+    return entries
+
+
+def swinging(position: Vec, lifted: Sequence[float]) -> Trajectory:
+    """Up and down at each of these times, and on into the ground until it is felt; the contact ends that."""
+    top, below, half = position + LIFT * UP, position - SINK * UP, 0.5 * SWING
+    pieces: list[tuple[float, Trajectory]] = [(0.0, MinimumJerk(position, position, duration=START))]
+    for t in lifted:
+        pieces += [
+            (t, MinimumJerk(position, top, duration=half, start_time=t)),
+            (t + half, MinimumJerk(top, position, duration=half, start_time=t + half)),
+            (t + SWING, MinimumJerk(position, below, duration=SINKING, start_time=t + SWING)),
+        ]
+    return Piecewise(pieces)
+
+
+@final
+class QuadrupedTrotInPlace(Scenario):
+    """Torque control at 1 kHz in MuJoCo. On two feet nothing holds a robot up for long: it comes down on the others
+    before it has tipped over. A contact is made when a force sensor in the foot feels the ground.
+
+    ``robot``: go2 (needs example-robot-data) or quadruped.
+    """
+
+    name: ClassVar[str] = "quadruped-trot-in-place"
+    summary: ClassVar[str] = "a quadruped lifts two feet across from one another, then the other two, in place"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2"}
+    plants = ("mujoco",)
+    duration = 10.0
+
+    def run(
+        self, parameters: Mapping[str, Any], *, solver: str, hierarchy: str, duration: float, plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:  # fmt: skip
+        del hierarchy, plant  # there is one of each
+        name = parameters["robot"]
+        if name not in STANCES:
+            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
+        stance = STANCES[name]
+        robot = stance.robot(name)
+        floor = standing_plant(robot, stance, held_by_damping(robot))
+        trot = swings(list(robot.feet), duration)
+        stack = trotting_stack(robot, stance, floor, trot)
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
+        run = simulate(
+            controller, floor, duration=duration, progress=progress,
+            meta={"scenario": self.name, "parameters": dict(parameters)},
+        )  # fmt: skip
+        return _judged(run, robot, trot, duration)
+
+
+def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, trot: Sequence[Swing]) -> wbc.Stack:
+    """Weight in the middle of the feet, upright, feet up and down; contacts by the plant's force sensors."""
+    state: RobotState = robot.state()
+    state.update(0.0, plant.q, plant.v)
+    places = {foot: np.array(state.frame(foot).position) for foot in robot.feet}
+    middle = np.mean(list(places.values()), axis=0)
+    touch = TOUCH * 9.81 * robot.mass
+    return wbc.Stack(
+        [
+            CenterOfMass(target=MinimumJerk(state.com, [*middle[:2], state.com[2]], duration=CENTRED), kp=100),
+            Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+            *(
+                Position(foot, target=swinging(place, [s.lifted for s in trot if foot in s.feet]), kp=100, weight=10.0)
+                for foot, place in places.items()
+            ),
+            Posture(robot.q0, kp=100, weight=1e-4),
+        ],
+        contacts=held_by_damping(robot),
+        subject_to=joint_laws(robot),
+        components=[
+            ContactSchedule(timeline(list(places), trot), touching=lambda foot: plant.wrenches()[foot][2] > touch),
+            PlanStep(),
+        ],
+    )
+
+
+def _judged(run: wbc.Run, robot: PinocchioModel, trot: Sequence[Swing], duration: float) -> ScenarioResult:
+    violations, t = measure.violations(run), measure.times(run)
+    after = t >= min(START, t[-1])
+    tracking = measure.tracking(run, keep=after)
+    names = {contact["frame"]: name for name, contact in run.meta["contacts"].items()}
+    stood = measure.seconds(run)
+    steps = sum(_done(run, swing, names) for swing in trot)
+    place = run["plant.q"][after, :2]
+    drift = float(np.linalg.norm(place - place[0], axis=1).max())
+    stances = ContactSchedule(timeline(list(names), trot))
+    slip = max(judge.stance_slip(run, names[frame], stances.holds(frame)) for frame in names)
+    figures = {
+        "steps": steps,
+        "fell": bool(run.meta["fallen"]),
+        "drift_m": drift,
+        "com_rms_m": tracking["CenterOfMass"]["rms"],
+        "tilt_max_rad": next(value["max"] for name, value in tracking.items() if name.startswith("Orientation")),
+        "plan_torque_step_Nm": float(np.abs(run["signal.PlanStep.tau"]).max()),
+        "impact_torque_step_Nm": judge.torque_step(run, [swing.down for swing in trot], within=0.02),
+        "normal_force_step_N_per_ms_kg": judge.force_step(run) / robot.mass,
+        "slip_m": slip,
+        "certified_share": judge.certified_share(run),
+    }
+    verdict = [
+        Check("stays up", stood, duration, stood >= duration - 1e-9, "s"),
+        Check("pairs of feet up and down again", steps, len(trot), steps == len(trot), ""),
+        Check("drift of the base", drift, DRIFT, drift < DRIFT, "m"),
+        Check("slip of a foot while it stands", slip, SLIP, slip < SLIP, "m"),
+        *judge.common_checks(run, violations),
+    ]
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
+        verdict=verdict, figures=figures, robot=robot,
+    )  # fmt: skip
+
+
+def _done(run: wbc.Run, swing: Swing, names: Mapping[str, str]) -> bool:
+    """Whether both feet were off the ground in the middle of their swing and carry before the next begins."""
+    middle, next_one = (
+        round(t / float(run.meta["dt"])) for t in (swing.lifted + 0.5 * SWING, swing.down + STAND - 0.01)
+    )
+    if next_one >= run.rows:
+        return False
+    loads = [run[f"plant.f.{names[foot]}"][:, 2] for foot in swing.feet]
+    return all(load[middle] == 0.0 and load[next_one] > 0.0 for load in loads)
