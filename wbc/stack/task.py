@@ -67,9 +67,9 @@ class Objective(ABC):
     _active: bool = True
     #: Counts the assignments to this task, and ``changes`` those to any task: one look says that nothing changed.
     stamp: int = 0
+    changes: ClassVar[int] = 0
     #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
     is_scaled: bool = False
-    changes: ClassVar[int] = 0
 
     def __init__(self, *, name: str | None = None, weight: Any = 1.0) -> None:
         self._name = name

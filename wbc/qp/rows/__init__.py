@@ -27,8 +27,16 @@ def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:
         from wbc.qp.rows.dual import DualSolver, fits_dual
 
         if not (problem.n_u or problem.n_range or problem.n_law):
+            if solver.compiled:
+                from wbc.qp.rows.compiled.box import CompiledBoxSolver
+
+                return CompiledBoxSolver(problem, tolerance=solver.accuracy)
             return BoxSolver(problem, tolerance=solver.accuracy)
         if fits_dual(problem):
+            if solver.compiled:
+                from wbc.qp.rows.compiled.dual import CompiledDualSolver
+
+                return CompiledDualSolver(problem, tolerance=solver.accuracy, tries=solver.tries)
             return DualSolver(problem, tolerance=solver.accuracy, tries=solver.tries)
     return StandardSolver(problem, solver)
 

@@ -138,8 +138,7 @@ class DualSolver(RowSolver):
 
     def _read_weights(self) -> None:
         p = self.problem
-        np.divide(p.unit, p.weights, out=self._soft_compliance, where=p.weights > 0)
-        self._soft_compliance[p.weights == 0] = _FREE
+        write_compliance(p, self._soft_compliance)
         self._free_root[:] = 1.0 / np.sqrt(p.metric)
         for views in self._views.values():
             self._write_compliance(views)
@@ -343,20 +342,38 @@ class DualSolver(RowSolver):
 
     # ---- what explain() and the reports ask for
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        p = self.problem
         if self._foreign is not None:
             return self._foreign.y, self._foreign.z, self._foreign.z_box
-        z, z_box = np.zeros(p.n_range), np.zeros(p.n)
-        z[self._slot_rows - p.range.start] = -p.unit * self._lam[p.n_soft + p.n_law :]
-        z_law = -p.unit * self._lam[p.n_soft : p.n_soft + p.n_law]
-        if len(self._pins):
-            z_box[self._pin_items] = -p.unit * self._pull_of_pins() / p.scale[self._pin_items]
+        return multipliers_of(self.problem, self.working_set()[0], self._lam)
+
+
+def multipliers_of(problem: RowProblem, items: Index, lam: Vec) -> tuple[Vec, Vec, Vec]:
+    """y, z and z_box of the standard form, from what the dual form found: λ of the soft rows, laws and held rows.
+
+    ``items`` are the unknowns and rows held at a bound, rows in the order of their λ.
+    """
+    p, held = problem, items >= problem.n
+    rows, pins = items[held] - p.first_row, items[~held]
+    m0 = p.n_soft + p.n_law
+    E = np.vstack([p.G[p.soft.start : p.n_rows], p.G[rows]])
+    z, z_box, y = np.zeros(p.n_range), np.zeros(p.n), np.zeros(p.n_u + p.n_law)
+    z[rows - p.range.start] = -p.unit * lam[m0:]
+    y[p.n_u :] = -p.unit * lam[p.n_soft : m0]
+    pull = p.metric * (p.x[p.n_u :] - p.centre) - E[:, p.n_u : p.n].T @ lam
+    if p.n_u:
         # Stationarity in u determines the multipliers of the rows that were eliminated.
-        z_base: Vec = np.zeros(0)
-        if p.n_u:
-            force = p.unit * (self._now.Eu_T @ self._lam) - p.regularisation * self._u
-            z_base = np.linalg.solve(p.G[: p.n_u, : p.n_u].T, force).astype(np.float64)
-        return np.concatenate([z_base, z_law]), z, z_box
+        B, push = p.G[: p.n_u, : p.n], E[:, : p.n_u].T @ lam
+        forces = np.linalg.solve(B[:, : p.n_u].T, np.column_stack([push, p.regularisation * p.x[: p.n_u]]))
+        pull += B[:, p.n_u :].T @ forces[:, 0]
+        y[: p.n_u] = p.unit * forces[:, 0] - forces[:, 1]
+    z_box[pins] = -p.unit * pull[pins - p.n_u] / p.scale[pins]
+    return y, z, z_box
+
+
+def write_compliance(problem: RowProblem, out: Vec) -> None:
+    """How far each soft row gives way to a unit push, unit / w (n_soft,)."""
+    np.divide(problem.unit, problem.weights, out=out, where=problem.weights > 0)
+    out[problem.weights == 0] = _FREE
 
 
 def fits_dual(problem: RowProblem) -> bool:

@@ -1,0 +1,62 @@
+"""What compiled code is made with: extra ``fast``, the compiler numba.
+
+A kernel gets its arrays as one vector of addresses: numba looks at every array it is given, which for two dozen of
+them costs more than what the kernel does. Addresses are safe here because the memory of a plan never moves:
+:class:`Memory` keeps the arrays it has taken the addresses of.
+
+Nothing imports this module but code that is asked to be fast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import CompilerMissing
+
+try:
+    import numba
+    from numba import carray, types
+    from numba.extending import intrinsic
+except ImportError:
+    raise CompilerMissing from None
+
+__all__ = ["Memory", "carray", "floats", "kernel"]
+
+# All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
+_FAST = {"reassoc", "nsz", "arcp", "contract"}
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def kernel(function: _F) -> _F:
+    """Compile a function when it is first called; the machine code is kept on disk for the next time."""
+    return cast(_F, numba.njit(cache=True, fastmath=_FAST, error_model="numpy")(function))
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def floats(_context: Any, address: Any) -> Any:
+    """The float64 at an address, as a pointer that ``carray(pointer, shape)`` makes an array of."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(types.float64)(address), generate
+
+
+@final
+class Memory:
+    """Addresses of float64 arrays, in the order given, for a kernel; the arrays are kept.
+
+    Raises:
+        ValueError: an array of another type.
+    """
+
+    def __init__(self, *arrays: NDArray[np.float64]) -> None:
+        for i, array in enumerate(arrays):
+            if array.dtype != np.float64:
+                raise ValueError(f"array {i} is of {array.dtype}, not float64")
+        self._arrays = arrays
+        self.addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)

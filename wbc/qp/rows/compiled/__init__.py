@@ -1,0 +1,1 @@
+"""Row solvers whose tick is compiled: extra ``fast``."""

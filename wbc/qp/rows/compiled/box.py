@@ -1,0 +1,92 @@
+"""Bounds and nothing else, with a compiled tick; what it does not settle goes to the reference, by DAQP."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from wbc.compiled import Memory
+from wbc.qp.certificate import Certificate
+from wbc.qp.rows.box import BoxSolver
+from wbc.qp.rows.compiled.box_kernel import solve_box
+from wbc.qp.rows.compiled.dual_kernel import GIVE_UP, REPAIRED
+from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.solver import RowSolver
+from wbc.types import Index, Status, Vec
+
+#: Where bounds change many at once, DAQP's single changes are cheaper than factoring anew: one repair, then DAQP.
+_TRIES = 2
+# Multipliers below this share of the largest are rounding, as DAQP leaves them.
+_ROUNDING = 1e-12
+
+
+@final
+class CompiledBoxSolver(RowSolver):
+    """Same problem and same answer as :class:`~wbc.qp.rows.box.BoxSolver`; the bounds of the last answer are a guess."""
+
+    form = "box, compiled"
+
+    def __init__(self, problem: RowProblem, *, tolerance: float = 1e-8) -> None:
+        super().__init__(problem)
+        self.tolerance = tolerance
+        self.reference = BoxSolver(problem, tolerance=tolerance)
+        p, n, m = problem, problem.n, problem.n_soft
+        self._weights, self._held, self._gradient = np.zeros(m), np.zeros(n), np.zeros(n)
+        self._memory = Memory(
+            p.G[p.soft], p.value, p.lower, p.upper, p.metric, p.centre, self._weights, self._held,
+            np.zeros((m, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), self._gradient,
+        )  # fmt: skip
+        self._sizes = np.array((n, m, _TRIES), dtype=np.int64)
+        self._proof = np.zeros(4)
+        self._version, self._delegated = -1, False
+
+    def solve(self) -> Status:
+        p = self.problem
+        if p.version != self._version:
+            np.divide(p.weights, p.unit, out=self._weights)
+            self._version = p.version
+        code = solve_box(self._memory.addresses, self._sizes, p.unit, self.tolerance, self._proof)
+        self._delegated = code == GIVE_UP
+        if self._delegated:
+            return self._delegate()
+        if code == REPAIRED:
+            self.counts.repaired += 1
+        else:
+            self.counts.first += 1
+        self.iterations = 1 + code
+        primal, dual, gap, size = self._proof.tolist()
+        self.certificate = Certificate(primal, dual, gap, size, size)
+        return Status.SOLVED
+
+    def _delegate(self) -> Status:
+        reference = self.reference
+        status = reference.solve()
+        self.counts.fallback += 1
+        self.certificate, self.iterations = reference.certificate, reference.iterations
+        _, _, z = reference.multipliers()
+        np.sign(z, out=self._held)
+        self._held[np.abs(z) <= _ROUNDING * np.abs(z).max(initial=0.0)] = 0.0
+        return status
+
+    def reset(self) -> None:
+        self._held.fill(0.0)
+        self.reference.reset()
+
+    def working_set(self) -> tuple[Index, Vec]:
+        items = np.flatnonzero(self._held)
+        return items, self._held[items]
+
+    def guess(self, items: Index, side: Vec) -> None:
+        self._held.fill(0.0)
+        self._held[items] = side
+
+    def multipliers(self) -> tuple[Vec, Vec, Vec]:
+        if self._delegated:
+            return self.reference.multipliers()
+        z_box = np.where(self._held != 0.0, -self._gradient, 0.0)
+        return np.zeros(0), np.zeros(0), z_box * self.problem.unit / self.problem.scale
+
+    @property
+    def active_count(self) -> int:
+        return int(np.count_nonzero(self._held))
