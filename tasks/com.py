@@ -8,6 +8,7 @@ import numpy as np
 
 from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.frame_rows import FrameRows
 from wbc.stack.task import Task, TaskRows, vector_target
 from wbc.stack.tracking import Tracking
 
@@ -44,6 +45,9 @@ class CenterOfMass(Tracking, Task):
         out.drift[:] = state.com_drift
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def compiled_rows(self) -> FrameRows:
+        return FrameRows("", rows=(0, 1, 2))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

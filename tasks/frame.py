@@ -9,6 +9,7 @@ import numpy as np
 from tasks.motions import pose_motion, swing
 from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.frame_rows import FrameRows
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, pose_target, rotation_error
 
@@ -55,6 +56,9 @@ class Frame(Tracking, Task):
         out.drift[:] = frame.drift()
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def compiled_rows(self) -> FrameRows:
+        return FrameRows(self.frame)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

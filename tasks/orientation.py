@@ -8,6 +8,7 @@ import numpy as np
 
 from tasks.motions import swing
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.frame_rows import FrameRows
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, rotation_error, rotation_target
 
@@ -48,6 +49,9 @@ class Orientation(Tracking, Task):
         out.drift[:] = frame.drift()[3:]
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def compiled_rows(self) -> FrameRows:
+        return FrameRows(self.frame, rows=(3, 4, 5))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

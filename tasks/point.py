@@ -9,6 +9,7 @@ import numpy as np
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.frame_rows import FrameRows
 from wbc.stack.tracking import rotation_target
 from wbc.types import Mat
 
@@ -76,6 +77,12 @@ class Point(Contact):
 
     def cone_labels(self) -> list[tuple[str, str]]:
         return [(f"{force} <= mu fz", "N") for force in ("fx", "-fx", "fy", "-fy")]
+
+    def compiled_rows(self) -> FrameRows:
+        return FrameRows(
+            self.frame, rows=(0, 1, 2), offset=self._offset, turn=None if self._plain else self.axes.T,
+            held=(self.radius == 0.0, self.radius == 0.0, True),
+        )  # fmt: skip
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

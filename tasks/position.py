@@ -9,6 +9,7 @@ import numpy as np
 from tasks.trajectories import Sinusoid
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.frame_rows import FrameRows
 from wbc.stack.task import Task, TaskRows, vector_target
 from wbc.stack.tracking import Tracking
 
@@ -60,6 +61,9 @@ class Position(Tracking, Task):
         out.drift[:] = frame.drift()[rows]
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def compiled_rows(self) -> FrameRows:
+        return FrameRows(self.frame, rows=tuple("xyz".index(axis) for axis in self.labels))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.frame_rows import JointRows
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, joints_target
 
@@ -48,6 +49,9 @@ class Posture(Tracking, Task):
         np.subtract(target.value, state.q_joints, out.e)
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+
+    def compiled_rows(self) -> JointRows:
+        return JointRows()
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -11,6 +11,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.frame_rows import FrameRows
 from wbc.types import Mat
 
 
@@ -87,6 +88,9 @@ class Sole(Contact):
 
     def motion_units(self) -> tuple[str, ...]:
         return ("m", "m", "m", "rad", "rad", "rad")
+
+    def compiled_rows(self) -> FrameRows:
+        return FrameRows(self.frame, axes="local", offset=self.origin)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

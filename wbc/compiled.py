@@ -19,15 +19,16 @@ from wbc.errors import CompilerMissing
 
 try:
     import numba
-    from numba import carray, types
     from numba.extending import intrinsic
 except ImportError:
     raise CompilerMissing from None
 
-__all__ = ["Memory", "carray", "floats", "kernel"]
+__all__ = ["Memory", "carray", "floats", "integers", "kernel"]
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
 _FAST = {"reassoc", "nsz", "arcp", "contract"}
+_numba: Any = numba
+_types: Any = numba.types
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
@@ -36,27 +37,34 @@ def kernel(function: _F) -> _F:
     return cast(_F, numba.njit(cache=True, fastmath=_FAST, error_model="numpy")(function))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def floats(_context: Any, address: Any) -> Any:
-    """The float64 at an address, as a pointer that ``carray(pointer, shape)`` makes an array of."""
+def _pointer(kind: Any) -> Callable[[Any, Any], Any]:
+    def to(_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+        signature: Any = _types.CPointer(kind)
+        return signature(address), generate
 
-    return types.CPointer(types.float64)(address), generate
+    return to
+
+
+#: In a kernel: ``carray(floats(address), shape)`` is the array there, as ``carray(integers(address), shape)`` is.
+carray: Any = _numba.carray
+floats: Any = intrinsic(_pointer(_types.float64))
+integers: Any = intrinsic(_pointer(_types.int64))
 
 
 @final
 class Memory:
-    """Addresses of float64 arrays, in the order given, for a kernel; the arrays are kept.
+    """Addresses of float64 and int64 arrays, in the order given, for a kernel; the arrays are kept.
 
     Raises:
         ValueError: an array of another type.
     """
 
-    def __init__(self, *arrays: NDArray[np.float64]) -> None:
+    def __init__(self, *arrays: NDArray[np.float64] | NDArray[np.int64]) -> None:
         for i, array in enumerate(arrays):
-            if array.dtype != np.float64:
-                raise ValueError(f"array {i} is of {array.dtype}, not float64")
+            if array.dtype not in (np.float64, np.int64):
+                raise ValueError(f"array {i} is of {array.dtype}, neither float64 nor int64")
         self._arrays = arrays
         self.addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)

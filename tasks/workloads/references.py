@@ -30,11 +30,11 @@ class Track:
     """A target as a function of time that looks up the entry of the tick: made before the run, read in it."""
 
     def __init__(self, dt: float, entries: Sequence[Any]) -> None:
-        self._entries = entries
+        self._entries, self._last = entries, len(entries) - 1
         self._ticks_per_second = 1.0 / dt
 
     def __call__(self, t: float) -> Any:
-        return self._entries[int(t * self._ticks_per_second + 0.5)]
+        return self._entries[min(int(t * self._ticks_per_second + 0.5), self._last)]
 
 
 def times(ticks: int, dt: float) -> Vec:

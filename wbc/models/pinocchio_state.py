@@ -8,6 +8,7 @@ so that a velocity controller never computes an inertia matrix.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, final
 
@@ -184,6 +185,28 @@ class PinocchioState(RobotState):
             self._learn("centroidal_drift")
         return self._centroidal_drift
 
+    def joint_memory(self, frame: str, offset: Vec | None = None) -> JointMemory:
+        """The memory of the joint that carries a frame, for compiled code; ``offset`` (3,) from it, in its axes."""
+        model, data = self.model.pinocchio, self._data
+        found = model.frames[self.model.frames[frame]]
+        joint, placement = found.parentJoint, found.placement
+        place = placement.translation if offset is None else placement.act(np.asarray(offset))
+        columns = [
+            column
+            for carrier in model.supports[joint]
+            for column in range(model.joints[carrier].idx_v, model.joints[carrier].idx_v + model.joints[carrier].nv)
+            if carrier
+        ]
+        where = data.oMi[joint]
+        arrays = (where.rotation, where.translation, data.v[joint].np, data.a[joint].np)
+        return JointMemory(np.concatenate([placement.rotation.ravel(), place]), columns, arrays, (data, where))
+
+    def memory(self) -> tuple[Vec, ...]:
+        """Joint Jacobians, Jacobian, position and drift of the centre of mass, joint positions: the arrays themselves,
+        as they lie in memory (Pinocchio stores columns)."""
+        data = self._data
+        return data.J, data.Jcom, self._com, self._com_drift, self.q_joints
+
     def _learn(self, need: str) -> None:
         """Compute one thing more, now and in every later update.
 
@@ -248,6 +271,25 @@ class PinocchioState(RobotState):
 
     def __repr__(self) -> str:
         return f"{self.model.name} at t = {self.t:g} s"
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class JointMemory:
+    """Where compiled code finds a joint: rotation and position in the world, spatial velocity and acceleration.
+
+    ``placement`` of a frame in the joint: rotation by rows, position. ``columns`` of the Jacobian that move it.
+    """
+
+    placement: Vec
+    columns: list[int]
+    arrays: tuple[Vec, ...]
+    owner: object
+
+    @classmethod
+    def none(cls) -> JointMemory:
+        """Of what no joint carries."""
+        return cls(np.zeros(12), [], (np.zeros(1),) * 4, None)
 
 
 @final

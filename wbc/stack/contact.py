@@ -12,6 +12,7 @@ import pinocchio
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.frame_rows import FrameRows
 from wbc.stack.tracking import pose_target
 from wbc.types import Mat, Vec
 
@@ -127,6 +128,10 @@ class Contact(ABC):
     @abstractmethod
     def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
         """Write J, drift and e for this state. Pure."""
+
+    def compiled_rows(self) -> FrameRows | None:
+        """What compiled code may write in the place of ``fill``; None: it calls ``fill``."""
+        return None
 
     @abstractmethod
     def cone(self) -> Mat:

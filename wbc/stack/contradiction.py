@@ -21,7 +21,8 @@ def refuse_contradictions(plan: Plan) -> None:
     model = plan.model
     here, there = (model.state(drifts=plan.level.order > 1) for _ in range(2))
     step = 0.1 * np.sin(1.0 + np.arange(model.nv))  # any other state, the same one each time
-    there.update(1.0, model.integrate(here.q, step), step[::-1])
+    # The time of the second tick: a target need not be defined any later.
+    there.update(plan.dt, model.integrate(here.q, step), step[::-1])
     plan.start(here)
     plan.fill(there)
     other = plan.qp.copy()

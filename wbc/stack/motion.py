@@ -33,8 +33,8 @@ class MotionRows:
         self.drift[m:] = 0.0
         self.kp, self.kd, self.rate = np.zeros(n), np.zeros(n), np.zeros(n)
         self.wanted = np.zeros(n)
-        self._own_ed = np.full(n, np.nan)
-        self._writes_ed: Any = None
+        self.own_ed = np.full(n, np.nan)
+        self.writes_ed: Any = None
         self._Jv, self._ed, self._part = np.zeros(n), np.zeros(n), np.zeros(n)
         self._Jv_rows, self._wanted_rows = self._Jv[:m], self.wanted[:m]
         self._Jv_joints = self._Jv[m:].reshape(n_joint_tasks, nj)
@@ -47,7 +47,7 @@ class MotionRows:
         if first < self._m:
             out.J = self.J[rows]
             out.J[:] = np.nan
-        out.e, out.drift, out.ed = self.e[rows], self.drift[rows], self._own_ed[rows]
+        out.e, out.drift, out.ed = self.e[rows], self.drift[rows], self.own_ed[rows]
         out.rate_ref, out.acc_ref = self.rate_ref[rows], self.acc_ref[rows]
         self.set_gains(first, task)
         return out
@@ -94,7 +94,7 @@ class MotionRows:
         for what, values in needed.items():
             if np.isnan(values).any():
                 raise InvalidInput(f"{name}.fill left NaN in out.{what}[{int(np.argwhere(np.isnan(values))[0][0])}]")
-        own = np.isnan(self._own_ed[rows])
+        own = np.isnan(self.own_ed[rows])
         if own.any() and not own.all():
             raise InvalidInput(f"{name}.fill wrote only a part of out.ed; write all of it or none")
         if self.order == 1:
@@ -102,8 +102,8 @@ class MotionRows:
 
     def freeze(self) -> None:
         """Called once after all checks: remember which tasks write their own error rate."""
-        writes = ~np.isnan(self._own_ed)
-        self._writes_ed = writes if writes.any() else None
+        writes = ~np.isnan(self.own_ed)
+        self.writes_ed = writes if writes.any() else None
 
     def lower(self, v: Vec, v_joints: Vec) -> None:
         """From errors to wanted velocities or accelerations, for all rows at once."""
@@ -117,8 +117,8 @@ class MotionRows:
                 self._Jv_joints[:] = v_joints
             ed, part = self._ed, self._part
             np.subtract(self.rate_ref, self._Jv, ed)
-            if self._writes_ed is not None:
-                np.copyto(ed, self._own_ed, where=self._writes_ed)
+            if self.writes_ed is not None:
+                np.copyto(ed, self.own_ed, where=self.writes_ed)
             np.multiply(self.kp, self.e, wanted)
             np.multiply(self.kd, ed, part)
             wanted += part

@@ -7,8 +7,8 @@ applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.probl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, final
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from wbc.stack.stack import Stack
 from wbc.stack.task import Objective, Task
 from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
 from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.compiled.fill import CompiledFill
 
 
 @final
@@ -67,7 +70,8 @@ class Plan:
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
         #: Of each task on the joints: its share of the cost of each joint, and what it wants there.
-        self._pulls = list(zip(np.zeros(joint_wanted.shape), joint_wanted, strict=True))
+        self.shares = np.zeros(joint_wanted.shape)
+        self._pulls = list(zip(self.shares, joint_wanted, strict=True))
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
@@ -75,6 +79,7 @@ class Plan:
         above = [layout.slack] if layout.slack else []
         p.levels = [[self._wish(task) for task in tasks] for tasks in (*above, *stack.levels)]
         self._qp: QP | None = None
+        self._compiled: CompiledFill | None = None
         self._first_fill(like)
 
     def _share(self, like: Plan | None) -> None:
@@ -195,12 +200,7 @@ class Plan:
         if like is None:
             self.start(state)
         first = layout.motion_row
-        members: list[Any] = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts]
-        starts = [*layout.kinematic_rows, *layout.exact_rows, *layout.contact_rows]
-        behind = range(layout.n_rows, layout.n_rows + len(layout.on_joints) * self.model.nj, self.model.nj)
-        for member, row, (fill, out) in zip(
-            [*members, *layout.on_joints], [*starts, *behind], self._fills, strict=True
-        ):
+        for member, row, (fill, out) in self.members():
             _explained(member.name, fill, state, *out)
             motion.check_written(row - first, member.dim, member.name)
         motion.freeze()
@@ -210,6 +210,14 @@ class Plan:
             _explained(writer.name, writer.fill, state)
             writer.check()
         self.fill(state)
+
+    def members(self) -> Iterator[tuple[Any, int, tuple[Callable[..., None], tuple[Any, ...]]]]:
+        """Who writes motion rows: the task or contact, its first row, its ``fill`` and what that writes into."""
+        layout, nj = self.layout, self.model.nj
+        members = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts, *layout.on_joints]
+        behind = range(layout.n_rows, layout.n_rows + len(layout.on_joints) * nj, nj)
+        rows = [*layout.kinematic_rows, *layout.exact_rows, *layout.contact_rows, *behind]
+        return zip(members, rows, self._fills, strict=True)
 
     # ---- weights: read again when a task was assigned to
     def _read_weights(self) -> None:
@@ -280,6 +288,28 @@ class Plan:
             if sum(task.stamp for task in self._tasks) != self._stamp:
                 self._read_weights()
         self.motion.clear()
+        if self._compiled is not None and state is self._compiled.state:
+            self._compiled()
+        else:
+            self._fill_rows(state)
+        if self._has_components and self.level.dynamics:
+            self.problem.ub[self._normal] = self.normal_limits[self._pressing] / self.problem.scale[self._normal]
+        for writer in self._writers:
+            writer.fill(state)
+        if self.intervals is not None:
+            self._fill_joint_bounds(state)
+
+    def compile_for(self, state: RobotState) -> None:
+        """From now on fill by compiled code, for this state; any other one is filled as before.
+
+        Raises:
+            CompilerMissing: the extra ``fast`` is not installed.
+        """
+        from wbc.stack.compiled.fill import CompiledFill
+
+        self._compiled = CompiledFill(self, state)
+
+    def _fill_rows(self, state: RobotState) -> None:
         for fill, out in self._fills:
             fill(state, *out)
         self.motion.lower(state.v, state.v_joints)
@@ -290,10 +320,6 @@ class Plan:
                 self._centre_joints += share * wanted
         if self.level.dynamics:
             self._fill_dynamics(state)
-        for writer in self._writers:
-            writer.fill(state)
-        if self.intervals is not None:
-            self._fill_joint_bounds(state)
 
     def _fill_dynamics(self, state: RobotState) -> None:
         """τ̂ = M a + h − Jᵀ f, base rows first: one row of G each."""
@@ -303,7 +329,6 @@ class Plan:
             np.multiply(self._J_contacts_T, self._force_scale_negative, self._T_f)
         if self._has_components:
             self._T_h += self.extra_bias
-            self.problem.ub[self._normal] = self.normal_limits[self._pressing] / self.problem.scale[self._normal]
 
     def _fill_joint_bounds(self, state: RobotState) -> None:
         assert self.intervals is not None

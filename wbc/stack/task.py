@@ -12,6 +12,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -226,6 +227,10 @@ class Task(Objective):
     @abstractmethod
     def fill(self, state: RobotState, out: TaskRows) -> None:
         """Write e and J (and drift, rate_ref, acc_ref) for this state. Pure: filled twice, same bits."""
+
+    def compiled_rows(self) -> FrameRows | JointRows | None:
+        """What compiled code may write in the place of ``fill``; None: it calls ``fill``."""
+        return None
 
     def exactly(self, *, name: str | None = None) -> Exactly:
         """The same task as a law: its rows hold exactly, above every weight."""

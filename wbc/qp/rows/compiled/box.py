@@ -23,7 +23,7 @@ _ROUNDING = 1e-12
 
 @final
 class CompiledBoxSolver(RowSolver):
-    """Same problem and same answer as :class:`~wbc.qp.rows.box.BoxSolver`; the bounds of the last answer are a guess."""
+    """Same problem and answer as :class:`~wbc.qp.rows.box.BoxSolver`; the bounds of the last answer are a guess."""
 
     form = "box, compiled"
 

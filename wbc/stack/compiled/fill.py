@@ -1,0 +1,158 @@
+"""CompiledFill: a plan's hot path on one state, compiled. Tasks that users write stay Python, called as ever."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from wbc.compiled import Memory
+from wbc.models.pinocchio_state import JointMemory, PinocchioState
+from wbc.stack.compiled.fill_kernel import fill
+from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
+from wbc.stack.contact import Contact
+from wbc.stack.frame_rows import FrameRows, JointRows
+from wbc.stack.task import Target
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.plan import Plan
+
+_ROTATION, _PLACE = slice(0, 9), slice(9, 12)
+
+
+@final
+class CompiledFill:
+    """Fills the motion rows, the centre and the dynamics of ``plan`` from ``state``, as Python does to 1e-9.
+
+    A robot that is not Pinocchio's has no memory to read from: its tasks are all called, and the rest is compiled.
+    """
+
+    def __init__(self, plan: Plan, state: Any) -> None:
+        self.state = state
+        plan.fill(state)  # every row once by its task: what is never written again, and what the state has to compute
+        layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
+        self._calls: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
+        self._followers: list[_Follower] = []
+        self._items = items = _Items(state, model.nv)
+        first = layout.motion_row
+        for member, row, (call, out) in plan.members():
+            rows = member.compiled_rows() if isinstance(state, PinocchioState) else None
+            if rows is None:
+                self._calls.append((call, out))
+            elif isinstance(member, Contact):
+                items.add(rows, row - first, out[0].rotation, out[0].position)
+            else:
+                target = np.zeros(model.nj if isinstance(rows, JointRows) else 12)
+                self._followers.append(_Follower(member, rows, target, out[0]))
+                items.add(rows, row - first, target, target[_PLACE])
+        dynamics, m = plan.level.dynamics, layout.n_rows - first
+        sizes = np.array(
+            [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, len(layout.on_joints), first,
+             layout.contact_row, layout.n_u, dynamics, len(items)], dtype=np.int64,
+        )  # fmt: skip
+        writes_ed = np.zeros(len(motion.e)) if motion.writes_ed is None else motion.writes_ed.astype(np.float64)
+        scale = p.scale[model.nv : model.nv + layout.nf]
+        own = [state.M, state.h, plan.extra_bias, scale] if dynamics else [state.v] * 4
+        self._memory = Memory(
+            sizes, p.G, motion.e, motion.drift, motion.rate_ref, motion.acc_ref, motion.kp, motion.kd, motion.rate,
+            motion.own_ed, writes_ed, motion.wanted, plan.shares, p.centre, state.v, *own, *items.arrays(),
+        )  # fmt: skip
+
+    def __call__(self) -> None:
+        """Write for what the state is now."""
+        state = self.state
+        for call, out in self._calls:
+            call(state, *out)
+        t = state.t
+        for follower in self._followers:
+            follower.follow(t)
+        fill(self._memory.addresses)
+
+
+@final
+class _Follower:
+    """Where a task's target goes, and the views for its rates."""
+
+    __slots__ = ("_out", "_parts", "_reference", "_seen")
+
+    def __init__(self, task: Any, rows: FrameRows | JointRows, memory: Vec, out: Any) -> None:
+        self._reference: Callable[[float], Target] = task.reference
+        self._seen: Target | None = None
+        self._out = out
+        self._parts: tuple[Vec, ...]
+        if isinstance(rows, JointRows):
+            self._parts = (memory,)
+        else:
+            rotation, place = memory[_ROTATION].reshape(3, 3), memory[_PLACE]
+            if rows.rows == (0, 1, 2, 3, 4, 5):
+                self._parts = (rotation, place)
+            elif rows.rows == (3, 4, 5):
+                self._parts = (rotation,)
+            else:
+                step = rows.rows[1] - rows.rows[0] if len(rows.rows) > 1 else 1
+                self._parts = (place[rows.rows[0] : rows.rows[-1] + 1 : step],)
+
+    def follow(self, t: float) -> None:
+        """Copy the target of time t, where it may be another one than before."""
+        target = self._reference(t)
+        if target is self._seen and not target.moves:
+            return
+        self._seen = target
+        if len(self._parts) == 1:
+            self._parts[0][:] = target.value
+        else:
+            self._parts[0][:], self._parts[1][:] = target.value
+        if target.has_rates:
+            self._out.rate_ref[:], self._out.acc_ref[:] = target.rate, target.second
+
+
+@final
+class _Items:
+    """The table that the kernel reads: of each item its kind, joint, columns, where its rows go, and its target."""
+
+    def __init__(self, state: Any, nv: int) -> None:
+        self._state, self._nv = state, nv
+        self._items: list[list[int]] = []
+        self._supports: list[list[int]] = []
+        self._tables: list[Vec] = []
+        self._addresses: list[Any] = []
+        self._kept: list[Memory] = []
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def add(self, rows: FrameRows | JointRows, first: int, target: Vec, place: Vec) -> None:
+        """Rows of one member, its first among the motion rows; ``place`` is the target's position."""
+        where = [-1] * 6
+        table, joint = np.zeros(27), JointMemory.none()
+        if isinstance(rows, JointRows):
+            kind, where[0] = JOINTS, first
+        else:
+            for i, row in enumerate(rows.rows):
+                where[row] = first + i
+            table[12:] = rows.table()
+            kind = LOCAL if rows.axes == "local" else WORLD
+            if not rows.frame:
+                kind = CENTRE
+            else:
+                joint = self._state.joint_memory(rows.frame, rows.offset if kind == LOCAL else None)
+                table[:12] = joint.placement
+        turned = not isinstance(rows, JointRows) and rows.turn is not None
+        self._items.append([kind, len(joint.columns), int(turned), *where])
+        self._supports.append(joint.columns + [0] * (self._nv - len(joint.columns)))
+        self._tables.append(table)
+        memory = Memory(*joint.arrays, target, place)
+        self._kept.append(memory)
+        self._addresses.append(memory.addresses)
+
+    def arrays(self) -> list[Any]:
+        """In the order that the kernel wants."""
+        k, nv = len(self), self._nv
+        items = np.array(self._items, dtype=np.int64).reshape(k, 9)
+        supports = np.array(self._supports, dtype=np.int64).reshape(k, nv)
+        addresses = np.array(self._addresses, dtype=np.int64).reshape(k, 6)
+        tables = np.array(self._tables, dtype=np.float64).reshape(k, 27)
+        memory = self._state.memory() if isinstance(self._state, PinocchioState) else [np.zeros(1)] * 5
+        return [items, supports, tables, addresses, *memory, np.zeros(42)]

@@ -1,0 +1,75 @@
+"""Everything a plan writes for its solver, compiled: rows of frames, gains, centre, dynamics."""
+
+from __future__ import annotations
+
+from wbc.compiled import carray, floats, integers, kernel
+from wbc.stack.compiled.rows_kernel import fill_rows
+from wbc.types import Index
+
+
+@kernel
+def fill(memory: Index) -> None:
+    """What tasks that are followed, :meth:`~wbc.stack.motion.MotionRows.lower` and the plan itself write.
+
+    ``memory``: sizes (order, nv, nb, nf, columns of G, motion rows m, tasks on the joints, first motion row, first
+    contact row, columns of u, whether there are dynamics, items), then what the code below reads by name, and from
+    place 19 on what :func:`~wbc.stack.compiled.rows_kernel.fill_rows` reads.
+    """
+    sizes = carray(integers(memory[0]), 12)
+    order, nv, nb, nf, columns, m, n_joint_tasks = (
+        sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
+    )  # fmt: skip
+    first, contact, n_u, dynamics = sizes[7], sizes[8], sizes[9], sizes[10] > 0
+    nj = nv - nb
+    total = m + n_joint_tasks * nj
+    G = carray(floats(memory[1]), (first + m, columns))
+    e = carray(floats(memory[2]), total)
+    drift = carray(floats(memory[3]), total)
+    rate_ref = carray(floats(memory[4]), total)
+    acc_ref = carray(floats(memory[5]), total)
+    kp = carray(floats(memory[6]), total)
+    kd = carray(floats(memory[7]), total)
+    rate = carray(floats(memory[8]), total)
+    own_ed = carray(floats(memory[9]), total)
+    writes_ed = carray(floats(memory[10]), total)
+    wanted = carray(floats(memory[11]), total)
+    share = carray(floats(memory[12]), n_joint_tasks * nj)
+    centre = carray(floats(memory[13]), nv - n_u)
+    v = carray(floats(memory[14]), nv)
+
+    fill_rows(memory[19:], sizes[11], nv, nj, order == 2, G[first:], e, drift)
+    for i in range(total):
+        if order == 1:
+            wanted[i] = rate[i] * e[i] + rate_ref[i]
+        else:
+            if writes_ed[i] > 0.0:
+                ed = own_ed[i]
+            elif i < m:
+                row, ed = G[first + i], rate_ref[i]
+                for c in range(nv):
+                    ed -= row[c] * v[c]
+            else:
+                ed = rate_ref[i] - v[nb + (i - m) % nj]
+            wanted[i] = kp[i] * e[i] + kd[i] * ed + acc_ref[i] - drift[i]
+        if i < m:
+            G[first + i, columns - 1] = -wanted[i]
+    if n_joint_tasks:
+        for j in range(nj):
+            pull = 0.0
+            for k in range(n_joint_tasks):
+                pull += share[k * nj + j] * wanted[m + k * nj + j]
+            centre[nb - n_u + j] = pull
+    if dynamics:
+        M = carray(floats(memory[15]), (nv, nv))
+        h = carray(floats(memory[16]), nv)
+        extra = carray(floats(memory[17]), nv)
+        force_scale = carray(floats(memory[18]), nf)
+        for i in range(nv):
+            row, inertia = G[i], M[i]
+            for c in range(nv):
+                row[c] = inertia[c]
+            row[columns - 1] = h[i] + extra[i]
+        for f in range(nf):
+            J, scale = G[contact + f], -force_scale[f]
+            for i in range(nv):
+                G[i, nv + f] = scale * J[i]

@@ -1,0 +1,46 @@
+"""Rotations for kernels: the logarithms of :mod:`pinocchio`, from 0 to π."""
+
+from __future__ import annotations
+
+from math import atan2, cos, pi, sin, sqrt
+
+from wbc.compiled import kernel
+from wbc.types import Mat, Vec
+
+# Nearer to π than this the axis is read from the symmetric part of R: the other one vanishes there.
+_NEAR_PI = 1e-2
+
+
+@kernel
+def log3(R: Mat, w: Vec) -> float:
+    """w becomes the rotation vector of R; returns its angle."""
+    x, y, z = 0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])
+    s, c = sqrt(x * x + y * y + z * z), 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    angle = atan2(s, c)
+    if angle < pi - _NEAR_PI:
+        factor = angle / s if s > 1e-8 else 1.0 + s * s / 6.0
+        w[0], w[1], w[2] = factor * x, factor * y, factor * z
+        return angle
+    # R = cos θ + (1 − cos θ) a aᵀ + sin θ [a]ₓ
+    scale = angle * angle / (1.0 - c)
+    w[0] = sqrt(max((R[0, 0] - c) * scale, 0.0)) * (1.0 if x > 0.0 else -1.0)
+    w[1] = sqrt(max((R[1, 1] - c) * scale, 0.0)) * (1.0 if y > 0.0 else -1.0)
+    w[2] = sqrt(max((R[2, 2] - c) * scale, 0.0)) * (1.0 if z > 0.0 else -1.0)
+    return angle
+
+
+@kernel
+def log6(R: Mat, p: Vec, w: Vec, e: Vec) -> None:
+    """e (6,) becomes the twist whose exponential is (R, p): linear, then angular. ``w`` (3,) is memory."""
+    angle = log3(R, w)
+    square = angle * angle
+    if angle < 1e-4:
+        alpha, beta = 1.0 - square / 12.0 - square * square / 720.0, 1.0 / 12.0 + square / 720.0
+    else:
+        half = angle * sin(angle) / (2.0 * (1.0 - cos(angle)))
+        alpha, beta = half, (1.0 - half) / square
+    along = beta * (w[0] * p[0] + w[1] * p[1] + w[2] * p[2])
+    e[0] = alpha * p[0] - 0.5 * (w[1] * p[2] - w[2] * p[1]) + along * w[0]
+    e[1] = alpha * p[1] - 0.5 * (w[2] * p[0] - w[0] * p[2]) + along * w[1]
+    e[2] = alpha * p[2] - 0.5 * (w[0] * p[1] - w[1] * p[0]) + along * w[2]
+    e[3], e[4], e[5] = w[0], w[1], w[2]
