@@ -28,11 +28,13 @@ _REPORT_EVERY = 250
 _PARTS = ("update", "fill", "solve", "decode")
 
 
-def measure(workload: Workload, ticks: int, repeats: int, progress: Progress | None, solver: str) -> dict[str, Any]:
+def measure(
+    workload: Workload, ticks: int, repeats: int, progress: Progress | None, solver: str, fast: bool
+) -> dict[str, Any]:
     """The row of one workload: time, where it goes, what came out of it."""
     steps = _Steps(progress, 3 * repeats * ticks)
     with workload.recipe.made() as made, threadpool_limits(1):
-        setting = _Setting(workload, made, workload.problem(made, ticks), ticks, solver)
+        setting = _Setting(workload, made, workload.problem(made, ticks), ticks, solver, fast)
         timed = []
         for _ in range(repeats):
             controller = setting.controller()
@@ -79,10 +81,14 @@ class _Setting:
     problem: Problem
     ticks: int
     solver: str
+    fast: bool
 
     def controller(self) -> Controller:
         workload = self.workload
-        return Controller(self.made.robot, self.problem.stack, level=workload.level, solver=self.solver, dt=workload.dt)
+        return Controller(
+            self.made.robot, self.problem.stack, level=workload.level, solver=self.solver, dt=workload.dt,
+            fast=self.fast,
+        )  # fmt: skip
 
 
 def _closed_loop(setting: _Setting, controller: Controller, steps: _Steps) -> Record:

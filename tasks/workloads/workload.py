@@ -84,12 +84,13 @@ class Workload(ABC):
 
     @final
     def __call__(
-        self, ticks: int | None = None, repeats: int = 5, progress: Progress | None = None, solver: str = "pdas"
-    ) -> dict[str, Any]:
+        self, ticks: int | None = None, repeats: int = 5, progress: Progress | None = None, solver: str = "pdas",
+        fast: bool = False,
+    ) -> dict[str, Any]:  # fmt: skip
         """Run the workload and measure it.
 
         ``ticks``: how many, all by default. ``repeats``: closed loops of which each tick's least time counts.
-        ``progress(done, total)`` is called now and then, outside what is timed.
+        ``progress(done, total)`` is called now and then, outside what is timed. ``fast``: compiled ticks.
 
         Raises:
             InvalidInput: ``ticks`` or ``repeats`` below 1.
@@ -100,7 +101,7 @@ class Workload(ABC):
 
         ticks = int(checks.number("ticks", self.ticks if ticks is None else ticks, low=1))
         repeats = int(checks.number("repeats", repeats, low=1))
-        return measure(self, ticks, repeats, progress, solver)
+        return measure(self, ticks, repeats, progress, solver, fast)
 
     def __repr__(self) -> str:
         return f"{self.name} {self.title}"

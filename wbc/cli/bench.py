@@ -24,7 +24,7 @@ class Workload(Protocol):
 
     title: str
 
-    def __call__(self, *, ticks: int | None, repeats: int, progress: Any, solver: str) -> dict[str, Any]:
+    def __call__(self, *, ticks: int | None, repeats: int, progress: Any, solver: str, fast: bool) -> dict[str, Any]:
         """Run it; one row of figures that json can write."""
 
 
@@ -40,6 +40,7 @@ def bench(
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
     ticks: Annotated[int | None, typer.Option(min=1, help="Ticks of a run; default: the workload's own.")] = None,
     repeats: Annotated[int, typer.Option(min=1, help="Runs; the least time of each tick counts.")] = 5,
+    fast: Annotated[bool, typer.Option("--fast", help="Compiled ticks (extra fast).")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")] = None,
 ) -> None:
     """Time whole ticks of the controller on the registered workloads."""
@@ -57,7 +58,7 @@ def bench(
             def one(done: int, total: int, i: int = i, name: str = name) -> None:
                 step((i + done / total) / len(chosen), f"timing {name}")
 
-            rows.append(known[name](ticks=ticks, repeats=repeats, progress=one, solver=solver))
+            rows.append(known[name](ticks=ticks, repeats=repeats, progress=one, solver=solver, fast=fast))
     if json_file is not None:
         _write(rows, json_file)
     tell(found)
