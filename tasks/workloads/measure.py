@@ -29,7 +29,7 @@ _PARTS = ("update", "fill", "solve", "decode")
 
 
 def measure(
-    workload: Workload, ticks: int, repeats: int, progress: Progress | None, solver: str, fast: bool
+    workload: Workload, ticks: int, repeats: int, progress: Progress | None, *, solver: str, fast: bool
 ) -> dict[str, Any]:
     """The row of one workload: time, where it goes, what came out of it."""
     steps = _Steps(progress, 3 * repeats * ticks)

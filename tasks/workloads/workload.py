@@ -101,7 +101,7 @@ class Workload(ABC):
 
         ticks = int(checks.number("ticks", self.ticks if ticks is None else ticks, low=1))
         repeats = int(checks.number("repeats", repeats, low=1))
-        return measure(self, ticks, repeats, progress, solver, fast)
+        return measure(self, ticks, repeats, progress, solver=solver, fast=fast)
 
     def __repr__(self) -> str:
         return f"{self.name} {self.title}"

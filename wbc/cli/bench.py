@@ -38,6 +38,7 @@ class UnknownWorkload(UnknownName):
 def bench(
     names: Annotated[list[str] | None, typer.Argument(metavar="[WORKLOAD]...", help="Default: all of them.")] = None,
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
+    *,
     ticks: Annotated[int | None, typer.Option(min=1, help="Ticks of a run; default: the workload's own.")] = None,
     repeats: Annotated[int, typer.Option(min=1, help="Runs; the least time of each tick counts.")] = 5,
     fast: Annotated[bool, typer.Option("--fast", help="Compiled ticks (extra fast).")] = False,

@@ -22,6 +22,9 @@ RETURN_SPEED = 1.0
 #: Distances from a limit [rad, m] that are none.
 _ROUNDING = 1e-9
 _QUANTITIES = ("position", "velocity", "acceleration", "jerk")
+# What the formulas are made of, in the order in which compiled code reads it.
+_CONSTANTS = ("position", "velocity", "acceleration", "−B", "2 B", "B dt", "(B dt)²", "return speed")
+_WORK = ("value", "room", "reach", "wanted", "free", "bound")
 
 
 @final
@@ -66,8 +69,8 @@ class JointIntervals:
         (np.float64(-350.0), np.float64(50.0))
     """
 
-    # Arrays have two rows, one per side: the upper limit, and the lower one seen in a mirror, so that one formula does
-    # for both: limit − value >= 0 on either row.
+    # Arrays hold both sides, one behind the other: the upper limit, and the lower one seen in a mirror, so that one
+    # formula does for both: limit − value >= 0 on either. Their memory never moves: compiled code reads it too.
 
     def __init__(self, joint_names: tuple[str, ...], dt: float, *, braking: float | None = None) -> None:
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
@@ -78,17 +81,32 @@ class JointIntervals:
         self._composed = {quantity: limit.copy() for quantity, limit in self._limits.items()}
         self._owners = dict.fromkeys(_QUANTITIES, "joint limits")
         self._per_dt, self._two_per_dt, self._half_dt = 1.0 / self.dt, 2.0 / self.dt, 0.5 * self.dt
-        self._zero = np.zeros(shape)
-        self._room, self._reach, self._back, self._wanted, self._free = (np.zeros(shape) for _ in range(5))
-        self._value, self._bound, self._room_before, self._value_now = (np.zeros(shape) for _ in range(4))
-        self._plain, self._mirrored = self._value
-        self._bound_above, self._bound_below = self._bound
-        self._room_flat = self._room.reshape(-1)
-        self._opposite_reach, self._opposite_back = self._reach[::-1], self._back[::-1]
+        self._constants = {name: np.zeros(2 * shape[1]) for name in _CONSTANTS}
+        self._work = {name: np.zeros(2 * shape[1]) for name in _WORK}
+        self._zero, self._per_dt_each = np.zeros(2 * shape[1]), np.full(2 * shape[1], 1.0 / self.dt)
+        self._q, self._v, self._a, self._minus_B, self._two_B, self._B_dt, self._B_dt_squared, self._return_speed = (
+            self._constants.values()
+        )
+        self._value, self._room, self._reach, self._wanted, self._free, self._bound = self._work.values()
+        nj = shape[1]
+        self._plain, self._mirrored = self._value[:nj], self._value[nj:]
+        self._bound_above, self._bound_below = self._bound[:nj], self._bound[nj:]
+        self._wanted_above, self._wanted_below = self._wanted[:nj], self._wanted[nj:]
+        self._back, self._room_before, self._value_now = np.zeros(2 * nj), np.zeros(shape), np.zeros(shape)
+        self._opposite_back = self._back.reshape(shape)[::-1]
+        # Whether only velocities are limited, whether accelerations are, whether a joint is outside, whether jerks are.
+        self._flags = np.zeros(4, dtype=np.int64)
         self._jerk: JerkLimits | None = None
-        #: Whether a joint was outside its position limits when bounds were computed last.
-        self.recovering = False
         self._derive()
+
+    @property
+    def recovering(self) -> bool:
+        """Whether a joint was outside its position limits when bounds were computed last."""
+        return bool(self._flags[2])
+
+    def memory(self) -> tuple[Any, ...]:
+        """Flags, constants and work of the formulas, for compiled code."""
+        return (self._flags, *self._constants.values(), *self._work.values())
 
     @classmethod
     def compose(cls, laws: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
@@ -156,7 +174,8 @@ class JointIntervals:
 
     def recovery(self, q: Vec) -> str:
         """Which joint is furthest outside its position limits, and by how much; or nothing."""
-        beyond = np.maximum(q - self._q[0], -q - self._q[1])
+        upper, mirrored = self._limits["position"]
+        beyond = np.maximum(q - upper, -q - mirrored)
         worst = int(np.argmax(beyond))
         if not beyond[worst] > _ROUNDING:
             return ""
@@ -172,44 +191,47 @@ class JointIntervals:
 
     def owner(self, joint: int, *, upper: bool) -> str:
         """Which law gave a bound that was computed last, for reports."""
-        side = 0 if upper else 1
         if self._only_velocity:
             return self._owners["velocity"]
-        if self._narrowed[side, joint]:
+        at = joint if upper else joint + len(self.joint_names)
+        if self._narrowed.reshape(-1)[at]:
             return self._owners["jerk"]
-        if self._has_acceleration and self._bound[side, joint] < self._free[side, joint]:
+        if self._has_acceleration and self._bound[at] < self._free[at]:
             return self._owners["acceleration"]
-        limited = self._wanted[side, joint] == self._v[side, joint]
+        limited = self._wanted[at] == self._v[at]
         return self._owners["velocity" if limited else "position"]
 
     @property
     def braking(self) -> Vec:
         """Deceleration (nj,) that each joint can count on in both directions [rad/s², m/s²]."""
-        return np.asarray(-self._minus_B.max(axis=0))
+        return np.asarray(-self._minus_B.reshape(2, -1).max(axis=0))
 
     def _derive(self) -> None:
         """All constants of the formulas."""
         dt = self.dt
-        self._q, self._v, self._a, jerk = (self._limits[quantity] for quantity in _QUANTITIES)
+        q, v, a, jerk = (self._limits[quantity] for quantity in _QUANTITIES)
         # Towards one limit a joint brakes with the acceleration it has towards the other.
-        opposite = self._a[::-1]
-        self._unlimited = ~np.isfinite(opposite)
-        self._has_acceleration = not self._unlimited.all()
-        limited = self._has_acceleration or np.isfinite(self._q).any() or np.isfinite(jerk).any()
-        self._only_velocity = not limited
-        B = np.where(self._unlimited, BRAKING, opposite) if self._braking is None else opposite
+        opposite = a[::-1]
+        unlimited = ~np.isfinite(opposite)
+        self._has_acceleration = not unlimited.all()
+        self._only_velocity = not (self._has_acceleration or np.isfinite(q).any() or np.isfinite(jerk).any())
+        self._flags[:2] = self._only_velocity, self._has_acceleration
+        B = np.where(unlimited, BRAKING, opposite) if self._braking is None else opposite
         B = np.minimum(B, np.inf if self._braking is None else self._braking)
         # No limit to brake for times no brakes is still no bound: inf · tiny = inf, where inf · 0 is NaN.
-        self._minus_B, self._two_B = -B, np.maximum(2.0 * B, np.finfo(float).tiny)
-        self._B_dt, self._B_dt_squared = B * dt, (B * dt) ** 2
-        self._slower, self._faster = np.where(self._unlimited, np.inf, B * dt), self._a * dt
-        self._highest_v_per_dt, self._lowest_v_per_dt = self._v[0] / dt, -self._v[1] / dt
+        two_B, return_speed = np.maximum(2.0 * B, np.finfo(float).tiny), np.where(np.isfinite(v), v, RETURN_SPEED)
+        constants = (q, v, a, -B, two_B, B * dt, (B * dt) ** 2, return_speed)
+        for constant, values in zip(self._constants.values(), constants, strict=True):
+            constant[:] = values.reshape(-1)
+        self._unlimited, self._faster = unlimited.reshape(-1), (a * dt).reshape(-1)
+        self._slower = np.where(unlimited, np.inf, B * dt).reshape(-1)
+        self._highest_v_per_dt, self._lowest_v_per_dt = v[0] / dt, -v[1] / dt
         self._least_above, self._most_below = -B[0], B[1]
-        self._return_speed = np.where(np.isfinite(self._v), self._v, RETURN_SPEED)
         self._narrowed = np.zeros(B.shape, dtype=bool)
         if np.isfinite(jerk).any():
             self._jerk = self._jerk or JerkLimits(len(self.joint_names))
-            self._jerk.derive(jerk, B, self._v, self._a, dt)
+            self._jerk.derive(jerk, B, v, a, dt)
+        self._flags[3] = self._jerk is not None
 
     def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
         """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
@@ -221,19 +243,19 @@ class JointIntervals:
         np.negative(self._plain, self._mirrored)
         np.subtract(self._q, self._value, self._room)
         if self._jerk is not None:
-            self._room_before[:] = self._room
+            self._room_before[:] = self._room.reshape(2, -1)
         self._speed_that_can_brake()
         self._velocity_wanted(self._two_per_dt)
         self._plain[:] = v
         np.negative(v, self._mirrored)
         np.subtract(self._wanted, self._value, self._free)
-        self._free *= self._per_dt
+        self._free *= self._per_dt_each
         np.maximum(self._free, self._minus_B, out=self._free)
         np.minimum(self._free, self._a, out=self._bound)
         upper[:] = self._bound_above
         np.negative(self._bound_below, lower)
         if self._jerk is not None:
-            self._jerk.narrow(self._room_before, self._value, lower, upper)
+            self._jerk.narrow(self._room_before, self._value.reshape(2, -1), lower, upper)
             self._note_narrowed(lower, upper)
 
     def _acceleration_by_velocity(self, v: Vec, lower: Vec, upper: Vec) -> None:
@@ -250,25 +272,27 @@ class JointIntervals:
         np.negative(q, self._mirrored)
         np.subtract(self._q, self._value, self._room)
         if self._jerk is not None:
-            self._room_before[:] = self._room
-        if self._has_acceleration:
+            self._room_before[:] = self._room.reshape(2, -1)
+        if not self._has_acceleration:
+            np.multiply(self._room, self._per_dt_each, self._reach)
+            self._velocity_wanted(self._per_dt)
+            above, below = self._wanted_above, self._wanted_below
+        else:
             self._speed_that_can_brake()
             np.multiply(self._room, self._per_dt, out=self._reach, where=self._unlimited)
-        else:
-            np.multiply(self._room, self._per_dt, self._reach)
-        self._velocity_wanted(self._per_dt)
-        if self._has_acceleration:
+            self._velocity_wanted(self._per_dt)
             self._plain[:] = v
             np.negative(v, self._mirrored)
             np.subtract(self._value, self._slower, self._free)
             np.maximum(self._free, self._wanted, out=self._free)
             self._value += self._faster
             np.minimum(self._free, self._value, out=self._bound)
-        else:
-            np.copyto(self._bound, self._wanted)
-        upper[:] = self._bound_above
-        np.negative(self._bound_below, lower)
+            above, below = self._bound_above, self._bound_below
+        upper[:] = above
+        np.negative(below, lower)
         if self._jerk is not None:
+            np.copyto(self._bound_above, upper)
+            np.negative(lower, self._bound_below)
             self._velocity_by_jerk(v, lower, upper)
 
     def _velocity_by_jerk(self, v: Vec, lower: Vec, upper: Vec) -> None:
@@ -302,8 +326,9 @@ class JointIntervals:
     def _velocity_wanted(self, per_time: float) -> None:
         """Inside, the speed the limits leave; outside, the way back: at once, or as fast as the other side allows."""
         room, reach, back = self._room, self._reach, self._back
-        self.recovering = bool(self._room_flat[self._room_flat.argmin()] < 0.0)
-        if not self.recovering:
+        outside = room[room.argmin()] < 0.0
+        self._flags[2] = outside
+        if not outside:
             np.minimum(reach, self._v, out=self._wanted)
             return
         np.maximum(reach, self._zero, out=reach)
@@ -312,5 +337,5 @@ class JointIntervals:
         np.negative(back, back)
         np.minimum(room, self._zero, out=room)
         room *= per_time
-        np.maximum(room, self._opposite_back, out=room)
+        np.maximum(room.reshape(2, -1), self._opposite_back, out=room.reshape(2, -1))
         np.add(reach, room, self._wanted)

@@ -66,7 +66,7 @@ class Plan:
         if level.dynamics:
             self._prepare_dynamics()
         self._writers = self._make_writers()
-        self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
+        self.joint_bound_rows = self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
         #: Of each task on the joints: its share of the cost of each joint, and what it wants there.
@@ -290,14 +290,16 @@ class Plan:
         self.motion.clear()
         if self._compiled is not None and state is self._compiled.state:
             self._compiled()
+            bounded = self.intervals is None or not self.intervals.remembers
         else:
             self._fill_rows(state)
+            bounded = self.intervals is None
+        if not bounded:
+            self._fill_joint_bounds(state)
         if self._has_components and self.level.dynamics:
             self.problem.ub[self._normal] = self.normal_limits[self._pressing] / self.problem.scale[self._normal]
         for writer in self._writers:
             writer.fill(state)
-        if self.intervals is not None:
-            self._fill_joint_bounds(state)
 
     def compile_for(self, state: RobotState) -> None:
         """From now on fill by compiled code, for this state; any other one is filled as before.

@@ -50,14 +50,17 @@ class CompiledFill:
         dynamics, m = plan.level.dynamics, layout.n_rows - first
         sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, len(layout.on_joints), first,
-             layout.contact_row, layout.n_u, dynamics, len(items)], dtype=np.int64,
+             layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None], dtype=np.int64,
         )  # fmt: skip
         writes_ed = np.zeros(len(motion.e)) if motion.writes_ed is None else motion.writes_ed.astype(np.float64)
         scale = p.scale[model.nv : model.nv + layout.nf]
         own = [state.M, state.h, plan.extra_bias, scale] if dynamics else [state.v] * 4
+        bounds = (np.array([plan.dt]), *plan.joint_bound_rows)
+        intervals = () if plan.intervals is None else plan.intervals.memory()
         self._memory = Memory(
             sizes, p.G, motion.e, motion.drift, motion.rate_ref, motion.acc_ref, motion.kp, motion.kd, motion.rate,
-            motion.own_ed, writes_ed, motion.wanted, plan.shares, p.centre, state.v, *own, *items.arrays(),
+            motion.own_ed, writes_ed, motion.wanted, plan.shares, p.centre, state.v, *own, *bounds,
+            *items.arrays(), *intervals,
         )  # fmt: skip
 
     def __call__(self) -> None:
@@ -154,5 +157,6 @@ class _Items:
         supports = np.array(self._supports, dtype=np.int64).reshape(k, nv)
         addresses = np.array(self._addresses, dtype=np.int64).reshape(k, 6)
         tables = np.array(self._tables, dtype=np.float64).reshape(k, 27)
-        memory = self._state.memory() if isinstance(self._state, PinocchioState) else [np.zeros(1)] * 5
+        unread = (np.zeros(1),) * 4
+        memory = self._state.memory() if isinstance(self._state, PinocchioState) else (*unread, self._state.q_joints)
         return [items, supports, tables, addresses, *memory, np.zeros(42)]

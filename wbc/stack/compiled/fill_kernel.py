@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wbc.compiled import carray, floats, integers, kernel
+from wbc.stack.compiled.interval_kernel import joint_bounds
 from wbc.stack.compiled.rows_kernel import fill_rows
 from wbc.types import Index
 
@@ -12,10 +13,10 @@ def fill(memory: Index) -> None:
     """What tasks that are followed, :meth:`~wbc.stack.motion.MotionRows.lower` and the plan itself write.
 
     ``memory``: sizes (order, nv, nb, nf, columns of G, motion rows m, tasks on the joints, first motion row, first
-    contact row, columns of u, whether there are dynamics, items), then what the code below reads by name, and from
-    place 19 on what :func:`~wbc.stack.compiled.rows_kernel.fill_rows` reads.
+    contact row, columns of u, whether there are dynamics, items, whether joints have intervals), what the code below
+    reads by name, from place 22 on what ``fill_rows`` reads, from 32 on what ``joint_bounds`` does.
     """
-    sizes = carray(integers(memory[0]), 12)
+    sizes = carray(integers(memory[0]), 13)
     order, nv, nb, nf, columns, m, n_joint_tasks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
@@ -37,7 +38,7 @@ def fill(memory: Index) -> None:
     centre = carray(floats(memory[13]), nv - n_u)
     v = carray(floats(memory[14]), nv)
 
-    fill_rows(memory[19:], sizes[11], nv, nj, order == 2, G[first:], e, drift)
+    fill_rows(memory[22:], sizes[11], nv, nj, order == 2, G[first:], e, drift)
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]
@@ -73,3 +74,7 @@ def fill(memory: Index) -> None:
             J, scale = G[contact + f], -force_scale[f]
             for i in range(nv):
                 G[i, nv + f] = scale * J[i]
+    if sizes[12] > 0:
+        dt = carray(floats(memory[19]), 1)[0]
+        lower, upper = carray(floats(memory[20]), nj), carray(floats(memory[21]), nj)
+        joint_bounds(memory[32:], nj, order, dt, carray(floats(memory[30]), nj), v[nb:], lower, upper)
