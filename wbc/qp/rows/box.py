@@ -94,10 +94,11 @@ class BoxSolver(RowSolver):
         """Solve for the bounds that are guessed; whether that is the answer."""
         p, n, pins = self.problem, self.problem.n, self._pins
         H = self._D
+        if len(pins):
+            self._held[pins] = p.bounds.take(self._bounds)
         if p.n_soft:  # BLAS refuses empty matrices
             W = np.multiply(self._S, self._masked, self._W).T
             if len(pins):
-                self._held[pins] = p.bounds.take(self._bounds)
                 np.multiply(np.dot(self._S, self._held), self._root, self._slope)
             H = dgemm(1.0, W, W, 1.0, self._D, 0, 1)
         np.subtract(self._pull, H[:n, n], self._right)
