@@ -18,12 +18,13 @@ from wbc.stack.constraint import Barrier, BarrierRows
 
 @final
 class CollisionAvoidance(Barrier):
-    """h = d − margin >= 0 [m] for the ``count`` nearest pairs of links, or of a link and an obstacle.
+    """h = d − margin >= 0 [m] for the ``count`` most critical pairs of shapes, of two links or a link and an obstacle.
 
-    d is the distance of their collision shapes, negative inside one another; pairs further apart than ``reach`` [m]
-    are not felt (their rows are empty: sizes never change). What approaches at u [m/s] is stopped in time where
-    u <= rate · (reach − margin). From inside the margin, or inside one another, the rows lead back out at the same
-    rate, and by default they give way where that is more than the robot can do.
+    d is their distance, negative inside one another; pairs further apart than ``reach`` [m] are not felt (their rows
+    are empty: sizes never change). Where more are within reach, those with the smallest h + ḣ / rate count. What
+    approaches at u [m/s] is stopped in time where u <= rate · (reach − margin). From inside the margin, or inside one
+    another, the rows lead back out at the same rate, and by default they give way where that is more than the robot
+    can do.
 
     With a margin, shapes touch only in h < 0: witness points and normals, which have no limit where two shapes just
     touch, are those of shapes that are apart. Distances are coal's; which pairs count, and what is left out, is
@@ -34,7 +35,7 @@ class CollisionAvoidance(Barrier):
         pairs: pairs of names of links and obstacles, to look at these alone; None: all.
         self_collision: with ``pairs=None``, whether links are kept apart from links.
         margin: distance kept [m].
-        count: how many pairs of links have a row.
+        count: how many pairs of shapes have a row.
         reach: distance from which on a pair is felt [m], more than the margin.
         rate: γ [1/s]; slack: see :class:`~wbc.stack.constraint.Barrier`.
 
@@ -60,7 +61,7 @@ class CollisionAvoidance(Barrier):
 
     def __init__(
         self, obstacles: Iterable[Obstacle] = (), *, pairs: Sequence[tuple[str, str]] | None = None,
-        self_collision: bool = True, margin: float = 0.02, count: int = 4, reach: float = 0.2, rate: float = 10.0,
+        self_collision: bool = True, margin: float = 0.02, count: int = 8, reach: float = 0.12, rate: float = 15.0,
         slack: float | None = 1e6, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(rate=rate, slack=slack, name=name)
@@ -76,7 +77,7 @@ class CollisionAvoidance(Barrier):
         if self._distances is None or self._distances.model is not model:
             self._distances = Distances(
                 model, pairs=self.pairs, obstacles=self.obstacles, self_collision=self.self_collision,
-                count=self.count, reach=self.reach, margin=self.margin,
+                count=self.count, reach=self.reach, margin=self.margin, ahead=1.0 / self.rate,
             )  # fmt: skip
         self.dim = self._distances.count
 

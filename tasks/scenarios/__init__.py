@@ -1,6 +1,7 @@
 """Scenarios that ``wbc run`` finds by name. One file a scenario, one line here."""
 
 from tasks.scenarios.arm_reach import ArmReach
+from tasks.scenarios.collision_dodge import CollisionDodge
 from tasks.scenarios.four_p_adaptive import FourPAdaptive
 from tasks.scenarios.humanoid_stand import HumanoidStand
 from tasks.scenarios.humanoid_step import HumanoidStep
@@ -14,6 +15,6 @@ SCENARIOS = {
     scenario.name: scenario
     for scenario in (
         HumanoidStand(), HumanoidStep(), QuadrupedStand(), QuadrupedTrotInPlace(), ArmReach(), PgStep(),
-        FourPAdaptive(), PrTorque(), PrFault(),
+        FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
     )
 }  # fmt: skip

@@ -1,12 +1,12 @@
 """Distances between the shapes of a robot, and between them and obstacles: the nearest pairs, with their derivatives.
 
-Distances and witness points are coal's, placements Pinocchio's. Spheres around all shapes are compared first, in one
-product, then boxes along the line between two middles, so that few pairs are measured. Meshes stand for their convex
-hulls.
+Distances and witness points are coal's, placements Pinocchio's. A pair that was far cannot be near before its shapes
+have moved as far, so few pairs are measured in a tick. Meshes stand for their convex hulls.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
@@ -24,14 +24,19 @@ from wbc.models.pinocchio_state import PinocchioState
 from wbc.models.separation import always_apart
 from wbc.types import Index, Mat, Vec
 
-# Curved shapes get their distance by iteration. To a looser tolerance their normals shake; a tighter one of the
-# penetration depth (EPA) has no floats left.
-_DISTANCE_TOLERANCE, _DEPTH_TOLERANCE, _ITERATIONS = 1e-12, 1e-6, 256
+# Curved shapes get their distance by iteration. To a looser tolerance their normals shake; to this one it fails once in
+# a million times, says so by an absurd number, and is asked again. The penetration depth (EPA) has no floats for more.
+_TIGHT, _LOOSE, _DEPTH_TOLERANCE, _ITERATIONS = 1e-11, 1e-6, 1e-6, 256
+_ABSURD = 1e6
+#: Rounding of sums of ways [m].
+_ROUNDING = 1e-9
 #: Time step of second differences [s].
 _STEP = 1e-4
 # Where the nearest features change, e.g. from one edge to another, a second difference is a jump and no curvature: what
 # is beyond that of shapes of a few centimetres [1/m] counts as none.
 _MOST_CURVATURE = 30.0
+#: Two halves of a second difference that are further apart [m/s²] have a jump in one of them.
+_JUMP = 0.5
 
 
 @final
@@ -71,7 +76,7 @@ class Obstacle:
 
 @final
 class Distances:
-    """The ``count`` nearest pairs of shapes within ``reach`` [m], for one model.
+    """The ``count`` most critical pairs of shapes within ``reach`` [m], for one model.
 
     ``read(state)`` fills, row by row in the order of ``pairs``:
 
@@ -81,7 +86,8 @@ class Distances:
     rate (count,)          ∂d/∂t of obstacles that move
     drift (count,)         d²d/dt² at a = 0: second difference along q ⊕ s v at t + s; NaN in states without drifts
 
-    A pair of links has one row at most, that of its nearest shapes.
+    Where more are within reach, those count that would be nearest after ``ahead`` [s] at the velocity of now. What is
+    filled depends on the state alone; what was measured before only spares work. The first reading measures all pairs.
 
     Left out are shapes that no joint moves against each other, those of neighbouring links, and what two joints or
     fewer cannot bring within ``margin``. With ``pairs=None`` also what is nearer than that in the reference
@@ -120,10 +126,12 @@ class Distances:
         count: int = 4,
         reach: float = 0.2,
         margin: float = 0.0,
+        ahead: float = 0.0,
     ) -> None:
         if not isinstance(model, PinocchioModel) or not model.collisions:
             raise NotSupported(f"{model.name} has no collision shapes, so nothing is known about distances")
         self.model, self.reach = model, checks.number("reach", reach, low=0.0, strict=True)
+        self.ahead = checks.number("ahead", ahead, low=0.0)
         self._obstacles = tuple(obstacles)
         self._geometry = pin.GeometryModel()
         self._owners: list[str] = []
@@ -196,8 +204,13 @@ class Distances:
 
     def _memory(self) -> Any:
         data = self._geometry.createData()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # the only way there is to switch the cache off
+            for request in data.distanceRequests:
+                # A guess from the last call would make distances depend on what was measured before, and fail at times.
+                request.enable_cached_gjk_guess = False
         for request in data.distanceRequests:
-            request.gjk_tolerance, request.gjk_max_iterations = _DISTANCE_TOLERANCE, _ITERATIONS
+            request.gjk_tolerance, request.gjk_max_iterations = _TIGHT, _ITERATIONS
             request.epa_tolerance, request.epa_max_iterations = _DEPTH_TOLERANCE, _ITERATIONS
         return data
 
@@ -221,32 +234,24 @@ class Distances:
         #: Names of the two links, or link and obstacle, of each pair of shapes.
         self.pairs = tuple((self._owners[i], self._owners[j]) for i, j in chosen)
         n, nv = geometry.ngeoms, model.nv
-        groups = {names: i for i, names in enumerate(dict.fromkeys(self.pairs))}
-        self._group = [groups[names] for names in self.pairs]
-        self.count = count = min(count, len(groups))
+        self.count = count = min(count, len(chosen))
         self.which: Index = np.full(count, -1, dtype=np.intp)
         self.distance, self.rate, self.drift = np.full(count, self.reach), np.zeros(count), np.zeros(count)
         self.jacobian = np.zeros((count, nv))
         # ∂d/∂q = wᵀ J with w = (n, p × n), one line of force through both witness points, J the columns about the
         # world's origin: those that move the second shape count +, those that move the first −.
         moved = np.array([self._moved_by(shape.parentJoint) for shape in geometry.geometryObjects])
-        self._sign = np.array([moved[j] - moved[i] for i, j in chosen])
-        self._lines = np.zeros((count, 6))
-        # |cᵢ − cⱼ|² = (−2 cᵢ, |cᵢ|², 1) · (cⱼ, 1, |cⱼ|²), in one product for all; compared with (rᵢ + rⱼ + reach)²
-        self._left, self._right = np.ones((n, 5)), np.ones((n, 5))
-        shapes = [shape.geometry for shape in geometry.geometryObjects]
-        self._radii = np.array([shape.aabb_radius for shape in shapes])
-        self._half_edges = np.array([0.5 * (shape.aabb_local.max_ - shape.aabb_local.min_) for shape in shapes])
-        self._near = np.full((n, n), -np.inf)
-        self._pair_at = np.zeros(n * n, dtype=np.intp)
-        for k, (i, j) in enumerate(chosen):
-            self._near[i, j] = (self._radii[i] + self._radii[j] + self.reach) ** 2
-            self._pair_at[i * n + j] = k
-        self._between = np.zeros((n, n))
         self._first, self._second = np.array(chosen, dtype=np.intp).T
+        self._sign = moved[self._second] - moved[self._first]
+        # A shape that has come a way of s since then is s nearer to anything at most: ``until`` is the sum of the ways
+        # of both shapes before which a pair cannot be within reach.
         self._centres, self._axes = _placements(data)
+        self._radii = np.array([shape.geometry.aabb_radius for shape in geometry.geometryObjects])
+        self._way = np.zeros(n)
+        pin.updateGeometryPlacements(model.pinocchio, self._kinematics, geometry, data, np.array(model.q0))
+        self._last_centres, self._last_axes = self._centres.copy(), self._axes.copy()
+        self._until = np.full(len(chosen), -np.inf)
         self._results = [data.distanceResults[k] for k in range(len(chosen))]
-        self._results_beside = [self._beside.distanceResults[k] for k in range(len(chosen))]
         first = n - len(self._obstacles)
         moving = zip(range(first, n), self._obstacles, self._to_shape, strict=True)
         self._moving = {shape: (obstacle, middle) for shape, obstacle, middle in moving if obstacle.moves}
@@ -263,80 +268,72 @@ class Distances:
 
     # ---- the tick
     def read(self, state: RobotState) -> None:
-        """Measure the nearest pairs of this state."""
+        """Measure the most critical pairs of this state."""
         assert isinstance(state, PinocchioState)
         J = state.joint_columns  # and with them the placements of the joints
-        geometry, data = self._geometry, self._data
-        self._place_obstacles(data, state.t)
-        pin.updateGeometryPlacements(self.model.pinocchio, state.data, geometry, data)
-        self._place_obstacles(data, state.t)
-        near = self._nearest()
-        k = len(near)
-        self.which[:k], self.which[k:] = near, -1
-        self.distance[k:], self.jacobian[k:], self.rate[:], self.drift[:] = self.reach, 0.0, 0.0, 0.0
-        if not state.drifts:
-            self.drift[:] = np.nan
-        if not k:
+        pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, self._data)
+        self._place_obstacles(self._data, state.t)
+        self.which[:], self.distance[:], self.jacobian[:] = -1, self.reach, 0.0
+        self.rate[:], self.drift[:] = 0.0, 0.0 if state.drifts else np.nan
+        near, measured = self._within_reach()
+        if not near:
             return
-        lines = self._lines
-        for row, pair in enumerate(near):
-            result = self._results[pair]
-            nx, ny, nz = result.normal.tolist()
-            px, py, pz = result.getNearestPoint1().tolist()
-            self.distance[row] = result.min_distance
-            lines[row] = nx, ny, nz, py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
-        rows = self.jacobian[:k]
-        np.dot(lines[:k], J, rows)
+        distances = np.array(measured)
+        rows = np.dot([_line(self._results[pair]) for pair in near], J)
         rows *= self._sign[near]
-        if self._moving:
-            self._read_rates(near, state.t)
+        rates = self._rates(near, state.t) if self._moving else np.zeros(len(near))
+        if len(near) > self.count:
+            soon = distances + self.ahead * (rows @ state.v + rates)
+            worst = np.sort(np.argsort(soon, kind="stable")[: self.count])
+            near = [near[i] for i in worst]
+            distances, rows, rates = distances[worst], rows[worst], rates[worst]
+        k = len(near)
+        self.which[:k], self.distance[:k], self.jacobian[:k], self.rate[:k] = near, distances, rows, rates
         if state.drifts:
             self._read_drifts(near, state)
 
-    def _nearest(self) -> list[int]:
-        """The pairs that are nearest, within reach, in the order of ``pairs``: rows keep their pair while they can."""
-        centres, left, right = self._centres, self._left, self._right
-        np.multiply(centres, -2.0, left[:, :3])
-        square = np.einsum("ij,ij->i", centres, centres)
-        left[:, 3] = right[:, 4] = square
-        right[:, :3] = centres
-        np.dot(left, right.T, self._between)
-        maybe = self._pair_at[np.flatnonzero(self._between < self._near)]
-        if not len(maybe):
-            return []
-        bounds = self._at_least(maybe)
-        order = np.argsort(bounds)
-        geometry, data, results, group = self._geometry, self._data, self._results, self._group
-        best: dict[int, tuple[float, int]] = {}
-        furthest = self.reach
-        for bound, pair in zip(bounds[order].tolist(), maybe[order].tolist(), strict=True):
-            if bound >= furthest:
-                break
-            pin.computeDistance(geometry, data, pair)
-            d, links = results[pair].min_distance, group[pair]
-            if d < furthest and (links not in best or d < best[links][0]):
-                best[links] = (d, pair)
-                if len(best) >= self.count:
-                    furthest = sorted(best.values())[self.count - 1][0]
-        chosen = sorted(best.values())[: self.count]
-        return sorted(pair for _, pair in chosen)
+    def _within_reach(self) -> tuple[list[int], list[float]]:
+        """All pairs within reach, in the order of ``pairs`` so that rows keep theirs while they can, and distances."""
+        way, centres, axes = self._way, self._centres, self._axes
+        moved = centres - self._last_centres
+        turned = (axes - self._last_axes).reshape(len(way), 9)
+        way += np.sqrt(np.einsum("ij,ij->i", moved, moved))
+        way += np.sqrt(np.einsum("ij,ij->i", turned, turned)) * self._radii
+        self._last_centres[:], self._last_axes[:] = centres, axes
+        since = way[self._first]
+        since += way[self._second]
+        near, measured = [], []
+        for pair in np.flatnonzero(self._until <= since).tolist():
+            d = self._measured(self._data, pair)
+            if d < self.reach:
+                near.append(pair)
+                measured.append(d)
+            self._until[pair] = since[pair] + d - self.reach - _ROUNDING
+        return near, measured
 
-    def _at_least(self, pairs: Index) -> Vec:
-        """A bound from below on the distance of each pair: boxes around both, seen along the line of their middles."""
-        i, j = self._first[pairs], self._second[pairs]
-        line = self._centres[j] - self._centres[i]
-        apart = np.sqrt(np.einsum("ka,ka->k", line, line))
-        line /= np.maximum(apart, 1e-12)[:, None]
-        for side in (i, j):
-            seen = np.abs(np.einsum("kab,ka->kb", self._axes[side], line))
-            apart -= np.minimum(np.einsum("kb,kb->k", seen, self._half_edges[side]), self._radii[side])
-        return np.asarray(apart)
+    def _measured(self, data: Any, pair: int) -> float:
+        """The distance; to a looser tolerance where the tight one was too much.
+
+        Where neither is enough, the shapes count as touching.
+        """
+        pin.computeDistance(self._geometry, data, pair)
+        d = float(data.distanceResults[pair].min_distance)
+        if -_ABSURD < d < _ABSURD:
+            return d
+        request = data.distanceRequests[pair]
+        request.gjk_tolerance = _LOOSE
+        pin.computeDistance(self._geometry, data, pair)
+        request.gjk_tolerance = _TIGHT
+        d = float(data.distanceResults[pair].min_distance)
+        return d if -_ABSURD < d < _ABSURD else 0.0
 
     def _place_obstacles(self, data: Any, t: float) -> None:
         for shape, (obstacle, middle) in self._moving.items():
             data.oMg[shape] = obstacle.at(t) * middle
 
-    def _read_rates(self, near: list[int], t: float) -> None:
+    def _rates(self, near: list[int], t: float) -> Vec:
+        """∂d/∂t by the obstacles' own motion."""
+        rates = np.zeros(len(near))
         for row, pair in enumerate(near):
             for shape, sign in zip(self._shapes[pair], (-1.0, 1.0), strict=True):
                 if shape in self._moving:
@@ -344,22 +341,28 @@ class Distances:
                     point = result.getNearestPoint2() if sign > 0 else result.getNearestPoint1()
                     inside = obstacle.at(t).actInv(point)
                     velocity = (obstacle.at(t + _STEP).act(inside) - obstacle.at(t - _STEP).act(inside)) / (2.0 * _STEP)
-                    self.rate[row] += sign * float(result.normal @ velocity)
+                    rates[row] += sign * float(result.normal @ velocity)
+        return rates
 
     def _read_drifts(self, near: list[int], state: PinocchioState) -> None:
         """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
-        model, geometry, beside, drift = self.model.pinocchio, self._geometry, self._beside, self.drift
-        k = len(near)
-        np.multiply(self.distance[:k], -2.0, drift[:k])
+        model, geometry, beside, k = self.model.pinocchio, self._geometry, self._beside, len(near)
+        d = self.distance[:k]
+        speed = self.jacobian[:k] @ state.v + self.rate[:k]
+        halves = []
         for s in (_STEP, -_STEP):
             q = pin.integrate(model, state.q, s * state.v)
             pin.updateGeometryPlacements(model, self._kinematics, geometry, beside, q)
             self._place_obstacles(beside, state.t + s)
-            for row, pair in enumerate(near):
-                pin.computeDistance(geometry, beside, pair)
-                drift[row] += self._results_beside[pair].min_distance
-        drift[:k] /= _STEP**2
+            there = np.array([self._measured(beside, pair) for pair in near])
+            halves.append((there - d - s * speed) * (2.0 / _STEP**2))
+        ahead, behind = halves
+        drift = 0.5 * (ahead + behind)
+        # Where other features become the nearest on one side, the other side knows the curvature; where on both, nobody.
+        jumps = np.abs(ahead - behind) > _JUMP
+        drift[jumps] = np.where(np.abs(ahead) < np.abs(behind), ahead, behind)[jumps]
         drift[np.abs(drift) > _MOST_CURVATURE * self._speed_squared(state)] = 0.0
+        self.drift[:k] = drift
 
     def _speed_squared(self, state: PinocchioState) -> float:
         """The largest entry of v, and of a velocity of each moving obstacle, squared."""
@@ -392,6 +395,13 @@ def _coal(shape: Shape) -> tuple[Any, Any]:
     for point in points - still.translation:
         corners.append(point)
     return coal.ConvexBase.convexHull(corners, False, "Qt"), still
+
+
+def _line(result: Any) -> tuple[float, ...]:
+    """The line of force (6,) along the normal through the witness points, about the world's origin."""
+    nx, ny, nz = result.normal.tolist()
+    px, py, pz = result.getNearestPoint1().tolist()
+    return nx, ny, nz, py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
 
 
 def _placements(data: Any) -> tuple[Mat, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
@@ -13,6 +13,7 @@ from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
+    from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel, RobotState
 
 WEIGHT_LENGTH = 0.5  # an arrow as long as this [m] is the robot's weight
@@ -41,11 +42,16 @@ class Motion:
         return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 0.5)
 
 
-def motion(run: Run, robot: RobotModel, rows: Index, links: Iterable[str]) -> Motion:
-    """Place the links of ``robot`` at the given rows of the run, with its contact forces and pushes."""
+def motion(
+    run: Run, robot: RobotModel, rows: Index, links: Iterable[str], obstacles: Sequence[Obstacle] = ()
+) -> Motion:
+    """Place the links of ``robot`` at the given rows of the run, with its contact forces and pushes, and ``obstacles``
+    by their names."""
     q = np.asarray(run.columns.get("plant.q", run["q"]), dtype=np.float64)
     state, rest = robot.state(), np.zeros(robot.nv)
-    places = {link: (np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for link in links}
+    standing = {obstacle.name: obstacle for obstacle in obstacles}
+    wanted = [link for link in links if link not in standing]
+    places = {link: (np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for link in wanted}
     contacts = _contacts(run, robot)
     forces = np.zeros((len(rows), len(contacts), 2, 3))
     pushes, pushed, longest = np.zeros((len(rows), 2, 3)), _pushed_frame(run, robot), _largest_push(run)
@@ -62,6 +68,9 @@ def motion(run: Run, robot: RobotModel, rows: Index, links: Iterable[str]) -> Mo
             tip = _pushed_point(state, pushed)
             pushes[i] = tip - (PUSH_LENGTH / longest) * run["push"][row], tip
     t = np.asarray(run["t"], dtype=np.float64)[rows]
+    for name, obstacle in standing.items():
+        poses = [obstacle.at(float(time)) for time in t]
+        places[name] = np.array([p.translation for p in poses]), np.array([p.rotation for p in poses])
     return Motion(t, places, forces, pushes)
 
 

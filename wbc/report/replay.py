@@ -20,6 +20,7 @@ from wbc.types import Index
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
+    from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
 FRAMES_PER_SECOND = 25.0
@@ -31,15 +32,19 @@ STILL = 1e-5  # a link that moved less than this (m, or of its quaternion) since
 FORCE, PUSH = (47, 143, 91), (197, 61, 61)
 
 
-def replay(run: Run, robot: RobotModel, solid: Sequence[Part], *, title: str = "") -> str:
+def replay(
+    run: Run, robot: RobotModel, solid: Sequence[Part], *, title: str = "", obstacles: Sequence[Obstacle] = ()
+) -> str:
     """The page's HTML: the run of ``robot``, drawn as ``solid``, in its own time at 25 frames a second.
+
+    ``solid`` has parts of the robot's links and of ``obstacles``.
 
     Raises:
         NotSupported: viser is not installed.
     """
     rows, pause = _frames(run)
     solid = thinned(solid, BUDGET)
-    moving = motion(run, robot, rows, sorted({part.link for part in solid}))
+    moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
     turned = {link: quaternions(rotation) for link, (_, rotation) in moving.links.items()}
     with _server(title) as server:
         _stage(server, moving)

@@ -12,6 +12,7 @@ from typing import final
 
 import numpy as np
 
+from wbc.models.collision import Obstacle
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Sphere
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
@@ -20,6 +21,8 @@ from wbc.types import Mat
 
 Color = tuple[int, int, int]
 
+#: Red, green, blue, opacity.
+_OBSTACLE = (0.78, 0.36, 0.30, 1.0)
 LIGHT: Color = (214, 219, 226)
 DARK: Color = (74, 85, 104)
 
@@ -43,6 +46,11 @@ def parts(robot: RobotModel) -> list[Part]:
     if not isinstance(robot, PinocchioModel):
         return []
     return _read_all(robot.visuals) or _read_all(robot.collisions) or skeleton(robot)
+
+
+def obstacle_parts(obstacles: Sequence[Obstacle]) -> list[Part]:
+    """What stands in the world, each obstacle under its own name."""
+    return _read_all([Geometry(obstacle.name, obstacle.shape, color=_OBSTACLE) for obstacle in obstacles])
 
 
 def thinned(solid: Sequence[Part], budget: int) -> list[Part]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from wbc.control.recorder import Run
+    from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
 MOMENTS = 5
@@ -26,11 +27,13 @@ VIEW = np.array([1.15, -0.92, 0.42])  # towards the viewer
 LIGHT = np.array([0.35, -0.5, 0.8])
 
 
-def stills(run: Run, robot: RobotModel, solid: Sequence[Part], *, moments: int = MOMENTS) -> Figure:
+def stills(
+    run: Run, robot: RobotModel, solid: Sequence[Part], *, moments: int = MOMENTS, obstacles: Sequence[Obstacle] = ()
+) -> Figure:
     """The robot, drawn as ``solid``, at ``moments`` times, seen from its front right."""
     solid = thinned(solid, BUDGET)
     rows = _moments(run, moments)
-    moving = motion(run, robot, rows, sorted({part.link for part in solid}))
+    moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
     right, up, towards = _camera()
     scene = [_projected(solid, moving, i, np.array([right, up, towards])) for i in range(len(rows))]
     arrows = np.concatenate([moving.forces.reshape(-1, 3), moving.pushes.reshape(-1, 3)]) @ np.array([right, up]).T

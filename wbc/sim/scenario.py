@@ -22,6 +22,7 @@ from wbc.errors import InvalidInput, UnknownName, UnknownScenario, WbcError
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
+    from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
 GROUP = "wbc.scenarios"
@@ -56,7 +57,7 @@ class ScenarioResult:
 
     ``violations`` {kind: (worst, unit)}, 0 when nothing was broken; ``tracking`` {task: {"rms", "max"}} in the
     task's own unit (:mod:`wbc.report.measure` reads both from a run); ``figures`` whatever else the scenario
-    measures, JSON values; ``robot`` is drawn in the report.
+    measures, JSON values; ``robot`` is drawn in the report, and with it ``obstacles``.
 
     ``sections`` are what the scenario itself has to show, in the form of a report's own sections: functions of this
     result giving a :class:`wbc.report.document.Section`, or None. They stand behind the verdict and are called when a
@@ -70,6 +71,7 @@ class ScenarioResult:
     verdict: Sequence[Check]
     figures: Mapping[str, Any] = field(default_factory=dict)
     robot: RobotModel | None = None
+    obstacles: Sequence[Obstacle] = ()
     sections: Sequence[Callable[[ScenarioResult], Any]] = ()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wbc.report.document import Page, Section
 from wbc.report.replay import replay
-from wbc.report.shapes import parts
+from wbc.report.shapes import obstacle_parts, parts
 from wbc.report.stills import stills
 from wbc.sim.scenario import ScenarioResult
 
@@ -18,7 +18,8 @@ def section(result: ScenarioResult) -> Section | None:
         "Drag to orbit, scroll to zoom, use the bar to play. Green: contact forces on the robot, "
         "the robot's weight half a metre long; red: a push."
     )
-    solid = parts(robot)
+    obstacles = result.obstacles
+    solid = [*parts(robot), *obstacle_parts(obstacles)]
     title = f"{run.meta.get('scenario', 'run')} · {robot.name}"
-    page = Page("replay.html", caption, replay(run, robot, solid, title=title))
-    return Section("Motion", [page, stills(run, robot, solid)])
+    page = Page("replay.html", caption, replay(run, robot, solid, title=title, obstacles=obstacles))
+    return Section("Motion", [page, stills(run, robot, solid, obstacles=obstacles)])

@@ -1,0 +1,229 @@
+"""An arm is told to reach through a post and past a swinging ball, with and without collision avoidance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar, final
+
+import numpy as np
+import pinocchio
+
+import wbc
+from tasks import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
+from tasks.scenarios import judge
+from wbc.errors import InvalidInput
+from wbc.models.collision import Distances
+from wbc.models.geometry import Cylinder, Sphere
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure, style
+from wbc.report.document import Section, Table, Text
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.plant import IntegratorPlant, Plant
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.types import Vec
+
+#: From here to there and back, in so many seconds [m, s]. The post stands between.
+HERE, THERE, PERIOD = (0.55, 0.0, 0.42), (0.33, 0.45, 0.42), 8.0
+POST_AT, POST_RADIUS, POST_LENGTH = (0.40, 0.25, 0.30), 0.04, 0.6
+#: The ball swings across behind the hand, and would meet the forearm on its way.
+BALL_RADIUS, BALL_PERIOD = 0.06, 5.0
+#: So that no torque jumps where a joint meets its speed limit [rad/s², rad/s³].
+A_MAX, J_MAX = 40.0, 4000.0
+#: Every so many ticks all distances are measured.
+EVERY = 4
+#: Distances above this [m] are not told apart.
+FAR = 0.3
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """The smallest distance of all pairs (k,) [m] at times (k,) [s], and which pair had it."""
+
+    times: Vec
+    distances: Vec
+    pairs: Sequence[tuple[str, str]]
+
+    @property
+    def smallest(self) -> float:
+        """Over the whole run [m]."""
+        return float(self.distances.min())
+
+    @property
+    def closest(self) -> str:
+        """The pair that came nearest."""
+        return " and ".join(self.pairs[int(np.argmin(self.distances))])
+
+
+@final
+class CollisionDodge(Scenario):
+    """The tool is to move through a post and back while a ball swings across the arm; run twice, the same gains and
+    limits, with and without ``CollisionAvoidance``.
+
+    The obstacles are not in the physics: what is touched is not felt, so that the run without shows how deep the task
+    leads. Distances are those of the robot that physics moved, of all pairs of shapes and not only of those that had a
+    row. ``margin`` [m] is what is to be kept; ``robot`` an arm whose tool is ``frame``.
+    """
+
+    name: ClassVar[str] = "collision-dodge"
+    summary: ClassVar[str] = "an arm keeps away from a post, a swinging ball and itself, where its task leads through"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "arm", "frame": "tool", "margin": 0.02}
+    plants = ("mujoco", "integrator")
+    duration = 8.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy  # there is one
+        robot = wbc.load(parameters["robot"], base="fixed")
+        robot.check_frame(parameters["frame"])
+        if not 0.0 < parameters["margin"] < 0.08:
+            raise InvalidInput(f"margin is {parameters['margin']:g} m; it must be above 0 and below 0.08")
+        around = obstacles()
+        avoidance = CollisionAvoidance(around, margin=parameters["margin"])
+        meta = {"scenario": self.name, "parameters": dict(parameters)}
+        runs = []
+        for part, limits in enumerate(([avoidance], [])):
+            controller = wbc.Controller(
+                robot, stack(robot, parameters["frame"], limits), level=wbc.InverseDynamics(), solver=solver
+            )
+            half = partial(_half, progress, part)
+            runs.append(simulate(controller, _plant(robot, plant), duration=duration, progress=half, meta=meta))
+        clearances = [clearance(run, robot, around) for run in runs]
+        return _judged(runs, clearances, robot, parameters["margin"], around)
+
+
+def obstacles() -> list[Obstacle]:
+    """A post that stands, and a ball that swings."""
+
+    def swinging(t: float) -> Any:
+        phase = 2.0 * np.pi * t / BALL_PERIOD
+        return pinocchio.SE3(np.eye(3), np.array([0.15 + 0.05 * np.cos(phase), -0.35 * np.cos(phase), 0.72]))
+
+    post = Obstacle("post", Cylinder(POST_RADIUS, POST_LENGTH), pinocchio.SE3(np.eye(3), np.array(POST_AT)))
+    return [post, Obstacle("ball", Sphere(BALL_RADIUS), swinging)]
+
+
+def path(t: float) -> tuple[Vec, Vec, Vec]:
+    """From here to there and back, smoothly."""
+    phase, w = 2.0 * np.pi * t / PERIOD, 2.0 * np.pi / PERIOD
+    share, rate, second = 0.5 * (1 - np.cos(phase)), 0.5 * w * np.sin(phase), 0.5 * w**2 * np.cos(phase)
+    way = np.array(THERE) - np.array(HERE)
+    return np.array(HERE) + share * way, rate * way, second * way
+
+
+def stack(robot: PinocchioModel, frame: str, limits: Sequence[Any]) -> wbc.Stack:
+    """The task that leads through, and what else is asked.
+
+    Positions keep a milliradian more from their limits: physics steps a little differently from what is decided.
+    """
+    low, high = robot.limits.q_min + 1e-3, robot.limits.q_max - 1e-3
+    return wbc.Stack(
+        [Position(frame, target=path, kp=100), Posture(robot.q0, kp=10, weight=1e-2)],
+        subject_to=[JointLimits(low, high, a_max=A_MAX, j_max=J_MAX), *limits],
+    )
+
+
+def clearance(run: wbc.Run, robot: PinocchioModel, around: Sequence[Obstacle]) -> Clearance:
+    """Distances of every pair of shapes, along what the plant did."""
+    state, measured = robot.state(drifts=False), Distances(robot, obstacles=around, count=1, reach=FAR)
+    rest, times, distances, pairs = np.zeros(robot.nv), [], [], []
+    for row in range(0, run.rows, EVERY):
+        state.update(float(run["t"][row]), np.asarray(run["plant.q"][row]), rest)
+        measured.read(state)
+        times.append(state.t)
+        distances.append(float(measured.distance[0]))
+        pairs.append(measured.pairs[measured.which[0]] if measured.which[0] >= 0 else ("nothing", "near"))
+    return Clearance(np.array(times), np.array(distances), pairs)
+
+
+def _plant(robot: PinocchioModel, kind: str) -> Plant:
+    plant: Plant = MujocoPlant(robot) if kind == "mujoco" else IntegratorPlant(robot, level="acceleration")
+    plant.reset(np.array(robot.q0))
+    return plant
+
+
+def _half(progress: Progress, part: int, done: float, text: str = "") -> None:
+    progress(0.5 * (part + done), text)
+
+
+def _judged(
+    runs: Sequence[wbc.Run], clearances: Sequence[Clearance], robot: PinocchioModel, margin: float,
+    around: Sequence[Obstacle],
+) -> ScenarioResult:  # fmt: skip
+    run, (kept, free) = runs[0], clearances
+    violations = measure.violations(run)
+    steps = np.abs(np.diff(run["tau"], axis=0)).max(initial=0.0)
+    figures = {
+        "min_distance_m": kept.smallest,
+        "without_m": free.smallest,
+        "margin_m": margin,
+        "closest": kept.closest,
+        "closest_without": free.closest,
+        "largest_torque_step_Nm": float(steps),
+        "tool_error_at_the_end_m": float(np.linalg.norm(_error(run)[-1])),
+    }
+    through = len(kept.times) * EVERY * float(run.meta["dt"]) > 0.5 * PERIOD
+    verdict = [
+        Check("smallest distance", kept.smallest, 0.0, kept.smallest > 0.0, "m"),
+        Check("smallest distance, less the margin", kept.smallest - margin, -1e-3, kept.smallest > margin - 1e-3, "m"),
+        *judge.common_checks(run, violations),
+    ]
+    if through:
+        verdict.insert(2, Check("smallest distance without the limit", free.smallest, 0.0, free.smallest < 0.0, "m"))
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
+        verdict=verdict, figures=figures, robot=robot, obstacles=around,
+        sections=[lambda result: _section(result, clearances, runs, margin)],
+    )  # fmt: skip
+
+
+def _error(run: wbc.Run) -> Vec:
+    return np.asarray(run[next(name for name in run.columns if name.startswith("error.Position"))])
+
+
+def _section(
+    result: ScenarioResult, clearances: Sequence[Clearance], runs: Sequence[wbc.Run], margin: float
+) -> Section:
+    kept, free = clearances
+    with style.Canvas(2, 1, height=5.2) as canvas:
+        distance, torque = canvas.axes
+        for name, made, look in (
+            ("without", free, {"color": "#f2b27a", "linewidth": 2.2}),
+            ("with collision avoidance", kept, {"color": style.BLUE, "linewidth": 1.6}),
+        ):
+            style.curve(distance, made.times, made.distances, label=name, **look)
+        style.bound(distance, margin, "margin")
+        style.bound(distance, 0.0, "touching")
+        style.over_time(distance, result.run, "The smallest distance of all pairs of shapes", "d [m]")
+        style.legend(distance)
+        error = np.linalg.norm(_error(runs[0]), axis=1)
+        style.curve(torque, measure.times(runs[0]), error, color=style.BLUE, label="with collision avoidance")
+        without = np.linalg.norm(_error(runs[1]), axis=1)
+        style.curve(torque, measure.times(runs[1]), without, color="#f2b27a", label="without")
+        style.over_time(torque, result.run, "What the way round costs the task", "tool error [m]")
+        style.legend(torque)
+        figure = canvas.figure(
+            "distance",
+            "Both runs have the same task, gains and other limits. Below zero shapes are inside one another: the "
+            "obstacles are not in the physics, so that nothing but the limit keeps the arm away from them.",
+        )
+    table = Table(
+        ("run", "smallest distance [m]", "between"),
+        [("with collision avoidance", kept.smallest, kept.closest), ("without", free.smallest, free.closest)],
+    )
+    text = Text(
+        "The barrier has the distances of coal, measured in the tick; here they are measured again, for every pair of "
+        "shapes of the robot that physics moved."
+    )
+    return Section("Distances", [text, table, figure])

@@ -1,0 +1,143 @@
+"""Collision avoidance in a controller: distance is kept at every level, found again, and there is always an answer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tasks import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
+from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
+from wbc.errors import InvalidInput, UnknownName
+from wbc.models.geometry import Sphere
+from wbc.testing import robots
+from wbc.types import Status, Vec
+
+ARM = robots()[0]
+START = ARM.state().frame("tool").position.copy()
+LEVELS = [VelocityLevel(), AccelerationLevel(), InverseDynamics()]
+DT, MARGIN = 1e-3, 0.02
+
+
+def at(point: Vec) -> Any:
+    return pin.SE3(np.eye(3), np.asarray(point, dtype=np.float64))
+
+
+def towards(goal: Vec, laws: list[Any], level: Any, **settings: Any) -> Controller:
+    reach = Position("tool", target=goal, kp=100.0, rate=5.0)
+    stack = Stack([reach, Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[JointLimits(), *laws])
+    return Controller(ARM, stack, level=level, dt=DT, **settings)
+
+
+def smallest(controller: Controller, law: CollisionAvoidance, seconds: float, q: Vec | None = None) -> list[float]:
+    """The smallest distance of each tick; the robot does what is decided."""
+    q, v = np.array(ARM.q0) if q is None else q, np.zeros(ARM.nv)
+    state, seen = ARM.state(drifts=False), []
+    for k in range(round(seconds / DT)):
+        command = controller.tick(k * DT, q, v)
+        assert command.status is Status.SOLVED, controller.why
+        q, v = command.q, command.v
+        state.update((k + 1) * DT, q, v)
+        seen.append(law.closest(state)[0][2] if law.closest(state) else np.inf)
+    return seen
+
+
+def ball_in_the_way(radius: float = 0.06) -> tuple[Vec, Obstacle]:
+    goal = START + np.array([-0.1, 0.35, 0.0])
+    return goal, Obstacle("ball", Sphere(radius), at(0.5 * (START + goal) + np.array([0.0, 0.0, 0.03])))
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+def test_the_tool_goes_round_what_it_would_go_through(level: Any):
+    goal, ball = ball_in_the_way()
+    law = CollisionAvoidance([ball], self_collision=False, margin=MARGIN)
+    law.prepare(ARM)
+    # A velocity is kept for a whole tick, in which the distance may fall by its curvature.
+    assert min(smallest(towards(goal, [law], level), law, 1.5)) > MARGIN - 2e-4
+    assert min(smallest(towards(goal, [], level), law, 1.5)) < 0.0
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+def test_from_inside_one_another_shapes_come_apart_again(level: Any):
+    law = CollisionAvoidance([Obstacle("ball", Sphere(0.1), at(START))], self_collision=False, margin=MARGIN)
+    law.prepare(ARM)
+    seen = smallest(towards(START, [law], level), law, 1.0)
+    assert seen[0] < -0.05
+    assert (np.diff(seen) > -1e-6).all()
+    assert seen[-1] > MARGIN - 5e-4
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+def test_what_comes_flying_is_dodged(level: Any):
+    def thrown(t: float) -> Any:
+        return at(START + np.array([0.6 - 0.6 * t, 0.05, 0.02]))
+
+    law = CollisionAvoidance([Obstacle("ball", Sphere(0.06), thrown)], self_collision=False, margin=MARGIN)
+    law.prepare(ARM)
+    assert min(smallest(towards(START, [law], level), law, 1.5)) > MARGIN - 2e-3
+    assert min(smallest(towards(START, [], level), law, 1.5)) < 0.0
+
+
+@settings(max_examples=12)
+@given(st.integers(0, 10_000), st.sampled_from(LEVELS))
+def test_every_tick_has_an_answer_however_the_obstacles_stand(seed: int, level: Any):
+    """Balls all over the arm, from the first tick on."""
+    rng = np.random.default_rng(seed)
+    around = [Obstacle(f"ball {i}", Sphere(0.1), at(START + 0.3 * rng.normal(size=3))) for i in range(4)]
+    laws = [CollisionAvoidance(around, margin=MARGIN)]
+    controller = towards(START + 0.2 * rng.normal(size=3), laws, level)
+    q, v = ARM.random_configuration(rng), 0.3 * rng.normal(size=ARM.nv)
+    for k in range(5):
+        command = controller.tick(k * DT, q, v)
+        assert command.status is Status.SOLVED, controller.why
+        q, v = command.q, command.v
+
+
+def test_without_slack_it_is_a_law_that_may_contradict_itself():
+    sides = 0.11 * np.vstack([np.eye(3), -np.eye(3)])
+    balls = [Obstacle(f"ball {i}", Sphere(0.12), at(START + side)) for i, side in enumerate(sides)]
+    for slack, status in ((None, Status.INFEASIBLE), (1e6, Status.SOLVED)):
+        law = CollisionAvoidance(balls, self_collision=False, slack=slack, count=20)
+        command = towards(START, [law], AccelerationLevel()).tick(0.0, ARM.q0, np.zeros(ARM.nv))
+        assert command.status is status
+
+
+def test_far_from_everything_it_changes_nothing():
+    far = Obstacle("moon", Sphere(1.0), at(np.array([50.0, 0.0, 0.0])))
+    law = CollisionAvoidance([far], self_collision=False)
+    with_law, without = (towards(START + 0.1, laws, InverseDynamics()) for laws in ([law], []))
+    one, other = (controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)) for controller in (with_law, without))
+    np.testing.assert_allclose(one.tau, other.tau, atol=1e-7)
+
+
+def test_the_closest_are_named_the_nearest_first():
+    _, ball = ball_in_the_way()
+    law = CollisionAvoidance([ball], margin=MARGIN, reach=0.5)
+    law.prepare(ARM)
+    found = law.closest(ARM.state())
+    assert [d for *_, d in found] == sorted(d for *_, d in found)
+    assert any("ball" in pair for *pair, _ in found)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"reach": 0.01, "margin": 0.02}, "reach is 0.01 m; it must be more than the margin of 0.02 m"),
+        ({"margin": -0.1}, "margin is -0.1"),
+        ({"slack": 0.0}, "slack is 0"),
+        ({"rate": 0.0}, "rate is 0"),
+        ({"count": 0}, "count is 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(arguments: dict[str, Any], said: str):
+    with pytest.raises(InvalidInput, match=said):
+        CollisionAvoidance(**arguments)
+
+
+def test_an_unknown_link_is_refused_when_the_stack_is_compiled():
+    with pytest.raises(UnknownName, match="there is no link or obstacle 'fore'"):
+        towards(START, [CollisionAvoidance(pairs=[("fore", "base")])], VelocityLevel())

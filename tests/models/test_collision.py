@@ -1,0 +1,242 @@
+"""Distances between shapes: what is near is found, whatever was measured before, and its derivatives are right."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wbc.errors import InvalidInput, NotSupported, UnknownName
+from wbc.models import PlanarPR
+from wbc.models.collision import Distances, Obstacle
+from wbc.models.geometry import Box, Cylinder, Sphere
+from wbc.testing import moments, robots
+from wbc.testing.differences import along
+from wbc.types import Vec
+
+ARM, QUADRUPED, HUMANOID = robots()
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def at(x: float, y: float, z: float) -> Any:
+    return pin.SE3(np.eye(3), np.array([x, y, z]))
+
+
+def ball(name: str = "ball", radius: float = 0.1) -> Obstacle:
+    return Obstacle(name, Sphere(radius), at(0.4, 0.1, 0.4))
+
+
+def reading(distances: Distances, state: Any) -> dict[int, float]:
+    distances.read(state)
+    return {int(pair): float(d) for pair, d in zip(distances.which, distances.distance, strict=True) if pair >= 0}
+
+
+@cache
+def measuring(robot: Any) -> tuple[Distances, Any]:
+    """Distances that remember what examples before have read, and memory to measure everything anew."""
+    distances = Distances(robot, obstacles=[ball()], count=10_000, reach=0.15)
+    return distances, distances._geometry.createData()
+
+
+@given(SEEDS, st.sampled_from([ARM, QUADRUPED]))
+def test_all_that_is_within_reach_is_found_wherever_the_robot_was_before(seed: int, robot: Any):
+    rng = np.random.default_rng(seed)
+    distances, brute = measuring(robot)
+    state = robot.state(drifts=False)
+    q = robot.random_configuration(rng)
+    for _ in range(6):
+        # Small steps and jumps: shapes come a long way or none since they were measured last.
+        step = rng.normal(size=robot.nv) * rng.choice([1e-3, 0.02, 1.0])
+        q = robot.integrate(q, step)
+        state.update(0.0, q, state.v)
+        found = reading(distances, state)
+        pin.computeDistances(robot.pinocchio, robot.pinocchio.createData(), distances._geometry, brute, q)
+        expected = {k: result.min_distance for k, result in enumerate(brute.distanceResults)}
+        near = {k for k, d in expected.items() if d < 0.15 - 1e-5}
+        assert near <= set(found)
+        for k, d in found.items():
+            # The oracle has its own tolerance; depths inside one another are to no more than a millimetre.
+            assert d == pytest.approx(expected[k], abs=2e-5 if d > 0 else 1e-3)
+
+
+def test_what_was_read_before_changes_no_bit():
+    states = [ARM.state() for _ in range(4)]
+    for state, moment in zip(states, moments(ARM, count=4, seed=3), strict=True):
+        state.update(*moment)
+    fresh = []
+    for state in states:
+        distances = Distances(ARM, obstacles=[ball()], count=4, reach=0.3)
+        distances.read(state)
+        fresh.append((distances.distance.tobytes(), distances.jacobian.tobytes(), distances.drift.tobytes()))
+    again = Distances(ARM, obstacles=[ball()], count=4, reach=0.3)
+    for i in (0, 3, 1, 2, 2, 0, 3):
+        again.read(states[i])
+        assert fresh[i] == (again.distance.tobytes(), again.jacobian.tobytes(), again.drift.tobytes())
+
+
+@given(SEEDS)
+def test_two_balls_are_as_far_apart_as_geometry_says(seed: int):
+    """A ball on the forearm against a ball in the world: d = |p − c| − r − r'."""
+    rng = np.random.default_rng(seed)
+    state = ARM.state()
+    state.update(*moments(ARM, count=1, seed=seed)[0])
+    shape = [g for g in ARM.collisions if isinstance(g.shape, Sphere)][-1]
+    centre = state.frame(shape.link).placement.act(np.array(shape.origin.xyz))
+    obstacle = Obstacle("other", Sphere(0.05), pin.SE3(np.eye(3), centre + 0.2 * rng.normal(size=3)))
+    distances = Distances(ARM, obstacles=[obstacle], pairs=[(shape.link, "other")], count=10, reach=10.0)
+    gap = np.linalg.norm(centre - obstacle.pose.translation) - 0.05 - shape.shape.radius
+    assert min(abs(d - gap) for d in reading(distances, state).values()) <= 1e-12
+
+
+@pytest.mark.parametrize("robot", [ARM, HUMANOID], ids=lambda robot: robot.name)
+def test_derivatives_of_self_distances_are_those_of_differences(robot: Any):
+    distances, state = Distances(robot, count=40, reach=0.3, margin=0.01), robot.state()
+
+    def read(what: str, moment: Any) -> Vec:
+        state.update(*moment)
+        distances.read(state)
+        return getattr(distances, what).copy()
+
+    checked = 0
+    for moment in moments(robot, count=6, seed=1):
+        which = read("which", moment)
+        J, drift, d = (read(what, moment) for what in ("jacobian", "drift", "distance"))
+        apart = (which >= 0) & (d > 5e-3)  # inside one another depths have kinks
+        found = np.column_stack(
+            [along(lambda m: read("distance", m), robot, moment, axis) for axis in np.eye(robot.nv)]
+        )
+        speed = along(lambda m, v=moment[2]: read("jacobian", m) @ v, robot, moment, moment[2])
+        smooth = apart & (np.abs(found - J).max(axis=1) < 1e-4)  # at a step of 1e-5, all but those beside a kink
+        assert smooth.sum() >= 0.9 * apart.sum()
+        # Curved shapes have their normals to about 1e-6: differences of them over 2e-5 s to 0.1.
+        assert np.median(np.abs(speed - drift)[smooth]) <= 1e-2 * (1 + np.abs(drift).max())
+        checked += int(smooth.sum())
+    assert checked > 20
+
+
+def test_an_obstacle_that_moves_changes_distances_by_itself():
+    def passing(t: float) -> Any:
+        return at(0.6 - 0.5 * t, 0.1 * t, 0.42)
+
+    distances = Distances(
+        ARM, obstacles=[Obstacle("ball", Sphere(0.05), passing)], self_collision=False, count=1, reach=2.0
+    )
+    state = ARM.state()
+    state.update(0.4, ARM.q0, np.zeros(ARM.nv))
+    d, rate, drift = [], 0.0, 0.0
+    for s in (-1e-3, 0.0, 1e-3):
+        state.update(0.4 + s, ARM.q0, np.zeros(ARM.nv))
+        distances.read(state)
+        d.append(float(distances.distance[0]))
+        if s == 0.0:
+            rate, drift = float(distances.rate[0]), float(distances.drift[0])
+    assert rate == pytest.approx((d[2] - d[0]) / 2e-3, abs=1e-5)
+    assert drift == pytest.approx((d[2] - 2 * d[1] + d[0]) / 1e-6, abs=1e-2)
+
+
+@pytest.mark.parametrize("link", ["forearm", "flange"])
+def test_through_contact_the_normal_does_not_turn(link: str):
+    """A wall pushed into a link: from outside to inside the distance falls evenly, along one normal."""
+    state = ARM.state(drifts=False)
+    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
+    middle = state.frame(link).position
+
+    def against(wall_at: float) -> tuple[float, Vec]:
+        wall = Obstacle("wall", Box((0.2, 2.0, 2.0)), at(wall_at + 0.1, middle[1], middle[2]))
+        distances = Distances(ARM, obstacles=[wall], pairs=[(link, "wall")], count=1, reach=2.0)
+        distances.read(state)
+        return float(distances.distance[0]), distances.jacobian[0].copy()
+
+    start, normal = against(middle[0] + 0.5)
+    for into in np.linspace(-0.02, 0.01, 13):
+        d, J = against(middle[0] + 0.5 - start - into)
+        assert d == pytest.approx(-into, abs=1e-5)
+        np.testing.assert_allclose(J, normal, atol=1e-2)  # inside, normals are to 0.02 rad
+
+
+def test_the_most_critical_of_many_are_those_that_will_be_nearest():
+    balls = [Obstacle(f"ball {i}", Sphere(0.05), at(0.7 + 0.05 * i, 0.0, 0.42)) for i in range(4)]
+    slow = Distances(ARM, obstacles=balls, self_collision=False, count=3, reach=0.6)
+    soon = Distances(ARM, obstacles=balls, self_collision=False, count=3, reach=0.6, ahead=0.1)
+    state = ARM.state()
+    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
+    assert reading(slow, state) == reading(soon, state)
+    for seed in range(5):
+        state.update(0.0, ARM.q0, np.random.default_rng(seed).normal(size=ARM.nv))
+        everything = Distances(ARM, obstacles=balls, self_collision=False, count=1000, reach=0.6)
+        everything.read(state)
+        known = everything.which >= 0
+        later = (everything.distance + 0.1 * (everything.jacobian @ state.v))[known]
+        expected = set(everything.which[known][np.argsort(later)[:3]].tolist())
+        assert set(reading(soon, state)) == expected
+
+
+@pytest.mark.parametrize("robot", [ARM, QUADRUPED], ids=lambda robot: robot.name)
+def test_pairs_left_out_as_always_apart_never_come_near(robot: Any):
+    links = list(combinations(dict.fromkeys(shape.link for shape in robot.collisions), 2))
+    everything = Distances(robot, pairs=links, margin=10.0)  # nothing is always further apart than that
+    kept = set(_shape_pairs(Distances(robot, pairs=links, margin=0.02)))
+    far = [k for k, names in enumerate(_shape_pairs(everything)) if names not in kept]
+    assert far
+    rng, geometry = np.random.default_rng(0), everything._geometry
+    data, kinematics = geometry.createData(), robot.pinocchio.createData()
+    for _ in range(200):
+        pin.updateGeometryPlacements(robot.pinocchio, kinematics, geometry, data, robot.random_configuration(rng))
+        for k in far:
+            pin.computeDistance(geometry, data, k)
+            assert data.distanceResults[k].min_distance > 0.02
+
+
+def _shape_pairs(distances: Distances) -> list[tuple[str, str]]:
+    shapes = distances._geometry.geometryObjects
+    return [(shapes[p.first].name, shapes[p.second].name) for p in distances._geometry.collisionPairs]
+
+
+def test_links_that_overlap_in_the_reference_are_listed():
+    assert ("base", "shoulder") in Distances(ARM, margin=0.1).excluded
+    assert Distances(ARM, pairs=[("base", "forearm")], margin=0.1).excluded == ()
+
+
+def test_a_ball_close_to_a_link_has_that_links_name():
+    placement = ARM.state().frame("flange").placement
+    near = Obstacle("cup", Cylinder(0.03, 0.1), pin.SE3(np.eye(3), placement.act(np.array([0.0, 0.0, 0.2]))))
+    distances = Distances(ARM, obstacles=[near], self_collision=False, count=1, reach=0.3)
+    distances.read(ARM.state())
+    assert distances.pairs[distances.which[0]] == ("flange", "cup")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "said"),
+    [
+        ({"pairs": [("base", "hand")]}, UnknownName, "there is no link or obstacle 'hand'"),
+        ({"obstacles": [ball("forearm")]}, InvalidInput, "obstacle 'forearm' has the name of a link"),
+        ({"obstacles": [ball(), ball()]}, InvalidInput, "obstacle 'ball' has the name of another"),
+        ({"self_collision": False}, InvalidInput, "no pair of shapes is left"),
+        ({"reach": 0.0}, InvalidInput, "reach is 0"),
+        ({"count": 0}, InvalidInput, "count is 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(arguments: dict[str, Any], error: type[Exception], said: str):
+    with pytest.raises(error, match=said):
+        Distances(ARM, **arguments)
+
+
+def test_a_robot_without_shapes_is_refused():
+    robot = PlanarPR(m1=1.0, m2=1.0, l2=1.0, d2=0.5, I2=0.1)
+    with pytest.raises(NotSupported, match="has no collision shapes"):
+        Distances(robot)
+
+
+@pytest.mark.parametrize(
+    ("shape", "pose", "said"),
+    [("sphere", at(0, 0, 0), "is no Box, Sphere"), (Sphere(0.1), [0, 0, 0], "a pose is a pinocchio.SE3")],
+)
+def test_an_obstacle_is_a_shape_at_a_pose(shape: Any, pose: Any, said: str):
+    with pytest.raises(InvalidInput, match=said):
+        Obstacle("thing", shape, pose)

@@ -1,0 +1,45 @@
+"""The arm keeps away from what its task leads through; without the limit it does not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tasks.scenarios import SCENARIOS
+from wbc.errors import InvalidInput
+from wbc.report import run_report
+from wbc.sim.scenario import ScenarioResult, silent
+
+
+def run(duration: float, *settings: str, plant: str = "integrator") -> ScenarioResult:
+    scenario = SCENARIOS["collision-dodge"]
+    chosen = scenario.choose(plant=plant, hierarchy=None, duration=duration)
+    return scenario.run(scenario.parse(settings), solver="pdas", progress=silent, **chosen)
+
+
+def failed(result: ScenarioResult) -> list[Any]:
+    return [check for check in result.verdict if not check.ok]
+
+
+def test_fifty_ticks_are_certified_and_have_a_report():
+    result = run(0.05)
+    assert not failed(result) and result.run.rows == 50
+    assert {obstacle.name for obstacle in result.obstacles} == {"post", "ball"}
+    assert "Distances" in [section.title for section in run_report(result).sections]
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+def test_in_physics_the_whole_way_there_and_back_is_clear_only_with_the_limit():
+    result = run(8.0, plant="mujoco")
+    assert not failed(result)
+    assert result.figures["min_distance_m"] > 0.0 > result.figures["without_m"]
+    assert result.figures["tool_error_at_the_end_m"] < 2e-3
+    assert result.figures["largest_torque_step_Nm"] < 10.0
+
+
+@pytest.mark.parametrize("settings", ["margin=0", "margin=0.5", "margin=-1"])
+def test_a_margin_that_makes_no_sense_is_refused(settings: str):
+    with pytest.raises(InvalidInput, match="margin is"):
+        run(0.05, settings)
