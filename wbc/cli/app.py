@@ -17,6 +17,7 @@ from wbc.cli.list_ import list_
 from wbc.cli.report import report
 from wbc.cli.run import run
 from wbc.cli.soak import soak
+from wbc.cli.sweep import sweep
 
 app = typer.Typer(
     name="wbc",
@@ -31,6 +32,7 @@ app.command("doctor")(doctor)
 app.command("bench")(bench)
 app.command("derive")(derive)
 app.add_typer(report)
+app.command("sweep")(sweep)
 app.command("explain")(explain)
 app.command("soak")(soak)
 

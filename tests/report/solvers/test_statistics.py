@@ -81,7 +81,7 @@ def test_the_class_to_compare_at_solves_most_then_is_fastest_and_the_default_win
 
     assert best(default=(10.0, 0), coarse=(1.0, 1.0)) == "default"
     assert best(default=(10.0, 0), coarse=(1.0, 0)) == "coarse"
-    assert best(default=(10.0, 0), coarse=(9.5, 0)) == "default"
+    assert best(default=(10.0, 0), coarse=(7.0, 0)) == "default"
     assert best(default=(1.0, 1.0), fine=(10.0, 0)) == "fine"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wbc.report.solvers.compare import compare as compare
-from wbc.report.solvers.compare import redraw as redraw
-from wbc.report.solvers.compare import resume as resume
+from wbc.report.solvers.comparison import compare as compare
+from wbc.report.solvers.comparison import redraw as redraw
+from wbc.report.solvers.comparison import resume as resume
 from wbc.report.solvers.recording import QpRecorder as QpRecorder

@@ -115,8 +115,8 @@ def from_folder(folder: Path) -> tuple[list[ProblemSet], dict[str, str]]:
             if _is_set(path):
                 sets.append(ProblemSet.load(path))
             else:
-                name = "/".join((folder.resolve().name, *place.parts))
-                found.setdefault(name, []).append((path.stem, read_qp(path)))
+                qp = read_qp(path)
+                found.setdefault("/".join((folder.resolve().name, *place.parts)), []).append((path.stem, qp))
         except InvalidProblem as reason:
             unread[(place / path.name).as_posix()] = str(reason).replace(f"{folder}/", "")
     for name, members in found.items():

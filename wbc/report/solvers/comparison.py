@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 from wbc.errors import InvalidInput
 from wbc.qp.problem import QP
@@ -23,19 +26,13 @@ from wbc.report.solvers.engine import work
 from wbc.report.solvers.journal import Journal
 from wbc.report.solvers.page import page
 from wbc.report.solvers.problems import ProblemSet, from_folder, growing, sequence
-from wbc.report.solvers.recording import record
+from wbc.report.solvers.recording import QpRecorder, record
 from wbc.report.solvers.request import Request, ScenarioRequest
 from wbc.sim.scenario import Progress, Scenario, find, silent
-
-if TYPE_CHECKING:
-    pass
 
 DATA = "data.json"
 PROBLEMS = "problems"
 _JOURNAL = "journal.jsonl"
-
-#: What :func:`compare` takes: a recorder that joined simulations, QPs, a problem set, a scenario or its name, a folder.
-Source = "QpRecorder | Sequence[QP] | ProblemSet | Scenario | str | Path"
 
 
 def compare(
@@ -82,9 +79,16 @@ def compare(
     if not chosen:
         raise InvalidInput("there is no solver to compare")
     choices = {"plant": plant, "hierarchy": hierarchy, "duration": duration}
-    with _workplace(out) as folder:
-        request = _prepared(_listed(run), chosen, folder, progress, settings=settings, choices=choices, options=options)
-        return _finished(request, folder, Path(out) if out is not None else None, progress)
+    place = None if out is None else Path(out)
+    if place is not None:
+        check_free(place)
+        _refuse_unfinished(unfinished(place))
+    sources = _listed(run)
+    _refuse_stray(settings, sources)
+    collected = _collected(sources, settings, choices, Request(chosen, **options), progress)
+    with _workplace(place) as folder:
+        request = _begun(collected, Request(chosen, **options), folder)
+        return _finished(request, folder, place, progress)
 
 
 def resume(out: str | Path, *, progress: Progress = silent) -> Data:
@@ -126,32 +130,24 @@ def unfinished(out: Path) -> Path:
     return out.with_name(f"{out.name}.unfinished")
 
 
-class _workplace:
+@contextmanager
+def _workplace(out: Path | None) -> Iterator[Path]:
     """A folder to work in: beside ``out`` where it stays after an interrupt, or a temporary one."""
+    if out is None:
+        with TemporaryDirectory(prefix="wbc-compare-") as name:
+            yield Path(name)
+        return
+    folder = unfinished(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
+    yield folder
 
-    def __init__(self, out: str | Path | None) -> None:
-        self._out = None if out is None else Path(out)
-        self._temporary: Any = None
 
-    def __enter__(self) -> Path:
-        if self._out is None:
-            from tempfile import TemporaryDirectory
-
-            self._temporary = TemporaryDirectory(prefix="wbc-compare-")
-            return Path(self._temporary.name)
-        check_free(self._out)
-        folder = unfinished(self._out)
-        if (folder / _JOURNAL).exists():
-            raise InvalidInput(f"an unfinished comparison stands in {folder}; take it up with --resume, or remove it")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as cause:
-            raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
-        return folder
-
-    def __exit__(self, *error: object) -> None:
-        if self._temporary is not None:
-            self._temporary.cleanup()
+def _refuse_unfinished(folder: Path) -> None:
+    if (folder / _JOURNAL).exists():
+        raise InvalidInput(f"an unfinished comparison stands in {folder}; take it up with --resume, or remove it")
 
 
 def _listed(run: Any) -> list[Any]:
@@ -161,22 +157,21 @@ def _listed(run: Any) -> list[Any]:
     return [run]
 
 
-def _prepared(
-    sources: Sequence[Any],
-    solvers: Sequence[Solver],
-    folder: Path,
-    progress: Progress,
-    *,
-    settings: Sequence[str],
-    choices: Mapping[str, Any],
-    options: Mapping[str, Any],
-) -> Request:
-    """Record and read all problems, write them down, begin the journal."""
-    request = Request(solvers, **options)
+class _Collected(NamedTuple):
+    """What was found to compare on: sets of problems, the scenarios among them, files that could not be read."""
+
+    sets: list[ProblemSet]
+    scenarios: list[ScenarioRequest]
+    unread: dict[str, str]
+
+
+def _collected(
+    sources: Sequence[Any], settings: Sequence[str], choices: Mapping[str, Any], request: Request, progress: Progress
+) -> _Collected:
+    """Record and read all problems."""
     sets: list[ProblemSet] = []
     scenarios: list[ScenarioRequest] = []
     unread: dict[str, str] = {}
-    _refuse_stray(settings, sources)
     for k, source in enumerate(sources):
         progress(0.0, f"collecting problems: {source if isinstance(source, str | Path) else 'given'}")
         if _is_folder(source):
@@ -195,15 +190,20 @@ def _prepared(
     names = [found.name for found in sets]
     if len(set(names)) < len(names):
         raise InvalidInput(f"two sets of problems have the same name: {', '.join(names)}")
+    return _Collected(sets, scenarios, unread)
+
+
+def _begun(collected: _Collected, request: Request, folder: Path) -> Request:
+    """Write the problems down and begin the journal; the complete request."""
     (folder / PROBLEMS).mkdir(exist_ok=True)
-    files = {found.name: f"{PROBLEMS}/{slug(found.name)}.npz" for found in sets}
-    for found in sets:
+    files = {found.name: f"{PROBLEMS}/{slug(found.name)}.npz" for found in collected.sets}
+    for found in collected.sets:
         found.save(folder / files[found.name])
-    request = Request(solvers, scenarios, files, **options)
+    request = replace(request, scenarios=collected.scenarios, files=files)
     header = {
         "surroundings": raw.surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}"),
         "request": request.to_json(),
-        "unread": unread,
+        "unread": collected.unread,
     }
     Journal.begin(folder / _JOURNAL, header)
     return request
@@ -235,8 +235,6 @@ def _is_folder(source: Any) -> bool:
 
 
 def _given(source: Any, name: str) -> ProblemSet:
-    from wbc.report.solvers.recording import QpRecorder
-
     if isinstance(source, ProblemSet):
         return source
     if isinstance(source, QpRecorder):

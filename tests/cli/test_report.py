@@ -1,0 +1,81 @@
+"""``wbc report solvers`` and ``wbc sweep`` as a user types them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.qp.zoo import random_qp
+
+HERE = Path(__file__).parents[1]
+FLIP = f"{HERE / 'sweep' / 'flipping.py'}:flip"
+
+
+@pytest.fixture
+def problems(tmp_path: Path) -> Path:
+    folder = tmp_path / "problems"
+    folder.mkdir()
+    for seed in range(3):
+        random_qp(seed, 6, 1, 4).save(folder / f"{seed}.npz")
+    return folder
+
+
+def test_a_folder_of_problems_becomes_a_report_and_the_report_again(wbc, problems: Path, tmp_path: Path):
+    quick = ("--rounds", "1", "--no-torture", "--no-growth", "--solver", "pdas", "--solver", "daqp")
+    answer = wbc("report", "solvers", problems, "--out", "report", *quick)
+    assert answer.code == 0, answer.err
+    assert answer.out.startswith("Use ") and answer.out.strip().endswith("report/report.html")
+    names = {path.name for path in (tmp_path / "report").iterdir()}
+    assert names == {"report.html", "report.md", "data.json", "figures", "problems", "failures"}
+    assert wbc("report", "solvers", "--from", "report", "--out", "again").code == 0
+    assert (tmp_path / "again" / "report.md").read_bytes() == (tmp_path / "report" / "report.md").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "about"),
+    [
+        (("report", "solvers"), "give a scenario"),
+        (("report", "solvers", "nowhere"), "nowhere"),
+        (("report", "solvers", "--resume"), "--out"),
+        (("report", "solvers", "--resume", "--out", "r"), "no unfinished comparison"),
+        (("report", "solvers", "problems", "--solver", "no"), "no"),
+        (("report", "solvers", "problems", "--set", "push=1"), "parameter of a scenario"),
+        (("report", "solvers", "arm-reach", "--set", "pish=1"), "pish"),
+        (("report", "solvers", "--from", "problems"), "data.json"),
+        (("sweep",), "give a scenario"),
+        (("sweep", FLIP, "--vary", "bias"), "LOW:HIGH"),
+        (("sweep", FLIP, "--vary", "pias=0:1"), "pias"),
+        (("sweep", FLIP, "--push", "torso"), "FRAME=LOW:HIGH"),
+        (("sweep", FLIP, "--solver", "no"), "no"),
+        (("sweep", "--resume"), "--out"),
+        (("sweep", "--repeat", "3", "--out", "nowhere"), "nowhere"),
+    ],
+)
+def test_what_makes_no_sense_is_one_sentence(wbc, problems: Path, tmp_path: Path, words, about):
+    answer = wbc(*words)
+    assert answer.code == 2 and about in answer.err and answer.err.count("\n") == 1 and not answer.out
+    assert {path.name for path in tmp_path.iterdir()} <= {"problems"}
+
+
+def test_an_interrupt_says_how_to_go_on(wbc, problems: Path, monkeypatch: pytest.MonkeyPatch):
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("wbc.report.solvers.comparison.work", interrupted)
+    answer = wbc("report", "solvers", problems, "--out", "report", "--no-growth")
+    assert answer.code == 130 and "--resume --out report" in answer.err
+
+
+def test_a_sweep_becomes_results_and_a_report(wbc, tmp_path: Path):
+    pytest.importorskip("distributed", reason="the extra sweep is not installed")
+    answer = wbc("sweep", FLIP, "--runs", "6", "--vary", "bias=0:1", "--set", "faces=6", "--workers", "1", "--out", "s")
+    assert answer.code == 0, answer.err
+    assert "of 6 runs of flipping.py:flip" in answer.out.replace("\n", " ")
+    header, *lines = map(json.loads, (tmp_path / "s" / "results.jsonl").read_text().splitlines())
+    assert header["runs"] == 6 and [line["run"] for line in lines] == list(range(6))
+    again = wbc("sweep", "--repeat", "4", "--out", "s")
+    assert json.loads(again.out)["parameters"] == lines[4]["parameters"] and again.code == 0
+    assert np.all([line["parameters"]["faces"] == 6 for line in lines])

@@ -1,0 +1,140 @@
+"""A thousand runs are a thousand results, whatever happens to those who do them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("distributed", reason="the extra sweep is not installed")
+
+from wbc.errors import InvalidInput
+from wbc.sweep import Range, Sweep, cluster, repeat, resume, sweep
+from wbc.sweep.lines import Lines
+
+FLIP = f"{Path(__file__).with_name('flipping.py')}:flip"
+RUNS, FEWER = 1000, 300
+TIMES = ("tick_us",)
+
+
+def results(folder: Path) -> list[dict[str, Any]]:
+    return [{k: v for k, v in line.items() if k not in TIMES} for line in Lines(folder / "results.jsonl").in_order()]
+
+
+def plan(runs: int = RUNS, **fixed: Any) -> Sweep:
+    return Sweep(FLIP, runs=runs, vary={"bias": Range(0, 1)}, fixed=fixed, seed=5)
+
+
+def check_complete(folder: Path, runs: int = RUNS) -> None:
+    found = results(folder)
+    assert [r["run"] for r in found] == list(range(runs))
+    assert all(r["error"] is None for r in found)
+    for r in found[:: runs // 10]:
+        trial = plan().trial(r["run"])
+        assert r["parameters"]["bias"] == float(f"{trial.parameters['bias']:.9g}")
+        assert r["ok"] == repeat(folder, r["run"])["ok"]
+    assert (folder / "report.html").stat().st_size > 10_000
+
+
+def test_a_worker_of_our_own_that_is_killed_midway_loses_nothing(tmp_path: Path):
+    deadly = tmp_path / "deadly"
+
+    def progress(done: float, text: str = "") -> None:
+        if 0.4 < done < 0.41:
+            deadly.touch()
+
+    report = sweep(plan(deadly=str(deadly)), out=tmp_path / "out", workers=2, progress=progress)
+    assert not deadly.exists(), "a worker found it and died of it"
+    check_complete(tmp_path / "out")
+    assert f" of {RUNS} runs " in report.summary
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers as somebody else would have started them."""
+    place = tmp_path / "scheduler.json"
+    quiet = {"cwd": tmp_path, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    python = [sys.executable, "-m"]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    started = [
+        subprocess.Popen(
+            [*python, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
+             "--scheduler-file", str(place)], env=env, **quiet,
+        )
+    ]  # fmt: skip
+    try:
+        _until(place.exists)
+        address = json.loads(place.read_text())["address"]
+        started += [
+            subprocess.Popen(
+                [*python, "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"],
+                env=env, **quiet,
+            ) for _ in range(2)
+        ]  # fmt: skip
+        yield address, started[1:]
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def _until(true: Callable[[], bool], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "it never came true"
+        time.sleep(0.05)
+
+
+def test_somebody_elses_workers_may_die_too(tmp_path: Path, scheduler: tuple[str, list[subprocess.Popen[bytes]]]):
+    address, workers = scheduler
+
+    def progress(done: float, text: str = "") -> None:
+        if done > 0.4 and workers[0].poll() is None:
+            workers[0].send_signal(signal.SIGKILL)
+            workers[0].wait()
+
+    sweep(plan(FEWER), out=tmp_path / "out", scheduler=address, progress=progress)
+    assert workers[0].returncode == -signal.SIGKILL and workers[1].poll() is None
+    check_complete(tmp_path / "out", FEWER)
+
+
+def test_an_interrupted_sweep_goes_on_and_ends_with_the_same_results(tmp_path: Path):
+    def few() -> Sweep:
+        return Sweep(FLIP, runs=30, vary={"bias": Range(0, 1)})
+
+    class Enough(Exception):
+        pass
+
+    def progress(done: float, text: str = "") -> None:
+        if done > 0.3:
+            raise Enough
+
+    with pytest.raises(Enough):
+        sweep(few(), out=tmp_path / "broken", workers=1, progress=progress)
+    before = results(tmp_path / "broken.unfinished")
+    assert 8 < len(before) < 30 and not (tmp_path / "broken").exists()
+    with pytest.raises(InvalidInput, match="--resume"):
+        sweep(few(), out=tmp_path / "broken")
+    resume(tmp_path / "broken", workers=1)
+    assert not (tmp_path / "broken.unfinished").exists()
+    after = results(tmp_path / "broken")
+    assert [r["run"] for r in after] == list(range(30)) and all(r in after for r in before)
+    assert after == [{k: v for k, v in repeat(tmp_path / "broken", i).items() if k not in TIMES} for i in range(30)]
+
+
+def test_there_must_be_somebody_and_something(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(cluster, "CONNECT", "1s")
+    with pytest.raises(InvalidInput, match="no unfinished sweep"):
+        resume(tmp_path / "nothing")
+    with pytest.raises(InvalidInput, match="not the folder of a sweep"):
+        repeat(tmp_path, 0)
+    with pytest.raises(InvalidInput, match="no scheduler answers"):
+        sweep(plan(), out=tmp_path / "out", scheduler="tcp://127.0.0.1:1")

@@ -1,0 +1,103 @@
+"""Which runs a sweep has depends on its settings and its seed, on nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wbc.errors import InvalidInput, UnknownName
+from wbc.sim.scenario import find
+from wbc.sweep import Choice, Range, Sweep
+from wbc.sweep.draw import RandomDelay, RandomNoise, RandomPayload, RandomPush, at_frame, read_range
+from wbc.sweep.plan import read_variations
+
+FLIP = f"{Path(__file__).with_name('flipping.py')}:flip"
+
+
+def plan(**settings: object) -> Sweep:
+    return Sweep(FLIP, **{"runs": 20, **settings})
+
+
+@given(st.integers(0, 2**40), st.integers(0, 19))
+def test_a_run_is_the_same_whoever_draws_it_and_when(seed: int, run: int):
+    def one() -> Sweep:
+        return plan(seed=seed, vary={"bias": Range(0.1, 0.2), "coin": Choice(("a", "b"))}, solvers=("pdas", "daqp"))
+
+    trial, other = one().trial(run), one()
+    other.trial(3)
+    assert trial == other.trial(run)
+    assert 0.1 <= trial.parameters["bias"] <= 0.2 and trial.parameters["coin"] in "ab"
+
+
+def test_more_runs_leave_the_first_ones_as_they_were():
+    few, many = plan(vary={"bias": Range(0, 1)}), plan(vary={"bias": Range(0, 1)}, runs=1000)
+    assert [few.trial(i) for i in range(20)] == [many.trial(i) for i in range(20)]
+
+
+def test_every_run_has_numbers_of_its_own():
+    trials = [plan(vary={"bias": Range(0, 1)}).trial(i) for i in range(20)]
+    assert len({t.parameters["bias"] for t in trials}) == 20
+    assert len({t.parameters["seed"] for t in trials}) == 20, "a parameter called seed is drawn unless it is set"
+    assert {plan(fixed={"seed": 7}).trial(i).parameters["seed"] for i in range(5)} == {7}
+
+
+def test_solvers_hierarchies_and_choices_all_occur():
+    sweep = plan(solvers=("pdas", "daqp"), hierarchies=("weighted", "strict"), vary={"faces": Range(2, 4, whole=True)})
+    trials = [sweep.trial(i) for i in range(20)]
+    assert {t.solver for t in trials} == {"pdas", "daqp"}
+    assert {t.settings["hierarchy"] for t in trials} == {"weighted", "strict"}
+    assert {t.parameters["faces"] for t in trials} == {2, 3, 4}
+
+
+def test_disturbances_are_drawn_within_what_was_asked():
+    kinds = (
+        RandomPush("torso", Range(10, 20)), RandomPayload("hand", Range(0.5, 1)), RandomNoise(Range(0, 0.1)),
+        RandomDelay(Range(0.001, 0.002)),
+    )  # fmt: skip
+    seeds = set()
+    for i in range(20):
+        push, payload, noise, delay = plan(disturbances=kinds, duration=2.0).trial(i).disturbances
+        assert 10 <= np.linalg.norm(push.force) <= 20 and push.force[2] == 0 and 0.2 <= push.start <= 1.6
+        assert 0.5 <= payload.mass <= 1 and 0 <= noise.velocity <= 0.1 and 0.001 <= delay.seconds <= 0.002
+        seeds.add(noise.seed)
+    assert len(seeds) == 20
+
+
+def test_variations_are_read_as_the_scenario_reads_its_parameters():
+    found = read_variations(find(FLIP), ["bias=0.2:0.8", "faces=2:6", "coin=euro,dollar", "wait=0,1", "deadly=10:20"])
+    assert found == {
+        "bias": Range(0.2, 0.8), "faces": Range(2, 6, whole=True), "coin": Choice(("euro", "dollar")),
+        "wait": Choice((0.0, 1.0)), "deadly": Range(10, 20),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ["bias", "bias=high:low", "bias=2:1", "faces=a,b", "bug=0:1", "height=0:1"])
+def test_variations_without_meaning_are_refused(text: str):
+    with pytest.raises((InvalidInput, UnknownName)):
+        read_variations(find(FLIP), [text])
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"runs": 0}, {"seed": -1}, {"vary": {"height": Range(0, 1)}}, {"fixed": {"height": 1}}, {"solvers": ("no",)},
+        {"hierarchies": ("no",)}, {"plant": "no"}, {"duration": 0.0},
+    ],
+)  # fmt: skip
+def test_what_does_not_exist_is_refused_before_any_run(settings: dict[str, object]):
+    with pytest.raises((InvalidInput, UnknownName)):
+        plan(**settings)
+
+
+def test_ranges_and_choices_make_sense():
+    for bad in (lambda: Range(2, 1), lambda: Range(0, np.inf), lambda: Choice(()), lambda: plan().trial(20)):
+        with pytest.raises(InvalidInput):
+            bad()
+    assert read_range("x", "3") == Range(3, 3) and at_frame("--push", "torso=1:2") == ("torso", Range(1, 2))
+    for text in ("torso", "=1:2", "torso=a"):
+        with pytest.raises(InvalidInput):
+            at_frame("--push", text)

@@ -1,0 +1,183 @@
+"""What is drawn anew in each run: numbers from a range, one of several values, disturbances of random strength."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.sim.disturbance import Delay, Disturbance, Payload, Push, SensorNoise
+
+
+@final
+@dataclass(frozen=True)
+class Range:
+    """A number, every one from ``low`` to ``high`` equally likely; a whole one where ``whole``.
+
+    Raises:
+        InvalidInput: bounds that are not finite, or crossed.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.sweep import Range
+        >>> 1.0 <= Range(1.0, 2.0).draw(np.random.default_rng(0)) <= 2.0
+        True
+    """
+
+    low: float
+    high: float
+    whole: bool = False
+
+    def __post_init__(self) -> None:
+        checks.number("low", self.low)
+        checks.number("high", self.high, low=self.low)
+
+    def draw(self, rng: np.random.Generator) -> float | int:
+        """One number."""
+        if self.whole:
+            return int(rng.integers(int(self.low), int(self.high), endpoint=True))
+        return float(rng.uniform(self.low, self.high))
+
+    def __str__(self) -> str:
+        return f"{self.low:g}:{self.high:g}"
+
+
+@final
+@dataclass(frozen=True)
+class Choice:
+    """One of ``values``, all equally likely.
+
+    Raises:
+        InvalidInput: there is none.
+    """
+
+    values: tuple[Any, ...]
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise InvalidInput("a choice needs at least one value")
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """One value."""
+        return self.values[int(rng.integers(len(self.values)))]
+
+    def __str__(self) -> str:
+        return ",".join(map(str, self.values))
+
+
+Drawn = Range | Choice
+
+
+def read_range(name: str, text: str) -> Range:
+    """``LOW:HIGH``, or one number that is always drawn.
+
+    Raises:
+        InvalidInput: neither.
+    """
+    low, colon, high = text.partition(":")
+    first = checks.number(name, low)
+    return Range(first, checks.number(name, high, low=first) if colon else first)
+
+
+class DrawnDisturbance(ABC):
+    """Settings of a disturbance whose strength, and where it has them direction and time, are drawn in each run."""
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
+        """The disturbance of one run of ``duration`` seconds."""
+
+    @abstractmethod
+    def __str__(self) -> str:
+        """In one line."""
+
+
+#: A push lasts so long [s] and begins in this part of the run.
+PUSH_TIME, PUSH_FROM, PUSH_UNTIL = 0.2, 0.1, 0.8
+
+
+@final
+@dataclass(frozen=True)
+class RandomPush(DrawnDisturbance):
+    """A level push of 0.2 s at ``frame``, any direction, force from ``force`` [N], between 10 and 80 % of the run."""
+
+    frame: str
+    force: Range
+
+    def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
+        force, angle = float(self.force.draw(rng)), rng.uniform(0.0, 2.0 * np.pi)
+        start = float(rng.uniform(PUSH_FROM, PUSH_UNTIL) * duration)
+        return Push(
+            self.frame, force=(force * np.cos(angle), force * np.sin(angle), 0.0), start=start, duration=PUSH_TIME
+        )
+
+    def __str__(self) -> str:
+        return f"push {self.frame}={self.force} N"
+
+
+@final
+@dataclass(frozen=True)
+class RandomPayload(DrawnDisturbance):
+    """A point mass from ``mass`` [kg] at ``frame``, of which the controller is not told."""
+
+    frame: str
+    mass: Range
+
+    def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
+        del duration
+        return Payload(self.frame, mass=max(float(self.mass.draw(rng)), 1e-9))
+
+    def __str__(self) -> str:
+        return f"payload {self.frame}={self.mass} kg"
+
+
+@final
+@dataclass(frozen=True)
+class RandomNoise(DrawnDisturbance):
+    """White noise on measured joint velocities, standard deviation from ``velocity`` [rad/s], with a "
+    "seed of its own."""
+
+    velocity: Range
+
+    def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
+        del duration
+        return SensorNoise(velocity=float(self.velocity.draw(rng)), seed=int(rng.integers(2**31)))
+
+    def __str__(self) -> str:
+        return f"noise {self.velocity} rad/s"
+
+
+@final
+@dataclass(frozen=True)
+class RandomDelay(DrawnDisturbance):
+    """Commands that arrive late by a time from ``seconds`` [s]."""
+
+    seconds: Range
+
+    def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
+        del duration
+        return Delay(float(self.seconds.draw(rng)))
+
+    def __str__(self) -> str:
+        return f"delay {self.seconds} s"
+
+
+def at_frame(option: str, text: str) -> tuple[str, Range]:
+    """``FRAME=LOW:HIGH``.
+
+    Raises:
+        InvalidInput: something else.
+    """
+    frame, equals, numbers = text.partition("=")
+    if not equals or not frame:
+        raise InvalidInput(f"{option} {text!r} must be FRAME=LOW:HIGH")
+    return frame, read_range(f"{option} {frame}", numbers)
+
+
+def told(disturbances: Sequence[DrawnDisturbance]) -> list[str]:
+    """Each in one line."""
+    return [str(one) for one in disturbances]

@@ -1,0 +1,151 @@
+"""Sweep: which runs there are. Run i depends on the settings, the seed and i alone, never on who does it or when."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.qp.solvers import by_name
+from wbc.sim.disturbance import Disturbance
+from wbc.sim.scenario import Scenario, UnknownParameter, find
+from wbc.sweep.draw import Choice, Drawn, DrawnDisturbance, Range
+
+#: A scenario's parameter of this name gets a number of its own in every run.
+SEED = "seed"
+_LARGEST_SEED = 2**31
+
+
+@final
+@dataclass(frozen=True)
+class Trial:
+    """One run: everything :meth:`wbc.sim.scenario.Scenario.run` needs, and the disturbances that join it."""
+
+    run: int
+    scenario: str
+    parameters: Mapping[str, Any]
+    solver: str
+    settings: Mapping[str, Any]
+    disturbances: Sequence[Disturbance] = ()
+
+
+@final
+@dataclass(frozen=True)
+class Sweep:
+    """Many runs of a scenario.
+
+    Args:
+        scenario: as ``wbc run`` takes it: a registered name, module:name or file.py:name.
+        runs: how many.
+        vary: what of the scenario's parameters is drawn, by name; ``fixed`` what is set for all.
+        disturbances: what joins each run.
+        solvers: drawn among these names; hierarchies likewise.
+        seed: another seed, other runs.
+
+    Raises:
+        InvalidInput, UnknownName: a scenario, parameter, solver, hierarchy or plant that does not exist.
+
+    Example:
+        >>> from wbc.sweep import Range, Sweep
+        >>> sweep = Sweep("arm-reach", runs=100, vary={"step": Range(0.1, 0.3)}, fixed={"robot": "arm"})
+        >>> trial = sweep.trial(7)
+        >>> trial == sweep.trial(7), trial.parameters["robot"], 0.1 <= trial.parameters["step"] <= 0.3
+        (True, 'arm', True)
+    """
+
+    scenario: str
+    runs: int
+    vary: Mapping[str, Drawn] = field(default_factory=dict)
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    disturbances: tuple[DrawnDisturbance, ...] = ()
+    solvers: tuple[str, ...] = ("pdas",)
+    hierarchies: tuple[str, ...] = ()
+    plant: str | None = None
+    duration: float | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        place, colon, name = self.scenario.rpartition(":")
+        if colon and place.endswith(".py"):  # workers run elsewhere
+            object.__setattr__(self, "scenario", f"{Path(place).resolve()}:{name}")
+        checks.number("runs", self.runs, low=1)
+        checks.number("seed", self.seed, low=0)
+        scenario = find(self.scenario)
+        for key in (*self.vary, *self.fixed):
+            if key not in scenario.parameters:
+                raise UnknownParameter(key, scenario.parameters)
+        for solver in self.solvers:
+            by_name(solver)
+        for hierarchy in self.hierarchies or (None,):
+            scenario.choose(plant=self.plant, hierarchy=hierarchy, duration=self.duration)
+
+    def trial(self, run: int) -> Trial:
+        """Run number ``run``, from 0.
+
+        Raises:
+            InvalidInput: there is no such run.
+        """
+        if not 0 <= run < self.runs:
+            raise InvalidInput(f"there is no run {run}; they are 0 to {self.runs - 1}")
+        return self._drawn(find(self.scenario), run)
+
+    def trials(self, runs: Iterable[int]) -> Iterator[Trial]:
+        """These runs, in this order; each is drawn when it is asked for."""
+        scenario = find(self.scenario)
+        return (self._drawn(scenario, run) for run in runs)
+
+    def _drawn(self, scenario: Scenario, run: int) -> Trial:
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, run]))
+        parameters = {**scenario.parameters, **self.fixed}
+        parameters |= {key: drawn.draw(rng) for key, drawn in self.vary.items()}
+        if SEED in parameters and SEED not in (*self.vary, *self.fixed):
+            parameters[SEED] = int(rng.integers(_LARGEST_SEED))
+        hierarchy = Choice(self.hierarchies).draw(rng) if self.hierarchies else None
+        settings = scenario.choose(plant=self.plant, hierarchy=hierarchy, duration=self.duration)
+        solver = Choice(self.solvers).draw(rng)
+        joining = [one.draw(rng, settings["duration"]) for one in self.disturbances]
+        return Trial(run, self.scenario, parameters, solver, settings, joining)
+
+    def __str__(self) -> str:
+        words = [f"{key} = {drawn}" for key, drawn in self.vary.items()]
+        words += [f"{key} = {value}" for key, value in self.fixed.items()]
+        words += [str(one) for one in self.disturbances]
+        words += [f"solver {','.join(self.solvers)}"]
+        words += [f"hierarchy {','.join(self.hierarchies)}"] if self.hierarchies else []
+        words += [f"plant {self.plant}"] if self.plant else []
+        words += [f"{self.duration:g} s"] if self.duration else []
+        return ", ".join(words)
+
+
+def read_variations(scenario: Scenario, texts: Iterable[str]) -> dict[str, Drawn]:
+    """``key=LOW:HIGH`` for numbers, ``key=a,b,c`` for a choice, each value read as the scenario reads its own.
+
+    Raises:
+        InvalidInput: another form, or a range for a parameter that is no number.
+        UnknownParameter: no such parameter.
+    """
+    found: dict[str, Drawn] = {}
+    for text in texts:
+        key, equals, values = text.partition("=")
+        if not equals:
+            raise InvalidInput(f"--vary {text!r} must be key=LOW:HIGH or key=a,b,c")
+        if key not in scenario.parameters:
+            raise UnknownParameter(key, scenario.parameters)
+        number = re.fullmatch(r"([^:,]+):([^:,]+)", values)
+        if number is None:
+            found[key] = Choice(tuple(scenario.parse([f"{key}={value}"])[key] for value in values.split(",")))
+            continue
+        whole = isinstance(scenario.parameters[key], int) and not isinstance(scenario.parameters[key], bool)
+        low, high = (checks.number(f"--vary {key}", bound) for bound in number.groups())
+        if isinstance(scenario.parameters[key], bool | tuple):
+            raise InvalidInput(f"--vary {key} is no number: give its values, separated by commas")
+        if isinstance(scenario.parameters[key], str):  # such as a force that may be "auto"
+            scenario.parse([f"{key}={low}"])
+        found[key] = Range(low, high, whole)
+    return found

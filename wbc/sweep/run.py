@@ -1,0 +1,142 @@
+"""Running a sweep: begin or take up, stream results, write the report."""
+
+from __future__ import annotations
+
+import base64
+import os
+import pickle
+import shutil
+from datetime import datetime
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from wbc.errors import InvalidInput
+from wbc.report.document import Report
+from wbc.report.folder import check_free, replaced
+from wbc.report.folder import write as write_report
+from wbc.report.solvers.engine import remaining
+from wbc.sim.provenance import machine, versions
+from wbc.sim.scenario import Progress, silent
+from wbc.sweep.cluster import do_all
+from wbc.sweep.lines import RESULTS, Lines, write
+from wbc.sweep.plan import Sweep
+from wbc.sweep.summary import summary
+from wbc.sweep.trial import done
+
+
+def sweep(
+    plan: Sweep,
+    *,
+    out: str | Path,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> Report:
+    """Do all runs of a sweep and write ``results.jsonl``, ``report.html`` and ``report.md`` into the folder ``out``.
+
+    Results stand in the folder ``OUT.unfinished`` as soon as they are there; :func:`resume` goes on after an interrupt.
+
+    Args:
+        plan: what to do.
+        out: a folder that does not exist yet, or an older report.
+        scheduler: address of a dask scheduler, "tcp://host:8786"; without one, an embedded cluster.
+        workers: processes of the embedded cluster; by default one for each core.
+        progress: told how far it is and how long the rest will take.
+
+    Raises:
+        InvalidInput: a place that cannot be written, an unfinished sweep there, no scheduler at that address.
+        NotSupported: the extra ``sweep`` is not installed.
+    """
+    out = Path(out)
+    check_free(out)
+    folder = unfinished(out)
+    if (folder / RESULTS).exists():
+        raise InvalidInput(f"an unfinished sweep stands in {folder}; take it up with --resume, or remove it")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
+    header = {
+        "scenario": Path(plan.scenario).name,
+        "sweep": str(plan),
+        "runs": plan.runs,
+        "seed": plan.seed,
+        "date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
+        "machine": machine(),
+        "versions": versions(),
+        "plan": base64.b64encode(pickle.dumps(plan)).decode("ascii"),
+    }
+    lines = Lines.begin(folder / RESULTS, header)
+    return _finished(plan, lines, out, progress, scheduler=scheduler, workers=workers)
+
+
+def resume(
+    out: str | Path, *, scheduler: str | None = None, workers: int | None = None, progress: Progress = silent
+) -> Report:
+    """Do the runs that an interrupted sweep left undone; what it was asked stands in its results.
+
+    Raises:
+        InvalidInput: there is none.
+    """
+    out = Path(out)
+    folder = unfinished(out)
+    if not (folder / RESULTS).is_file():
+        raise InvalidInput(f"there is no unfinished sweep {folder}; start one without --resume")
+    lines = Lines(folder / RESULTS)
+    return _finished(plan_of(lines), lines, out, progress, scheduler=scheduler, workers=workers)
+
+
+def repeat(folder: str | Path, run: int) -> dict[str, Any]:
+    """One run of a finished or unfinished sweep once more, in this process.
+
+    Raises:
+        InvalidInput: no sweep there, or no such run.
+    """
+    place = next((p / RESULTS for p in (Path(folder), unfinished(Path(folder))) if (p / RESULTS).is_file()), None)
+    if place is None:
+        raise InvalidInput(f"{folder} is not the folder of a sweep: it has no {RESULTS}")
+    return done(plan_of(Lines(place)).trial(run))
+
+
+def unfinished(out: Path) -> Path:
+    """The folder beside ``out`` in which a sweep keeps its results until all are there."""
+    return out.with_name(f"{out.name}.unfinished")
+
+
+def plan_of(lines: Lines) -> Sweep:
+    """What was asked. It is unpickled: only from a folder of one's own.
+
+    Raises:
+        InvalidInput: the header has none.
+    """
+    try:
+        plan = pickle.loads(base64.b64decode(lines.header["plan"]))
+    except Exception as cause:
+        raise InvalidInput(f"the results say nothing that can be repeated: {cause}") from cause
+    if not isinstance(plan, Sweep):
+        raise InvalidInput("the results are not those of a sweep")
+    return plan
+
+
+def _finished(
+    plan: Sweep, lines: Lines, out: Path, progress: Progress, *, scheduler: str | None, workers: int | None
+) -> Report:
+    start, before = monotonic(), len(lines.results)
+
+    def take(result: dict[str, Any]) -> None:
+        lines.add(result)
+        count = len(lines.results)
+        left = (monotonic() - start) / max(count - before, 1) * (plan.runs - count)
+        progress(count / plan.runs, f"{count} of {plan.runs} runs, {remaining(left)} left")
+
+    undone = [run for run in range(plan.runs) if run not in lines.results]
+    if undone:
+        do_all(plan.trials(undone), take, scheduler=scheduler, workers=workers or os.cpu_count() or 1)
+    header, results = lines.header, lines.in_order()
+    report = summary(header, results)
+    with replaced(out) as pending:
+        write(pending / RESULTS, header, results)
+        write_report(report, pending)
+    shutil.rmtree(unfinished(out))
+    return report
