@@ -5,7 +5,7 @@ from __future__ import annotations
 FILE, TESTS = "wbc/methods/force_distribution.py", "tests/methods/test_force_distribution.py"
 
 MUTATIONS = [
-    (FILE, "np.linalg.inv(np.linalg.cholesky(self.weight)).T", "np.linalg.inv(np.linalg.cholesky(self.weight))", TESTS),
+    (FILE, "return inverse_root(self.weight)", "return inverse_root(self.weight).T", TESTS),
     (FILE, "self._result(found.x, -found.y)", "self._result(found.x, found.y)", TESTS),
     (FILE, "[0, -1, mu], [0, 1, mu]]", "[0, -1, mu], [0, 1, -mu]]", TESTS),
     (FILE, "self.G @ f - self.wrench, multipliers", "self.wrench - self.G @ f, multipliers", TESTS),

@@ -36,7 +36,7 @@ MUTATIONS = [
     (TORQUE, "direction[: len(self.J)] = self.task_acceleration", "direction[:qp.n_eq] = qp.b",
      f"{TESTS}::test_equalities_and_drift_are_never_scaled"),
     (NEAREST, "A=padded[:n_eq], b=qp.b - direction,", "A=padded[:n_eq], b=qp.b,", PROGRAM),
-    (NEAREST, "found = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)", "break",
+    (NEAREST, "steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)", "break",
      "tests/methods/test_least_distance.py::test_the_scale_is_the_largest_however_dear_its_last_part_is"),
     # least distance
     (NEAREST, "force[kept] = answer.z / length", "force[kept] = answer.z * length",

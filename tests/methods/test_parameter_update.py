@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear, nnls
 
+from tests.methods.problems import drawn
 from wbc.errors import InvalidInput, NoClosedForm
 from wbc.methods import ParameterUpdate
 from wbc.models import Planar4P
@@ -97,7 +98,7 @@ def test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum(update: Para
 def test_the_examples_have_active_rows_and_regressors_without_full_rank():
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=200, derandomize=True, database=None)
+    @settings(max_examples=drawn(200), derandomize=True, database=None)
     @given(updates())
     def look(update: ParameterUpdate) -> None:
         seen["examples"] += 1

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.optimize import linprog, lsq_linear
 
+from tests.methods.problems import drawn
 from tests.methods.torque_problems import again, problems
 from wbc.errors import NoClosedForm
 from wbc.methods import WeightedTorque
@@ -121,7 +122,7 @@ def test_the_examples_have_active_limits_infeasible_tasks_and_dependent_rows():
     """At least 30 % with an active limit, 5 % infeasible, 5 % of deficient rank."""
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=150, derandomize=True, database=None)
+    @settings(max_examples=drawn(150), derandomize=True, database=None)
     @given(problems(limited=True))
     def look(task: WeightedTorque) -> None:
         answer = task.solve()

@@ -24,8 +24,8 @@ from typing import final
 
 import numpy as np
 
-from wbc.methods.polish import polished
-from wbc.qp.certificate import Certificate, certificate
+from wbc.methods.least_norm import least_norm
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
@@ -41,8 +41,6 @@ ACCURATE = 1e-10
 ROUNDING = 1e-14
 #: A row that the equations leave less freedom than this (of its length) is settled by them.
 FIXED = 1e-8
-#: The unit of another try, and where it ends, in sizes.
-FINE, FAR = 1e-3, 1e2
 #: Slopes along the scale that are tried, and what the scale may still gain when one was steep enough.
 SLOPES = (1e1, 1e3, 1e5, 1e7)
 SETTLED = 1e-10
@@ -123,7 +121,10 @@ def nearest_at_largest_scale(
         further = nearest(scaled, found.x + onwards, wide, solver)
         if not further.status.ok or further.x[n] <= found.x[n] + SETTLED:
             break
-        found = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
+        steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
+        if not steeper.status.ok or steeper.x[n] <= found.x[n]:
+            break  # what the step gained was rounding, and more of it comes with steeper slopes
+        found = steeper
     return replace(found, x=found.x[:n], z_box=found.z_box[:n]), float(np.clip(found.x[n], 0.0, 1.0))
 
 
@@ -175,14 +176,10 @@ class _NormalForm:
         outside = float(np.maximum(self.low, -self.high).max(initial=0.0))
         return max(float(np.linalg.norm(self.e)), outside) or 1.0
 
-    def qp(self, unit: float, *, reach: float = np.inf) -> QP:
-        """The problem in u / unit, which does not go farther than ``reach`` units."""
+    def qp(self, unit: float) -> QP:
+        """The problem in u / unit."""
         n = self.F.shape[1]
-        far = np.full(n, reach)
-        return QP(
-            np.eye(n), np.zeros(n), A=self.E, b=self.e / unit, C=self.F, cl=self.low / unit, cu=self.high / unit,
-            lb=-far, ub=far,
-        )  # fmt: skip
+        return QP(np.eye(n), np.zeros(n), A=self.E, b=self.e / unit, C=self.F, cl=self.low / unit, cu=self.high / unit)
 
     def solve(self, solver: Solver) -> Solution:
         """The answer of the first look if its certificate is good, or of the second."""
@@ -204,15 +201,8 @@ class _NormalForm:
         return replace(second, x=u, y=-self.E @ (u + z @ self.F), z=z)
 
     def _look(self, solver: Solver) -> Solution:
-        size, qp = self.size, self.qp(self.size)
-        answer = _polished(qp, solver.solve(qp))
-        if not answer.status.ok and answer.status is not Status.INFEASIBLE:
-            # Some solvers take small numbers for zero, or start far out and do not come back.
-            again = solver.solve(self.qp(FINE * size, reach=FAR / FINE))
-            x, y, z = FINE * again.x, FINE * again.y, FINE * again.z
-            proof = certificate(qp, x, y, z, np.zeros(qp.n))
-            if proof.ok:
-                answer = _polished(qp, replace(again, x=x, y=y, z=z, certificate=proof))
+        size = self.size
+        answer = least_norm(self.qp(size), solver)
         return replace(answer, x=size * answer.x, y=size * answer.y, z=size * answer.z)
 
     def _at_rest(self) -> Solution | None:
@@ -223,22 +213,6 @@ class _NormalForm:
             return None
         status = Status.INFEASIBLE if against else Status.SOLVED
         return Solution(status, np.zeros(n), np.zeros(0), np.zeros(m), np.zeros(n), Certificate(0.0, 0.0, 0.0))
-
-
-def _polished(qp: QP, answer: Solution) -> Solution:
-    """The same with the rows that push held exactly, where the certificate says that this is better."""
-    exact = polished(qp, answer.x, answer.z)
-    if exact is None:
-        return answer
-    x, y, z = exact
-    proof = certificate(qp, x, y, z, np.zeros(qp.n))
-    if not proof.ok or _residual(proof) >= _residual(answer.certificate):
-        return answer
-    return replace(answer, status=Status.SOLVED, x=x, y=y, z=z, certificate=proof)
-
-
-def _residual(proof: Certificate) -> float:
-    return max(proof.primal, proof.dual, proof.gap)
 
 
 def _lengths(rows: Mat) -> Vec:

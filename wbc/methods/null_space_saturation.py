@@ -39,6 +39,9 @@ from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
 
+#: Targets and drifts below this are zero: their squares are, and limits in such units would not be numbers.
+NOTHING = 1e-150
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -273,4 +276,4 @@ def _task(prefix: str, J: Any, target: Any, drift: Any = None) -> tuple[Mat, Vec
     J = checks.array(f"{prefix}J", J, (None, None))
     target = checks.array(f"{prefix}target", target, (len(J),))
     drift = np.zeros(len(J)) if drift is None else checks.array(f"{prefix}drift", drift, (len(J),))
-    return J, target, drift
+    return J, np.where(np.abs(target) < NOTHING, 0.0, target), np.where(np.abs(drift) < NOTHING, 0.0, drift)

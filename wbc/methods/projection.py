@@ -1,8 +1,7 @@
 """The point of a polyhedron that is nearest to another, on any solver, to the last digit.
 
 The problem is put in the form in which every solver does best: the distance from the origin, H = 1, no equations, rows
-of unit length, numbers about one, no limits that are out of reach; what the solver leaves is polished away. A solver
-that ends without an answer is asked once more in mirrored axes, and once in a unit in which its tolerance is coarser.
+of unit length, numbers about one, no limits that are out of reach (:mod:`wbc.methods.least_norm`).
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.errors import SolverFailed
-from wbc.methods.polish import polished
+from wbc.methods.least_norm import least_norm, residual
 from wbc.methods.shared import factors
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
@@ -19,7 +18,7 @@ from wbc.types import Mat, Status, Vec
 
 #: Rows shorter than this, beside what they were, do not depend on what is left.
 ROUNDING = 1e-12
-#: The certificate of an answer that cannot be polished.
+#: The residual of an answer, beside its length, that is not one.
 ACCURATE = 1e-9
 
 
@@ -47,14 +46,8 @@ def projection(
         return start
     reach = (1.0 + 1e-6) * float(np.linalg.norm(feasible - start)) + 1e-6 * size
     low, high = np.where(low < -reach, -np.inf, low / size), np.where(high > reach, np.inf, high / size)
-    n = len(free)
-    same = QP(np.eye(n), np.zeros(n), C=rows, cl=low, cu=high)
-    chosen, mirror, status = by_name(solver), np.eye(n) - 2.0 / max(n, 1), Status.FAILED
-    for unit, turn in ((1.0, np.eye(n)), (1.0, mirror), (0.01, np.eye(n))):
-        answer = chosen.solve(QP(np.eye(n), np.zeros(n), C=rows @ turn, cl=unit * low, cu=unit * high))
-        x, z = turn @ answer.x / unit, answer.z / unit
-        exact = polished(same, x, z)
-        if exact is not None or (answer.certificate.within(ACCURATE) and unit == 1.0):
-            return start + size * ((x if exact is None else exact[0]) @ free)
-        status = Status.INACCURATE if answer.status.ok else answer.status
-    raise SolverFailed(chosen.name, status)
+    chosen, n = by_name(solver), len(free)
+    answer = least_norm(QP(np.eye(n), np.zeros(n), C=rows, cl=low, cu=high), chosen, feasible=True)
+    if residual(answer) > ACCURATE:
+        raise SolverFailed(chosen.name, Status.INACCURATE if answer.status.ok else answer.status)
+    return start + size * (answer.x @ free)

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.errors import SolverFailed
 from wbc.methods.projection import projection
 from wbc.methods.shared import factors
 from wbc.qp.solver import Solver
@@ -27,6 +28,8 @@ PRICES = (1e1, 1e2, 1e3, 1e4)
 GAIN, ROUNDING = 1e-10, 1e-12
 #: The push of a step that only takes away what solvers leave of larger ones.
 SMALL = 1e-3
+#: Limits that all give way by more than this, in units of x, cannot be met.
+HOPELESS = 1e-2
 #: Changes of the unit of x before the best so far is the answer.
 ROUNDS = 4
 
@@ -159,31 +162,47 @@ class _ProximalSteps:
         self.equal, self.factors = (equal, right), factors(equal)
         missing = self.factors.rest.T @ right
         self.consistent = float(np.linalg.norm(missing)) <= OUT_OF_RANGE * float(np.linalg.norm(right))
-        self.give = np.append(np.where(box.range > 0.0, np.clip(box.range / unit, 1e-4, 1.0), 1.0), 1.0)
+        self.give = np.append(np.where(box.range > 0.0, np.clip(box.range / unit, 1e-2, 1.0), 1.0), 1.0)
         self.low = np.append(box.lower, task.low) / self.unit
         self.high = np.append(box.upper, task.high) / self.unit
-        one, none = np.eye(n + 1), np.full(n + 1, np.inf)
-        self.limits = (
-            np.block([[one, -self.give[:, None]], [one, self.give[:, None]], [np.eye(n + 2)[-1:]]]),
-            np.concatenate([-none, self.low, [0.0]]),
-            np.concatenate([self.high, none, [np.inf]]),
-        )
 
     def from_zero(self, push: float) -> Scaled:
         """The answer, if this push is enough; not feasible where the limits have to give way at any price."""
-        zero = Scaled(np.zeros(len(self.give) - 1), 0.0, self.consistent)
-        if not self.consistent:
+        zero = Scaled(np.zeros(len(self.give) - 1), 0.0, self.consistent and not self._hopeless())
+        if not zero.feasible:
             return zero
         found, w = self._priced(zero, push)
         return found if w <= SAME else self._inside(found)
 
+    def _hopeless(self) -> bool:
+        """Whether all limits have to give way by one long length: in their own units small ones would hide it."""
+        found, same = Scaled(np.zeros(len(self.give) - 1), 0.0, True), np.ones(len(self.give))
+        w = np.inf
+        for price in PRICES:
+            before = w
+            found, w = self._nearest(found, 0.0, price, same)
+            if w <= HOPELESS:
+                return False
+            if w >= (1.0 - 1e-6) * before:
+                return True
+        return False
+
     def _priced(self, centre: Scaled, push: float) -> tuple[Scaled, float]:
-        """The nearest point at a price that leaves no w, or at the highest: a little w may buy much σ."""
+        """The nearest point at a price that leaves no w, or at the highest: a little w may buy much σ.
+
+        At a higher price limits meet at more acute angles; where that is too much for the solver, a w that counts as
+        none is left.
+        """
         found, w = centre, np.inf
         for price in PRICES:
-            found, w = self._nearest(centre, push, price)
-            if ROUNDING < w <= NEARLY:
-                found, w = self._nearest(found, SMALL, price)
+            try:
+                found, w = self._nearest(centre, push, price, self.give)
+                if ROUNDING < w <= NEARLY:
+                    found, w = self._nearest(found, SMALL, price, self.give)
+            except SolverFailed:
+                if w > SAME:
+                    raise
+                break
             if w <= ROUNDING:
                 break
             if w > SAME and price == PRICES[0] and not self._inside(found).feasible:
@@ -193,7 +212,7 @@ class _ProximalSteps:
     def _inside(self, found: Scaled) -> Scaled:
         """A point within the limits, in longer and longer steps that only make w smaller: any, not the best."""
         for push in (1e2, 1e3, 1e4):
-            found, w = self._nearest(found, 0.0, push)
+            found, w = self._nearest(found, 0.0, push, self.give)
             if w <= SAME:
                 return found
         return replace(found, feasible=False)
@@ -203,8 +222,10 @@ class _ProximalSteps:
         further, w = self._priced(found, push)
         return further if w <= SAME else found
 
-    def _nearest(self, centre: Scaled, push: float, price: float) -> tuple[Scaled, float]:
+    def _nearest(self, centre: Scaled, push: float, price: float, give: Vec) -> tuple[Scaled, float]:
         """The point nearest to ``centre`` pushed towards larger σ, and w, which costs ``price`` times what σ gains.
+
+        Limits give way by ``give`` (n + 1,) times w.
 
         Not a long push of w but its unit makes the price, so that no distance is large: it is w · price that is
         pushed, as much as σ is. Without a push of σ, w is pushed by ``price`` in its own unit.
@@ -212,19 +233,28 @@ class _ProximalSteps:
         start = np.append(centre.x, centre.size) / self.unit
         towards, unit = (np.append(start, -push), 1.0 / price) if push else (np.append(start, -price), 1.0)
         towards[-2] += push
-        (rows, low, high), units = self.limits, np.append(np.ones(len(start)), unit)
-        feasible = self._met(start)
+        (rows, low, high), units = self._limits(give), np.append(np.ones(len(start)), unit)
+        feasible = self._met(start, give)
         x = projection(towards, self.equal, (rows * units, low, high), feasible / units, self.solver)
-        return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), self._beyond(x[:-1])
+        return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), self._beyond(x[:-1], give)
 
-    def _met(self, start: Vec) -> Vec:
+    def _limits(self, give: Vec) -> tuple[Mat, Vec, Vec]:
+        """Rows of (x, σ, w), their lower and their upper ends."""
+        n, way = len(give), give[:, None]
+        one, none = np.eye(n), np.full(n, np.inf)
+        return (
+            np.block([[one, -way], [one, way], [np.zeros((1, n)), np.ones((1, 1))]]),
+            np.concatenate([-none, self.low, [0.0]]), np.concatenate([self.high, none, [np.inf]]),
+        )  # fmt: skip
+
+    def _met(self, start: Vec, give: Vec) -> Vec:
         """The point on the equations nearest to this one, with the w that it takes there."""
         (equal, right), point = self.equal, np.append(start, 0.0)
         point += self.factors.inverse(right - equal @ point)
-        point[-1] = self._beyond(point[:-1])
+        point[-1] = self._beyond(point[:-1], give)
         return point
 
-    def _beyond(self, point: Vec) -> float:
+    def _beyond(self, point: Vec, give: Vec) -> float:
         """The w at which all limits give way enough for this (x, σ)."""
         over = np.maximum(point - self.high, self.low - point)
-        return max(0.0, float((over / self.give).max()))
+        return max(0.0, float((over / give).max()))
