@@ -41,11 +41,13 @@ from tasks.criteria.manipulability import Manipulability as Manipulability
 from tasks.criteria.mid_range import MidRange as MidRange
 from tasks.damping import Damping as Damping
 from tasks.distance import Distance as Distance
+from tasks.edge import Edge as Edge
 from tasks.feet import feet as feet
 from tasks.frame import Frame as Frame
 from tasks.frozen_joints import FrozenJoints as FrozenJoints
 from tasks.gaze import Gaze as Gaze
 from tasks.impedance import Impedance as Impedance
+from tasks.internal_force import InternalForce as InternalForce
 from tasks.joint_coupling import JointCoupling as JointCoupling
 from tasks.joint_velocity import JointVelocity as JointVelocity
 from tasks.kinetic_energy import KineticEnergy as KineticEnergy

@@ -74,7 +74,7 @@ class HumanoidStep(Scenario):
             controller, floor, duration=duration, progress=progress,
             meta={"scenario": self.name, "parameters": {**parameters, "length": length}},
         )  # fmt: skip
-        return _judged(run, robot, way, duration)
+        return judged(run, robot, way, duration)
 
 
 def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequence[Contact]) -> wbc.Stack:
@@ -97,7 +97,8 @@ def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequen
     )
 
 
-def _judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> ScenarioResult:
+def judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> ScenarioResult:
+    """Whether the run is what the walk was to be."""
     tracking, violations = measure.tracking(run), measure.violations(run)
     stood, com = measure.seconds(run), measure.tracking(run)["CenterOfMass"]
     asked = [step for step in way.steps if step.down + PLACED < duration]

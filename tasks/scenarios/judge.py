@@ -34,7 +34,7 @@ def cone_excess(run: Run, contacts: Sequence[Contact]) -> float:
     """How far the net wrenches that physics produced were outside the cones of ``contacts`` [N, N m], 0 if never."""
     worst = 0.0
     for contact in contacts:
-        wrench = run[f"plant.f.{contact.name}"][:, : contact.dim]
+        wrench = run[f"plant.f.{contact.name}"][:, contact.wrench_axes]
         worst = float(np.maximum(worst, (wrench @ contact.cone().T).max()))  # NaN stays NaN: it is no pass
     return worst
 

@@ -30,6 +30,13 @@ class Rectangular(Protocol):
 
 
 @runtime_checkable
+class _Straight(Protocol):
+    """A contact along a line, the x of its anchor."""
+
+    half_length: Any
+
+
+@runtime_checkable
 class _Round(Protocol):
     """A contact that is one point of a ball about its frame's origin."""
 
@@ -43,8 +50,8 @@ class Footprint:
 
     A rectangle of ``half_size`` (2,) [m] in the plane z = 0 of ``rotation`` (3, 3) and ``origin`` (3,); or, with
     ``half_size`` None, a ball about ``origin``, and ``rotation`` is that of the surface in the world. ``balls`` are
-    (centre (3,), radius) [m]: the ball itself, or what stands for the rectangle; none means a box. ``friction`` is
-    the plant's coefficient.
+    (centre (3,), radius) [m]: the ball itself, or what stands for the rectangle; none means a box. An edge is a
+    rectangle of no width with a ball at each end. ``friction`` is the plant's coefficient.
     """
 
     name: str
@@ -71,7 +78,7 @@ def footprints(
     ``balls``: a sole stands on the balls that the robot's description gives it, or on one at each corner.
 
     Raises:
-        NotSupported: a contact that is neither a rectangle nor a ball.
+        NotSupported: a contact that is no rectangle, edge or ball.
         InvalidInput: a friction that is not positive, or two contacts of one name.
     """
     state = robot.state()
@@ -89,11 +96,19 @@ def footprints(
             half_size = np.array(contact.half_size, dtype=np.float64)
             standing = _standing_on(robot, link, rotation, origin, half_size) if balls else ()
             found[name] = Footprint(name, link, mu, rotation, origin, half_size, standing)
+        elif isinstance(contact, _Straight):
+            rotation = frame.rotation.T @ anchor.rotation
+            origin = frame.rotation.T @ (anchor.position - frame.position)
+            length = float(contact.half_length)
+            ends = [origin + rotation @ np.array([x, 0.0, CORNER_RADIUS]) for x in (-length, length)]
+            found[name] = Footprint(
+                name, link, mu, rotation, origin, np.array([length, 0.0]), tuple((end, CORNER_RADIUS) for end in ends)
+            )
         elif isinstance(contact, _Round):
             ball = (np.zeros(3), max(float(contact.radius), POINT_RADIUS))
             found[name] = Footprint(name, link, mu, anchor.rotation, np.zeros(3), None, (ball,))
         else:
-            raise NotSupported(f"contact {name!r} has neither half_size nor radius: physics cannot build it")
+            raise NotSupported(f"contact {name!r} has no half_size, half_length or radius: physics cannot build it")
     return list(found.values())
 
 

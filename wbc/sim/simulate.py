@@ -234,7 +234,7 @@ def _about(controller: Controller, plant: Plant, disturbances: list[Disturbance]
 
 def _contact(contact: Contact) -> dict[str, Any]:
     return {
-        "kind": "point" if contact.dim == 3 else "sole",
+        "kind": {3: "point", 5: "edge"}.get(contact.dim, "sole"),
         "frame": contact.frame,
         "friction": contact.friction,
         "half_size": [float(x) for x in contact.half_size] if isinstance(contact, Rectangular) else None,

@@ -1,0 +1,117 @@
+"""Edge: contact along a line, as of a foot that tips over its toe."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+import pinocchio
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.types import Mat, Vec
+
+
+@final
+class Edge(Contact):
+    """Five rows and a wrench f = (fx, fy, fz, my, mz) [N, N m] about the middle of a straight edge: it turns about
+    itself freely, so it gives no moment mx. Axes stay as they were when the contact was made: x along the edge, z the
+    ``normal`` of the surface (world, away from the ground), as nearly as it is square to the edge.
+
+    ``half_length`` L [m]; in the frame, ``origin`` (3,) is the middle of the edge and ``direction`` (3,) goes along it.
+    e is the way back (3,) and the small turn back, d × x about y and z, with d the edge's direction now.
+
+    The six rows of the cone are exactly what friction pyramids at both ends add up to: |fx| <= µ fz,
+    |L fy + mz| <= µ (L fz − my), |L fy − mz| <= µ (L fz + my). They imply |my| <= L fz. Other arguments:
+    :class:`~wbc.stack.contact.Contact`.
+
+    Raises:
+        InvalidInput: a length that is not positive, a direction or normal of length 0. UnknownFrame: when a stack is
+            compiled.
+
+    Example:
+        >>> from tasks import Edge
+        >>> toe = Edge("left_sole", half_length=0.05, origin=(0.11, 0.0, 0.0), friction=0.5)
+        >>> toe.cone().shape
+        (6, 5)
+    """
+
+    dim = 5
+
+    def __init__(
+        self, frame: str, *, half_length: float, friction: float, origin: Any = (0.0, 0.0, 0.0),
+        direction: Any = (0.0, 1.0, 0.0), normal: Any = (0.0, 0.0, 1.0), friction_model: str = "outer",
+        kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, target: Any = None,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(
+            frame, friction=friction, friction_model=friction_model, kp=kp, kd=kd, force_weight=force_weight,
+            target=target, name=name,
+        )  # fmt: skip
+        self.half_length = checks.number(f"{self.name}.half_length", half_length, low=0.0, strict=True)
+        self.origin = checks.array(f"{self.name}.origin", origin, (3,))
+        self.direction, self.normal = self._unit("direction", direction), self._unit("normal", normal)
+        self._origin = pinocchio.SE3(np.eye(3), self.origin)
+        self._twist = self._origin.actionInverse
+
+    def _unit(self, what: str, value: Any) -> Vec:
+        vector = checks.array(f"{self.name}.{what}", value, (3,))
+        length = float(np.linalg.norm(vector))
+        if length == 0.0:
+            raise InvalidInput(f"{self.name}.{what} is (0, 0, 0), which points nowhere")
+        return vector / length
+
+    @property
+    def wrench_axes(self) -> tuple[int, ...]:
+        """All but the moment about the edge."""
+        return (0, 1, 2, 4, 5)
+
+    def anchor(self, state: RobotState) -> Anchor:
+        pose = state.frame(self.frame).placement * self._origin
+        x: Vec = pose.rotation @ self.direction
+        y = np.cross(self.normal, x)
+        if np.linalg.norm(y) < 1e-6:  # an edge that stands upright has no side: any will do
+            y = np.cross(np.roll(self.normal, 1), x)
+        y /= np.linalg.norm(y)
+        return Anchor(np.column_stack([x, y, np.cross(x, y)]), pose.translation)
+
+    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+        frame, to_surface = state.frame(self.frame), anchor.rotation.T
+        turn = np.dot(to_surface, frame.rotation)
+        J = np.dot(self._twist, frame.jacobian_local())
+        out.J[:3], out.J[3:] = np.dot(turn, J[:3]), np.dot(turn[1:], J[3:])
+        twist, drift = np.dot(J, state.v), np.dot(self._twist, frame.drift_local())
+        drift[:3] += np.cross(twist[3:], twist[:3])  # from the frame's axes, which turn, to those of the surface
+        out.drift[:3], out.drift[3:] = np.dot(turn, drift[:3]), np.dot(turn[1:], drift[3:])
+        out.e[:3] = np.dot(to_surface, anchor.position - frame.placement.act(self.origin))
+        _, y, z = np.dot(turn, self.direction)
+        out.e[3:] = z, -y  # d × x in the axes of the surface is (0, z, −y)
+
+    def cone(self) -> Mat:
+        mu, L = self.mu, self.half_length
+        rows = [[s, 0.0, -mu, 0.0, 0.0] for s in (1.0, -1.0)]
+        rows += [[0.0, s * L, -mu * L, mu, s] for s in (1.0, -1.0)]
+        rows += [[0.0, s * L, -mu * L, -mu, -s] for s in (1.0, -1.0)]
+        return np.array(rows)
+
+    def cone_labels(self) -> list[tuple[str, str]]:
+        ends = [f"{side} <= mu fz at the {end} end" for end in ("negative", "positive") for side in ("fy", "-fy")]
+        return [(f"{force} <= mu fz", "N") for force in ("fx", "-fx")] + [(label, "N m") for label in ends]
+
+    def motion_units(self) -> tuple[str, ...]:
+        return ("m", "m", "m", "rad", "rad")
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        frame = model.frame_names[-1]
+        slope = (np.sqrt(0.5), 0.0, np.sqrt(0.5))
+        moved = cls(
+            frame, half_length=0.2, friction=0.8, friction_model="inner", origin=(0.1, 0.02, -0.03), normal=slope
+        )
+        return [
+            cls(frame, half_length=0.05, friction=0.5),
+            cls(frame, half_length=1.0, friction=0.4, direction=(1, 2, 0)),
+            moved,
+        ]
