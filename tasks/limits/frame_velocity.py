@@ -36,7 +36,7 @@ class FrameVelocityLimits(LinearConstraint):
     units = "m/s or rad/s"
 
     def __init__(
-        self, frame: str, *, linear: Any = np.inf, angular: Any = np.inf, slack: float | None = 1e8,
+        self, frame: str, *, linear: Any = np.inf, angular: Any = np.inf, slack: float | None = 1e10,
         name: str | None = None,
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame

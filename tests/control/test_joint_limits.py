@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -124,6 +125,8 @@ def test_torque_limits_stand_above_the_interval_of_a_joint():
     assert (command.status, command.rung) == (Status.INFEASIBLE, "relaxed")
     assert np.abs(command.tau).max() <= 1.0 + 1e-8
     assert command.certificate.ok
+    what = r"gave way: JointLimits.position shoulder_pitch by [\d.]+ rad/s²"
+    assert re.match(what, controller.why) and re.match(what, controller.ladder.log[-1].why)
 
 
 def test_only_levels_that_decide_torques_limit_them():

@@ -1,7 +1,8 @@
 """Ladder: what a controller does, in the same tick, when the solver asked for has no certified answer.
 
     other solver   the default solver, from the active set it remembers, then DAQP; for those two Clarabel
-    relaxed        laws give way in a declared order, each as little as it can; torques, friction and physics hold
+    relaxed        laws give way in a declared order, each as little as it can; torques, friction and physics hold;
+                   ``controller.why`` says which, and by how much
     closed form    the minimum of the cost under the equalities alone, cut to the limits
     hold           the last certified command
     damped         brake to rest, see :mod:`wbc.control.fallback`
@@ -45,6 +46,8 @@ GIVES = ("laws", "joint limits", "barriers", "contacts")
 _NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
 #: No acceleration, force or torque is larger.
 _HUGE = 1e12
+#: Less than this gave way [in a row's own unit] is none.
+_SHOWN = 1e-6
 #: What the largest curvature of the cost counts beside a unit of violation.
 _SHARE = 1e-3
 _OF_RELAXED = (Daqp(max_iter=1000), Clarabel())
@@ -177,6 +180,7 @@ class Ladder:
                     return None
                 if solution.status.ok and np.abs(solution.x).max() < _HUGE:
                     self._write(solution.x[: p.n])
+                    self._controller.why = _gave_way(plan, qp, sorted(items), solution.x[p.n :])
                     return solution.certificate
         return None
 
@@ -264,6 +268,17 @@ class Ladder:
         why = why or controller.why or command.status.value
         self.log.append(Event(controller.state.t, controller.serial, command.status, command.rung, why))
         return command
+
+
+def _gave_way(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:
+    """What gave way most, at most three rows, by which law and how much."""
+    said, m = [], len(qp.lower)
+    for k in np.argsort(-np.abs(slack), kind="stable")[:3]:
+        row, unknown = qp.rows[items[k]], items[k] - m
+        owner = row.owner if unknown < 0 else plan.bound_owner(unknown, upper=slack[k] > 0.0)
+        if abs(slack[k]) > _SHOWN:
+            said.append(f"{owner} {row.label}".strip() + f" by {abs(slack[k]):.3g} {row.unit}")
+    return "gave way: " + ", ".join(said) if said else ""
 
 
 def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:

@@ -358,7 +358,7 @@ class Distances:
             halves.append((there - d - s * speed) * (2.0 / _STEP**2))
         ahead, behind = halves
         drift = 0.5 * (ahead + behind)
-        # Where other features become the nearest on one side, the other side knows the curvature; where on both, nobody.
+        # Where other features become the nearest on one side, the other knows the curvature; where on both, nobody.
         jumps = np.abs(ahead - behind) > _JUMP
         drift[jumps] = np.where(np.abs(ahead) < np.abs(behind), ahead, behind)[jumps]
         drift[np.abs(drift) > _MOST_CURVATURE * self._speed_squared(state)] = 0.0

@@ -1,0 +1,212 @@
+"""Limits on frames and on the centre of mass hold in a controller, at every level, and lead back from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tasks import (
+    AxisConeLimit,
+    BoxLimits,
+    CenterOfMass,
+    ConeLimit,
+    FrameVelocityLimits,
+    HalfSpaceLimit,
+    JointLimits,
+    Orientation,
+    Position,
+    Posture,
+    SupportPolygon,
+    feet,
+)
+from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
+from wbc.errors import InvalidInput, NotSupported, UnknownFrame
+from wbc.models.model import RobotState
+from wbc.stack.constraint import Barrier, BarrierRows
+from wbc.testing import robots
+from wbc.types import Status, Vec
+
+ARM, QUADRUPED, _ = robots()
+START = ARM.state().frame("tool")
+P, R = START.position.copy(), START.rotation.copy()
+LEVELS = [VelocityLevel(), AccelerationLevel(), InverseDynamics()]
+DT = 1e-3
+#: A limit, a wish that leads out of it, and the same limit with the tool outside at the start.
+CASES: dict[str, tuple[Barrier, Any, Barrier]] = {
+    "half space": (
+        HalfSpaceLimit("tool", normal=[0, 0, 1], offset=P[2] - 0.1),
+        Position("tool", target=P - np.array([0.1, 0.0, 0.3])),
+        HalfSpaceLimit("tool", normal=[0, 0, 1], offset=P[2] + 0.05),
+    ),
+    "box": (
+        BoxLimits("tool", lower=P - 0.08, upper=P + 0.08),
+        Position("tool", target=P + np.array([-0.2, 0.3, 0.0])),
+        BoxLimits("tool", upper=P - np.array([0.05, 0.0, 0.03])),
+    ),
+    "cone": (
+        ConeLimit("tool", apex=P - np.array([0, 0, 0.2]), axis=[0, 0, 1], angle=0.4),
+        Position("tool", target=P + np.array([-0.1, 0.2, -0.05])),
+        ConeLimit("tool", apex=P - np.array([0, 0.1, 0.05]), axis=[0, 0, 1], angle=0.4),
+    ),
+    "axis cone": (
+        AxisConeLimit("tool", axis=[0, 0, 1], direction=R[:, 2], angle=0.3),
+        Orientation("tool", target=R @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=float)),
+        AxisConeLimit("tool", axis=[0, 0, 1], direction=R[:, 2] + 0.6 * R[:, 1], angle=0.3),
+    ),
+}
+
+
+def stack(wish: Any, *laws: Any) -> Stack:
+    return Stack([wish, Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[JointLimits(), *laws])
+
+
+def margins(law: Barrier, wish: Any, level: Any, seconds: float) -> Vec:
+    """The smallest h of each tick; the robot does what is decided."""
+    controller = Controller(ARM, stack(wish, law), level=level, dt=DT)
+    state, rows, seen = ARM.state(drifts=False), BarrierRows(), []
+    rows.h, rows.J = np.zeros(law.dim), np.zeros((law.dim, ARM.nv))
+    rows.drift, rows.rate = np.zeros(law.dim), np.zeros(law.dim)
+    q, v = np.array(ARM.q0), np.zeros(ARM.nv)
+    for k in range(round(seconds / DT)):
+        state.update(k * DT, q, v)
+        law.fill(state, rows)
+        seen.append(float(rows.h.min()))
+        command = controller.tick(k * DT, q, v)
+        assert command.status is Status.SOLVED
+        q, v = command.q, command.v
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+@pytest.mark.parametrize("case", CASES)
+def test_what_starts_inside_stays_inside_whatever_is_wished(case: str, level: Any):
+    law, wish, _ = CASES[case]
+    h = margins(law, wish, level, 1.5)
+    assert h.min() > -2e-4  # velocities are kept for a tick, in which curves bend away
+    assert h[-1] < 0.02, "the wish did not lead to the limit"
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+@pytest.mark.parametrize("case", CASES)
+def test_from_outside_it_comes_back_at_its_rate(case: str, level: Any):
+    _, _, law = CASES[case]
+    h = margins(law, Posture(ARM.q0, name="stay"), level, 1.0)
+    assert h[0] < -0.01
+    assert (np.diff(h[h < -1e-3]) >= -1e-6).all()
+    # At velocities h falls as exp(−γ t), at accelerations as (1 + γ t) exp(−γ t), γ = 10; weights cost a little.
+    assert h[-1] > (1.2 * h[0] * np.exp(-10.0) if level.order == 1 else 1.2 * h[0] * 11.0 * np.exp(-10.0)) - 2e-4
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+def test_a_law_that_may_give_way_stands_above_every_level_of_tasks(level: Any):
+    law, wish, _ = CASES["half space"]
+    strict = Stack([[wish], [Posture(ARM.q0)]], subject_to=[law])
+    names = [[wish.name for wish in level] for level in Controller(ARM, strict, level=level).plan.problem.levels]
+    assert names == [[law.name], [wish.name], ["Posture"]]
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 1000))
+def test_one_barrier_and_one_wish_have_a_closed_form(seed: int):
+    """min ½ |a − a₀|² subject to J a >= b: a₀ + Jᵀ max(0, b − J a₀) / (J Jᵀ)."""
+    rng = np.random.default_rng(seed)
+    law = HalfSpaceLimit("tool", normal=rng.normal(size=3), offset=float(rng.normal()), slack=None)
+    wish = Posture(ARM.q0 + rng.normal(size=ARM.nj), kp=100.0)
+    controller = Controller(ARM, Stack([wish], subject_to=[law]), level=AccelerationLevel())
+    q, v = ARM.random_configuration(rng), rng.normal(size=ARM.nv)
+    command = controller.tick(0.0, q, v)
+    state = ARM.state()
+    state.update(0.0, q, v)
+    frame = state.frame("tool")
+    J, h = law.normal @ frame.jacobian()[:3], law.normal @ frame.position - law.offset
+    b = -2 * law.rate * (J @ v) - law.rate**2 * h - law.normal @ frame.drift()[:3]
+    a = 100.0 * (wish.target - q) - 20.0 * v
+    a = a + J * max(0.0, b - J @ a) / (J @ J)
+    np.testing.assert_allclose(command.a, a, rtol=1e-6, atol=1e-6 * np.abs(a).max())
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+def test_a_frame_keeps_its_speed_limits(level: Any):
+    law = FrameVelocityLimits("tool", linear=0.15, angular=0.5)
+    far = Position("tool", target=P + np.array([-0.2, 0.3, 0.1]), kp=400.0, rate=20.0)
+    controller = Controller(ARM, stack(far, law), level=level, dt=DT)
+    q, v, state, fastest = np.array(ARM.q0), np.zeros(ARM.nv), ARM.state(drifts=False), np.zeros(6)
+    for k in range(600):
+        command = controller.tick(k * DT, q, v)
+        assert command.status is Status.SOLVED
+        state.update(0.0, command.q if level.order == 1 else q, command.v)
+        q, v = command.q, command.v
+        fastest = np.maximum(fastest, np.abs(state.frame("tool").jacobian() @ v))
+    assert 0.14 < fastest[:3].max() <= 0.15 * (1 + 2e-3)
+    assert fastest[3:].max() <= 0.5 * (1 + 2e-3)
+
+
+def test_the_centre_of_mass_stays_above_the_feet():
+    polygon, state = SupportPolygon.under(QUADRUPED, margin=0.03), QUADRUPED.state()
+    room = inside(polygon, state, QUADRUPED.q0)
+    edge = int(np.argmin(polygon._normals @ state.com[:2] - polygon._offsets))
+    over = (room + 0.025) * np.append(polygon._normals[edge], 0.0)  # all but over the feet's own edge
+    wishes = [CenterOfMass(target=state.com - over, kp=50.0, weight=1e3), Posture(QUADRUPED.q0, kp=10.0, weight=1e-2)]
+    nearest = []
+    for laws in ([polygon], []):
+        q, v = np.array(QUADRUPED.q0), np.zeros(QUADRUPED.nv)
+        standing = Stack(wishes, subject_to=[JointLimits(), *laws], contacts=feet(QUADRUPED))
+        controller = Controller(QUADRUPED, standing, level=InverseDynamics())
+        nearest.append(np.inf)
+        for k in range(800):
+            command = controller.tick(k * DT, q, v)
+            assert command.status is Status.SOLVED
+            q, v = command.q, command.v
+            nearest[-1] = min(nearest[-1], inside(polygon, state, q))
+    kept, free = nearest
+    assert kept > -1e-4
+    assert free < -0.02
+
+
+def inside(polygon: SupportPolygon, state: RobotState, q: Vec) -> float:
+    state.update(0.0, q, np.zeros(QUADRUPED.nv))
+    return float((polygon._normals @ state.com[:2] - polygon._offsets).min())
+
+
+def test_a_polygon_is_the_hull_of_its_points_less_the_margin():
+    law = SupportPolygon([[0, 0], [1, 0], [0.5, 0.5], [1, 1], [0, 1]], margin=0.1)
+    assert law.dim == 4
+    middle, corner = ((law._normals @ np.array(point) - law._offsets).min() for point in ([0.5, 0.5], [0.05, 0.5]))
+    assert (middle, corner) == (pytest.approx(0.4), pytest.approx(-0.05))
+
+
+REFUSED: list[tuple[Callable[[], Any], str]] = [
+    (lambda: HalfSpaceLimit("tool", normal=[0, 0, 0], offset=0), "normal is a vector of length 0"),
+    (lambda: HalfSpaceLimit("tool", normal=[0, 0, 1], offset=np.nan), "offset is nan"),
+    (lambda: BoxLimits("tool"), "has no finite side"),
+    (lambda: BoxLimits("tool", lower=1.0, upper=[2.0, 0.5, 2.0]), "y is left no room: lower 1, upper 0.5"),
+    (lambda: ConeLimit("tool", apex=[0, 0, 0], axis=[0, 0, 1], angle=2.0), "angle is 2; it must be between 0 and"),
+    (lambda: ConeLimit("tool", apex=[0, 0], axis=[0, 0, 1], angle=0.5), "apex must have shape"),
+    (
+        lambda: AxisConeLimit("tool", axis=[0, 0, 1], direction=[0, 0, 0], angle=0.5),
+        "is a vector of length 0",
+    ),
+    (lambda: FrameVelocityLimits("tool"), "limits nothing; give linear= or angular="),
+    (lambda: FrameVelocityLimits("tool", linear=[1, -1, 1]), r"linear\[1\] is -1; a limit is positive"),
+    (lambda: SupportPolygon([[0, 0], [1, 1], [2, 2]]), "span no area"),
+    (lambda: SupportPolygon([[0, 0], [1, 0], [0, 1]], margin=1.0), "a margin of 1 m leaves nothing"),
+    (lambda: SupportPolygon([[0, 0], [1, 0]]), r"must have shape \(k, 2\) or \(k, 3\)"),
+]
+
+
+@pytest.mark.parametrize(("make", "said"), REFUSED)
+def test_limits_that_make_no_sense_are_refused(make: Callable[[], Any], said: str):
+    with pytest.raises(InvalidInput, match=said):
+        make()
+
+
+def test_feet_that_are_not_there_are_refused_by_name():
+    with pytest.raises(UnknownFrame, match="front_left_foo"):
+        SupportPolygon.under(QUADRUPED, ["front_left_foo"])
+    with pytest.raises(NotSupported, match="nothing is known about the feet"):
+        SupportPolygon.under(ARM)
