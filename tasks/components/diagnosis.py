@@ -17,6 +17,8 @@ KINDS = (*ACTUATOR, "external")
 TOTAL = 0.8
 #: Shares between these are a loss of effectiveness; others are no actuator's doing, or a bias.
 POSSIBLE = (0.15, 1.3)
+#: How many times as far beyond its threshold a joint is as any other, if it is its own fault.
+DOMINANT = 3.0
 #: The share lost is known once its standard error is below this …
 KNOWN = 0.1
 #: … or after so many ticks, whatever it is. A bias has to last as long as ``LASTING`` ticks.
@@ -169,13 +171,15 @@ class Diagnoser:
         if unknown[i] < 0.5 * observer.threshold[i]:
             self._recent = None  # it was noise
             return None
-        # To others a joint's own fault does nothing; what they miss beside it comes from outside.
+        # To others a joint's own fault does nothing, but what it starts to move shows what is wrong with the masses.
+        sizes = unknown / observer.threshold
         others = unknown > observer.threshold + 3.0 * self.noise / n
         others[i] = False
-        if others.any():
-            return self._decision(t, "external", max(i, int(np.flatnonzero(others)[-1])), sums)
         share = sums.m[i] / sums.u[i] if sums.u[i] else np.inf
-        if POSSIBLE[0] <= share <= POSSIBLE[1]:
+        possible = POSSIBLE[0] <= share <= POSSIBLE[1]
+        if others.any() and not (possible and (DOMINANT * sizes[others] < sizes[i]).all()):
+            return self._decision(t, "external", max(i, int(np.flatnonzero(others)[-1])), sums)
+        if possible:
             law = "partial" if not self._repeated[i] else self._law(i)
             return self._decision(t, "total" if law == "partial" and self._repeated[i] >= 2 else law, i, sums)
         return None if n < LASTING else self._decision(t, "bias", i, sums)

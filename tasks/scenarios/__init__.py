@@ -3,17 +3,21 @@
 from tasks.scenarios.arm_reach import ArmReach
 from tasks.scenarios.collision_dodge import CollisionDodge
 from tasks.scenarios.four_p_adaptive import FourPAdaptive
+from tasks.scenarios.humanoid_joint_loss import HumanoidJointLoss
 from tasks.scenarios.humanoid_stand import HumanoidStand
 from tasks.scenarios.humanoid_step import HumanoidStep
 from tasks.scenarios.pg_step import PgStep
 from tasks.scenarios.pr_fault import PrFault
 from tasks.scenarios.pr_torque import PrTorque
+from tasks.scenarios.quadruped_actuator_weak import QuadrupedActuatorWeak
+from tasks.scenarios.quadruped_joint_loss import QuadrupedJointLoss
 from tasks.scenarios.quadruped_stand import QuadrupedStand
 from tasks.scenarios.quadruped_trot import QuadrupedTrotInPlace
 
 SCENARIOS = {
     scenario.name: scenario
     for scenario in (
+        HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(),
         HumanoidStand(), HumanoidStep(), QuadrupedStand(), QuadrupedTrotInPlace(), ArmReach(), PgStep(),
         FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
     )

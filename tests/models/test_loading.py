@@ -261,3 +261,21 @@ def test_a_sole_of_balls_is_the_rectangle_inside_them():
 def test_feet_must_be_frames_of_the_robot():
     with pytest.raises(LookupError, match="no frame 'tol'; did you mean 'tool'"):
         PinocchioModel(load("arm").urdf, feet=[Foot("tol", "point", 0.5)])
+
+
+def test_a_robot_with_other_masses_differs_in_its_dynamics_alone():
+    robot = load("arm")
+    heavy = robot.with_masses(np.linspace(1.0, 1.6, 7))
+    mine, other = robot.state(), heavy.state()
+    v = np.ones(7)
+    for state in (mine, other):
+        state.update(0.0, robot.q0, v)
+    assert robot.mass < heavy.mass < 1.6 * robot.mass
+    assert np.linalg.eigvalsh(np.array(other.M) - np.array(mine.M)).min() > -1e-12
+    np.testing.assert_array_equal(other.frame("tool").jacobian(), mine.frame("tool").jacobian())
+    doubled = robot.with_masses(2.0).state()
+    doubled.update(0.0, robot.q0, v)
+    np.testing.assert_allclose(doubled.h, 2.0 * mine.h, rtol=1e-12)
+    for wrong, said in ((0.0, "> 0"), ([1.0, 2.0], "shape")):
+        with pytest.raises(InvalidInput, match=said):
+            robot.with_masses(wrong)

@@ -149,6 +149,30 @@ class PinocchioModel(RobotModel):
             )
         return other
 
+    def with_masses(self, factors: Any) -> PinocchioModel:
+        """A robot whose links are ``factors`` times as heavy, masses and inertias alike; a number, or one for each link
+        that moves. It is no longer the one of its URDF: what a controller takes for a robot may be wrong.
+
+        Raises:
+            InvalidInput: a factor that is not positive, or another number of them.
+
+        Example:
+            >>> from wbc.models import load
+            >>> robot = load("arm")
+            >>> float(round(robot.with_masses(1.1).mass / robot.mass, 9))
+            1.1
+        """
+        links = len(self.pinocchio.inertias) - 1
+        scale = checks.array("factors", np.full(links, factors) if np.ndim(factors) == 0 else factors, (links,))
+        other = copy.copy(self)
+        other.pinocchio = model = self.pinocchio.copy()
+        for i, factor in enumerate(scale):
+            checks.number(f"factors[{i}]", factor, low=0.0, strict=True)
+            old = model.inertias[i + 1]
+            model.inertias[i + 1] = pin.Inertia(factor * old.mass, old.lever, factor * old.inertia)
+        other.mass = float(pin.computeTotalMass(model))
+        return other
+
     def _lowest(self, q: Vec) -> float:
         """Height of the lowest point of the feet [m]."""
         state = self.state()

@@ -1,0 +1,139 @@
+"""What reports of failing motors show: both runs side by side, residuals and decisions, every outcome, and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.report import measure, style
+from wbc.report.document import Item, Page, Section, Table, Text
+from wbc.sim.scenario import ScenarioResult
+
+if TYPE_CHECKING:
+    from tasks import Thresholds
+    from tasks.scenarios.fault_scenario import Pair
+    from tasks.scenarios.fault_trials import Stand
+
+_BESIDE = """<!doctype html><meta charset="utf-8"><title>side by side</title>
+<style>body{margin:0;display:flex;font:14px sans-serif;height:100vh}div{flex:1;display:flex;flex-direction:column}
+iframe{flex:1;border:0}p{margin:4px 8px}</style>
+<div><p>without an answer</p><iframe src="without.html"></iframe></div>
+<div><p>with it</p><iframe src="with.html"></iframe></div>
+"""
+
+
+def side_by_side(result: ScenarioResult, pair: Pair) -> Section:
+    """The same fault without and with the answer, in 3-D."""
+    from wbc.report.replay import replay
+    from wbc.report.shapes import parts
+
+    robot = result.robot
+    assert robot is not None, "scenarios of faults have a robot to draw"
+    solid = parts(robot)
+    pages: list[Item] = [
+        Page("beside.html", f"{pair.label}: without an answer (left) and with it (right).", _BESIDE),
+        Page("without.html", f"Without: {pair.without.fate}.", replay(pair.without.run, robot, solid)),
+        Page("with.html", f"With: {pair.answered.fate}.", replay(pair.answered.run, robot, solid)),
+    ]
+    return Section("The same fault, without an answer and with it", pages)
+
+
+def signals(result: ScenarioResult, pair: Pair, known: Thresholds) -> Section:
+    """Residuals about the fault, the decision, and the error of the centre of mass before and after it."""
+    start, answered = pair.answered.fault.start, pair.answered.run
+    joints = answered.meta["joint_names"]
+    i = joints.index(pair.answered.fault.joint)
+    near = (answered["t"] > start - 0.05) & (answered["t"] < start + 0.1)
+    residual = answered["signal.MomentumObserver.residual"]
+    others = np.argsort(-(np.abs(residual[near]) / known.value).max(axis=0))
+    with style.Canvas(2, 1, height=5.4) as canvas:
+        first, second = canvas.axes
+        t = 1e3 * (answered["t"][near] - start)
+        for k, joint in enumerate([i, *[j for j in others if j != i][:3]]):
+            colour = style.CYCLE[k]
+            first.plot(t, residual[near][:, joint] / known.value[joint], color=colour, label=joints[joint])
+        for side in (1.0, -1.0):
+            style.bound(first, side, "threshold" if side > 0 else "")
+        if pair.answered.found is not None:
+            style.bound(first, 1e3 * pair.answered.delay, "answer", vertical=True)
+        first.set_xlabel("time since the fault [ms]")
+        first.set_ylabel("residual / threshold")
+        first.set_title("Residuals about the fault")
+        style.legend(first)
+        for outcome, colour, label in (
+            (pair.without, style.RED, "without an answer"), (pair.answered, style.BLUE, "with it"),
+        ):  # fmt: skip
+            style.curve(second, measure.times(outcome.run), 1e3 * outcome.error, color=colour, label=label)
+        style.bound(second, start, "fault", vertical=True)
+        second.set_yscale("log")
+        second.set_ylim(0.01, 1e3)
+        style.over_time(second, answered, "Centre of mass", "true error [mm]")
+        style.legend(second)
+        figure = canvas.figure("fault", f"{pair.label}. Residuals of the failing joint and of the three next to alarm.")
+    rows = [
+        (d.t, d.alarmed, d.joint_name, d.kind, d.share if d.kind in ("partial", "total") else None)
+        for d in pair.answered.diagnoses
+    ]
+    table = Table(("t [s]", "alarm [s]", "joint", "diagnosis", "share lost"), rows, "Every decision of this run.")
+    return Section("What was seen, and when", [figure, table])
+
+
+def outcomes(pairs: Sequence[Pair], varied: Sequence[Pair]) -> Section:
+    """One row for each trial."""
+    columns = ("trial", "torque lost [N m]", "without", "rms [mm]", "with", "rms [mm]", "slip [mm]", "answer [ms]")
+    rows = [_row(pair) for pair in (*pairs, *varied)]
+    text = (
+        "Without an answer the stack, gains, motion, fault and noise are the same; only the component that reacts is "
+        "left out. rms: true error of the centre of mass from a second after the fault on, as far as the run goes."
+    )
+    if varied:
+        text += " Rows that name other gains are there so that the fall cannot be laid to the gains."
+    return Section("Every trial", [Text(text), Table(columns, rows)])
+
+
+def _row(pair: Pair) -> tuple[str | float | None, ...]:
+    without, answered = pair.without, pair.answered
+    joint = without.run.meta["joint_names"].index(without.fault.joint)
+    at = min(round(without.fault.start / without.run.meta["dt"]), without.run.rows - 1)
+    lost = without.fault.missing(without.fault.start, float(without.run["tau"][at - 1, joint]))
+    return (
+        pair.label, lost, without.fate, 1e3 * without.rms, answered.fate, 1e3 * answered.rms, 1e3 * answered.slip,
+        1e3 * answered.delay,
+    )  # fmt: skip
+
+
+def lost(pairs: Sequence[Pair], reasons: Sequence[tuple[float, float]]) -> Section | None:
+    """Faults that the answer does not mend, and what statics says of them."""
+    if not pairs:
+        return None
+    rows = [
+        (pair.label, pair.without.fate, 1e3 * pair.without.rms, pair.answered.fate, 1e3 * pair.answered.rms, now, most)
+        for pair, (now, most) in zip(pairs, reasons, strict=True)
+    ]
+    columns = (
+        "joint", "without", "rms [mm]", "with", "rms [mm]", "least torque at the fault [N m]",
+        "most over the sway [N m]",
+    )  # fmt: skip
+    text = Text(
+        "The least torque that standing still asks of the joint over all contact forces in their cones and all torques "
+        "of the others within their limits. Where it is not zero, no choice of forces spares the joint: the robot "
+        "sags or tips, whatever a controller does. A dash: at that moment not even all motors could stand still. Where "
+        "it is zero, statics has an answer and the way to it was lost."
+    )
+    return Section("Losses that the answer does not mend", [text, Table(columns, rows)])
+
+
+def honesty(stand: Stand, known: Thresholds) -> Section:
+    """What is assumed, and the thresholds of all joints."""
+    robot = stand.robot()
+    noise = "with the noise said above" if stand.noise else "without noise"
+    masses = f"wrong by up to {100 * stand.masses:g} %" if stand.masses else "right"
+    text = Text(
+        f"The base's state and the feet's wrenches are measured, {noise}; the masses that the controller has are "
+        f"{masses}. The motor fails free, not stiff. Thresholds are learnt from a run without a fault and with other "
+        "noise."
+    )
+    rows = [(name, float(value)) for name, value in zip(robot.joint_names, known.value, strict=True)]
+    return Section("Assumptions and thresholds", [text, Table(("joint", "threshold [N m]"), rows, folded=True)])

@@ -1,0 +1,229 @@
+"""Trials: a standing robot loses a motor, once without and once with an answer, everything else the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, final
+
+import numpy as np
+
+import wbc
+from tasks import FaultReaction, MomentumObserver, Thresholds, When
+from tasks.components.diagnosis import ACTUATOR, Diagnosis
+from tasks.components.fault_reaction import TABLE
+from tasks.scenarios.standing import Stance, standing_stack
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.disturbance import Disturbance, SensorNoise
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.simulate import simulate
+from wbc.types import Vec
+
+#: Gain of the observer [1/s]; ticks in a row above the threshold that raise an alarm.
+GAIN, PERSISTENCE = 100.0, 2
+#: Seconds of a run without a fault that thresholds are learnt from, and of its start that are left out.
+LEARNING, STARTING = 4.0, 0.6
+#: After a fault, time that does not count for the error of the task [s].
+RECOVERY = 1.0
+#: A standing foot that slid farther than this has not kept its place [m].
+SLID = 0.05
+
+#: Encoders, joint velocities, and the estimate of the base: standard deviations in SI units.
+NOISE = {
+    "position": 5e-5, "velocity": 0.01, "base_position": 5e-4, "base_velocity": 5e-3, "base_angular_velocity": 5e-3,
+}  # fmt: skip
+
+#: Settings of tasks by name, and what they become: nobody can say that other gains would have helped.
+Gains = Mapping[str, Mapping[str, Any]]
+
+
+@final
+@dataclass(frozen=True)
+class Stand:
+    """Who stands and how: robot, stance, gains other than the usual ones, and how well the controller knows it all.
+
+    ``masses``: by how much, as a share, each link's mass may be wrong in the controller; ``noise``: whether sensors
+    have it; ``floor`` [N m] of the thresholds; ``seed`` decides masses and noise.
+    """
+
+    name: str
+    stance: Stance
+    floor: float
+    gains: Gains = field(default_factory=dict)
+    noise: bool = False
+    masses: float = 0.0
+    seed: int = 0
+    solver: str = "pdas"
+
+    def robot(self) -> PinocchioModel:
+        """The robot as it is."""
+        return self.stance.robot(self.name)
+
+    def believed(self) -> PinocchioModel:
+        """The robot as the controller has it."""
+        robot = self.robot()
+        if not self.masses:
+            return robot
+        links = len(robot.pinocchio.inertias) - 1
+        return robot.with_masses(1.0 + np.random.default_rng(self.seed).uniform(-self.masses, self.masses, links))
+
+    def sensors(self, seed: int) -> list[Disturbance]:
+        """What disturbs the measured state."""
+        return [SensorNoise(**NOISE, seed=seed)] if self.noise else []
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """One trial: the record, the diagnoses, and what became of the robot."""
+
+    run: wbc.Run
+    fault: ActuatorFault
+    diagnoses: Sequence[Diagnosis]
+    stands: bool
+    error: Vec
+    slip: float
+
+    @property
+    def found(self) -> Diagnosis | None:
+        """The first diagnosis of a motor after the fault; without a reaction nothing is diagnosed."""
+        return next((d for d in self.diagnoses if d.t >= self.fault.start and d.kind in ACTUATOR), None)
+
+    @property
+    def false_alarms(self) -> int:
+        """Diagnoses before there was a fault."""
+        return sum(d.t < self.fault.start for d in self.diagnoses)
+
+    @property
+    def delay(self) -> float:
+        """From the fault to the answer [s]; infinite without one."""
+        return np.inf if self.found is None else self.found.t - self.fault.start
+
+    @property
+    def rms(self) -> float:
+        """True error of the centre of mass from a second after the fault on, as far as the run goes [m]."""
+        late = self.run["t"] > self.fault.start + RECOVERY
+        chosen = self.error[late] if late.any() else self.error[self.run["t"] > self.fault.start]
+        return float(np.sqrt(np.mean(chosen**2)))
+
+    @property
+    def fate(self) -> str:
+        """What became of the robot, in a word or two."""
+        if not self.stands:
+            return f"falls after {float(self.run['t'][-1]) - self.fault.start:.2f} s"
+        return f"slides {1e3 * self.slip:.0f} mm" if self.slip > SLID else "stands"
+
+    @property
+    def kept(self) -> bool:
+        """It stands, on the same spot."""
+        return self.stands and self.slip <= SLID
+
+
+def trial(
+    stand: Stand, fault: ActuatorFault, known: Thresholds, *, react: bool, after: float,
+    table: Sequence[When] = TABLE, meta: Mapping[str, Any] | None = None,
+) -> Outcome:  # fmt: skip
+    """The robot sways, at ``fault.start`` a motor fails, and the run goes on for ``after`` seconds or until it falls.
+
+    Without ``react`` the same stack runs with the observer alone.
+    """
+    observer = MomentumObserver(gain=GAIN, threshold=known.value, persistence=PERSISTENCE, release=0.5)
+    reaction = FaultReaction(observer, noise=known.noise if stand.noise else 0.0, table=table)
+    components = [observer, reaction] if react else [observer]
+    run, plant = _simulated(
+        stand, components, [reaction.limits] if react else [], duration=fault.start + after,
+        disturbances=[fault, *stand.sensors(stand.seed)], meta=meta,
+    )  # fmt: skip
+    slip = max(measure.slip(run, foot.name) or 0.0 for foot in plant.feet)
+    return Outcome(run, fault, [d for d, _ in reaction.events], not plant.fallen, true_error(run, stand), slip)
+
+
+def learnt(stand: Stand) -> Thresholds:
+    """Thresholds from a run without a fault, with other noise than the trials'."""
+    observer = MomentumObserver(gain=GAIN)
+    run, _ = _simulated(stand, [observer], [], duration=LEARNING, disturbances=stand.sensors(stand.seed + 1000))
+    residual = run["signal.MomentumObserver.residual"][run["t"] > STARTING]
+    return Thresholds.learnt(residual, gain=GAIN, dt=float(run.meta["dt"]), floor=stand.floor)
+
+
+def _simulated(
+    stand: Stand, components: Sequence[Any], tasks: Sequence[Any], *, duration: float,
+    disturbances: Sequence[Disturbance], meta: Mapping[str, Any] | None = None,
+) -> tuple[wbc.Run, MujocoPlant]:  # fmt: skip
+    robot, believed = stand.robot(), stand.believed()
+    usual = standing_stack(believed, stand.stance)
+    _vary(usual, stand.gains)
+    stack = wbc.Stack(
+        [*usual.tasks, *tasks], subject_to=usual.subject_to, contacts=usual.contacts, components=components
+    )
+    controller = wbc.Controller(believed, stack, level=wbc.InverseDynamics(), solver=stand.solver, dt=1e-3)
+    friction = max(foot.friction for foot in robot.feet.values())
+    plant = MujocoPlant(robot, contacts=stack.contacts, friction=friction, sole_geometry=stand.stance.geometry)
+    components[0].wrenches = plant.wrenches
+    plant.reset(plant.settled(robot.q0))
+    return simulate(controller, plant, duration=duration, disturbances=disturbances, meta=meta), plant
+
+
+def _vary(stack: wbc.Stack, gains: Gains) -> None:
+    members = {task.name: task for task in stack.tasks}
+    for name, settings in gains.items():
+        chosen = stack.contacts if name == "contacts" else [members[name]]
+        for what, value in settings.items():
+            for member in chosen:
+                setattr(member, what, value)
+
+
+def true_error(run: wbc.Run, stand: Stand) -> Vec:
+    """Distance (N,) [m] of the robot's true centre of mass from the target, whatever the controller measures."""
+    error = np.array(run["error.CenterOfMass"])
+    if stand.noise or stand.masses:
+        true, believed = stand.robot().state(), stand.believed().state()
+        still = np.zeros(true.model.nv)
+        for k in range(run.rows):
+            true.update(0.0, run["plant.q"][k], still)
+            believed.update(0.0, run["q"][k], still)
+            error[k] += believed.com - true.com
+    distance: Vec = np.linalg.norm(error, axis=1)
+    return distance
+
+
+@final
+@dataclass(frozen=True)
+class ComeToRest:
+    """Moves the centre of mass to ``offset`` (3,) [m] from where it started, in ``duration`` [s]; for ``Retarget``.
+
+    From the target's position, rate and acceleration at the decision, a quintic each axis, to rest.
+    """
+
+    offset: tuple[float, float, float]
+    duration: float = 0.8
+
+    def __call__(self, diagnosis: Diagnosis, state: Any, plan: Any) -> Callable[[float], tuple[Vec, Vec, Vec]]:
+        task = next(task for task in plan.stack.tasks if task.name == "CenterOfMass")
+        goal = task.target(0.0)[0] + np.array(self.offset)
+        position, rate, acceleration = task.target(state.t)
+        return to_rest(position, rate, acceleration, goal, start=state.t, duration=self.duration)
+
+
+def to_rest(
+    position: Vec, rate: Vec, acceleration: Vec, goal: Vec, *, start: float, duration: float
+) -> Callable[[float], tuple[Vec, Vec, Vec]]:
+    """The polynomial of degree five from a moving start at time ``start`` to rest at ``goal``, ``duration`` later."""
+    T = duration
+    begins = np.array([position, T * rate, 0.5 * T**2 * acceleration])
+    missing = np.array([goal - begins.sum(axis=0), -begins[1] - 2.0 * begins[2], -2.0 * begins[2]])
+    ends = np.linalg.solve([[1.0, 1.0, 1.0], [3.0, 4.0, 5.0], [6.0, 12.0, 20.0]], missing)
+    coefficients, k = np.vstack([begins, ends]), np.arange(6)
+
+    def path(t: float) -> tuple[Vec, Vec, Vec]:
+        s = (t - start) / T
+        if s >= 1.0:
+            return goal, np.zeros_like(goal), np.zeros_like(goal)
+        powers = s**k
+        first = np.concatenate([[0.0], k[1:] * powers[:-1]]) / T
+        second = np.concatenate([[0.0, 0.0], k[2:] * k[1:-1] * powers[:-2]]) / T**2
+        return powers @ coefficients, first @ coefficients, second @ coefficients
+
+    return path

@@ -1,0 +1,115 @@
+"""A humanoid that sways on its feet loses a motor of a leg: without an answer it falls, with one it stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, final
+
+from tasks import Release, Retarget, When
+from tasks.components.fault_reaction import TABLE
+from tasks.scenarios import fault_scenario
+from tasks.scenarios.fault_trials import ComeToRest, Gains, Outcome, Stand
+from tasks.scenarios.humanoid_stand import STANCES
+from wbc import checks
+from wbc.errors import UnknownRobot
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+
+JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
+#: What the answer does not mend: the waist carries the body alone, the big knee loses the balance on the way.
+LOST: Mapping[str, Sequence[str]] = {"g1": ["waist_pitch_joint"], "talos": ["leg_left_4_joint"], "humanoid": []}
+FLOOR: Mapping[str, float] = {"g1": 0.5, "talos": 1.0, "humanoid": 0.5}
+#: Gains that noise allows: damping turns noise of the velocity into force.
+GAINS: Gains = {"CenterOfMass": {"kp": 100.0}, "Posture": {"kp": 10.0, "weight": 1e-3}}
+FIRST, BETWEEN = 2.2, 0.3
+
+
+def variants(upright: str) -> dict[str, Gains]:
+    """Other gains, as somebody might have chosen them."""
+    orientation = f"Orientation[{upright}]"
+    return {
+        "CoM kp 400, posture kp 100 weight 1e-4": {
+            "CenterOfMass": {"kp": 400.0}, "Posture": {"kp": 100.0, "weight": 1e-4},
+        },
+        "CoM kp 30": {"CenterOfMass": {"kp": 30.0}},
+        "upright kp 25": {orientation: {"kp": 25.0}},
+        "upright kp 400": {orientation: {"kp": 400.0}},
+        "upright weight 0.1": {orientation: {"weight": 0.1}},
+        "posture kp 100": {"Posture": {"kp": 100.0, "weight": 1e-3}},
+        "posture kp 400, weight 1e-2": {"Posture": {"kp": 400.0, "weight": 1e-2}},
+        "contacts kp 100": {"contacts": {"kp": 100.0}},
+    }  # fmt: skip
+
+
+@final
+class HumanoidJointLoss(Scenario):
+    """The motor of one leg joint dies at ``moments`` moments of the sway; each time without and with an answer.
+
+    ``robot``: g1, talos (both need example-robot-data) or humanoid; ``joint``: auto, or a joint's name. ``noise``:
+    sensors with noise; ``masses``: by what share the controller's masses may be wrong, with ``seed``. ``calm``: the
+    answer also lets the sway come to rest, a little forward and high, where a straight leg spares its knee; auto: with
+    noise or wrong masses. ``variants``: also try other gains.
+    """
+
+    name: ClassVar[str] = "humanoid-joint-loss"
+    summary: ClassVar[str] = "a humanoid loses a leg's motor: it falls without an answer and stands with one"
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "calm": "auto",
+        "variants": True,
+    }  # fmt: skip
+    plants = ("mujoco",)
+    duration = 6.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant  # there is one of each
+        name = parameters["robot"]
+        if name not in STANCES:
+            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
+        count = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
+        rough = bool(parameters["noise"] or parameters["masses"])
+        stance = STANCES[name]
+        stand = Stand(
+            name, stance, FLOOR[name], gains=GAINS, noise=parameters["noise"], solver=solver, seed=parameters["seed"],
+            masses=checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5),
+        )  # fmt: skip
+        joint = JOINTS[name] if parameters["joint"] == "auto" else parameters["joint"]
+        stance.robot(name).joint(joint)
+        plan = fault_scenario.Plan(
+            stand, ActuatorFault(joint=joint), [FIRST + BETWEEN * k for k in range(count)],
+            lambda without, answered: _demand(without, answered, rough),
+            table=_calming(stance.sway) if parameters["calm"] in (("true", "auto") if rough else ("true",)) else TABLE,
+            variants=variants(stance.upright) if parameters["variants"] else {},
+            lost=[ActuatorFault(joint=other) for other in LOST[name]] if parameters["variants"] else [],
+            after=duration,
+        )  # fmt: skip
+        meta = {"scenario": self.name, "parameters": dict(parameters)}
+        return fault_scenario.run(plan, meta=meta, progress=progress)
+
+
+def _calming(sway: tuple[float, float, float]) -> Sequence[When]:
+    rest = Retarget("CenterOfMass", ComeToRest((sway[0], 0.0, sway[2])), made=True)
+    return [When("total", [Release(), rest]), *TABLE[1:]]
+
+
+def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool) -> list[Check]:
+    n, spare = len(answered), 1 if len(answered) >= 8 else 0
+    lost, kept = sum(not o.kept for o in without), sum(o.stands for o in answered)
+    standing = [o.rms for o in answered if o.stands]
+    rms, bound = max(standing, default=float("inf")), 10e-3 if rough else 2e-3
+    enough = n - spare if rough else n
+    return [
+        Check("without an answer it falls, or slides off its place", float(lost), float(n - spare), lost >= n - spare,
+              f"of {n}"),
+        Check("with it, it stands", float(kept), float(enough), kept >= enough, f"of {n}"),
+        Check("CoM error of those that stand, rms", rms, bound, rms < bound, "m"),
+        *fault_scenario.found_in_time(answered, 10e-3 if rough else 4e-3),
+    ]  # fmt: skip

@@ -1,0 +1,55 @@
+"""What statics asks of one joint: whether a robot could stand as it does without that joint's motor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import wbc
+from tasks.scenarios.judge import TOLERANCE
+from wbc.models.model import RobotModel
+from wbc.stack.contact import Contact, ContactRows
+from wbc.types import Vec
+
+#: Weight of the joint's torque against the forces' norm, so high that no force spares it [1/(N m)²].
+MOST = 1e6
+
+
+def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: str) -> float:
+    """The smallest torque [N m, N] that ``joint`` must give for the robot to stand still at q (nq,), by a QP.
+
+    Over all contact forces f within their cones and torques τ of the other joints within their limits with
+    g = Sᵀ τ + Jᵀ f. Zero: the others can do without it; NaN: the robot cannot stand still here at all.
+    """
+    state = robot.state()
+    state.update(0.0, q, np.zeros(robot.nv))
+    J = np.vstack([_jacobian(contact, state) for contact in contacts])
+    cones = [contact.cone() for contact in contacts]
+    K = np.zeros((sum(len(cone) for cone in cones), len(J)))
+    row = column = 0
+    for cone in cones:
+        K[row : row + len(cone), column : column + cone.shape[1]] = cone
+        row, column = row + len(cone), column + cone.shape[1]
+    nb, i = robot.nb, robot.joint(joint)
+    torque_rows, g = -J.T[nb:], state.g[nb:]  # τ = g − Jᵀ f
+    most = np.where(np.arange(robot.nj) == i, np.inf, robot.limits.tau_max)
+    own = torque_rows[i]
+    qp = wbc.QP(
+        2.0 * (MOST * np.outer(own, own) + 1e-9 * np.eye(len(J))), 2.0 * MOST * g[i] * own,
+        A=J.T[:nb], b=state.g[:nb], C=np.vstack([K, torque_rows]),
+        cl=np.concatenate([np.full(len(K), -np.inf), -most - g]), cu=np.concatenate([np.zeros(len(K)), most - g]),
+    )  # fmt: skip
+    found = wbc.solve(qp, "daqp")
+    if not found.status.ok:
+        return float("nan")
+    torque = abs(float(g[i] + own @ found.x))
+    return 0.0 if torque < 1e3 * TOLERANCE else torque
+
+
+def _jacobian(contact: Contact, state: object) -> Vec:
+    rows = ContactRows()
+    nv = state.model.nv  # type: ignore[attr-defined]
+    rows.J, rows.drift, rows.e = np.zeros((contact.dim, nv)), np.zeros(contact.dim), np.zeros(contact.dim)
+    contact.fill(state, contact.anchor(state), rows)  # type: ignore[arg-type]
+    return rows.J

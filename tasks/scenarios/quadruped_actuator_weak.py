@@ -1,0 +1,72 @@
+"""A quadruped's knee has half its strength: without an answer the trunk leaves its place, with one it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, final
+
+from tasks.scenarios import fault_scenario
+from tasks.scenarios.fault_trials import Outcome
+from tasks.scenarios.quadruped_joint_loss import BETWEEN, FIRST, KNEES, VARIANTS, standing_of
+from wbc import checks
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+
+#: How far off the share lost may be taken.
+CLOSE = 0.05
+
+
+@final
+class QuadrupedActuatorWeak(Scenario):
+    """A knee's motor delivers ``left`` of what it is sent, from one of ``moments`` moments of the sway on.
+
+    ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
+    noise; ``masses``: by what share the controller's masses may be wrong, with ``seed``. ``variants``: also try other
+    gains, and the knee dead, which three legs cannot make good.
+    """
+
+    name: ClassVar[str] = "quadruped-actuator-weak"
+    summary: ClassVar[str] = "a quadruped's knee loses half its strength: found, measured, and asked for twice as much"
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "robot": "go2", "joint": "auto", "left": 0.5, "moments": 4, "noise": False, "masses": 0.0, "seed": 0,
+        "variants": True,
+    }  # fmt: skip
+    plants = ("mujoco",)
+    duration = 4.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant  # there is one of each
+        stand, joint, moments = standing_of(self.name, parameters, KNEES, solver)
+        left = checks.number("parameter 'left'", parameters["left"], low=0.25, high=0.9)
+        rough = stand.noise or stand.masses > 0.0
+        plan = fault_scenario.Plan(
+            stand, ActuatorFault(joint=joint, effectiveness=left), [FIRST + BETWEEN * k for k in range(moments)],
+            lambda without, answered: _demand(without, answered, left, rough), after=duration,
+            variants=VARIANTS if parameters["variants"] else {},
+            lost=[ActuatorFault(joint=joint)] if parameters["variants"] else [],
+        )  # fmt: skip
+        meta = {"scenario": self.name, "parameters": dict(parameters)}
+        return fault_scenario.run(plan, meta=meta, progress=progress)
+
+
+def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], left: float, rough: bool) -> list[Check]:
+    n, stood = len(answered), sum(o.stands for o in answered)
+    off = max(abs(float(o.run["signal.FaultReaction.share"][-1].min()) - left) for o in answered)
+    least, most = min(o.rms for o in without), max(o.rms for o in answered)
+    bound = 10e-3 if rough else 3e-3
+    return [
+        Check("CoM error without an answer, rms (at least)", least, 15e-3, least >= 15e-3, "m"),
+        Check("with it, it stands", float(stood), float(n), stood == n, f"of {n}"),
+        Check("CoM error with it, rms", most, bound, most <= bound, "m"),
+        Check("strength taken for what is left, off by", off, CLOSE, off <= CLOSE, "share"),
+        *fault_scenario.found_in_time(answered, 20e-3 if rough else 6e-3),
+    ]
