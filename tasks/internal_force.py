@@ -49,7 +49,7 @@ class InternalForce(Tracking, LinearTask):
         self.contact = tuple(contact.name for contact in contacts)
         if len(set(self.contact)) != len(contacts) or len(contacts) < 2:
             raise InvalidInput(f"InternalForce.contacts are {self.contact}; there must be at least two, each once")
-        self._contacts = tuple(contacts)
+        self.contacts = tuple(contacts)
         short = [contact.short_name for contact in contacts]
         self.subject = ", ".join(short)
         self.labels = [f"{a} - {b}" for a, b in combinations(short, 2)]
@@ -62,7 +62,7 @@ class InternalForce(Tracking, LinearTask):
     def fill(self, state: RobotState, out: LinearRows) -> None:
         out.A[:] = 0.0
         places, first = [], 0
-        for contact in self._contacts:  # the three forces come first in every wrench
+        for contact in self.contacts:  # the three forces come first in every wrench
             anchor = contact.anchor(state)
             places.append((anchor.position, anchor.rotation, slice(first, first + 3)))
             first += contact.dim

@@ -83,7 +83,8 @@ def levels(name: str) -> str:
         samples = member.samples(robot)
         for sample in samples[:1]:
             on_force = isinstance(sample, LinearTask | Constraint) and getattr(sample, "on", "") == "force"
-            contacts = [tasks.Sole(robot.frame_names[-1], half_size=(0.1, 0.05), friction=0.5)] if on_force else []
+            sole = tasks.Sole(robot.frame_names[-1], half_size=(0.1, 0.05), friction=0.5)
+            contacts = getattr(sample, "contacts", (sole,)) if on_force else ()
             found = levels_of(sample, robot, contacts=contacts)
             return " ".join(LEVELS[level.name] for level in found)
     return ""
