@@ -80,3 +80,45 @@ def solvers(
     console = Console(highlight=False)
     console.print(Text(summary))
     console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)
+
+
+@report.command("scaling")
+@one_sentence
+def scaling(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[AXIS]...", help="Default: all of them.")] = None,
+    *,
+    out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/scaling-TIME.")] = None,
+    solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
+    ticks: Annotated[int, typer.Option(min=1, help="Ticks at each size.")] = 100,
+    repeats: Annotated[int, typer.Option(min=1, help="How often; the least time of each tick counts.")] = 5,
+) -> None:
+    """How the time of a tick grows with joints, tasks, contacts and active rows, with exponents."""
+    import json
+
+    from wbc.report.build import require_extras
+    from wbc.report.folder import HTML, check_free, replaced, write
+    from wbc.report.scaling.measure import UnknownAxis, axes, scaled
+    from wbc.report.scaling.page import page
+    from wbc.report.solvers.data import surroundings
+
+    require_extras("jinja2", "matplotlib")
+    known = axes()
+    chosen = names or list(known)
+    for name in chosen:
+        if name not in known:
+            raise UnknownAxis(name, known)
+    folder = out or Path("runs") / f"scaling-{datetime.now():%Y%m%d-%H%M%S}"
+    check_free(folder)
+    where = surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}")
+    with notes() as found, progress("measuring") as step:
+        rows = scaled([known[n] for n in chosen], ticks=ticks, repeats=repeats, solver=solver, progress=step)
+    tell(found)
+    settings = {"ticks": ticks, "repeats": repeats, "solver": solver}
+    titles = {name: known[name].title for name in chosen}
+    made = page(data := {"surroundings": where, "settings": settings, "titles": titles, "rows": rows})
+    with replaced(folder) as pending:
+        (pending / "data.json").write_text(json.dumps(data, ensure_ascii=False, allow_nan=False), encoding="utf-8")
+        write(made, pending)
+    console = Console(highlight=False)
+    console.print(Text(made.summary))
+    console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)

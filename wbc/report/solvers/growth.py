@@ -67,7 +67,8 @@ def _figure(data: Data, axes: Sequence[Data]) -> Figure:
                 logarithmic(place, "x")
                 place.set_xticks(np.unique([size[_GROWS[axis]] for size in GROWTH[axis]]), minor=False)
                 place.minorticks_off()
-            logarithmic(place, "y")
+            if any(np.isfinite(curve(data, about, solver["name"])[1]).any() for solver in data["solvers"]):
+                logarithmic(place, "y")
             place.set_xlabel(axis)
         canvas.axes[0].set_ylabel("time of a solve [µs]")
         side_legend(canvas.axes[-1])

@@ -58,8 +58,8 @@ class _States:
 
 
 def hierarchies() -> list[Hierarchy]:
-    """One of each kind that is installed, with its default settings."""
-    return [kind() for kind in Hierarchy.__subclasses__()]
+    """One of each kind of this library, with its default settings."""
+    return [kind() for kind in Hierarchy.__subclasses__() if kind.__module__.startswith("wbc.stack.")]
 
 
 def levels(scenario: str, parameters: Mapping[str, Any], settings: Mapping[str, Any], solver: Solver) -> dict[str, Any]:

@@ -1,0 +1,84 @@
+"""Scaling curves: measured in turns, drawn from the data alone, honest about where a form does not pay."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from tasks import Posture
+from tasks.workloads.chains import chain
+from tests.report.test_formats import Page
+from wbc.errors import InvalidInput
+from wbc.report.html import html
+from wbc.report.markdown import markdown
+from wbc.report.scaling import Axis, Problem, scaled
+from wbc.report.scaling.page import page
+from wbc.stack.formulation import InverseDynamics
+from wbc.stack.stack import Stack
+
+KEYS = {"axis", "size", "kind", "form", "tick_us", "p99_us", "variables", "equalities", "rows", "active", "guessed",
+        "solved"}  # fmt: skip
+
+
+def posture(joints: int) -> Problem:
+    robot = chain(joints)
+    return Problem(robot, Stack([Posture(robot.q0)]), InverseDynamics())
+
+
+AXIS = Axis("joints", "joints of a chain", (2, 4, 8), posture)
+
+
+def made(
+    times: dict[str, list[float]], *, sizes: tuple[int, ...] = (1, 2, 4, 8), solved: bool = True
+) -> dict[str, Any]:
+    rows = [
+        {"axis": "a", "size": size, "kind": kind, "form": "dual" if kind == "chosen" else "standard", "tick_us": t,
+         "p99_us": t, "variables": 1, "equalities": 0, "rows": 0, "active": 0, "guessed": 1.0, "solved": solved}
+        for kind, values in times.items() for size, t in zip(sizes, values, strict=True)
+    ]  # fmt: skip
+    where = {"date": "today", "load": None, "governor": "", "machine": {}, "versions": {}}
+    return {"rows": rows, "titles": {"a": "size"}, "settings": {"ticks": 1, "repeats": 1}, "surroundings": where}
+
+
+def payoff(data: dict[str, Any]) -> str:
+    return next(section for section in page(data).sections if "pays" in section.title).items[0].text
+
+
+def test_every_size_is_measured_in_both_forms():
+    rows = scaled([AXIS], ticks=3, repeats=2)
+    assert [(row["size"], row["kind"]) for row in rows] == [(n, k) for n in (2, 4, 8) for k in ("chosen", "standard")]
+    for row in rows:
+        assert set(row) == KEYS and row["solved"] and 0 < row["tick_us"] <= row["p99_us"]
+        assert row["variables"] == row["size"]
+    assert {row["form"] for row in rows if row["kind"] == "standard"} == {"standard"}
+    assert json.loads(json.dumps(rows, allow_nan=False)) == rows
+
+
+def test_counts_that_make_no_sense_are_refused():
+    for wrong in ({"ticks": 0}, {"repeats": 0}):
+        with pytest.raises(InvalidInput):
+            scaled([AXIS], **wrong)
+
+
+def test_the_exponent_is_that_of_the_larger_half():
+    data = made({"chosen": [9.0, 2.0**2, 4.0**2, 8.0**2], "standard": [50.0, 50.0, 50.0, 50.0]})
+    table = next(s for s in page(data).sections if s.title == "Curves").items[1]
+    exponents = {row[1]: row[2] for row in table.rows}
+    assert exponents["the form that is chosen"] == pytest.approx(2.0)
+    assert exponents["standard form"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_where_a_form_does_not_pay_is_said():
+    assert "does not pay at 4, 8" in payoff(made({"chosen": [1, 1, 30, 90], "standard": [10, 10, 10, 10]}))
+    assert "pays at every size" in payoff(made({"chosen": [1, 1, 3, 9], "standard": [10, 10, 10, 10]}))
+    assert "no size was solved" in payoff(made({"chosen": [1] * 4, "standard": [1] * 4}, solved=False))
+
+
+def test_the_same_data_give_the_same_page_and_it_needs_nothing_else():
+    data = made({"chosen": [1.0, 2.0, 3.0, 4.0], "standard": [2.0, 3.0, 4.0, 5.0]}, sizes=(0, 1, 2, 3))
+    text = html(page(data))
+    assert text == html(page(json.loads(json.dumps(data)))) and markdown(page(data)) == markdown(page(data))
+    assert "http:" not in text and "https:" not in text
+    assert sum(r.startswith("data:image/svg") for r in Page(text).references) == 1

@@ -1,0 +1,8 @@
+"""Scaling curves: how the time of a tick grows with joints, tasks, contacts and active rows."""
+
+from __future__ import annotations
+
+from wbc.report.scaling.axis import Axis as Axis
+from wbc.report.scaling.axis import Problem as Problem
+from wbc.report.scaling.measure import axes as axes
+from wbc.report.scaling.measure import scaled as scaled

@@ -1,0 +1,171 @@
+"""The page of scaling curves, made of its data alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from wbc.report import style
+from wbc.report.document import Cell, Figure, Report, Section, Table, Text, percent
+from wbc.report.solvers.drawing import logarithmic
+from wbc.report.solvers.statistics import slope
+from wbc.types import Vec
+
+Row = dict[str, Any]
+
+KINDS = {"chosen": ("the form that is chosen", style.BLUE), "standard": ("standard form", style.ORANGE)}
+_COLUMNS = 2
+#: Two forms whose times differ by less are called equal.
+_EQUAL = 0.05
+
+
+def page(data: dict[str, Any]) -> Report:
+    """Curves with exponents, where the chosen form stops paying, every number, and what is not shown."""
+    rows: list[Row] = data["rows"]
+    names = list(dict.fromkeys(row["axis"] for row in rows))
+    sections = [
+        Section("Curves", [_figure(rows, names, data["titles"]), _exponents(rows, names)]),
+        Section("Where the chosen form pays", [Text(_payoff(rows, name)) for name in names]),
+        Section("Numbers", [_table(rows)]),
+        Section("Settings", [_settings(data)]),
+        Section("Limits of these curves", [Text(sentence) for sentence in _limits(data)]),
+    ]
+    return Report("How a tick grows", _summary(rows, names), None, sections)
+
+
+def curve(rows: Sequence[Row], name: str, kind: str) -> tuple[Vec, Vec]:
+    """Sizes and median times [µs] along an axis, NaN where a tick was not solved."""
+    own = [row for row in rows if (row["axis"], row["kind"]) == (name, kind)]
+    times = [row["tick_us"] if row["solved"] and row["tick_us"] is not None else np.nan for row in own]
+    return np.array([row["size"] for row in own], dtype=np.float64), np.array(times, dtype=np.float64)
+
+
+def exponent(x: Vec, y: Vec) -> float | None:
+    """Slope on logarithms over the larger half of the sizes, where fixed costs weigh least; at least three points.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.report.scaling.page import exponent
+        >>> round(exponent(np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([9.0, 9.0, 16.0, 64.0, 256.0])), 9)
+        2.0
+    """
+    last = max(3, (len(x) + 1) // 2)
+    return slope(x[-last:], y[-last:])
+
+
+def _summary(rows: Sequence[Row], names: Sequence[str]) -> str:
+    parts = []
+    for name in names:
+        x, y = curve(rows, name, "chosen")
+        good = np.isfinite(y)
+        if good.sum() > 1:
+            first, last = np.flatnonzero(good)[[0, -1]]
+            parts.append(f"{x[first]:.0f} to {x[last]:.0f} {name}: {y[first]:.0f} to {y[last]:.0f} µs")
+    return "Median tick of a controller. " + "; ".join(parts) + "."
+
+
+def _figure(rows: Sequence[Row], names: Sequence[str], titles: dict[str, str]) -> Figure:
+    lines = -(-len(names) // _COLUMNS)
+    with style.Canvas(lines, _COLUMNS, height=0.4 + 2.4 * lines) as canvas:
+        for axes, name in zip(canvas.axes, names, strict=False):
+            for kind, (label, colour) in KINDS.items():
+                x, y = curve(rows, name, kind)
+                fitted = exponent(x, y)
+                told = "" if fitted is None else f", exponent {fitted:.2f}"
+                axes.plot(x, y, marker="o", markersize=3, color=colour, label=label + told)
+            sizes = [row["size"] for row in rows if row["axis"] == name]
+            drawn = any(np.isfinite(curve(rows, name, kind)[1]).any() for kind in KINDS)
+            if drawn and min(sizes) > 0:
+                logarithmic(axes, "both")
+                axes.minorticks_off()
+                axes.set_xticks(np.unique(sizes))
+                axes.yaxis.set_major_locator(_few())
+            else:
+                axes.set_ylim(bottom=0.0)
+            axes.set_xlabel(titles[name])
+            axes.set_ylabel("tick [µs]")
+            axes.legend(loc="upper left", fontsize=7)
+        for axes in canvas.axes[len(names) :]:
+            axes.set_visible(False)
+        caption = (
+            "Median time of a tick; on logarithmic axes where sizes begin above zero. Exponents are "
+            "fitted to the larger "
+            "half of the sizes."
+        )
+        return canvas.figure("scaling", caption)
+
+
+def _few() -> Any:
+    from matplotlib.ticker import LogLocator
+
+    return LogLocator(subs=(1.0, 2.0, 5.0))
+
+
+def _exponents(rows: Sequence[Row], names: Sequence[str]) -> Table:
+    found: list[list[Cell]] = []
+    for name in names:
+        for kind, (label, _) in KINDS.items():
+            x, y = curve(rows, name, kind)
+            finite = y[np.isfinite(y)]
+            ends = [float(finite[0]), float(finite[-1])] if finite.size else [None, None]
+            found.append([name, label, exponent(x, y), slope(x, y), *ends])
+    columns = ("axis", "form", "exponent, larger half", "exponent, all", "smallest [µs]", "largest [µs]")
+    return Table(columns, found, "time ∝ sizeᵖ, p by least squares on logarithms; sizes of zero are left out.")
+
+
+def _payoff(rows: Sequence[Row], name: str) -> str:
+    """Up to which size the chosen form is the faster one."""
+    x, chosen = curve(rows, name, "chosen")
+    _, standard = curve(rows, name, "standard")
+    forms = "/".join(dict.fromkeys(row["form"] for row in rows if row["axis"] == name and row["kind"] == "chosen"))
+    gain = standard / chosen
+    both = np.isfinite(gain)
+    if not both.any():
+        return f"{name}: no size was solved in both forms."
+    if forms == "standard":
+        return f"{name}: the standard form is the one that is chosen."
+    slower = np.flatnonzero(both & (gain < 1.0 - _EQUAL))
+    span = f"{np.nanmin(gain):.2f} to {np.nanmax(gain):.2f} times as fast as the standard form"
+    if not slower.size:
+        return f"{name}: the {forms} form pays at every size that was measured, {span}."
+    at = ", ".join(f"{x[i]:.0f}" for i in slower)
+    return f"{name}: the {forms} form is {span}; it does not pay at {at}."
+
+
+def _table(rows: Sequence[Row]) -> Table:
+    columns = ("axis", "size", "form", "tick, median [µs]", "p99 [µs]", "variables", "equalities", "rows", "active",
+               "first guess right", "solved")  # fmt: skip
+    cells = [
+        (row["axis"], row["size"], row["form"], row["tick_us"], row["p99_us"], row["variables"], row["equalities"],
+         row["rows"], row["active"], percent(row["guessed"]), row["solved"])
+        for row in rows
+    ]  # fmt: skip
+    note = (
+        "Every size in both forms; sizes of the QP in standard form; active rows of the last tick; on how "
+        "many ticks the "
+        "active set of the one before was right."
+    )
+    return Table(columns, cells, note)
+
+
+def _settings(data: dict[str, Any]) -> Table:
+    where = data["surroundings"]
+    cells: list[list[Cell]] = [[key, str(value)] for key, value in data["settings"].items()]
+    cells += [["date", where["date"]], ["load", str(where["load"])], ["clock governor", where["governor"]]]
+    cells += [[key, str(value)] for key, value in (where["machine"] | where["versions"]).items()]
+    return Table(("", "value"), cells, "Where and how it was measured", folded=True)
+
+
+def _limits(data: dict[str, Any]) -> list[str]:
+    settings = data["settings"]
+    return [
+        f"The least of {settings['repeats']} times of each of {settings['ticks']} ticks, warm, one thread, "
+        "one machine: "
+        "ratios and exponents travel to other machines better than microseconds.",
+        "Robots, states and stacks are made: links of random mass, one motion, no robot that anybody "
+        "built. A tick is a whole "
+        "one, model update and certificate included; Python's share of it does not grow with size and flattens the "
+        "small end.",
+    ]
