@@ -53,10 +53,12 @@ class TorqueSpeedLimits(TorqueBySpeed):
                     f"no-load speed {v_0:g}"
                 )
         self._tau_max = self.bounds(model)[1]
+        # Share of the torque left: offset − slope v upwards, offset + slope v downwards; 1 for joints left out.
         limited = np.isfinite(free)
-        self._free = np.where(limited, free, 1.0)
-        self._share = np.divide(1.0, free - corner, out=np.zeros(model.nj), where=limited)
-        self._unlimited = np.where(limited, 0.0, 1.0)
+        slope = np.divide(1.0, free - corner, out=np.zeros(model.nj), where=limited)
+        self._slope = np.array([-slope, slope])
+        self._offset = np.where(limited, free, 1.0) * np.where(limited, slope, 1.0)
+        self._left = np.zeros((2, model.nj))
 
     def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:
         what = f"{self.name}.tau_max"
@@ -70,10 +72,13 @@ class TorqueSpeedLimits(TorqueBySpeed):
         return -tau_max, tau_max
 
     def narrow(self, v: Vec, lower: Vec, upper: Vec) -> None:
-        for bound, speed, side in ((upper, v, np.minimum), (lower, -v, np.maximum)):
-            share = np.clip((self._free - speed) * self._share + self._unlimited, 0.0, 1.0)
-            limit = np.multiply(share, self._tau_max, out=np.full(len(v), np.inf), where=self._unlimited == 0.0)
-            side(bound, limit if bound is upper else -limit, out=bound)
+        left = np.multiply(self._slope, v, self._left)
+        left += self._offset
+        np.maximum(left, 0.0, out=left)
+        np.minimum(left, 1.0, out=left)
+        left *= self._tau_max
+        np.minimum(upper, left[0], out=upper)
+        np.maximum(lower, -left[1], out=lower)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
