@@ -287,7 +287,6 @@ class Plan:
             self._changes = Objective.changes
             if sum(task.stamp for task in self._tasks) != self._stamp:
                 self._read_weights()
-        self.motion.clear()
         if self._compiled is not None and state is self._compiled.state:
             self._compiled()
             bounded = self.intervals is None or not self.intervals.remembers
@@ -312,6 +311,7 @@ class Plan:
         self._compiled = CompiledFill(self, state)
 
     def _fill_rows(self, state: RobotState) -> None:
+        self.motion.clear()
         for fill, out in self._fills:
             fill(state, *out)
         self.motion.lower(state.v, state.v_joints)

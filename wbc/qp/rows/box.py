@@ -80,15 +80,23 @@ class BoxSolver(RowSolver):
 
     # ---- one tick
     def solve(self) -> Status:
-        p = self.problem
-        if p.version != self._version:
-            self._read_weights()
-        np.multiply(p.metric, p.centre, self._pull)
+        self._read()
         self.iterations = 1
         if self._guessed():
             self.counts.first += 1
             return Status.SOLVED
         return self._ask_daqp()
+
+    def solve_afresh(self) -> Status:
+        """Solve without a guess."""
+        self._read()
+        return self._ask_daqp()
+
+    def _read(self) -> None:
+        p = self.problem
+        if p.version != self._version:
+            self._read_weights()
+        np.multiply(p.metric, p.centre, self._pull)
 
     def _guessed(self) -> bool:
         """Solve for the bounds that are guessed; whether that is the answer."""

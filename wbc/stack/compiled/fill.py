@@ -36,6 +36,7 @@ class CompiledFill:
         self._calls: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
         self._followers: list[_Follower] = []
         self._items = items = _Items(state, model.nv)
+        self._motion = motion
         first = layout.motion_row
         for member, row, (call, out) in plan.members():
             rows = member.compiled_rows() if isinstance(state, PinocchioState) else None
@@ -66,9 +67,11 @@ class CompiledFill:
     def __call__(self) -> None:
         """Write for what the state is now."""
         state = self.state
-        for call, out in self._calls:
-            call(state, *out)
         t = state.t
+        if self._calls:
+            self._motion.clear()
+            for call, out in self._calls:
+                call(state, *out)
         for follower in self._followers:
             follower.follow(t)
         fill(self._memory.addresses)
@@ -78,11 +81,12 @@ class CompiledFill:
 class _Follower:
     """Where a task's target goes, and the views for its rates."""
 
-    __slots__ = ("_out", "_parts", "_reference", "_seen")
+    __slots__ = ("_had_rates", "_out", "_parts", "_reference", "_seen")
 
     def __init__(self, task: Any, rows: FrameRows | JointRows, memory: Vec, out: Any) -> None:
         self._reference: Callable[[float], Target] = task.reference
         self._seen: Target | None = None
+        self._had_rates = True
         self._out = out
         self._parts: tuple[Vec, ...]
         if isinstance(rows, JointRows):
@@ -107,8 +111,9 @@ class _Follower:
             self._parts[0][:] = target.value
         else:
             self._parts[0][:], self._parts[1][:] = target.value
-        if target.has_rates:
+        if target.has_rates or self._had_rates:
             self._out.rate_ref[:], self._out.acc_ref[:] = target.rate, target.second
+            self._had_rates = target.has_rates
 
 
 @final

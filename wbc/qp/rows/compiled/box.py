@@ -17,8 +17,6 @@ from wbc.types import Index, Status, Vec
 
 #: Where bounds change many at once, DAQP's single changes are cheaper than factoring anew: one repair, then DAQP.
 _TRIES = 2
-# Multipliers below this share of the largest are rounding, as DAQP leaves them.
-_ROUNDING = 1e-12
 
 
 @final
@@ -33,12 +31,12 @@ class CompiledBoxSolver(RowSolver):
         self.reference = BoxSolver(problem, tolerance=tolerance)
         p, n, m = problem, problem.n, problem.n_soft
         self._weights, self._held, self._gradient = np.zeros(m), np.zeros(n), np.zeros(n)
+        sizes, self._proof = np.array((n, m, _TRIES), dtype=np.int64), np.zeros(4)
         self._memory = Memory(
             p.G[p.soft], p.value, p.lower, p.upper, p.metric, p.centre, self._weights, self._held,
             np.zeros((m, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), self._gradient,
+            sizes, self._proof,
         )  # fmt: skip
-        self._sizes = np.array((n, m, _TRIES), dtype=np.int64)
-        self._proof = np.zeros(4)
         self._version, self._delegated = -1, False
 
     def solve(self) -> Status:
@@ -46,7 +44,7 @@ class CompiledBoxSolver(RowSolver):
         if p.version != self._version:
             np.divide(p.weights, p.unit, out=self._weights)
             self._version = p.version
-        code = solve_box(self._memory.addresses, self._sizes, p.unit, self.tolerance, self._proof)
+        code = solve_box(self._memory.addresses, p.unit, self.tolerance)
         self._delegated = code == GIVE_UP
         if self._delegated:
             return self._delegate()
@@ -61,12 +59,10 @@ class CompiledBoxSolver(RowSolver):
 
     def _delegate(self) -> Status:
         reference = self.reference
-        status = reference.solve()
+        status = reference.solve_afresh()
         self.counts.fallback += 1
         self.certificate, self.iterations = reference.certificate, reference.iterations
-        _, _, z = reference.multipliers()
-        np.sign(z, out=self._held)
-        self._held[np.abs(z) <= _ROUNDING * np.abs(z).max(initial=0.0)] = 0.0
+        self.guess(*reference.working_set())
         return status
 
     def reset(self) -> None:

@@ -7,7 +7,7 @@ A held unknown is masked: its column is zero and its diagonal one, so that nothi
 
 from __future__ import annotations
 
-from wbc.compiled import carray, floats, kernel
+from wbc.compiled import carray, floats, integers, kernel
 from wbc.qp.rows.compiled.dual_kernel import FIRST, GIVE_UP, REPAIRED
 from wbc.qp.rows.compiled.linear import factor, solve
 from wbc.types import Index, Mat, Vec
@@ -59,11 +59,12 @@ def _gradient(S: Mat, weights: Vec, metric: Vec, centre: Vec, x: Vec, values: Ve
 
 
 @kernel
-def solve_box(memory: Index, sizes: Index, unit: float, tolerance: float, proof: Vec) -> int:
+def solve_box(memory: Index, unit: float, tolerance: float) -> int:
     """Solve for the bounds that are ``held`` (+1 upper, −1 lower, 0 free), repair that until it is right.
 
     ``sizes``: n, n_soft, tries. ``proof``: primal, dual, gap and size of the answer. Returns FIRST, REPAIRED, GIVE_UP.
     """
+    sizes, proof = carray(integers(memory[13]), 3), carray(floats(memory[14]), 4)
     n, m, tries = sizes[0], sizes[1], sizes[2]
     S = carray(floats(memory[0]), (m, n + 1))
     value = carray(floats(memory[1]), n + 1 + m)

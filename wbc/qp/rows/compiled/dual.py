@@ -32,15 +32,15 @@ class CompiledDualSolver(RowSolver):
         self._free_root, self._give = np.ones(p.n_y), np.zeros(p.n_soft)
         self._lam = np.zeros(most)
         work = [np.zeros(shape) for shape in ((most, p.n_y + 1), (most, p.n_y), (most, most))]
+        sizes = (p.n_u, p.n_y, p.n_range, p.n_soft, p.n_law, p.n_slots, _TRIES, 0)
+        self._sizes, self._proof = np.array(sizes, dtype=np.int64), np.zeros(3)
+        self._items, self._side = np.zeros(p.n + p.n_slots, np.int64), np.zeros(p.n + p.n_slots)
         self._memory = Memory(
             p.G, p.value, p.lower, p.upper, p.metric, self._free_root, p.centre, self._give,
             np.zeros((p.n_u, p.n_u)), np.zeros((p.n_u, p.n_y + 1)), *work, self._lam,
             np.zeros(p.n_y), np.zeros(p.n_y), np.zeros(p.n + p.n_slots),
+            self._sizes, self._items, self._side, self._proof,
         )  # fmt: skip
-        sizes = (p.n_u, p.n_y, p.n_range, p.n_soft, p.n_law, p.n_slots, _TRIES, 0)
-        self._sizes = np.array(sizes, dtype=np.int64)
-        self._items, self._side = np.zeros(p.n + p.n_slots, np.int64), np.zeros(p.n + p.n_slots)
-        self._proof = np.zeros(3)
         self._version, self._delegated = -1, False
 
     @property
@@ -53,7 +53,7 @@ class CompiledDualSolver(RowSolver):
             np.divide(1.0, np.sqrt(p.metric), out=self._free_root)
             write_compliance(p, self._give)
             self._version = p.version
-        code = solve_dual(self._memory.addresses, self._sizes, self.tolerance, self._items, self._side, self._proof)
+        code = solve_dual(self._memory.addresses, self.tolerance)
         if code == GIVE_UP:
             return self._delegate()
         self._delegated = False

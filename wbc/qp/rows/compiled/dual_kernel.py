@@ -5,7 +5,7 @@ A wrong guess costs a few microseconds here, so that it may be repaired many tim
 
 from __future__ import annotations
 
-from wbc.compiled import carray, floats, kernel
+from wbc.compiled import carray, floats, integers, kernel
 from wbc.qp.rows.compiled.linear import factor, solve, solve_rows
 from wbc.types import Index, Mat, Vec
 
@@ -87,13 +87,13 @@ def _reduce_base(G: Mat, B: Mat, X: Mat, n_u: int, n_y: int) -> bool:
 
 
 @kernel
-def solve_dual(memory: Index, sizes: Index, tolerance: float, active: Index, side: Vec, proof: Vec) -> int:
+def solve_dual(memory: Index, tolerance: float) -> int:
     """Solve for the working set ``active`` (items) on ``side`` (+1 upper, −1 lower), repair it until it is right.
 
-    ``memory``: see :class:`~wbc.qp.rows.compiled.dual.CompiledDualSolver`. ``sizes``: n_u, n_y, n_range, n_soft, n_law,
-    n_slots, tries, and k, how many are active, which changes. ``proof``: primal, dual and gap of the answer.
-    Returns FIRST, REPAIRED or GIVE_UP.
+    ``memory`` is what is read by name below. ``sizes``: n_u, n_y, n_range, n_soft, n_law, n_slots, tries, and k, how
+    many are active, which changes. ``proof``: primal, dual and gap of the answer. Returns FIRST, REPAIRED or GIVE_UP.
     """
+    sizes, proof = carray(integers(memory[17]), 8), carray(floats(memory[20]), 3)
     n_u, n_y, n_range, n_soft, n_law = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     n_slots, tries, k = sizes[5], sizes[6], sizes[7]
     n, m0, first = n_u + n_y, n_soft + n_law, n_u + n_range
@@ -115,6 +115,7 @@ def solve_dual(memory: Index, sizes: Index, tolerance: float, active: Index, sid
     root = carray(floats(memory[14]), n_y)
     y0 = carray(floats(memory[15]), n_y)
     wrong = carray(floats(memory[16]), n + n_slots)
+    active, side = carray(integers(memory[18]), n + n_slots), carray(floats(memory[19]), n + n_slots)
     y = value[n_u:n]
 
     if not _reduce_base(G, B, X, n_u, n_y):
