@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from wbc.control.command import Command as Command
     from wbc.control.controller import Controller as Controller
     from wbc.control.ladder import Recovery as Recovery
+    from wbc.control.many import run_many as run_many
     from wbc.control.recorder import Recorder as Recorder
     from wbc.control.recorder import Run as Run
     from wbc.control.watchdog import Watchdog as Watchdog
@@ -76,6 +77,7 @@ _HOME = {
     "Watchdog": "wbc.control.watchdog",
     "Weighted": "wbc.stack.hierarchy",
     "load": "wbc.models",
+    "run_many": "wbc.control.many",
     "solve": "wbc.qp",
 }
 _PACKAGES = ("errors", "methods", "models", "qp", "sim", "stack", "testing")

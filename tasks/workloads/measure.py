@@ -17,6 +17,7 @@ import pinocchio as pin
 from threadpoolctl import threadpool_limits
 
 import wbc
+from tasks.workloads.calls import calls_of
 from tasks.workloads.robots import MadeRobot
 from tasks.workloads.workload import Problem, Progress, Record, Workload
 from wbc.control.controller import Controller
@@ -25,6 +26,7 @@ from wbc.types import Vec
 
 WARM_UP = 100
 _REPORT_EVERY = 250
+_COUNTED = 100
 _PARTS = ("update", "fill", "solve", "decode")
 
 
@@ -42,6 +44,7 @@ def measure(
         record = timed[-1]
         splits = [_split_loop(setting, record, steps) for _ in range(repeats)]
         bare = [_bare_pinocchio(setting, record, steps) for _ in range(repeats)]
+        calls = _numpy_calls(setting, record)
 
     total = _microseconds([run.nanoseconds for run in timed])
     raw = min((_microseconds([run.nanoseconds]) for run in timed), key=np.median)
@@ -59,6 +62,7 @@ def measure(
         "split_us": split | {"rest": round(_median(total) - sum(split.values()), 2)},
         "pinocchio_us": pinocchio_us,
         "total_over_pinocchio": round(_median(total) / pinocchio_us, 2),
+        "numpy_calls": calls,
         "qp": _sizes(controller.qp),
         "solver_failures": splits[-1][1],
         "certified": float(record.solved.mean()),
@@ -147,6 +151,15 @@ def _split_loop(setting: _Setting, record: Record, steps: _Steps) -> tuple[Any, 
         controller.split_forces(value[force])
         steps.done()
     return nanoseconds, failures
+
+
+def _numpy_calls(setting: _Setting, record: Record) -> dict[str, float]:
+    """Calls of numpy, BLAS, LAPACK and DAQP in a tick, over the run's first states."""
+    controller = setting.controller()
+    ticks = min(record.ticks, _COUNTED)
+    controller.tick(0.0, record.q[0], record.v[0])  # the first one prepares what others keep
+    found = calls_of(lambda k: controller.tick(k * controller.dt, record.q[k], record.v[k]), ticks)
+    return {"median": float(np.median(found)), "max": float(found.max())}
 
 
 def _bare_pinocchio(setting: _Setting, record: Record, steps: _Steps) -> Any:

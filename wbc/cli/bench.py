@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from importlib.metadata import entry_points
+from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 
@@ -14,9 +18,11 @@ from rich.console import Console
 from rich.text import Text
 
 from wbc.cli.console import notes, one_sentence, progress, tell
+from wbc.cli.peers import Peers
 from wbc.errors import InvalidInput, UnknownName
 
 GROUP = "wbc.workloads"
+_ROUNDS = 2
 
 
 class Workload(Protocol):
@@ -42,6 +48,12 @@ def bench(
     ticks: Annotated[int | None, typer.Option(min=1, help="Ticks of a run; default: the workload's own.")] = None,
     repeats: Annotated[int, typer.Option(min=1, help="Runs; the least time of each tick counts.")] = 5,
     fast: Annotated[bool, typer.Option("--fast", help="Compiled ticks (extra fast).")] = False,
+    peers: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Run the scripts of other libraries there too.")
+    ] = None,
+    environments: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where their environments are: v, and vNAME for one library.")
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")] = None,
 ) -> None:
     """Time whole ticks of the controller on the registered workloads."""
@@ -52,18 +64,44 @@ def bench(
             raise UnknownWorkload(name, known)
     if json_file is not None and not json_file.resolve().parent.is_dir():
         raise InvalidInput(f"{json_file} cannot be written: there is no folder {json_file.resolve().parent}")
-    rows = []
+    found_peers = None if peers is None else Peers(peers, environments)
+    rows: list[dict[str, Any]] = []
     with notes() as found, progress("timing") as step:
         for i, name in enumerate(chosen):
 
             def one(done: int, total: int, i: int = i, name: str = name) -> None:
                 step((i + done / total) / len(chosen), f"timing {name}")
 
-            rows.append(known[name](ticks=ticks, repeats=repeats, progress=one, solver=solver, fast=fast))
+            def run(fast: bool, name: str = name, one: Any = one) -> dict[str, Any]:
+                return known[name](ticks=ticks, repeats=repeats, progress=one, solver=solver, fast=fast)
+
+            if found_peers is None:
+                rows.append(run(fast))
+            else:
+                rows += _in_turns(found_peers, name, run, repeats)
     if json_file is not None:
         _write(rows, json_file)
     tell(found)
     _print(rows)
+
+
+def _in_turns(peers: Peers, name: str, run: Callable[[bool], dict[str, Any]], repeats: int) -> list[dict[str, Any]]:
+    """We without and with compiled ticks, and every peer, one after the other, twice; the better row of each counts."""
+    ways: list[Callable[[], dict[str, Any]]] = [lambda: run(False)]
+    if find_spec("numba") is not None:
+        ways.append(lambda: run(True))
+    ways += [partial(peers.row, peer, name, repeats) for peer in peers.names(name)]
+    rounds = [[way() for way in ways] for _ in range(_ROUNDS)]
+    rows = [min(tries, key=_median) for tries in zip(*rounds, strict=True)]
+    theirs = {row["peer"]: _median(row) for row in rows if not _is_ours(row) and "total_us" in row}
+    for row in rows:
+        if _is_ours(row):
+            row["ratio_to"] = {peer: round(_median(row) / median, 3) for peer, median in theirs.items()}
+    return rows
+
+
+def _median(row: dict[str, Any]) -> float:
+    return float(row["total_us"]["median"]) if "total_us" in row else inf
 
 
 def workloads() -> dict[str, Workload]:
@@ -96,11 +134,49 @@ def _write(rows: list[dict[str, Any]], path: Path) -> None:
 def _print(rows: list[dict[str, Any]]) -> None:
     from wbc.cli.list_ import table
 
+    console = Console(highlight=False)
     made = table("Time of one tick [µs]", "workload", "how", "median", "p99", "max", "failures")
     for row in rows:
-        times = row["total_us"]
+        times = row.get("total_us", {"median": inf, "p99": inf, "max": inf})
+        how = row.get("variant", "") if _is_ours(row) else row["peer"] + ", measured before" * row.get("stored", False)
         made.add_row(
-            row["workload"], Text(row["variant"]), f"{times['median']:.1f}", f"{times['p99']:.1f}",
-            f"{times['max']:.1f}", str(row["solver_failures"]),
+            row["workload"], Text(how), f"{times['median']:.1f}", f"{times['p99']:.1f}", f"{times['max']:.1f}",
+            str(row.get("solver_failures", "")),
         )  # fmt: skip
-    Console(highlight=False).print(made)
+    console.print(made)
+    ours = [row for row in rows if _is_ours(row) and "split_us" in row]
+    if ours:
+        console.print(_split(ours))
+    if any("ratio_to" in row for row in ours):
+        console.print(_ratios(ours))
+
+
+def _is_ours(row: dict[str, Any]) -> bool:
+    return bool(row.get("peer", "wbc") == "wbc")
+
+
+def _split(rows: list[dict[str, Any]]) -> Any:
+    from wbc.cli.list_ import table
+
+    made = table(
+        "Where it goes [µs]; calls of numpy; guesses right, repaired, given up; times the bare model calls",
+        "", "update", "fill", "solve", "decode", "rest", "calls", "right", "rep.", "up", "×",
+    )  # fmt: skip
+    for row in rows:
+        split, counts = row["split_us"], row["counts"]
+        made.add_row(
+            row["workload"], *(f"{split[part]:.1f}" for part in ("update", "fill", "solve", "decode", "rest")),
+            f"{row['numpy_calls']['median']:.0f}", *(str(counts[how]) for how in ("first", "repaired", "fallback")),
+            f"{row['total_over_pinocchio']:.1f}",
+        )  # fmt: skip
+    return made
+
+
+def _ratios(rows: list[dict[str, Any]]) -> Any:
+    from wbc.cli.list_ import table
+
+    made = table("Median, as a ratio to the libraries of the same sitting", "workload", "how", "ratio to")
+    for row in rows:
+        ratios = ", ".join(f"{peer} {ratio:.2f}" for peer, ratio in row.get("ratio_to", {}).items())
+        made.add_row(row["workload"], Text(row["variant"]), ratios)
+    return made

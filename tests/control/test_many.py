@@ -1,0 +1,63 @@
+"""Many states through controllers: the answers of ``tick``, on one process or several."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import JointVelocityLimits, Posture
+from wbc import AccelerationLevel, Controller, Stack
+from wbc.errors import InvalidInput
+
+ARM = wbc.load("arm")
+
+
+def controller(target=None):
+    stack = Stack([Posture(ARM.q0 if target is None else target)], subject_to=[JointVelocityLimits()])
+    return Controller(ARM, stack, level=AccelerationLevel())
+
+
+def states(n):
+    rng = np.random.default_rng(3)
+    return [(0.0, ARM.random_configuration(rng), 0.1 * rng.normal(size=ARM.nv)) for _ in range(n)]
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_answers_are_those_of_one_tick_after_the_other(workers):
+    asked = states(23)
+    batch = wbc.run_many(controller(), asked, workers=workers)
+    one = controller()
+    expected = [one.tick(*state) for state in asked]
+    np.testing.assert_allclose(batch.a, [command.a for command in expected], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(batch.v, [command.v for command in expected], rtol=0, atol=1e-9)
+    assert np.isnan(batch.tau).all()  # accelerations decide no torques
+    assert batch.certified.all() and set(batch.status) == {wbc.Status.SOLVED}
+    assert batch.ticks_per_second > 0.0
+
+
+def test_each_state_may_have_a_controller_of_its_own():
+    asked = states(4)
+    targets = [ARM.q0 + 0.1 * i for i in range(4)]
+    batch = wbc.run_many([controller(target) for target in targets], asked, workers=2)
+    expected = [controller(target).tick(*state).a for target, state in zip(targets, asked, strict=True)]
+    np.testing.assert_allclose(batch.a, expected, rtol=0, atol=1e-9)
+
+
+def test_workers_leave_the_controllers_given_as_they_are():
+    given = controller()
+    wbc.run_many(given, states(6), workers=2)
+    assert given.ticks == 0
+
+
+@pytest.mark.parametrize(
+    ("plans", "asked", "workers", "message"),
+    [
+        ([], states(1), 1, "0 controllers for 1 states"), (None, [], 1, "states is empty"),
+        (None, states(1), 0, "workers"), (None, [(0.0, np.zeros(3), np.zeros(6))], 1, "q must have shape"),
+        (None, [(0.0, np.zeros(3), np.zeros(6))] * 2, 2, "q must have shape"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused_by_name(plans, asked, workers, message):
+    with pytest.raises(InvalidInput, match=message):
+        wbc.run_many(controller() if plans is None else plans, asked, workers=workers)
