@@ -60,7 +60,7 @@ def run_many(
         >>> controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.AccelerationLevel())
         >>> states = [(0.0, robot.q0 + 0.1 * i, np.zeros(robot.nv)) for i in range(4)]
         >>> wbc.run_many(controller, states).a.shape
-        (4, 6)
+        (4, 7)
     """
     workers = int(checks.number("workers", workers, low=1))
     controllers = [plans] * len(states) if isinstance(plans, Controller) else list(plans)
