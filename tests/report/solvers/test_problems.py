@@ -50,7 +50,8 @@ def test_one_triangle_of_a_cost_is_the_whole_cost(tmp_path: Path):
 
 
 def test_what_cannot_be_read_is_told_with_its_reason(files: Path):
-    sets, unread = from_folder(files)
+    found = from_folder(files)
+    sets, unread = found.sets, found.unread
     assert [(s.name, list(s.labels)) for s in sets] == [("mixed", ["between", "onesided", "ours"])]
     assert set(unread) == {"notes.npz", "picture.npz", "saddle.npz"}
     assert "convex" in unread["saddle.npz"] and "pixels" in unread["picture.npz"]
@@ -60,8 +61,8 @@ def test_every_folder_is_a_set_of_its_own(files: Path, tmp_path: Path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "qp.npz").write_bytes((files / "ours.npz").read_bytes())
-    sets, unread = from_folder(tmp_path)
-    assert [s.name for s in sets] == [f"{tmp_path.name}/one", f"{tmp_path.name}/two"] and not unread
+    found = from_folder(tmp_path)
+    assert [s.name for s in found.sets] == [f"{tmp_path.name}/one", f"{tmp_path.name}/two"] and not found.unread
 
 
 def test_a_folder_without_problems_is_refused(tmp_path: Path):

@@ -28,7 +28,7 @@ from wbc.report.solvers.statistics import (
 class Advice:
     """For one set of problems: the measure to use, None where no solver is of use, and the sentence that says why."""
 
-    set: str
+    name: str
     use: Measure | None
     sentence: str
 
@@ -50,28 +50,38 @@ def advice(data: Data, about: Data) -> Advice:
     name, mode = about["name"], main_mode(about)
     found = [m for m in measures(data, name, mode) if _admissible(data, about, m)]
     if not found:
-        return Advice(name, None, f"{name}: no solver may be used here.")
+        return Advice(name, None, "no solver may be used here.")
     classes = best_classes(found)
     most = max(m.share(TARGET) for m in classes)
     if most == 0.0:
-        return Advice(name, None, f"{name}: no solver reached {short(TARGET)} on any of {found[0].count} problems.")
+        return Advice(name, None, f"no solver reached {short(TARGET)} on any of {found[0].count} problems.")
     good = [m for m in classes if m.share(TARGET) == most]
     use = min(good, key=lambda m: geometric_mean(m.times(TARGET)) or np.inf)
     return Advice(name, use, _sentence(about, use, [m for m in classes if m is not use]))
 
 
 def overall(advices: list[Advice]) -> str:
-    """One sentence for all sets: the same advice is said once."""
+    """What to use, at which tolerance, because of what; sets with the same advice share a sentence."""
     by_use: dict[str, list[Advice]] = {}
     for one in advices:
         if one.use is not None:
             by_use.setdefault(f"Use {one.use.solver} at {one.at}", []).append(one)
     if not by_use:
         return "No solver can be advised here; the tables say what went wrong."
-    if len(by_use) == 1 and len(advices) == len(next(iter(by_use.values()))):
-        (use, ones), *_ = by_use.items()
-        return f"{use}: " + " ".join(one.sentence for one in ones)
-    return " ".join(f"{use} for {_and([o.set for o in ones])}." for use, ones in by_use.items())
+    if len(advices) == 1:
+        ((use, (one,)),) = by_use.items()
+        return f"{use} for {one.name}, because {one.sentence}"
+    return " ".join(
+        f"{use} for {_and([o.name for o in ones])}, because {_shared(ones)}." for use, ones in by_use.items()
+    )
+
+
+def _shared(advices: list[Advice]) -> str:
+    """What sets with the same advice have in common."""
+    uses = [one.use for one in advices if one.use is not None]
+    solved, count = sum(round(use.share(TARGET) * use.count) for use in uses), sum(use.count for use in uses)
+    share = f"all {count}" if solved == count else f"{solved} of {count}"
+    return f"it solved {share} problems to {short(TARGET)} and was the fastest of those that solved as many"
 
 
 def _admissible(data: Data, about: Data, m: Measure) -> bool:
@@ -91,8 +101,7 @@ def _sentence(about: Data, use: Measure, others: list[Measure]) -> str:
     solved = f"all {use.count}" if share == 1.0 else f"{round(share * use.count)} of {use.count}"
     how = "warm from tick to tick" if use.mode == "warm" else "cold"
     words = [
-        f"on {about['name']} it solved {solved} problems to {short(TARGET)} ({how}), "
-        f"median {_us(p50)}, 99 % within {_us(p99)}"
+        f"{use.solver} solved {solved} problems to {short(TARGET)} ({how}), median {_us(p50)}, 99 % within {_us(p99)}"
     ]
     words += _next_best(use, others)
     lies = int(np.sum(use.says_solved & ~use.holds(TARGET)))

@@ -10,6 +10,7 @@ from wbc.report import style
 from wbc.report.document import Cell, Figure, Item, Section, Table, Text, percent
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.drawing import logarithmic, slug
+from wbc.report.solvers.ranked import reached
 
 
 def section(data: Data) -> Section:
@@ -173,3 +174,44 @@ def _weights_table(entry: Data) -> Table:
     columns = ("weight ×", "ticks solved", "first level, median", "first level, max", "others, median", "condition",
                "tick [µs]")  # fmt: skip
     return Table(columns, rows, f"{entry['scenario']}: the first level's weight multiplied.", folded=True)
+
+
+def ranked(data: Data) -> Section:
+    """Hierarchies from files: how many levels each solver brings to the optimum, and at what time."""
+    items: list[Item] = []
+    for name in dict.fromkeys(entry["name"] for entry in data["ranked"]):
+        entries = [entry for entry in data["ranked"] if entry["name"] == name]
+        items += _ranked_table(name, entries)
+    return Section("Hierarchies from files", items)
+
+
+def _ranked_table(name: str, entries: Sequence[Data]) -> Iterator[Item]:
+    solved = [entry["levels"] for entry in entries if entry.get("levels")]
+    known = next((entry["known"] for entry in entries if entry.get("known")), None)
+    if not solved and known is None:
+        yield Text(f"{name}: no solver gave an answer.")
+        return
+    best = min([*solved, *([known] if known else [])], key=_lexicographic)
+    rows: list[list[Cell]] = []
+    for entry in entries:
+        levels = entry.get("levels")
+        if levels is None:
+            rows.append(
+                [entry["solver"], entry.get("lost") or entry["status"].lower(), None, None, *[None] * len(best)]
+            )
+            continue
+        rows.append([entry["solver"], entry["status"].lower(), reached(levels, best), entry["us"], *levels])
+    if known is not None:
+        rows.append(["known solution", "", reached(known, best), None, *known])
+    columns = ("solver", "status", "levels at the optimum", "time [µs]", *(f"level {k + 1}" for k in range(len(best))))
+    note = (
+        f"{name}: ½ |v|² of each level, v the distance of its rows from their bounds, the first above all "
+        "others. At the "
+        "optimum: as low as the best answer of all, level after level, before one is not. Least of three times, cold."
+    )
+    yield Table(columns, rows, note)
+
+
+def _lexicographic(levels: Sequence[float]) -> tuple[float, ...]:
+    """An order in which rounding decides nothing."""
+    return tuple(float(f"{max(level, 1e-9):.5g}") for level in levels)

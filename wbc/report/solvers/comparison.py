@@ -158,10 +158,12 @@ def _listed(run: Any) -> list[Any]:
 
 
 class _Collected(NamedTuple):
-    """What was found to compare on: sets of problems, the scenarios among them, files that could not be read."""
+    """What was found to compare on: sets of problems, the scenarios among them, files of hierarchies, and what could
+    not be read."""
 
     sets: list[ProblemSet]
     scenarios: list[ScenarioRequest]
+    ranked: dict[str, Path]
     unread: dict[str, str]
 
 
@@ -171,13 +173,15 @@ def _collected(
     """Record and read all problems."""
     sets: list[ProblemSet] = []
     scenarios: list[ScenarioRequest] = []
+    ranked: dict[str, Path] = {}
     unread: dict[str, str] = {}
     for k, source in enumerate(sources):
         progress(0.0, f"collecting problems: {source if isinstance(source, str | Path) else 'given'}")
         if _is_folder(source):
-            read, faults = from_folder(Path(source))
-            sets += read
-            unread |= faults
+            found = from_folder(Path(source))
+            sets += found.sets
+            ranked |= found.ranked
+            unread |= found.unread
         elif isinstance(source, str | Scenario):
             scenario = source if isinstance(source, Scenario) else find(source)
             asked = _asked(source, scenario, settings, choices)
@@ -187,10 +191,10 @@ def _collected(
             sets.append(_given(source, f"problems {k + 1}" if len(sources) > 1 else "problems"))
     if request.growth:
         sets += growing(request.seed)
-    names = [found.name for found in sets]
+    names = [one.name for one in sets]
     if len(set(names)) < len(names):
         raise InvalidInput(f"two sets of problems have the same name: {', '.join(names)}")
-    return _Collected(sets, scenarios, unread)
+    return _Collected(sets, scenarios, ranked, unread)
 
 
 def _begun(collected: _Collected, request: Request, folder: Path) -> Request:
@@ -199,7 +203,10 @@ def _begun(collected: _Collected, request: Request, folder: Path) -> Request:
     files = {found.name: f"{PROBLEMS}/{slug(found.name)}.npz" for found in collected.sets}
     for found in collected.sets:
         found.save(folder / files[found.name])
-    request = replace(request, scenarios=collected.scenarios, files=files)
+    ranked = {name: f"{PROBLEMS}/{slug(name)}.npz" for name in collected.ranked}
+    for name, path in collected.ranked.items():
+        shutil.copyfile(path, folder / ranked[name])
+    request = replace(request, scenarios=collected.scenarios, files=files, ranked=ranked)
     header = {
         "surroundings": raw.surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}"),
         "request": request.to_json(),

@@ -57,6 +57,9 @@ def gathered(request: Request, sets: Mapping[str, ProblemSet], journal: Journal,
         "measures": [m for found in sets.values() for m in _measures(request, found, findings)],
         "loops": [_loop(key, value) for key, value in findings.items() if key[0] == "loop"],
         "levels": [{"scenario": key[1], **value} for key, value in findings.items() if key[0] == "levels"],
+        "ranked": [
+            {"name": key[1], "solver": key[2], **value} for key, value in findings.items() if key[0] == "ranked"
+        ],
         "torture": [
             {"case": key[1], "solver": key[2], "how": key[3], **value}
             for key, value in findings.items() if key[0] == "torture"

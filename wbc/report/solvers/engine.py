@@ -33,7 +33,7 @@ def work(request: Request, folder: Path, journal: Journal, progress: Progress) -
                 if job.items:
                     journal.add(job.key, _solve(job, process, request.limit, journal))
                 else:
-                    patience = request.limit if job.key[0] == "torture" else request.patience
+                    patience = request.limit if job.key[0] in ("torture", "ranked") else request.patience
                     journal.add(job.key, _ask(job, process, patience))
                 clock.took(job, monotonic() - start)
             clock.done(job)
@@ -108,7 +108,13 @@ class _Clock:
         left = self.seconds_left()
         self._share = max(self._share, self._finished / max(self._finished + left, 1e-9))  # a bar never goes back
         what, name, solver = job.key[:3]
-        words = {"solve": "on", "loop": "in the loop of", "torture": "tortured with", "levels": "levels of"}
+        words = {
+            "solve": "on",
+            "loop": "in the loop of",
+            "torture": "tortured with",
+            "levels": "levels of",
+            "ranked": "on",
+        }
         rest = f", {remaining(left)} left" if self._seconds else ""
         self._progress(self._share, f"{solver} {words[str(what)]} {name}{rest}")
 

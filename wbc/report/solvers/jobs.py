@@ -34,6 +34,10 @@ def jobs(request: Request, sets: Mapping[str, ProblemSet]) -> Iterator[Job]:
     """All jobs. Solvers take turns in the innermost loop; the rounds are the outermost one of each set."""
     for found in sets.values():
         yield from _solves(request, found)
+    for name, file in request.ranked.items():
+        for solver in request.solvers:
+            ask: dict[str, Any] = {"do": "ranked", "tolerance": None, "file": file}
+            yield Job(solver.name, ("ranked", name, solver.name, None, None), ask)
     if request.torture:
         yield from _torture(request)
     for k, scenario in enumerate(request.scenarios if request.loop else ()):

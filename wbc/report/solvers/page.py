@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,24 +13,28 @@ from wbc.report.solvers.data import Data
 from wbc.report.solvers.drawing import short
 from wbc.report.solvers.statistics import TARGET, percentiles
 
+#: So many names of sets fit into a title.
+_FEW = 3
+
 
 def page(data: Data) -> Report:
     """The report: advice first, then every table and figure behind it."""
-    advised = [advice(data, about) for about in data["sets"] if about["kind"] != "growth"]
-    sections = [section for section in _sections(data, advised) if section.items]
-    kinds = [about["name"] for about in data["sets"] if about["kind"] != "growth"]
-    title = f"QP solvers compared · {', '.join(kinds)}"
+    sets = sorted((s for s in data["sets"] if s["kind"] != "growth"), key=lambda s: s["kind"] != "sequence")
+    advised = [advice(data, about) for about in sets]
+    sections = [section for section in _sections(data, sets, advised) if section.items]
+    title = "QP solvers compared" + (f" · {', '.join(s['name'] for s in sets)}" if len(sets) <= _FEW else "")
     return Report(title, overall(advised), None, sections, _tiles(data, advised))
 
 
-def _sections(data: Data, advised: list[Advice]) -> Iterator[Section]:
+def _sections(data: Data, sets: Sequence[Data], advised: list[Advice]) -> Iterator[Section]:
+    """Robots first, then problems from files."""
     if advised:
         yield _answer(advised)
-    for about in data["sets"]:
-        if about["kind"] != "growth":
-            yield solving.section(data, about)
+    for about in sets:
+        yield solving.section(data, about)
     yield closing.section(data)
     yield from closing.levels(data)
+    yield closing.ranked(data)
     yield robustness.section(data)
     yield growth.section(data)
     yield appendix.failures(data)
@@ -43,13 +47,13 @@ def _answer(advised: list[Advice]) -> Section:
     rows: list[list[Cell]] = []
     for one in advised:
         if one.use is None:
-            rows.append([one.set, "none", "", "0 %", None, None, None])
+            rows.append([one.name, "none", "", "0 %", None, None, None])
             continue
         times = percentiles(one.use.times(TARGET))
-        rows.append([one.set, one.use.solver, one.at, percent(one.use.share(TARGET)), *times])
+        rows.append([one.name, one.use.solver, one.at, percent(one.use.share(TARGET)), *times])
     items: list[Item] = [Table(columns, rows, "Times are of a whole solve: checks, conversion, back end, certificate.")]
     if len(advised) > 1:  # of one alone the summary says it
-        items += [Text(one.sentence[0].upper() + one.sentence[1:]) for one in advised]
+        items += [Text(f"{one.name}: {one.sentence}") for one in advised]
     return Section("Which solver", items)
 
 

@@ -30,7 +30,8 @@ class ScenarioRequest:
 @final
 @dataclass(frozen=True)
 class Request:
-    """Everything that decides what is measured; ``files`` are the problem sets' files by set name.
+    """Everything that decides what is measured; ``files`` are the problem sets' files by set name, ``ranked`` those of
+    hierarchies.
 
     ``rounds``: how often each solve is timed, interleaved with those of the other solvers; the least counts.
     ``limit``: seconds a solve may take, ``patience``: seconds a whole scenario may take.
@@ -39,6 +40,7 @@ class Request:
     solvers: Sequence[Solver]
     scenarios: Sequence[ScenarioRequest] = ()
     files: Mapping[str, str] = field(default_factory=dict)
+    ranked: Mapping[str, str] = field(default_factory=dict)
     classes: Mapping[str, float | None] = field(default_factory=lambda: dict(CLASSES))
     rounds: int = 3
     limit: float = 5.0

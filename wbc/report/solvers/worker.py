@@ -31,7 +31,8 @@ class Worker:
         self._sets: dict[str, ProblemSet] = {}
 
     def answers(self, order: dict[str, Any]) -> Iterator[dict[str, Any]]:
-        """Do what an order says: one finding each for "loop", "torture" and "levels", one a problem for "solve"."""
+        """Do what an order says: one finding each for "loop", "torture", "ranked" and "levels", one a "
+        "problem for "solve"."""
         tolerance = order["tolerance"]
         solver = self._solver if tolerance is None else self._solver.at(tolerance)
         match order["do"]:
@@ -47,6 +48,10 @@ class Worker:
                 from wbc.report.solvers.loop import closed_loop
 
                 yield closed_loop(order["scenario"], order["parameters"], order["settings"], solver)
+            case "ranked":
+                from wbc.report.solvers.ranked import ranked
+
+                yield ranked(solver, self._folder / order["file"])
             case "levels":
                 from wbc.report.solvers.levels import levels
 
