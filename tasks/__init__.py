@@ -69,6 +69,7 @@ from tasks.linear_momentum import LinearMomentum as LinearMomentum
 from tasks.loop_closure import LoopClosure as LoopClosure
 from tasks.low_acceleration import LowAcceleration as LowAcceleration
 from tasks.manipulability import ManipulabilityTask as ManipulabilityTask
+from tasks.mimic_joints import mimic_joints as mimic_joints
 from tasks.omni_wheel import OmniWheel as OmniWheel
 from tasks.orientation import Orientation as Orientation
 from tasks.point import Point as Point

@@ -15,8 +15,8 @@ from wbc.stack.task import Task, TaskRows
 
 @final
 class FrozenJoints(Task):
-    """The joints named do not move: one row each [rad, m]. ``FrozenJoints(…).exactly()`` in ``subject_to`` locks them;
-    their ``command.tau`` is what the lock carries.
+    """The joints named do not move: one row each [rad, m]. ``FrozenJoints(…).exactly()`` in ``subject_to`` lets their
+    motors hold them, ``FrozenJoints(…).with_reaction()`` in ``contacts`` a brake.
 
     By a list of names: v = 0 at the velocity level, a = −kd v at the acceleration level; where a joint stops is left
     open. By {joint: position}: e = position − q, so that it comes back there, with ``kp`` (default 100).
@@ -63,5 +63,5 @@ class FrozenJoints(Task):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        first, second, third = model.joint_names[:3]
-        return [cls([third, first]), cls({second: 0.3, first: -0.1})]
+        first, second = model.joint_names[:2]
+        return [cls([second, first]), cls({second: 0.3, first: -0.1})]

@@ -18,10 +18,10 @@ class JointCoupling(Task):
     """e = offset + Σ ratio_k q_k − q_joint: one row [rad, m].
 
     ``to``: {other joint: ratio}; a ratio has the unit of the joint per unit of the other (a rack and its pinion: m per
-    rad). As a wish it is met as well as others allow; ``JointCoupling(…).exactly()`` in ``subject_to`` is a gear, at
-    every level: q_joint comes back to what it should be with kp and kd, from wherever it starts. ``command.tau`` then
-    holds torques of independent motors; with one motor, at other joint k, τ_joint is what the gear transmits, its
-    reaction, and the motor gives τ_k + ratio_k τ_joint.
+    rad). As a wish it is met as well as others allow. ``JointCoupling(…).exactly()`` in ``subject_to`` makes motors do
+    what a gear would; ``JointCoupling(…).with_reaction()`` in ``contacts`` is the gear: its own force holds the row,
+    and ``Torque(0.0, joints=[joint]).exactly()`` says that only the other joints have motors. At every level q_joint
+    comes back to what it should be, with kp and kd, from wherever it starts.
 
     Raises:
         InvalidInput: no other joint, the joint coupled to itself, a ratio that is zero or not finite.
@@ -61,5 +61,5 @@ class JointCoupling(Task):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        first, second, third = model.joint_names[:3]
-        return [cls(first, to={second: -2.0}), cls(third, to={first: 0.5, second: 1.0}, offset=0.3)]
+        first, *others = model.joint_names[:3]
+        return [cls(first, to={others[0]: -2.0}), cls(first, to=dict.fromkeys(others, 0.5), offset=0.3)]

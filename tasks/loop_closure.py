@@ -42,9 +42,11 @@ class LoopClosure(Contact):
         (0, 2)
     """
 
+    bilateral = True
+
     def __init__(
         self, frame: str, *, to: str, rows: Sequence[str] = ("x", "y", "z"), target: Any = None, kp: float = 100.0,
-        kd: float | None = None, force_weight: float = 1e-6, name: str | None = None,
+        kd: float | None = None, force_weight: float = 0.0, name: str | None = None,
     ) -> None:  # fmt: skip
         for i, row in enumerate(rows):
             if row not in ROWS or row in rows[:i]:

@@ -79,5 +79,5 @@ class Torque(Tracking, LinearTask):
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         wave = Sinusoid([1.0] * model.nj, amplitude=2.0, frequency=0.5)
-        some = cls([0.0, 2.0], joints=model.joint_names[2:0:-1])
+        some = cls([0.0, 2.0], joints=model.joint_names[1::-1])
         return [cls(), cls(wave, weight=1e-4), cls(1.0, weight="inverse_inertia"), some]

@@ -17,7 +17,8 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "library.md"
 MARK = "<!-- written by tests/test_library.py -->\n"
 KINDS: dict[str, tuple[str, type]] = {
     "Kinematic tasks": (
-        "At every level; `task.exactly()` makes an equality of one, `task.within(…)` an interval.",
+        "At every level. As laws: `task.exactly()`, an equality, `task.within(…)`, an interval, in `subject_to`; "
+        "`task.with_reaction()`, a part of the mechanism, in `contacts`.",
         Task,
     ),
     "Linear tasks": ("On torques or forces, so with `InverseDynamics`.", LinearTask),

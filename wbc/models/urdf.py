@@ -49,7 +49,8 @@ class Link:
 class Joint:
     """``child`` moves against ``parent`` about or along ``axis``; ``origin`` is the joint in the parent.
 
-    Limits in rad or m, per s, N m or N; ±inf: none. They are the file's own, even where they make no sense.
+    Limits in rad or m, per s, N m or N; ±inf: none. They are the file's own, even where they make no sense. A joint
+    that ``mimics`` another is meant to be at mimic_ratio · other + mimic_offset.
     """
 
     name: str
@@ -65,6 +66,8 @@ class Joint:
     damping: float = 0.0
     friction: float = 0.0
     mimics: str | None = None
+    mimic_ratio: float = 1.0
+    mimic_offset: float = 0.0
 
     @property
     def moves(self) -> bool:

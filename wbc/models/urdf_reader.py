@@ -144,6 +144,8 @@ def _joint(element: Element) -> Joint:
         damping=0.0 if dynamics is None else _number(dynamics, "damping", where, 0.0),
         friction=0.0 if dynamics is None else _number(dynamics, "friction", where, 0.0),
         mimics=None if mimic is None else mimic.get("joint", ""),
+        mimic_ratio=1.0 if mimic is None else _number(mimic, "multiplier", where, 1.0),
+        mimic_offset=0.0 if mimic is None else _number(mimic, "offset", where, 0.0),
     )
 
 

@@ -222,7 +222,7 @@ def _about(controller: Controller, plant: Plant, disturbances: list[Disturbance]
         "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
         "statuses": [status.name for status in Status],
         "tasks": {name: {"units": [task.unit(k) for k in range(task.dim)]} for name, task in objectives.items()},
-        "contacts": {c.name: _contact(c) for c in stack.contacts if c.carrier is None},
+        "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
         "stack": str(stack),
         "plant": plant.settings(),
         "disturbances": [str(disturbance) for disturbance in disturbances],

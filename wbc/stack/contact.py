@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, Self, final
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 import pinocchio
@@ -13,8 +13,12 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
+from wbc.stack.task import TaskRows
 from wbc.stack.tracking import pose_target
 from wbc.types import Mat, Vec
+
+_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 @final
@@ -32,14 +36,11 @@ class Anchor:
         self.position: Vec = self.pose.translation
 
 
-class ContactRows:
-    """Where a contact writes its motion rows: J (dim, nv), drift (dim,), e (dim,) = anchor − actual."""
+class ContactRows(TaskRows):
+    """Where a contact writes its motion rows: J (dim, nv), drift (dim,), e (dim,) = anchor − actual. What is beside
+    these in a task's rows is zero unless written: surfaces stand still."""
 
-    __slots__ = ("J", "drift", "e")
-
-    J: Mat
-    drift: Vec
-    e: Vec
+    __slots__ = ()
 
 
 class Contact(ABC):
@@ -54,8 +55,9 @@ class Contact(ABC):
 
     dim: int
     frame: str
-    #: The frame of the robot that carries the other side; None: the world does. What joins two frames of one robot is
-    #: no matter of a schedule: it always holds.
+    #: A part of the mechanism, which pushes and pulls, and holds whatever a schedule says.
+    bilateral: ClassVar[bool] = False
+    #: The frame of the robot that carries the other side; None: the world does.
     carrier: str | None = None
 
     def __init__(
@@ -106,6 +108,18 @@ class Contact(ABC):
     def wrench_axes(self) -> tuple[int, ...]:
         """Which of a wrench's (fx, fy, fz, mx, my, mz) the contact gives, (dim,); of its motion the same six."""
         return tuple(range(self.dim))
+
+    def gains(self) -> tuple[Any, Any, Any]:
+        """kp, kd and the rate at the velocity level, kp / kd: for all rows, or for each."""
+        return self.kp, self.kd, self.kp / self.kd if self.kd > 0.0 else 0.0
+
+    def motion_labels(self) -> Sequence[str]:
+        """What each motion row is called."""
+        return [_AXES[axis] for axis in self.wrench_axes]
+
+    def force_labels(self) -> list[tuple[str, str]]:
+        """(label, unit) of each number of the force."""
+        return [(_WRENCH[axis], "N" if axis < 3 else "N m") for axis in self.wrench_axes]
 
     @property
     def mu(self) -> float:

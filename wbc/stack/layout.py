@@ -184,8 +184,8 @@ class Layout:
         for exact in self.exact:
             rows += [Row(exact.name, exact.task.label(i), exact.task.unit(i) + suffix) for i in range(exact.task.dim)]
         for contact in self.contacts:
-            labels = zip(contact.wrench_axes, contact.motion_units(), strict=True)
-            rows += [Row(f"contact[{contact.short_name}]", _AXES[axis], unit + suffix) for axis, unit in labels]
+            labels = zip(contact.motion_labels(), contact.motion_units(), strict=True)
+            rows += [Row(f"contact[{contact.short_name}]", label, unit + suffix) for label, unit in labels]
         return rows + list(self._unknowns(suffix))
 
     def _unknowns(self, suffix: str) -> Iterator[Row]:
@@ -197,8 +197,8 @@ class Layout:
             yield Row(owner if self.motion_limits else "joint", joint, unit + suffix)
         if self.level.dynamics:
             for contact in self.contacts:
-                for axis in contact.wrench_axes:
-                    yield Row(f"force[{contact.short_name}]", _WRENCH[axis], "N" if axis < 3 else "N m")
+                for label, unit in contact.force_labels():
+                    yield Row(f"force[{contact.short_name}]", label, unit)
         for soft in self.soft_laws:
             for i in range(soft.dim):
                 yield Row(f"{soft.name}: gives way", soft.label(i), self._soft_unit(soft, i))

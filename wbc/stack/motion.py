@@ -68,10 +68,12 @@ class MotionRows:
         """The views a contact writes into."""
         rows = slice(first, first + contact.dim)
         out = ContactRows()
-        out.J, out.e, out.drift = self.J[rows], self.e[rows], self.drift[rows]
+        out.J, out.e, out.drift, out.ed = self.J[rows], self.e[rows], self.drift[rows], self._own_ed[rows]
+        out.rate_ref, out.acc_ref = self.rate_ref[rows], self.acc_ref[rows]
         out.J[:] = np.nan
-        self.kp[rows], self.kd[rows] = contact.kp, contact.kd
-        self.rate[rows] = contact.kp / contact.kd if contact.kd > 0 else 0.0
+        self.kp[rows], self.kd[rows], self.rate[rows] = contact.gains()
+        if self.order == 1 and np.isinf(self.rate[rows]).any():
+            raise InvalidInput(f"{contact.name} has kd = 0, so kp / kd says nothing at the velocity level")
         return out
 
     def clear(self) -> None:

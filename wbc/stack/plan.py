@@ -124,7 +124,7 @@ class Plan:
         presses = [
             (column + contact.wrench_axes.index(2), place)
             for contact, column, place in zip(layout.contacts, layout.force_columns, self._place, strict=True)
-            if contact.carrier is None
+            if not contact.bilateral
         ]
         self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()

@@ -71,7 +71,7 @@ class Plans:
         self._open_solver = open_solver
         self._named = {contact.frame: contact.name for contact in stack.contacts}
         self._named |= {contact.name: contact.name for contact in stack.contacts}
-        self._always = frozenset(contact.name for contact in stack.contacts if contact.carrier is not None)
+        self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
         plan = level.compile(model, stack, dt=dt)
         self.whole = self.present = Mode(plan, open_solver(plan.problem), plan)
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}

@@ -16,6 +16,7 @@ from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
+    from wbc.stack.reaction import Reaction
     from wbc.stack.within import Within
 
 
@@ -235,6 +236,13 @@ class Task(Objective):
     def exactly(self, *, name: str | None = None) -> Exactly:
         """The same task as a law: its rows hold exactly, above every weight."""
         return Exactly(self, name=name)
+
+    def with_reaction(self, *, force_weight: float = 0.0, name: str | None = None) -> Reaction:
+        """The same task as a part of the mechanism, for ``contacts``: its rows hold exactly, by a force that the
+        dynamics know and ``command.f`` gives. See :class:`~wbc.stack.reaction.Reaction`."""
+        from wbc.stack.reaction import Reaction
+
+        return Reaction(self, force_weight=force_weight, name=name)
 
     def within(
         self, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None, name: str | None = None

@@ -8,10 +8,12 @@ import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.reaction import Reaction
 from wbc.testing.differences import along, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling
 from wbc.testing.robots import Moment, moments, robots_for
+from wbc.testing.tasks import check_task
 from wbc.types import Mat, Vec
 
 _TOLERANCE = 1e-5
@@ -33,6 +35,9 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
         >>> from wbc.testing import check_contact
         >>> check_contact(Point("tool", friction=0.5))
     """
+    if isinstance(contact, Reaction):
+        check_task(contact.task, model, states)
+        return
     given = None if states is None else list(states)
     for robot in robots_for(contact, model):
         when = moments(robot) if given is None else given
