@@ -68,7 +68,7 @@ class MotionRows:
         """The views a contact writes into."""
         rows = slice(first, first + contact.dim)
         out = ContactRows()
-        out.J, out.e, out.drift, out.ed = self.J[rows], self.e[rows], self.drift[rows], self._own_ed[rows]
+        out.J, out.e, out.drift, out.ed = self.J[rows], self.e[rows], self.drift[rows], self.own_ed[rows]
         out.rate_ref, out.acc_ref = self.rate_ref[rows], self.acc_ref[rows]
         out.J[:] = np.nan
         self.kp[rows], self.kd[rows], self.rate[rows] = contact.gains()
