@@ -44,7 +44,7 @@ class InternalForce(Tracking, LinearTask):
         self, contacts: Sequence[Contact], *, target: Any = 0.0, weight: Any = 1.0, name: str | None = None
     ) -> None:
         for i, contact in enumerate(contacts):
-            if not isinstance(contact, Contact) or contact.carrier is not None:
+            if not isinstance(contact, Contact) or contact.bilateral:
                 raise InvalidInput(f"InternalForce.contacts[{i}] is {contact!r}; it must be a contact with the world")
         self.contact = tuple(contact.name for contact in contacts)
         if len(set(self.contact)) != len(contacts) or len(contacts) < 2:

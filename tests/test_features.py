@@ -13,6 +13,7 @@ import pytest
 
 import tasks
 import wbc
+from wbc.models.model import RobotModel
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
@@ -82,12 +83,16 @@ def levels(name: str) -> str:
     for robot in reversed(robots()):
         samples = member.samples(robot)
         for sample in samples[:1]:
-            on_force = isinstance(sample, LinearTask | Constraint) and getattr(sample, "on", "") == "force"
-            sole = tasks.Sole(robot.frame_names[-1], half_size=(0.1, 0.05), friction=0.5)
-            contacts = getattr(sample, "contacts", (sole,)) if on_force else ()
-            found = levels_of(sample, robot, contacts=contacts)
+            found = levels_of(sample, robot, contacts=contacts_of(sample, robot))
             return " ".join(LEVELS[level.name] for level in found)
     return ""
+
+
+def contacts_of(member: Any, robot: RobotModel) -> list[Contact]:
+    """What a member on a force speaks of: contacts of its own, or a sole on the last frame."""
+    on_force = isinstance(member, LinearTask | Constraint) and getattr(member, "on", "") == "force"
+    sole = tasks.Sole(robot.frame_names[-1], half_size=(0.1, 0.05), friction=0.5)
+    return list(getattr(member, "contacts", [sole])) if on_force else []
 
 
 def written() -> str:

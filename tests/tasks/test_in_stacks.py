@@ -9,22 +9,16 @@ import pytest
 
 import tasks
 import wbc
-from tasks import Sole
+from tests.test_features import contacts_of
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import Constraint, LinearConstraint
+from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
-from wbc.stack.task import LinearTask, Objective, Task
+from wbc.stack.task import Objective, Task
 from wbc.testing import levels_of, robots
 from wbc.testing.levels import stack_with
 
 KINDS = (Objective, Constraint, Contact)
 MEMBERS = [m for _, m in sorted(vars(tasks).items()) if isinstance(m, type) and issubclass(m, KINDS)]
-
-
-def contacts_of(member: Any, robot: RobotModel) -> list[Contact]:
-    """What a task on a force speaks of."""
-    on_force = isinstance(member, LinearTask | LinearConstraint) and member.on == "force"
-    return [Sole(robot.frame_names[-1], half_size=(0.1, 0.05), friction=0.5)] if on_force else []
 
 
 @pytest.mark.parametrize("robot", robots(), ids=lambda robot: robot.name)
