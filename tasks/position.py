@@ -8,6 +8,7 @@ import numpy as np
 
 from tasks.trajectories import Sinusoid
 from wbc.errors import InvalidInput
+from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
 from wbc.stack.task import Task, TaskRows, vector_target
@@ -53,6 +54,7 @@ class Position(Tracking, Task):
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
+        plausible.position(model, f"{self.name}.target", self.reference(0.0).value)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         frame, target, rows = state.frame(self.frame), self.reference(state.t), self._rows_of_frame

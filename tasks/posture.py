@@ -7,6 +7,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from tasks.trajectories import Sinusoid
+from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import JointRows
 from wbc.stack.task import Task, TaskRows
@@ -43,6 +44,7 @@ class Posture(Tracking, Task):
         self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
         self.convert = joints_target(model, model.nq)
         self.target = self.target
+        plausible.joints(model, f"{self.name}.target", self.reference(0.0).value)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         target = self.reference(state.t)

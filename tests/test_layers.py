@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted(p.relative_to(ROOT) for package in ("wbc", "tasks") for p in (ROOT / package).rglob("*.py"))
 
-BASE = {"errors", "types", "checks", "compiled"}
+BASE = {"errors", "types", "checks", "compiled", "npz"}
 OPTIMISATION_AND_ROBOTS = BASE | {"qp", "models"}
 LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 
@@ -25,6 +25,7 @@ ARROWS = {
     "types": {"errors"},
     "checks": {"errors", "types"},
     "compiled": {"errors"},
+    "npz": {"errors"},
     "qp": BASE,
     "models": BASE,
     "methods": BASE | {"qp"},

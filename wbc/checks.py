@@ -10,6 +10,9 @@ import numpy as np
 from wbc.errors import InvalidInput
 from wbc.types import Vec
 
+#: No length, angle, gain or weight that means something is larger; sums and squares of smaller ones keep their digits.
+LARGEST = 1e15
+
 
 def array(
     name: str,
@@ -25,6 +28,8 @@ def array(
         InvalidInput: not numbers, another shape, or (with ``finite``) NaN or inf.
     """
     try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex numbers")
         result = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as cause:
         raise error(f"{name} must be an array of numbers, not {value!r}") from cause
@@ -38,6 +43,10 @@ def array(
         index = where[0] if len(where) == 1 else where
         at = f"[{index}]" if where else ""
         raise error(f"{name}{at} is {result[where]}; it must be {'finite' if finite else 'a number'}")
+    if finite and error is InvalidInput and result.size and not -LARGEST <= result.min() <= result.max() <= LARGEST:
+        index = tuple(int(i) for i in np.argwhere(np.abs(result) > LARGEST)[0])
+        at = f"[{index[0] if len(index) == 1 else index}]" if index else ""
+        raise error(f"{name}{at} is {result[index]:g}; it must be between -{LARGEST:g} and {LARGEST:g}")
     return result
 
 
@@ -61,6 +70,8 @@ def number(
         raise error(f"{name} must be a number, not {value!r}") from cause
     if not np.isfinite(result):
         raise error(f"{name} is {result}; it must be finite")
+    if abs(result) > LARGEST:
+        raise error(f"{name} is {result:g}; it must be between -{LARGEST:g} and {LARGEST:g}")
     if result < low or result > high or (strict and result <= low):
         sign = ">" if strict else ">="
         allowed = f"{sign} {low:g}" if high == np.inf else f"between {low:g} and {high:g}"

@@ -53,7 +53,7 @@ def answered_again(session: Session) -> bool:
     for _ in range(600):
         start = time.monotonic()
         status = session.solve(GOOD).status
-        assert time.monotonic() - start < 5.0
+        assert time.monotonic() - start < 20.0
         if status.ok:
             return True
         time.sleep(0.05)
@@ -61,7 +61,7 @@ def answered_again(session: Session) -> bool:
 
 
 def test_answers_are_those_of_the_solver_and_its_faults_end():
-    session = Guarded(Stuck(), seconds=0.5).open(GOOD.shape)
+    session = Guarded(Stuck(), seconds=3.0).open(GOOD.shape)
     try:
         found, here = session.solve(GOOD), solve(GOOD, "daqp")
         assert found.status is Status.SOLVED
@@ -70,7 +70,7 @@ def test_answers_are_those_of_the_solver_and_its_faults_end():
         for fault, ended in ((7.0, 1), (8.0, 2)):
             start = time.monotonic()
             assert session.solve(moved(fault)).status is Status.FAILED
-            assert time.monotonic() - start < 5.0
+            assert time.monotonic() - start < 20.0
             assert session.ended == ended
             assert answered_again(session)
     finally:

@@ -17,6 +17,7 @@ from rich.text import Text
 from wbc.cli.console import NO, one_sentence, progress
 from wbc.cli.list_ import table
 from wbc.errors import WbcError
+from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 
@@ -152,9 +153,21 @@ def robots() -> Iterator[Finding]:
         except WbcError as error:
             yield Finding(name, str(error), good=False)
             continue
-        limits = (("velocity", robot.limits.v_max), ("torque", robot.limits.tau_max))
-        zero = [f"{kind} limit 0 on {n} joints" for kind, values in limits if (n := int(np.sum(values <= 0)))]
-        yield Finding(name, "; ".join([f"{robot.nj} joints, {robot.mass:.1f} kg", *zero]))
+        yield Finding(name, "; ".join([f"{robot.nj} joints, {robot.mass:.1f} kg", *senseless_limits(robot)]))
+
+
+def senseless_limits(robot: RobotModel) -> list[str]:
+    """Limits of a model that a law which uses them refuses: 0, negative, NaN or crossed, by joint name."""
+    limits = robot.limits
+    found = []
+    for kind, good in (
+        ("velocity", limits.v_max > 0.0), ("torque", limits.tau_max > 0.0), ("position", limits.q_min <= limits.q_max),
+    ):  # fmt: skip
+        names = [joint for joint, fine in zip(robot.joint_names, good, strict=True) if not fine]
+        if names:
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            found.append(f"no sensible {kind} limit on {', '.join(names[:3])}{more}")
+    return found
 
 
 def _installed(distribution: str) -> bool:

@@ -20,6 +20,7 @@ from wbc.control.command import Command, Forces
 from wbc.control.ladder import Ladder, Recovery
 from wbc.control.watchdog import Watch, Watchdog
 from wbc.errors import InvalidInput, NotSupported
+from wbc.models import plausible
 from wbc.models.model import RobotModel
 from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
@@ -91,6 +92,7 @@ class Controller:
                 raise InvalidInput(f"{name} is {value!r}; it must be {what}")
         self.model, self.stack, self.level = robot, stack, level
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
+        plausible.period(self.dt)
         self.ladder = Ladder(self, recovery)
         if not isinstance(watchdog, Watchdog | None):
             raise InvalidInput(f"watchdog is {watchdog!r}; it must be wbc.Watchdog(...)")
@@ -217,6 +219,7 @@ class Controller:
         return command
 
     def _start(self) -> None:
+        plausible.joints(self.model, "q", self.state.q_joints)
         for component in self.components:
             component.reset(self.state)
         if self.plans.schedule is not None:

@@ -42,6 +42,8 @@ def _failure(controller: Controller) -> list[str]:
     """Why there is no answer, which rows cannot hold together, and what was commanded instead."""
     found = conflict_of(controller)
     why = controller.why or controller.status.value
+    if found is None and controller.status is Status.INFEASIBLE:
+        why = "no point was found, but no rows contradict each other by more than rounding; look at the scaling"
     lines = [f"  {why}"] if found is None else [f"  {found}"]
     if controller.last is not None:
         lines.append(f"  instead: {_SAID.get(controller.last.rung, controller.last.rung)}, within its limits")

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from wbc.control.controller import Controller
 
 #: What may give way, in the order in which it does.
-GIVES = ("laws", "joint limits", "barriers", "contacts")
+GIVES = ("laws", "contacts", "barriers", "joint limits")
 
 _NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
 #: No acceleration, force or torque is larger.
@@ -62,7 +62,7 @@ class Recovery:
         hold_ticks: how many failed ticks in a row may be answered by a closed form or the last certified command
             before the robot is braked.
         gives: what may give way where the laws contradict each other, in this order: "laws" (exact tasks and linear
-            constraints), "joint limits" (position, velocity, acceleration), "barriers", "contacts" (their motion).
+            constraints), "contacts" (their motion), "barriers", "joint limits" (position, velocity, acceleration).
             Torque limits, friction and the dynamics never do. () for nothing.
         resume_after: solved ticks in a row that end a stop.
         budget: time [s] after which no further solver is asked in a tick; None for no limit.

