@@ -130,9 +130,12 @@ class Ladder:
                 status = answer
             controller.status = status
             if self._limited():
-                proof = self._relaxed(start) if status is Status.INFEASIBLE else None
-                if proof is not None:
-                    return self._certified(status, "relaxed", q, v, proof)
+                found = self._relaxed(start) if status is Status.INFEASIBLE else None
+                if found is not None:
+                    gave, proof = found
+                    if gave:
+                        return self._certified(status, "relaxed", q, v, proof)
+                    return self._certified(Status.SOLVED, "other solver", q, v, proof)
                 if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
                     return self._answer(status, "closed form", q, v, _NO_PROOF)
         return self._fail(status, q, v)
@@ -162,15 +165,18 @@ class Ladder:
         answer = controller.asked(mode.second)
         return answer if answer.ok or answer is Status.INFEASIBLE else status
 
-    def _relaxed(self, start: float) -> Certificate | None:
-        """Solve with the rows of the first class relaxed, then of the first two, and so on."""
-        plan = self._controller.plan
+    def _relaxed(self, start: float) -> tuple[bool, Certificate] | None:
+        """Solve with the rows of the first class relaxed, then of the first two, and so on; whether any had to be.
+
+        First with none: a solver that calls a problem infeasible may be mistaken. DAQP has then been asked already.
+        """
+        plan, trusted = self._controller.plan, self._controller.solver.name in ("pdas", "daqp")
         qp, p = plan.qp, plan.problem
         share = _SHARE / float(np.abs(qp.H.diagonal()).max())
         items: list[int] = []
-        classes = dict(_classes(plan, qp))
-        for kind in self.recovery.gives:
-            if not classes[kind] or not self._in_time(start):
+        classes = {"nothing": list[int](), **dict(_classes(plan, qp))}
+        for kind in ("nothing", *self.recovery.gives):
+            if (trusted if kind == "nothing" else not classes[kind]) or not self._in_time(start):
                 continue
             items += classes[kind]
             for solver in _OF_RELAXED:  # what one takes for infeasible the other may solve
@@ -181,7 +187,7 @@ class Ladder:
                 if solution.status.ok and np.abs(solution.x).max() < _HUGE:
                     self._write(solution.x[: p.n])
                     self._controller.why = _gave_way(plan, qp, sorted(items), solution.x[p.n :])
-                    return solution.certificate
+                    return bool(items), solution.certificate
         return None
 
     def _closed_form(self) -> bool:
