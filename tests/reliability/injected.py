@@ -1,4 +1,4 @@
-"""Faults injected into a running controller, counted. Run ``python -m tests.reliability.injected [FAULTS] [CHANGES]``."""
+"""Faults injected into a running controller, counted: ``python -m tests.reliability.injected [FAULTS] [CHANGES]``."""
 
 from __future__ import annotations
 
