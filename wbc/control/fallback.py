@@ -3,7 +3,7 @@
     hold     what the last certified command decided
     brake    every velocity to zero at a constant deceleration B, the one that the limits count on:
              v⁺ = v − clip(v, ±B dt),  a = (v⁺ − v) / dt,  at rest after max|v| / B and two ticks
-             torques are those that this braking takes: τ = M a + h − Jᵀf
+             torques are those that this braking takes; on legs v decays with a time constant, feet held
 
 Either is cut to what the limits on position, velocity, acceleration and torque allow from the state that is believed:
 the measured one, or where that makes no sense the one that the last command was to reach.
@@ -15,10 +15,16 @@ from typing import final
 
 import numpy as np
 
+from wbc.errors import InvalidProblem
 from wbc.models.model import RobotState
+from wbc.qp.solvers.daqp_ import Daqp
 from wbc.stack.interval import BRAKING
 from wbc.stack.plan import Plan
 from wbc.types import Vec
+
+#: Time constant with which a robot on legs is braked [s].
+BRAKE_TIME = 0.05
+_EPSILON = 1e-5
 
 
 @final
@@ -27,6 +33,7 @@ class Fallback:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
+        self._slowly = max(BRAKE_TIME, plan.dt)
 
     def velocity(self, state: RobotState, held: Vec | None, last: Vec) -> Vec:
         """(nv,) of a velocity level: the held one, or ``last`` braked; joints within their limits."""
@@ -39,16 +46,19 @@ class Fallback:
         return self._within(state, a)
 
     def torque(self, state: RobotState, a: Vec, held: Vec | None, carrying: Vec | None) -> Vec:
-        """(nj,): the held one, or τ = S (M a + h − Jᵀf), cut to the bounds of this tick.
+        """(nj,): the held one, or what brakes, cut to the bounds of this tick.
 
-        On legs f are the forces of least norm at the contacts that give the base its part of a; in the air the base
-        accelerates as it must. Where that is not a number: ``carrying``, the torques that last carried the robot.
+        Fixed base: τ = M a + h. On legs τ of the QP  minimise ½ ‖a + v / T‖² + ½ ε ‖f‖²  under the laws of the stack
+        (contacts, friction, torques), solved by DAQP whatever solver failed. Where neither is a number: ``carrying``,
+        the torques that last carried the robot, less damping.
         """
         low, high = self._plan.torque_range
         if held is None:
-            held = self._inverse_dynamics(state, a)
+            held = self._standing(state) if self._plan.layout.nf else self._inverse_dynamics(state, a)
             if not np.isfinite(held).all():
                 held = np.zeros(len(low)) if carrying is None else carrying
+                damping = state.M.diagonal()[self._plan.model.nb :] / self._slowly * state.v_joints
+                held = held - np.nan_to_num(damping)
         torque: Vec = np.clip(held, low, high)
         return torque
 
@@ -62,18 +72,25 @@ class Fallback:
         return most
 
     def _inverse_dynamics(self, state: RobotState, a: Vec) -> Vec:
-        nb, nv, p = self._plan.model.nb, self._plan.model.nv, self._plan.problem
-        M, h = state.M, state.h
-        if nb:
-            forces = p.G[:nv, nv : nv + self._plan.layout.nf]  # −Jᵀ of the contacts, as of the last tick
-            missing = M[:nb] @ a + h[:nb]
-            if not np.isfinite(missing).all() or not np.isfinite(forces).all():
-                return np.full(nv - nb, np.nan)
-            if forces.shape[1]:
-                f, *_ = np.linalg.lstsq(forces[:nb], -missing, rcond=1e-10)
-                return np.asarray(M[nb:] @ a + h[nb:] + forces[nb:] @ f)
-            a = a - np.concatenate([np.linalg.solve(M[:nb, :nb], missing), np.zeros(nv - nb)])
-        return np.asarray(M[nb:] @ a + h[nb:])
+        """Without contacts; a floating base accelerates as it must."""
+        nb, M, h = self._plan.model.nb, state.M, state.h
+        if nb and np.isfinite(M).all():
+            a = a.copy()
+            a[:nb] = -np.linalg.solve(M[:nb, :nb], M[:nb, nb:] @ a[nb:] + h[:nb])
+        return np.asarray((M @ a + h)[nb:])
+
+    def _standing(self, state: RobotState) -> Vec:
+        plan, p = self._plan, self._plan.problem
+        nb, nv = plan.model.nb, plan.model.nv
+        qp = plan.qp.copy()
+        qp.H[:] = np.diag(np.where(np.arange(qp.n) < nv, 1.0, _EPSILON))
+        qp.g[:] = 0.0
+        qp.g[:nv] = state.v / self._slowly
+        try:
+            solution = Daqp(max_iter=1000).solve(qp)
+        except InvalidProblem:
+            return np.full(nv - nb, np.nan)
+        return np.asarray(p.G[nb:nv] @ np.append(solution.x / p.scale, 1.0))
 
     def _within(self, state: RobotState, decided: Vec) -> Vec:
         bounds = self._plan.joint_bounds(state)

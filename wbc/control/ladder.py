@@ -3,7 +3,7 @@
     other solver   the default solver, from the active set it remembers, then DAQP; for those two Clarabel
     relaxed        laws give way in a declared order, each as little as it can; torques, friction and physics hold;
                    ``controller.why`` says which, and by how much
-    closed form    the minimum of the cost under the equalities alone, cut to the limits
+    closed form    the minimum of the cost under the equalities alone, cut to the limits; on legs if it needs no cut
     hold           the last certified command
     damped         brake to rest, see :mod:`wbc.control.fallback`
 
@@ -46,6 +46,8 @@ GIVES = ("laws", "contacts", "barriers", "joint limits")
 _NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
 #: No acceleration, force or torque is larger.
 _HUGE = 1e12
+#: How well a closed form meets its rows, in their units.
+_PRECISE = 1e-4
 #: Less than this gave way [in a row's own unit] is none.
 _SHOWN = 1e-6
 #: What the largest curvature of the cost counts beside a unit of violation.
@@ -191,14 +193,25 @@ class Ladder:
         return None
 
     def _closed_form(self) -> bool:
-        """minimise share · cost + ½ ‖A x − b‖²: one linear system; then joints and torques are cut to their bounds."""
+        """minimise the cost under A x = b, one linear system; then joints and torques are cut to their bounds.
+
+        On legs only where nothing has to be cut and no cone is broken: a robot that pushes itself off with forces that
+        the ground cannot give falls, and there the last command is better.
+        """
         plan = self._controller.plan
-        qp, p = plan.qp, plan.problem
-        share = _SHARE / float(np.abs(qp.H.diagonal()).max())
+        qp, p, n = plan.qp, plan.problem, plan.qp.n
+        zero = np.zeros((qp.n_eq, qp.n_eq))
         try:
-            x = np.linalg.solve(share * qp.H + qp.A.T @ qp.A, qp.A.T @ qp.b - share * qp.g)
+            x = np.linalg.solve(np.block([[qp.H, qp.A.T], [qp.A, zero]]), np.concatenate([-qp.g, qp.b]))[:n]
         except np.linalg.LinAlgError:
             return False
+        if not np.abs(qp.A @ x - qp.b).max(initial=0.0) < _PRECISE:
+            return False
+        if plan.model.nb:
+            value = qp.C @ x
+            outside = np.concatenate([qp.cl - value, value - qp.cu, qp.lb - x, x - qp.ub])
+            if not outside.max(initial=0.0) < _PRECISE:
+                return False
         self._write(np.clip(x, qp.lb, qp.ub))
         return bool((np.abs(p.value) < _HUGE).all())
 
