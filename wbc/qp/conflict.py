@@ -139,7 +139,6 @@ class _System:
 
     def __post_init__(self) -> None:
         self.order = np.lexsort((self.items, self.rank))
-        self._x = np.zeros(self.R.shape[1])  # the last least violation: a good start for the next
 
     @classmethod
     def of(cls, qp: QP, held: frozenset[str]) -> _System:
@@ -165,7 +164,7 @@ class _System:
 
     def elastic(self, rows: Index) -> Vec | None:
         """s of the least squares, zero on all other rows; None where these rows can be met."""
-        self._x, s = _least_squares(self.R[rows], self.lower[rows], self.upper[rows], self._x)
+        s = _least_squares(self.R[rows], self.lower[rows], self.upper[rows])
         values = np.where(s > 0.0, self.upper[rows], self.lower[rows])[s != 0.0]
         if np.abs(s).max(initial=0.0) <= _ROUNDING + _RELATIVE * np.abs(values).max(initial=0.0):
             return None
@@ -268,8 +267,12 @@ def _solutions(E: Mat, e: Vec) -> tuple[Vec, Mat]:
     return at, Q[:, rank:]
 
 
-def _least_squares(R: Mat, lower: Vec, upper: Vec, x: Vec) -> tuple[Vec, Vec]:
-    """x where s = R x − clip(R x) is least, and s: Newton's method, each step to the least value on its line."""
+def _least_squares(R: Mat, lower: Vec, upper: Vec) -> Vec:
+    """s = R x − clip(R x) where it is least: Newton's method, each step to the least value on its line.
+
+    From x = 0: rows that all but depend on each other send x far away, where digits are lost.
+    """
+    x = np.zeros(R.shape[1])
     value = R @ x
     s = value - np.clip(value, lower, upper)
     equal, least = lower == upper, np.inf
@@ -283,7 +286,7 @@ def _least_squares(R: Mat, lower: Vec, upper: Vec, x: Vec) -> tuple[Vec, Vec]:
         x = x + _lowest(value, R @ step, lower, upper) * step
         value = R @ x
         s = value - np.clip(value, lower, upper)
-    return x, s
+    return s
 
 
 def _lowest(value: Vec, change: Vec, lower: Vec, upper: Vec) -> float:

@@ -41,6 +41,8 @@ class StandardSolver(RowSolver):
         self.certificate, self.iterations = solution.certificate, solution.iterations
         if solution.status.ok:
             np.divide(solution.x, p.scale, out=p.x)
+            # A thousandth of a millionth in a velocity is a millionth in the acceleration of a tick.
+            np.clip(p.x, p.lb, p.ub, out=p.x)
             np.dot(p.G[: p.n_rows], p.x1, out=p.value[p.first_row : p.first_row + p.n_rows])
         return solution.status
 
