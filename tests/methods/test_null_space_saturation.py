@@ -427,3 +427,6 @@ def test_wrong_lists_of_tasks_are_named():
         NullSpaceSaturation.prioritised([([[1.0]], [1.0]), ([[1.0]], [1.0, 2.0])], lower=-1, upper=1)
     with pytest.raises(InvalidInput, match=r"tasks\[1\].J has 2 columns"):
         NullSpaceSaturation.prioritised([([[1.0]], [1.0]), ([[1.0, 2.0]], [1.0])], lower=-1, upper=1)
+    for entry in (3, ([[1.0]],), ([[1.0]], [1.0], [0.0], [0.0])):
+        with pytest.raises(InvalidInput, match=r"tasks\[1\] is .*; it must be \(J, target\) or"):
+            NullSpaceSaturation.prioritised([([[1.0]], [1.0]), entry], lower=-1, upper=1)

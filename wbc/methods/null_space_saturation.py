@@ -219,6 +219,9 @@ class PrioritisedTasks(Method):
     def __init__(self, tasks: Sequence[tuple[Any, ...]], *, lower: Any, upper: Any) -> None:
         if not tasks:
             raise InvalidInput("tasks is empty; give at least one (J, target)")
+        for i, entry in enumerate(tasks):
+            if not isinstance(entry, tuple | list) or len(entry) not in (2, 3):
+                raise InvalidInput(f"tasks[{i}] is {entry!r}; it must be (J, target) or (J, target, drift)")
         named = [_task(f"tasks[{i}].", *entry) for i, entry in enumerate(tasks)]
         n = named[0][0].shape[1]
         for i, (J, _, _) in enumerate(named):

@@ -377,8 +377,8 @@ class WeightedTorque(Method):
 def _equalities(given: tuple[Any, Any] | None, size: int) -> tuple[Mat, Vec]:
     if given is None:
         return np.zeros((0, size)), np.zeros(0)
-    if len(given) != 2:
-        raise InvalidInput(f"equalities must be two arrays, E and e, not {len(given)}")
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise InvalidInput(f"equalities is {given!r}; it must be two arrays, (E, e)")
     E = checks.array("equalities[0]", given[0], (None, size))
     return E, checks.array("equalities[1]", given[1], (len(E),))
 
