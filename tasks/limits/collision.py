@@ -79,7 +79,7 @@ class CollisionAvoidance(Barrier):
                 model, pairs=self.pairs, obstacles=self.obstacles, self_collision=self.self_collision,
                 count=self.count, reach=self.reach, margin=self.margin, ahead=1.0 / self.rate,
             )  # fmt: skip
-        self.dim = self._distances.count
+        self.dim, self.codes = self._distances.count, self._distances.which
 
     def fill(self, state: RobotState, out: BarrierRows) -> None:
         distances = self._distances
@@ -96,6 +96,16 @@ class CollisionAvoidance(Barrier):
         rows = zip(distances.which, distances.distance, strict=True)
         found = [(*distances.pairs[pair], float(d)) for pair, d in rows if pair >= 0]
         return sorted(found, key=lambda entry: entry[2])
+
+    @property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """What the numbers ``codes`` of the pairs mean: the two names; of shapes in one pair of links several."""
+        assert self._distances is not None, "prepare comes first"
+        return self._distances.pairs
+
+    def about(self, row: int) -> str:
+        pair = -1 if self.codes is None else int(self.codes[row])
+        return self.label(row) if pair < 0 else " and ".join(self.names[pair])
 
     def label(self, row: int) -> str:
         return f"pair {row}"

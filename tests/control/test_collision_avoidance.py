@@ -14,6 +14,8 @@ from tasks import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.errors import InvalidInput, UnknownName
 from wbc.models.geometry import Sphere
+from wbc.sim.plant import IntegratorPlant
+from wbc.sim.simulate import simulate
 from wbc.testing import robots
 from wbc.types import Status, Vec
 
@@ -121,6 +123,20 @@ def test_the_closest_are_named_the_nearest_first():
     found = law.closest(ARM.state())
     assert [d for *_, d in found] == sorted(d for *_, d in found)
     assert any("ball" in pair for *pair, _ in found)
+
+
+def test_margins_are_recorded_pair_by_pair_and_explained_by_name():
+    goal, ball = ball_in_the_way()
+    law = CollisionAvoidance([ball], self_collision=False, margin=MARGIN, count=3)
+    controller = towards(goal, [law], AccelerationLevel())
+    run = simulate(controller, IntegratorPlant(ARM), duration=0.3)
+    margins, pairs = run["margin.CollisionAvoidance"], run["about.CollisionAvoidance"]
+    assert margins.shape == pairs.shape == (300, 3)
+    nearest = law.closest(controller.state)[0]
+    row = int(np.argmin(margins[-1]))
+    assert margins[-1, row] == pytest.approx(nearest[2] - MARGIN, abs=1e-12)
+    assert law.names[int(pairs[-1, row])] == nearest[:2]
+    assert f"CollisionAvoidance: {nearest[0]} and ball" in controller.explain()
 
 
 @pytest.mark.parametrize(

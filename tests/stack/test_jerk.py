@@ -90,6 +90,7 @@ def test_bounds_are_never_wider_than_without_jerk_limits(seed: int, level: str):
     intervals = intervals_with_jerk(rng)
     n = len(intervals.joint_names)
     q, v = 0.5 * rng.normal(size=n), rng.normal(size=n)
+    intervals.remember(rng.normal(size=n) * 10 ** rng.uniform(-1, 3, n))
     lower, upper = bounds(intervals, level, q, v)
     intervals.replace("jerk", -np.inf, np.inf)
     free = bounds(intervals, level, q, v)

@@ -124,6 +124,8 @@ def _active_rows(controller: Controller) -> list[str]:
         row, up = names[i], bool(pushing[i] > 0)
         if i >= len(qp.cl):
             row = row._replace(owner=controller.plan.bound_owner(int(i) - len(qp.cl), upper=up))
+        elif about := controller.plan.about(controller.plan.problem.range.start + int(i)):
+            row = row._replace(label=about)
         bound = upper[i] if up else lower[i]
         lines.append(
             f"  {row} at its {'upper' if up else 'lower'} bound {bound:.4g} {row.unit}; "

@@ -178,6 +178,10 @@ class _Columns(_FewColumns):
                 row[f"f.{name}"] = wrench
         for name, error in controller.plan.errors().items():
             row[f"error.{name}"] = error
+        for name, (barrier, margin) in controller.plan.margins().items():
+            row[f"margin.{name}"] = margin
+            if barrier.codes is not None:
+                row[f"about.{name}"] = barrier.codes.copy()
         for component in controller.components:
             for name, signal in component.signals().items():
                 row[f"signal.{component.name}.{name}"] = np.array(signal, dtype=np.float64)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, final
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import LinearRows, LinearTask
-from wbc.types import Mat, Vec
+from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.stack.softly import Softly
@@ -127,6 +127,8 @@ class Barrier(Constraint):
 
     dim: int
     units: str | tuple[str, ...]
+    #: Numbers (dim,) of what each row is about now, where that changes from tick to tick; recorded beside the margins.
+    codes: Index | None = None
 
     def __init__(self, *, rate: float = 10.0, slack: float | None = None, name: str | None = None) -> None:
         super().__init__(name=name)
@@ -140,6 +142,10 @@ class Barrier(Constraint):
     def label(self, row: int) -> str:
         """What one row is called in reports."""
         return "" if self.dim == 1 else str(row)
+
+    def about(self, row: int) -> str:
+        """What one row is about in the state that was filled last; for most its label, always."""
+        return self.label(row)
 
     def unit(self, row: int) -> str:
         """Unit of one row."""

@@ -228,7 +228,9 @@ class JointIntervals:
         self._highest_v_per_dt, self._lowest_v_per_dt = v[0] / dt, -v[1] / dt
         self._least_above, self._most_below = -B[0], B[1]
         self._narrowed = np.zeros(B.shape, dtype=bool)
-        if np.isfinite(jerk).any():
+        if not np.isfinite(jerk).any():
+            self._jerk = None
+        else:
             self._jerk = self._jerk or JerkLimits(len(self.joint_names))
             self._jerk.derive(jerk, B, v, a, dt)
         self._flags[3] = self._jerk is not None

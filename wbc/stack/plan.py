@@ -17,7 +17,7 @@ from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, Wish
 from wbc.stack.actuators import Actuators
-from wbc.stack.constraint import TorqueBySpeed
+from wbc.stack.constraint import Barrier, TorqueBySpeed
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
@@ -66,6 +66,8 @@ class Plan:
         if level.dynamics:
             self._prepare_dynamics()
         self._writers = self._make_writers()
+        soft = [writer.barrier for writer in _of(self._writers, SoftLawWriter)]
+        self._barriers: list[BarrierWriter] = [*_of(self._writers, BarrierWriter), *_of(soft, BarrierWriter)]
         self.joint_bound_rows = self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
@@ -379,6 +381,18 @@ class Plan:
         for law, row in zip(layout.exact, layout.exact_rows, strict=True):
             found[law.name] = e[row - first : row - first + law.task.dim].copy()
         return found
+
+    def margins(self) -> Mapping[str, tuple[Barrier, Vec]]:
+        """Each barrier and its h (dim,), a copy, in the state that was filled last."""
+        return {writer.name: (writer.barrier, writer.margins.copy()) for writer in self._barriers}
+
+    def about(self, row: int) -> str:
+        """What a row of G is about in the state that was filled last, where that is not always the same; or nothing."""
+        for writer in self._barriers:
+            barrier, at = writer.barrier, row - writer.row
+            if 0 <= at < barrier.dim and barrier.codes is not None:
+                return barrier.about(at)
+        return ""
 
     def bound_owner(self, unknown: int, *, upper: bool) -> str:
         """Which law gives an unknown the bound it has now."""

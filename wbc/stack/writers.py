@@ -60,7 +60,7 @@ class BarrierWriter(Writer):
     """ḣ >= −γ h, or ḧ >= −2 γ ḣ − γ² h."""
 
     def __init__(self, barrier: Barrier, row: int, problem: RowProblem, layout: Layout) -> None:
-        self.name = barrier.name
+        self.name, self.barrier, self.row = barrier.name, barrier, row
         rows, items = slice(row, row + barrier.dim), slice(problem.item(row), problem.item(row + barrier.dim))
         self._barrier, self._order = barrier, layout.level.order
         self._out = out = BarrierRows()
@@ -79,6 +79,11 @@ class BarrierWriter(Writer):
         else:
             self._right[:] = out.drift
             self._lower[:] = -2.0 * rate * (out.J @ state.v + out.rate) - rate**2 * out.h
+
+    @property
+    def margins(self) -> Vec:
+        """h (dim,) of the state that was filled last."""
+        return self._out.h
 
     def written(self) -> dict[str, Vec]:
         found = {"h": self._out.h, "J": self._out.J}
@@ -173,6 +178,8 @@ class SoftLawWriter(Writer):
         else:
             assert isinstance(law, JointInterval)
             self._law = JointIntervalWriter(law, row, problem, layout, dt)
+        #: What writes the law's own rows, where it is a barrier.
+        self.barrier = self._law if isinstance(self._law, BarrierWriter) else None
         self._gives = np.einsum("ii->i", problem.G[row : row + soft.dim, column : column + soft.dim])
         self._scale = problem.scale[column : column + soft.dim]
 
