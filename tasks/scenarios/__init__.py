@@ -2,6 +2,7 @@
 
 from tasks.scenarios.arm_reach import ArmReach
 from tasks.scenarios.collision_dodge import CollisionDodge
+from tasks.scenarios.dual_arm import DualArm
 from tasks.scenarios.four_p_adaptive import FourPAdaptive
 from tasks.scenarios.humanoid_joint_loss import HumanoidJointLoss
 from tasks.scenarios.humanoid_stand import HumanoidStand
@@ -18,7 +19,7 @@ SCENARIOS = {
     scenario.name: scenario
     for scenario in (
         HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(),
-        HumanoidStand(), HumanoidStep(), QuadrupedStand(), QuadrupedTrotInPlace(), ArmReach(), PgStep(),
+        HumanoidStand(), HumanoidStep(), QuadrupedStand(), QuadrupedTrotInPlace(), DualArm(), ArmReach(), PgStep(),
         FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
     )
 }  # fmt: skip

@@ -15,6 +15,7 @@ from wbc.errors import SimulationError, UnknownFrame
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.sim.engine import PhysicsSettings, mujoco
 from wbc.sim.footprint import SOLE_HALF_THICKNESS, Footprint
+from wbc.sim.welds import Weld, add_welds
 
 _COMPILER = (
     '<mujoco><compiler fusestatic="false" balanceinertia="false" discardvisual="false" strippath="false"/></mujoco>'
@@ -26,13 +27,19 @@ _ENDLESS = 1e20
 
 
 def build_model(
-    robot: PinocchioModel, feet: Sequence[Footprint], settings: PhysicsSettings, *, timestep: float, floor: float
+    robot: PinocchioModel,
+    feet: Sequence[Footprint],
+    settings: PhysicsSettings,
+    *,
+    timestep: float,
+    floor: float,
+    joined: Sequence[Weld] = (),
 ) -> Any:
     """The compiled ``mujoco.MjModel``; each foot is a geometry group named ``<contact>/<k>``.
 
     Raises:
         SimulationError: MuJoCo refuses the robot, or a joint has no torque limit that an actuator could have.
-        UnknownFrame: a contact on a frame that is not a link.
+        UnknownFrame: a contact or a weld on a frame that is not a link.
     """
     mj = mujoco()
     text = robot.urdf.text(continuous="revolute").replace("</robot>", _COMPILER + "</robot>")
@@ -45,6 +52,7 @@ def build_model(
     _set_options(mj, spec.option, settings, timestep)
     _add_floor_and_feet(mj, spec, feet, settings, floor)
     _set_joints(mj, spec, robot, settings)
+    add_welds(spec, joined, settings)
     try:
         return spec.compile()
     except ValueError as cause:

@@ -18,6 +18,7 @@ from wbc.sim.contact_truth import ContactTruth
 from wbc.sim.engine import PhysicsSettings, mujoco
 from wbc.sim.footprint import footprints
 from wbc.sim.plant import Drive, Plant, finite, whole
+from wbc.sim.welds import weld_forces, welds
 from wbc.stack.contact import Contact
 from wbc.types import Mat, Vec
 
@@ -39,7 +40,8 @@ class MujocoPlant(Plant):
 
     Built from the robot's own URDF and compared with the model before the first step: total mass, inertia matrix,
     bias and free acceleration at random states. Each contact of ``contacts`` (a stack's) becomes a foot on a flat
-    floor: a box for a sole, a ball for a point; nothing else collides. Torques are clipped to the joints' limits.
+    floor: a box for a sole, a ball for a point, two balls for an edge; nothing else collides. A loop closure of all six
+    rows becomes a weld. Torques are clipped to the joints' limits.
 
     Args:
         robot: from :func:`wbc.load`.
@@ -85,11 +87,15 @@ class MujocoPlant(Plant):
         self.physics_settings = settings or PhysicsSettings()
         self.sole_geometry = sole_geometry
         self.floor = checks.number("floor", floor)
-        self.feet = footprints(contacts, robot, friction=friction, balls=sole_geometry == "spheres")
+        contacts = list(contacts)
+        on_floor = [contact for contact in contacts if contact.carrier is None]
+        self.feet = footprints(on_floor, robot, friction=friction, balls=sole_geometry == "spheres")
+        self.joined = welds(contacts, robot)
         self._mj = mujoco()
         self.physics = build_model(
-            robot, self.feet, self.physics_settings, timestep=self.dt / self.substeps, floor=self.floor
-        )
+            robot, self.feet, self.physics_settings, timestep=self.dt / self.substeps, floor=self.floor,
+            joined=self.joined,
+        )  # fmt: skip
         self._bridge = Bridge(robot, self.physics)
         self.agreement = check_agreement(robot, self.physics, self._bridge)
         self.data = self._mj.MjData(self.physics)
@@ -211,12 +217,15 @@ class MujocoPlant(Plant):
         return {foot.link: self._contacts.measured[i].copy() for i, foot in enumerate(self.feet)}
 
     def truth(self) -> Mapping[str, Vec | float]:
-        """``plant.f.<contact>`` (6,), ``plant.slip.<contact>`` (2,) and ``plant.penetration.<contact>`` of the step."""
+        """``plant.f.<contact>`` (6,), ``plant.slip.<contact>`` (2,) and ``plant.penetration.<contact>`` of the step; of
+        a weld ``plant.f.<contact>`` (3,), the force alone, in the carrier's axes."""
         columns: dict[str, Vec | float] = {}
         for i, foot in enumerate(self.feet):
             columns[f"plant.f.{foot.name}"] = self._contacts.wrench[i]
             columns[f"plant.slip.{foot.name}"] = self._contacts.slip[i]
             columns[f"plant.penetration.{foot.name}"] = float(self._contacts.penetration[i])
+        for name, force in weld_forces(self.physics, self.data, self.joined).items():
+            columns[f"plant.f.{name}"] = force
         return columns
 
     def settings(self) -> dict[str, Any]:

@@ -1,0 +1,136 @@
+"""A standing humanoid holds a rigid bar in both hands, moves it about, and squeezes it as hard as it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+import wbc
+from tasks import CenterOfMass, ContactForce, Frame, LoopClosure, MinimumJerk, Orientation, Posture, Sinusoid
+from tasks.criteria.manipulability import ROWS
+from tasks.motions import pose_motion, swing
+from tasks.scenarios import judge
+from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.standing import held_by_damping, joint_laws, standing_plant
+from wbc import checks
+from wbc.errors import UnknownRobot
+from wbc.report import measure
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.types import Vec
+
+#: The hands of each robot, left and right; how they are held, where the robot's own stance leaves them too little room
+#: [rad]; and how much the bar moves [m] and turns [rad].
+HANDS: Mapping[str, tuple[str, str]] = {
+    "g1": ("left_rubber_hand", "right_rubber_hand"),
+    "humanoid": ("left_hand", "right_hand"),
+}
+HELD: Mapping[str, Mapping[str, float]] = {
+    "g1": {f"{side}_{joint}": angle
+           for side in ("left", "right") for joint, angle in (("elbow_joint", 0.2), ("shoulder_pitch_joint", 0.0))},
+    "humanoid": {},
+}  # fmt: skip
+WAY, FREQUENCY, TURN = (0.02, 0.0, 0.04), 0.4, 0.1
+#: The squeeze comes up within ``SQUEEZED`` from ``START`` on [s]; figures count from then.
+START, SQUEEZED = 0.5, 1.0
+#: What a good run keeps to: the bar from where it is to be [m], the squeeze from what it is to be [N].
+BAR, SQUEEZE = 2e-3, 1.0
+
+
+@final
+class DualArm(Scenario):
+    """Torque control at 1 kHz in MuJoCo, standing on both feet. The bar is a weld between the hands and weighs nothing.
+
+    ``squeeze`` [N]: how hard the hands press on its ends. ``robot``: g1 (needs example-robot-data) or humanoid.
+    """
+
+    name: ClassVar[str] = "dual-arm"
+    summary: ClassVar[str] = "a humanoid holds a rigid bar in both hands, moves it and squeezes it"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "g1", "squeeze": 15.0}
+    plants = ("mujoco",)
+    duration = 6.0
+
+    def run(
+        self, parameters: Mapping[str, Any], *, solver: str, hierarchy: str, duration: float, plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:  # fmt: skip
+        del hierarchy, plant  # there is one of each
+        name = parameters["robot"]
+        if name not in HANDS:
+            raise UnknownRobot(name, HANDS, f"{self.name} knows how these hold a bar")
+        squeeze = checks.number("parameter 'squeeze'", parameters["squeeze"])
+        stance, (left, right) = replace(STANCES[name], joints={**STANCES[name].joints, **HELD[name]}), HANDS[name]
+        robot = stance.robot(name)
+        bar = LoopClosure(right, to=left, rows=ROWS, kp=100.0, name="bar")
+        contacts = [*held_by_damping(robot), bar]
+        floor = standing_plant(robot, stance, contacts)
+        state = robot.state()
+        state.update(0.0, floor.q, floor.v)
+        hand = state.frame(left)
+        along = hand.rotation.T @ (state.frame(right).position - hand.position)
+        along /= np.linalg.norm(along)
+        motion = pose_motion(
+            Sinusoid(hand.position, amplitude=WAY, frequency=FREQUENCY),
+            swing(np.array(hand.rotation), [0.0, 1.0, 0.0], angle=TURN, frequency=FREQUENCY),
+        )
+        press = MinimumJerk(np.zeros(6), [*(squeeze * along), 0, 0, 0], duration=SQUEEZED, start_time=START)
+        stack = wbc.Stack(
+            [
+                CenterOfMass(target=np.array(state.com), kp=400, weight=10.0),
+                Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100, weight=10.0),
+                Frame(left, target=motion, kp=400, weight=10.0),
+                ContactForce("bar", target=press, weight=1.0),
+                Posture(robot.q0, kp=100, weight=1e-3),
+            ],
+            contacts=contacts,
+            subject_to=joint_laws(robot),
+        )
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
+        run = simulate(
+            controller, floor, duration=duration, progress=progress,
+            meta={"scenario": self.name, "parameters": dict(parameters)},
+        )  # fmt: skip
+        wished = np.array([press(t)[0][:3] for t in run["t"]])
+        return _judged(run, robot, (left, right), wished, duration)
+
+
+def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], wished: Any, duration: float) -> ScenarioResult:
+    tracking, violations = measure.tracking(run), measure.violations(run)
+    stood = measure.seconds(run)
+    bar = tracking[f"Frame[{hands[0]}]"]
+    error = np.linalg.norm(run["plant.f.bar"] - wished, axis=1)
+    figures = {
+        "bar_error_m": bar["max"],
+        "bar_rms_m": bar["rms"],
+        "grip_error_m": _grip_error(run, robot, hands),
+        "internal_force_error_N": float(error.max()),
+        "internal_force_rms_N": float(np.sqrt(np.mean(error**2))),
+        "com_max_error_m": tracking["CenterOfMass"]["max"],
+        "certified_share": judge.certified_share(run),
+        "torque_use": float(measure.use(run)["torque"].max()),
+    }
+    verdict = [
+        Check("stays up", stood, duration, stood >= duration - 1e-9, "s"),
+        Check("bar from where it is to be", bar["max"], BAR, bar["max"] < BAR, "m"),
+        Check("force in the bar from what it is to be", figures["internal_force_error_N"], SQUEEZE,
+              figures["internal_force_error_N"] < SQUEEZE, "N"),
+        *judge.common_checks(run, violations),
+    ]  # fmt: skip
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
+        verdict=verdict, figures=figures, robot=robot,
+    )  # fmt: skip
+
+
+def _grip_error(run: wbc.Run, robot: Any, hands: tuple[str, str]) -> float:
+    """How much nearer or farther from one another the hands ever were than at the start [m]."""
+    state, apart = robot.state(), []
+    for q in run["plant.q"][::10]:
+        state.update(0.0, q, np.zeros(robot.nv))
+        first, second = (state.frame(hand).position for hand in hands)
+        apart.append(float(np.linalg.norm(second - first)))
+    ways: Vec = np.array(apart)
+    return float(np.abs(ways - ways[0]).max())
