@@ -7,7 +7,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parents[1]))  # when it is run as a program
+
 import tasks
+from tests import test_features
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
@@ -57,10 +60,11 @@ def test_every_member_is_on_it() -> None:
     assert all(f"`{name}`" in written() for name in members)
 
 
-if __name__ == "__main__":
-    sys.path.insert(0, str(DOCUMENT.parents[1]))
-    from tests import test_features
+def test_the_comparison_with_others_is_as_the_code_is() -> None:
+    assert test_features.DOCUMENT.read_text(encoding="utf-8") == test_features.written(), "run as above"
 
+
+if __name__ == "__main__":
     text = DOCUMENT.read_text(encoding="utf-8")
     DOCUMENT.write_text(text.split(MARK)[0] + MARK + written(), encoding="utf-8")
     test_features.DOCUMENT.write_text(test_features.written(), encoding="utf-8")
