@@ -1,0 +1,9 @@
+"""Strict priorities: levels of least squares, each decided in what those above leave free."""
+
+from __future__ import annotations
+
+from wbc.qp.lexicographic.function import lexicographic
+from wbc.qp.lexicographic.solver import LexicographicSolver, Outcome, way_for
+from wbc.qp.lexicographic.stages import Part, Stage
+
+__all__ = ["LexicographicSolver", "Outcome", "Part", "Stage", "lexicographic", "way_for"]

@@ -1,0 +1,138 @@
+"""Ranked least squares of any rows: the same machinery without a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidProblem
+from wbc.qp.certificate import Certificate, certificate
+from wbc.qp.lexicographic.solver import LexicographicSolver, way_for
+from wbc.qp.lexicographic.stages import Part, Stage
+from wbc.qp.problem import QP, Row, Shape
+from wbc.qp.rows import RowProblem, Wish
+from wbc.qp.solver import Answer, Solution, Solver
+from wbc.qp.solvers import by_name
+from wbc.types import Index, Mat, Vec
+
+
+def lexicographic(
+    levels: Sequence[tuple[Any, Any, Any]], *, lb: Any = None, ub: Any = None, solver: str | Solver = "pdas"
+) -> Solution:
+    """Least squares of each level's violation, the first above all others; of all that is left, the least norm.
+
+    With vᵢ(x) the distance of Aᵢ x from [loᵢ, hiᵢ], row by row: ½ ‖v₁‖² first, then ½ ‖v₂‖² among all that keep
+    ‖v₁‖ at its least, and so on; last ½ ‖x‖². The bounds hold above all levels. x is unique.
+
+    Args:
+        levels: (A (m, n), lo (m,), hi (m,)) each, the first wins; lo = hi is an equation, ±inf is no side.
+        lb: lower bounds (n,) of x, or −inf.
+        ub: upper bounds (n,) of x, or inf.
+        solver: a name or a :class:`Solver`. The default works on the rows, others on one QP per level.
+
+    Returns:
+        x, and the multipliers z (rows of all levels,) and z_box (n,) of the last problem, ½ ‖x‖² with every level held:
+        x + Aᵀz + z_box = 0. The certificate is of that problem.
+
+    Raises:
+        InvalidProblem: wrong shapes, NaN, crossed bounds, no level.
+        UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
+
+    Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011; Escande, Mansard, Wieber, IJRR 33(7), 2014.
+
+    Example:
+        >>> import wbc
+        >>> first = ([[1.0, 1.0]], [2.0], [2.0])
+        >>> second = ([[1.0, 0.0]], [3.0], [9.0])
+        >>> wbc.lexicographic([first, second], lb=[-9, -9], ub=[2.5, 9]).x.round(6)
+        array([ 2.5, -0.5])
+    """
+    named = [_level(i, *level) for i, level in enumerate(levels)]
+    if not named:
+        raise InvalidProblem("levels is empty; give at least one (A, lo, hi)")
+    n = named[0][0].shape[1]
+    for i, (A, _, _) in enumerate(named):
+        if A.shape[1] != n:
+            raise InvalidProblem(f"levels[{i}]: A has {A.shape[1]} columns, that of levels[0] has {n}")
+    low, high = _bounds("lb", lb, n, -np.inf), _bounds("ub", ub, n, np.inf)
+    return _solve(named, low, high, by_name(solver))
+
+
+def _level(i: int, A: Any, lo: Any, hi: Any) -> tuple[Mat, Vec, Vec]:
+    A = checks.array(f"levels[{i}].A", A, (None, None), error=InvalidProblem)
+    sides = [
+        checks.array(f"levels[{i}].{name}", side, (len(A),), finite=False, error=InvalidProblem)
+        for name, side in (("lo", lo), ("hi", hi))
+    ]
+    QP(np.eye(A.shape[1]), np.zeros(A.shape[1]), C=A, cl=sides[0], cu=sides[1])  # the same rules as for any rows
+    return A, sides[0], sides[1]
+
+
+def _bounds(name: str, value: Any, n: int, none: float) -> Vec:
+    if value is None:
+        return np.full(n, none)
+    return checks.array(name, value, (n,), finite=False, error=InvalidProblem)
+
+
+def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec, solver: Solver) -> Solution:
+    A, lo, hi = (np.concatenate([level[i] for level in levels]) for i in range(3))
+    ends, n = np.cumsum([0] + [len(level[1]) for level in levels]), len(low)
+    equal = lo == hi
+    rows, stages = _row_problem(A, lo, hi, ends)
+    rows.lb[:n], rows.ub[:n] = low, high
+    ranked = LexicographicSolver(rows, [*stages, []], way_for(solver), budget=4 * len(stages) + 4)
+    start = perf_counter()
+    status = ranked.solve()
+    elapsed = perf_counter() - start
+    if not status.ok:
+        none = Answer.none(Shape(n, 0, len(lo)), status)
+        proof = Certificate(np.inf, np.inf, np.inf)
+        return Solution(status, none.x, none.y, none.z, none.z_box, proof, ranked.iterations, 0.0, elapsed, solver.name)
+    x, z = rows.x[:n].copy(), np.zeros(len(lo))
+    y, z[~equal], box = ranked.multipliers()
+    stop = len(y)
+    for first, last in pairwise(ends.tolist()):  # the laws stand in falling order of rank, equations of a level first
+        own = first + np.flatnonzero(equal[first:last])
+        stop -= last - first
+        z[own] = y[stop : stop + len(own)]
+    at = A @ x
+    # What a level above needed stays as it is: it may push either way in the last problem.
+    last = ranked.answered
+    below, above = last.range_bounds()
+    kept = equal | (at < lo) | (at > hi)
+    kept[~equal] |= below == above
+    near = np.clip(x, low, high)
+    fixed = last.lb[:n] == last.ub[:n]
+    held = QP(np.eye(n), np.zeros(n), C=A, cl=np.where(kept, at, lo), cu=np.where(kept, at, hi),
+              lb=np.where(fixed, near, low), ub=np.where(fixed, near, high))  # fmt: skip
+    proof = certificate(held, x, np.zeros(0), z, box[:n])
+    return Solution(status, x, np.zeros(0), z, box[:n], proof, ranked.iterations, 0.0, elapsed, solver.name)
+
+
+def _row_problem(A: Mat, lo: Vec, hi: Vec, ends: Index) -> tuple[RowProblem, list[Stage]]:
+    """Equations as soft rows, the others as ranges that give way by a slack each: unknowns [x | slacks]."""
+    equal, n = lo == hi, A.shape[1]
+    n_range = int((~equal).sum())
+    names = [Row(f"row {i}") for i in (*np.flatnonzero(~equal), *np.flatnonzero(equal))]
+    names += [Row(f"x[{i}]") for i in range(n)] + [Row(f"slack {i}") for i in np.flatnonzero(~equal)]
+    p = RowProblem(0, n + n_range, n_range=n_range, n_soft=len(lo) - n_range, n_law=0, rows=names, regularisation=1.0)
+    p.G[p.range, :n], p.G[p.soft, :n], p.G[p.soft, p.n] = A[~equal], A[equal], -lo[equal]
+    p.G[p.range, n : p.n] = np.eye(n_range)
+    lower, upper = p.range_bounds()
+    lower[:], upper[:] = lo[~equal], hi[~equal]
+    stages: list[Stage] = []
+    row, slack = p.soft.start, n
+    for first, last in pairwise(ends.tolist()):
+        own = int(equal[first:last].sum())
+        give = last - first - own
+        name, none = f"level {len(stages) + 1}", np.zeros(last - first)
+        rows = Wish(name, slice(row, row + own), None, np.ones(own), none[:own], none[:own])
+        gives = Wish(name, None, slice(slack, slack + give), np.ones(give), none[:give], none[:give])
+        stages.append([Part(wish) for wish in (rows, gives) if wish.dim])
+        row, slack = row + own, slack + give
+    return p, stages

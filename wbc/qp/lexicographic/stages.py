@@ -1,0 +1,214 @@
+"""Stages: the rows of a problem sorted by rank, so that those above a rank stand in one block, and those of it in another.
+
+A *stage* is what is decided together: a level of a stack, or a part of one. Rows of the new problem:
+
+    [base | range | last stage | … | second stage | first stage | laws | slots]
+
+so that all rows above stage k, and the laws, are the block behind stage k. The last stage is the cost that is left when
+all others are settled: weighted rows, metric and centre, as in the problem it was made from.
+
+A wish that may be done in part gets one unknown σ in [0, 1], what is given up of it, and two kinds of rows:
+
+    direction   J x + drift − (1 − σ) t = 0      the rest is done along t, in full or in part
+    share       ‖t‖_w σ = 0                      nothing is given up
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import Literal, final
+
+import numpy as np
+
+from wbc.qp.problem import Row
+from wbc.qp.rows import RowProblem, Wish
+from wbc.types import Vec
+
+#: Largest residual, in the rows' own units, of a stage that counts as met.
+MET = 1e-7
+#: A wish smaller than this is met by any part of it, but its share still has a place among the others.
+_LEAST_SHARE = 1e-6
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a stage says about one wish: all of it, the direction alone, or the share alone."""
+
+    wish: Wish
+    kind: Literal["whole", "direction", "share"] = "whole"
+
+
+Stage = Sequence[Part]
+
+
+@final
+class StagedProblem:
+    """A row problem whose rows stand in order of rank; ``fill`` brings it up to date with its source.
+
+    ``problem`` is the last stage's: all stages above are laws of it. ``rows[k]`` is where stage k stands in its G,
+    ``weights[k]`` how its rows weigh against one another.
+    """
+
+    def __init__(self, source: RowProblem, stages: Sequence[Stage]) -> None:
+        self.source, self.stages = source, stages
+        scaled = list({id(part.wish): part.wish for stage in stages for part in stage if part.kind != "whole"}.values())
+        self._shares = {id(wish): source.n + i for i, wish in enumerate(scaled)}
+        upper = list(stages[:-1])
+        # The unknowns that the last stage pulls on are in its metric and need no rows.
+        last = [part for part in stages[-1] if part.kind == "share" or part.wish.rows is not None]
+        sizes = [sum(_size(part) for part in stage) for stage in [*upper, last]]
+        n_soft, n_law = sizes[-1], sum(sizes[:-1]) + source.n_law
+        names = self._names([last, *reversed(upper)])
+        p = RowProblem(
+            source.n_u, source.n_y + len(scaled), n_range=source.n_range, n_soft=n_soft, n_law=n_law,
+            rows=names, regularisation=source.regularisation,
+        )  # fmt: skip
+        self.problem, self._plain = p, not scaled
+        stops = p.law.start + np.cumsum([0, *sizes[-2::-1]])
+        self.rows = [slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True)][::-1] + [p.soft]
+        self.weights = [np.ones(size) for size in sizes]
+        self._order = np.arange(p.n_rows)
+        self._order[: p.soft.start] = np.arange(source.soft.start)
+        self._order[p.n_rows - source.n_law : p.n_rows] = np.arange(source.law.start, source.law.stop)
+        self._order[p.soft.start : p.n_rows - source.n_law] = 0
+        self._place(list(zip([*upper, last], self.rows, self.weights, strict=True)))
+        self._buffer = np.zeros((0 if self._plain else p.n_rows, source.n + 1))
+        p.lb[source.n :], p.ub[source.n :] = 0.0, 1.0
+        self._version = -1
+        self._ends = source.item(source.soft.start), p.item(p.soft.start)
+        for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
+            mine[source.n + len(scaled) + 1 : self._ends[1]] = side[source.n + 1 : self._ends[0]]
+
+    def _names(self, stages: Sequence[Stage]) -> list[Row]:
+        source = self.source
+        names, found = source.rows, list[Row]()
+        for stage in stages:
+            for part in stage:
+                wish = part.wish
+                if part.kind == "share":
+                    found.append(Row(f"{wish.name}: share"))
+                elif wish.rows is not None:
+                    found += names[wish.rows]
+                else:
+                    assert wish.unknowns is not None
+                    first = source.n_rows + wish.unknowns.start
+                    found += [row._replace(owner=wish.name) for row in names[first : first + wish.dim]]
+        first, last = names[: source.soft.start], names[source.law.start : source.n_rows]
+        given_up = [Row("given up", stage_name(self._shares, key, stages)) for key in self._shares]
+        return [*first, *found, *last, *names[source.n_rows :], *given_up]
+
+    def _place(self, stages: Sequence[tuple[Stage, slice, Vec]]) -> None:
+        """Where each part stands, and what has to be written there besides the rows of the source."""
+        p, source = self.problem, self.source
+        self._weighed: list[tuple[Vec, Wish]] = []
+        self._pulls: list[tuple[slice, Wish]] = []
+        self._directions: list[tuple[Vec, Wish]] = []
+        self._lengths: list[tuple[int, int, Wish]] = []
+        for stage, place, weights in stages:
+            row = place.start
+            for part in stage:
+                wish, at = part.wish, slice(row, row + _size(part))
+                if part.kind == "share":
+                    self._lengths.append((row, self._shares[id(wish)], wish))
+                else:
+                    self._weighed.append((weights[at.start - place.start : at.stop - place.start], wish))
+                    if wish.rows is not None:
+                        self._order[at] = np.arange(wish.rows.start, wish.rows.stop)
+                    else:
+                        self._pulls.append((at, wish))
+                    if part.kind == "direction":
+                        self._directions.append((p.G[at, self._shares[id(wish)]], wish))
+                row = at.stop
+        self._n = source.n
+
+    def fill(self) -> None:
+        """Take over rows, bounds, weights, metric and centre as they are now."""
+        source, p, n = self.source, self.problem, self._n
+        rows = p.G[: p.n_rows]
+        if source.version != self._version:
+            self._read_weights()
+        if self._plain:
+            source.G.take(self._order, 0, rows, "clip")
+        else:
+            source.G.take(self._order, 0, self._buffer, "clip")
+            rows[:, :n] = self._buffer[:, :n]
+            rows[:, n : p.n] = 0.0
+            rows[:, p.n] = self._buffer[:, n]
+        for at, wish in self._pulls:
+            assert wish.unknowns is not None
+            rows[at] = 0.0
+            np.fill_diagonal(rows[at, wish.unknowns], source.scale[wish.unknowns])
+            rows[at, p.n] = -wish.wanted
+        for column, wish in self._directions:
+            np.add(wish.wanted, wish.drift, column)
+        for row, share, wish in self._lengths:
+            rows[row] = 0.0
+            asked = wish.wanted + wish.drift
+            rows[row, share] = max(float(np.sqrt((wish.weights * asked * asked).sum())), _LEAST_SHARE)
+        start, stop = self._ends
+        for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
+            mine[:n] = side[:n]
+            mine[p.n + 1 : stop] = side[n + 1 : start]
+        p.centre[: source.n_y] = source.centre
+
+    def _read_weights(self) -> None:
+        source, p = self.source, self.problem
+        for weights, wish in self._weighed:
+            weights[:] = wish.weights
+        p.weights[:] = self.weights[-1]
+        p.metric[: source.n_y], p.scale[: source.n] = source.metric, source.scale
+        p.unit = source.unit
+        p.version += 1
+        self._version = source.version
+
+    def at(self, k: int) -> RowProblem:
+        """Stage k as a problem of its own, in the same memory: stages above are laws, those below have no say.
+
+        Its cost is ½ Σ w r² over the rows of the stage and a trace, ``unit``, of the last stage's metric, so that the
+        answer is one point. ``unit``, ``centre`` and ``regularisation`` are its own.
+        """
+        p, q = self.problem, copy(self.problem)
+        if k == len(self.stages) - 1:
+            return p
+        rows = self.rows[k]
+        q.range, q.soft, q.law = slice(p.range.start, rows.start), rows, slice(rows.stop, p.law.stop)
+        q.n_range, q.n_soft, q.n_law = rows.start - p.range.start, rows.stop - rows.start, p.law.stop - rows.stop
+        q.weights, q.centre = self.weights[k], p.centre.copy()
+        q.lower, q.upper = p.lower.copy(), p.upper.copy()
+        ignored = slice(p.item(p.soft.start), p.item(rows.start))
+        q.lower[ignored], q.upper[ignored] = -np.inf, np.inf
+        return q
+
+    def hold(self, k: int) -> Vec:
+        """From here on the rows of stage k are laws that ask for what they have now: their residual, before."""
+        p, rows = self.problem, self.rows[k]
+        items = slice(p.item(rows.start), p.item(rows.stop))
+        residual = p.value[items].copy()
+        p.G[rows, p.n] -= residual
+        p.value[items] = 0.0
+        return residual
+
+    def settle(self) -> None:
+        """Let what is left to decide stay where it is: the last stage's cost is the distance from the present point."""
+        p = self.problem
+        p.centre[:] = p.x[p.n_u :]
+        p.weights[:] = 0.0
+        self._version = -1
+
+    def give_back(self) -> None:
+        """Write the answer where the source keeps its own."""
+        source, p = self.source, self.problem
+        source.x[:] = p.x[: source.n]
+        np.dot(source.G[: source.n_rows], source.x1, source.value[source.first_row : source.item(source.n_rows)])
+
+
+def _size(part: Part) -> int:
+    return 1 if part.kind == "share" else part.wish.dim
+
+
+def stage_name(shares: dict[int, int], key: int, stages: Sequence[Stage]) -> str:
+    """Name of the wish that an unknown share belongs to."""
+    return next(part.wish.name for stage in stages for part in stage if id(part.wish) == key)
