@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from wbc.qp import Solution as Solution
     from wbc.qp import solve as solve
     from wbc.qp import solvers as _solvers
+    from wbc.qp.lexicographic import lexicographic as lexicographic
     from wbc.stack.component import Component as Component
     from wbc.stack.constraint import Barrier as Barrier
     from wbc.stack.constraint import Constraint as Constraint
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from wbc.stack.formulation import AccelerationLevel as AccelerationLevel
     from wbc.stack.formulation import InverseDynamics as InverseDynamics
     from wbc.stack.formulation import VelocityLevel as VelocityLevel
+    from wbc.stack.hierarchy import Scaled as Scaled
+    from wbc.stack.hierarchy import Strict as Strict
     from wbc.stack.hierarchy import Weighted as Weighted
     from wbc.stack.schedule import Schedule as Schedule
     from wbc.stack.stack import Stack as Stack
@@ -75,7 +78,10 @@ _HOME = {
     "Task": "wbc.stack.task",
     "VelocityLevel": "wbc.stack.formulation",
     "Watchdog": "wbc.control.watchdog",
+    "Scaled": "wbc.stack.hierarchy",
+    "Strict": "wbc.stack.hierarchy",
     "Weighted": "wbc.stack.hierarchy",
+    "lexicographic": "wbc.qp.lexicographic",
     "load": "wbc.models",
     "run_many": "wbc.control.many",
     "solve": "wbc.qp",

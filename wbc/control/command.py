@@ -43,12 +43,13 @@ class Command:
     tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
     decide is NaN. ``status`` says how the tick ended, ``rung`` which rung of the ladder spoke ("solved", "other
     solver", "relaxed", "closed form", "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own
-    units. Arrays are the command's own, stay valid, and are read-only.
+    units, ``levels`` how each level of a strict hierarchy came out (:class:`~wbc.qp.rows.Outcome`). Arrays are the
+    command's own, stay valid, and are read-only.
     """
 
     __slots__ = (
         "_a", "_controller", "_f", "_forces", "_q", "_q_before", "_serial", "_solution", "_tau", "_v", "_v_before",
-        "certificate", "rung", "status",
+        "certificate", "levels", "rung", "status",
     )  # fmt: skip
 
     def __init__(
@@ -67,6 +68,8 @@ class Command:
     ) -> None:
         self._controller, self._serial = controller, controller.serial
         self.status, self.rung, self.certificate = status, rung, certificate
+        #: Empty where nothing is ranked, and where the strict solver had no part in the command.
+        self.levels = controller.levels if rung == "solved" else ()
         self._q_before, self._v_before = q, v_before
         self._v, self._a, self._tau, self._forces = v, a, tau, forces
         self._q: Vec | None = None

@@ -25,7 +25,7 @@ from wbc.models import plausible
 from wbc.models.model import RobotModel
 from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
-from wbc.qp.rows import RowProblem, RowSolver, solution_of
+from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.qp.solvers.pdas import Pdas
@@ -282,8 +282,13 @@ class Controller:
     # ---- what others read
     @property
     def qp(self) -> QP:
-        """The last tick's QP in standard form, a copy; ``plan.qp`` is the same in memory that the next call reuses."""
-        return self.plan.qp.copy()
+        """The last tick's QP in standard form, a copy; ``plan.qp`` is the same in memory that the next call reuses.
+
+        Of a strict hierarchy it is the last level's, with what those above came to as equalities.
+        """
+        if self.answered is self.plan.problem:
+            return self.plan.qp.copy()
+        return self._answered.standard_form()
 
     @property
     def active_count(self) -> int:
@@ -294,6 +299,16 @@ class Controller:
     def iterations(self) -> int:
         """Iterations of the last solve."""
         return self._answered.iterations
+
+    @property
+    def levels(self) -> tuple[Outcome, ...]:
+        """How the levels came out in the last answer; () under ``Weighted``, which has none."""
+        return self._answered.outcomes
+
+    @property
+    def answered(self) -> RowProblem:
+        """The problem that :attr:`qp` is the standard form of."""
+        return self._answered.answered
 
     @property
     def proof(self) -> Certificate:
@@ -312,7 +327,7 @@ class Controller:
 
     def solution(self) -> Solution:
         """Solution of :attr:`qp` with its multipliers and the certificate recomputed from the data."""
-        return solution_of(self._answered, self.plan.qp, self.status)
+        return solution_of(self._answered, self._answered.standard_form(), self.status)
 
     def split_forces(self, forces: Vec | None) -> Forces:
         """Contact forces (nf,) as wrenches by contact name."""

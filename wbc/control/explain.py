@@ -35,7 +35,8 @@ def explain(controller: Controller) -> str:
     if not controller.status.ok:
         return "\n".join([head, *_failure(controller)])
     lines = [f"{head} ({controller.form} form, {controller.iterations} iterations)"]
-    return "\n".join(lines + _tasks(controller) + _active_rows(controller) + _regularisation(controller))
+    lines += [*_levels(controller), *_tasks(controller), *_active_rows(controller), *_regularisation(controller)]
+    return "\n".join(lines)
 
 
 def _failure(controller: Controller) -> list[str]:
@@ -80,6 +81,12 @@ def reproducer(controller: Controller) -> QP:
     return QP(qp.H, qp.g, A=qp.A, b=qp.b, C=qp.C, cl=qp.cl, cu=qp.cu, lb=qp.lb, ub=qp.ub, rows=names)
 
 
+def _levels(controller: Controller) -> list[str]:
+    """What ranks above what, and how each came out."""
+    ranked = [f"  {i}. {outcome}" for i, outcome in enumerate(controller.levels, start=1)]
+    return ["levels:", *ranked] if ranked else []
+
+
 def _tasks(controller: Controller) -> list[str]:
     plan, p = controller.plan, controller.plan.problem
     layout, errors = plan.layout, plan.errors()
@@ -97,6 +104,9 @@ def _tasks(controller: Controller) -> list[str]:
         wanted = plan.motion.wanted[behind + i * nj : behind + (i + 1) * nj]
         found.append((joint_task.name, _size(errors[joint_task.name]), joint_task.unit(0), joints - wanted,
                       joint_task.weights()))  # fmt: skip
+    for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
+        gives = slice(column, column + soft.dim)
+        found.append((soft.name, np.nan, soft.unit(0), p.x[gives] * p.scale[gives], soft.weights()))
     costs = [0.5 * float((weights * residual**2).sum()) for *_, residual, weights in found]
     total = sum(costs) or 1.0
     suffix = "/s" if controller.level.order == 1 else "/s²"
@@ -114,7 +124,7 @@ def _active_rows(controller: Controller) -> list[str]:
     pushing = np.concatenate([solution.z, solution.z_box])
     names = qp.rows[qp.n_eq :]
     # The bounds of the rows as they were set: in the standard form the rows' constant parts are moved into them.
-    low, high = controller.plan.problem.range_bounds()
+    low, high = controller.answered.range_bounds()
     lower, upper = np.concatenate([low, qp.lb]), np.concatenate([high, qp.ub])
     active = np.flatnonzero(np.abs(pushing) > _SHOWN * max(1e-3, np.abs(pushing).max(initial=0.0)))
     if not len(active):
@@ -122,7 +132,7 @@ def _active_rows(controller: Controller) -> list[str]:
     lines = ["active rows:"]
     for i in active[np.argsort(-np.abs(pushing[active]))]:
         row, up = names[i], bool(pushing[i] > 0)
-        if i >= len(qp.cl):
+        if len(qp.cl) <= i < len(qp.cl) + controller.plan.problem.n:
             row = row._replace(owner=controller.plan.bound_owner(int(i) - len(qp.cl), upper=up))
         elif about := controller.plan.about(controller.plan.problem.range.start + int(i)):
             row = row._replace(label=about)

@@ -1,18 +1,16 @@
 """Stages in the dual form: one Cholesky of the number of rows for each, and the base is eliminated once for all.
 
 With u eliminated, and E the rows of stage k, of the stages above it, the laws and the active rows (see
-:mod:`wbc.qp.rows.dual`, whose notation this is),
+:mod:`wbc.qp.rows.dual`, whose notation this is), a step from y₀ is
 
-    (E D⁻¹ Eᵀ + C + R) λ = −(E y + e) ,      y ← y + D⁻¹ Eᵀ λ
+    (E D⁻¹ Eᵀ + C) λ = −(E y₀ + e) ,      y = y₀ + D⁻¹ Eᵀ λ
 
-C is the compliance of the last stage's own rows, which are weighed against the metric; nothing else gives way. R is a
-trace that makes the matrix definite, and repeating the step takes its effect away:
-
-* on rows that hold exactly R is 1e-11 of the diagonal. It decides between equal multipliers where rows depend on each
-  other, as they must where a stage was not met: its gradient is a combination of what held it back.
-* on the rows of a stage above the last R is δ κ w_max / wᵢ. The step is then the method of multipliers on equations
-  that may contradict each other: y converges to the least squares ½ Σ wᵢ rᵢ², by a factor δ per step, and λ to what is
-  left of r in units of R; the rows that hold push against it, so R takes effect there on what changes only (Spingarn, Numerische Mathematik 1987: proximal steps to least-squares solutions).
+The last stage starts at the centre, and C is the compliance of its own rows. A stage above it is ½ Σ wᵢ rᵢ² alone, of
+which the metric may only choose among equals: C = δ κ w_max / wᵢ makes the step a proximal one, and some steps, each
+from where the last one ended, come to the least squares by a factor of δ each (Rockafellar, SIAM J. Control and
+Optimization 14(5), 1976). Rows that hold have C = 0 but for a trace that decides between equal multipliers where rows
+depend on each other, as they must where a stage was not met: its gradient is a combination of what held it back. What
+the trace leaves of them is taken away by steps in which nothing pulls.
 
 The working set is guessed, verified and repaired as in the dual form. What pushed while a stage above was decided stays
 held, and may push either way from then on; else a lower stage could leave the set where the stage above is best.
@@ -27,28 +25,30 @@ from scipy.linalg.blas import dgemm, dgemv, dsyrk
 from scipy.linalg.lapack import dposv, dpotrf, dpotrs
 
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.stages import MET, StagedProblem
-from wbc.qp.lexicographic.standard import StandardStages
+from wbc.qp.lexicographic.asked import Rows, ask_daqp
+from wbc.qp.lexicographic.rest import Rest, is_met
+from wbc.qp.lexicographic.stages import StagedProblem
 from wbc.qp.lexicographic.way import Way
 from wbc.qp.solver import Counts
-from wbc.qp.solvers import by_name
 from wbc.types import Index, Mat, Status, Vec
 
-#: R on rows that hold, and δ: on the rows of a stage above the last.
+#: The trace on rows that hold, as a share of the diagonal; and δ.
 _TRACE, _DELTA = 1e-11, 1e-6
-#: Steps after the first at a stage above the last, and what a residual may still change by in the last of them.
-_LEAST, _MOST, _SETTLED = 2, 12, 1e-4
-#: Multipliers below this share of the largest are rounding: in the last stage, and above it. There it is also what a
-#: residual of this size makes; and above the third number a multiplier pushes.
-_ROUNDING, _NOTHING, _PUSHES = 1e-12, 1e-9, 1e-7
+#: Proximal steps of a stage above the last; steps that bring rows that hold within tolerance.
+_STEPS, _CLEANING = 3, 4
+#: Multipliers below this share of the largest are rounding: in the last stage, and above it; above the third one push.
+_ROUNDING, _NOTHING, _PUSHES = 1e-12, 1e-9, 1e-8
+#: What an answer of DAQP may be off by.
+_ENOUGH = 1e-7
 #: A soft row of weight zero: so compliant that it pushes on nothing.
 _FREE = 1e30
 _NONE: Index = np.zeros(0, np.intp)
+_NOBODY: Vec = np.zeros(0)
 
 
 @final
 class DualStages(Way):
-    """Guess and verify on the rows, stage by stage. ``tries`` guesses a stage before DAQP is asked."""
+    """Guess and verify on the rows, stage by stage. ``tries`` guesses a step before DAQP is asked."""
 
     form = "dual"
 
@@ -62,32 +62,35 @@ class DualStages(Way):
         self._Es: Mat = np.zeros((p.n_y, width), order="F")
         self._y, self._u = p.value[p.n_u : p.n], p.value[: p.n_u]
         self._y1 = p.value[p.n_u : p.n + 1]
-        self._Bu, self._By = p.G[: p.n_u, : p.n_u], p.G[: p.n_u, p.n_u :]
-        self._X: Mat = np.zeros((p.n_u, p.n_y + 1))
+        self._B: Mat = np.zeros((p.n_u, p.n + 1), order="F")
+        self._Bu, self._X = self._B[:, : p.n_u], self._B[:, p.n_u :]
         self._free_root, self._root = np.ones(p.n_y), np.ones(p.n_y)
         self._bounded = p.item(self._first)
         self._over, self._under = np.zeros(self._bounded), np.zeros(self._bounded)
         self._version = -1
-        #: Working set of each stage in the last tick: items, and on which side.
-        self._memory = [(_NONE, np.zeros(0)) for _ in staged.stages]
-        self._asked: StandardStages | None = None
-        self._foreign: StandardStages | None = None  # whose answer it is, where it is not our own
-        self._trace_of: list[Vec] = []
+        self._rest: Rest | None = None  # what is left below a stage that was not met
+        self._least: list[tuple[slice, Vec, Vec]] = []  # such stages: columns, weights and residual
+        self._lam = self._wrong = self._give = self._side = self._pinned_at = _NOBODY
+        self._items = self._pins = self._slots = _NONE
+        self._is_pin = np.zeros(0, bool)
+        self._primal = self._off = self._rounding = 0.0
+        self._why = Status.FAILED
+        self._k = self._column = self._wished = 0
         self.begin_over()
 
     def begin_over(self) -> None:
-        self._memory = [(_NONE, np.zeros(0)) for _ in self._memory]
+        #: Working set of each stage in the last tick: items, and on which side.
+        self._memory = [(_NONE, np.zeros(0)) for _ in self.staged.stages]
 
     # ---- one tick
     def begin(self) -> bool:
         p, m = self.problem, self._m
         if p.version != self._version:
             self._read_weights()
-        self._held, self._held_at = _NONE, np.zeros(0)
-        self._wrong = self._lam = self._scale = np.zeros(0)
+        self._rest, self._least = None, []
         if p.n_u:
-            _, self._X, info = dposv(self._Bu, self._By, 1)
-            if info:
+            self._B[:] = p.G[: p.n_u]
+            if dposv(self._Bu, self._X, 1, 1, 1)[2]:
                 return False
         self._Er[:, :m] = self._reduced(p.G[self._first : p.n_rows])
         return True
@@ -95,8 +98,10 @@ class DualStages(Way):
     def _read_weights(self) -> None:
         p = self.problem
         self._free_root[:] = 1.0 / np.sqrt(p.metric)
+        self._root[:] = self._free_root
+        self._root[self._pins] = 0.0
         self._compliance = np.divide(p.unit, p.weights, out=np.full(p.n_soft, _FREE), where=p.weights > 0)
-        self._trace_of = [
+        self._lightness = [
             np.divide(weights.max(initial=0.0), weights, out=np.full(len(weights), _FREE), where=weights > 0)
             for weights in self.staged.weights
         ]
@@ -108,105 +113,124 @@ class DualStages(Way):
         reduced: Mat = dgemm(-1.0, self._X, rows[:, :n_u].T, 1.0, rows[:, n_u:].T, 1) if n_u else rows.T
         return reduced
 
-    def solve(self, k: int, *, sure: bool) -> Status:
+    def solve(self, k: int) -> Status:
+        p, own = self.problem, self.staged.rows[k]
         self._k, self._last = k, k == len(self.staged.stages) - 1
-        self._foreign = None
-        self._column = self.staged.rows[k].start - self._first
+        self._column, self._wished = own.start - self._first, own.stop - own.start
+        self._start = p.centre
+        if self._rest is not None:
+            return self._solve_rest(self._rest)
         self._work_on(*self._memory[k])
+        for step in range(1 if self._last else _STEPS):
+            if step:
+                self._start = self._y.copy()
+            if not self._guess() and not self._ask():
+                return self._why
+            if not step:
+                self._memory[k] = self._items, self._side
+        return Status.SOLVED
+
+    def _guess(self) -> bool:
+        """One step, with the working set repaired until it is right; False where that takes too many tries."""
         self._fewest, self._chances = 1 << 30, 3
         for attempt in range(self.tries):
             self.iterations += 1
-            if self._decide() and self._verify():
-                self._count(attempt)
-                return Status.SOLVED
+            if not self._decide():
+                return False
+            if self._verify():
+                self.counts.repaired += attempt > 0
+                self.counts.first += attempt == 0
+                return True
             if not self._repair():
-                break
-        return self._ask(k) if sure else Status.FAILED
+                return False
+        return False
 
-    def _count(self, attempt: int) -> None:
-        if attempt:
-            self.counts.repaired += 1
-        else:
-            self.counts.first += 1
-        self._memory[self._k] = self._items[len(self._held) :], self._side[len(self._held) :]
-
-    # ---- the working set: first what is held from the stages above, then what is guessed
+    # ---- the working set
     def _work_on(self, items: Index, side: Vec) -> None:
+        """Take these items as active: variables become pins, rows go into slots. side: +1 upper, −1 lower."""
         p = self.problem
-        if len(self._held):
-            new = ~np.isin(items, self._held)
-            items, side = np.concatenate([self._held, items[new]]), np.concatenate([np.ones(len(self._held)), side[new]])
+        if not len(items):
+            self._work_on_none()
+            return
         value = np.where(side > 0, p.upper[items], p.lower[items])
-        value[: len(self._held)] = self._held_at
         keep = np.isfinite(value)
         if not keep.all():
             items, side, value = items[keep], side[keep], value[keep]
         pin = items < p.n
         if len(items) - int(pin.sum()) > p.n_slots:
-            items, side, value, pin = self._held, np.ones(len(self._held)), self._held_at, self._held < p.n
+            self._work_on_none()
+            return
         self._items, self._side, self._is_pin = items, side, pin
         self._pins, self._slots = items[pin] - p.n_u, items[~pin] - p.first_row
         self._root[:] = self._free_root
         self._root[self._pins] = 0.0
         self._pinned_at = value[pin]
         self._stop = self._m + len(self._slots)
+        self._Ek = self._Er[:, self._column : self._stop]
         if len(self._slots):
             slots = p.G[p.n_rows : p.n_rows + len(self._slots)]
             p.G.take(self._slots, 0, slots, "clip")
             slots[:, p.n] -= value[~pin]
             self._Er[:, self._m : self._stop] = self._reduced(slots)
 
+    def _work_on_none(self) -> None:
+        if len(self._items):
+            self._items, self._side, self._is_pin = _NONE, _NOBODY, np.zeros(0, bool)
+            self._pins, self._slots, self._pinned_at = _NONE, _NONE, _NOBODY
+            self._root[:] = self._free_root
+        self._stop = self._m
+        self._Ek = self._Er[:, self._column : self._stop]
+
     # ---- the linear system
     def _decide(self) -> bool:
         """y and λ for the working set; False where there is none."""
-        p = self.problem
-        self._y[:] = p.centre
-        self._y[self._pins] = self._pinned_at
-        self._Ek = self._Er[:, self._column : self._stop]
-        if self._column == self._stop:
-            self._lam = self._scale = np.zeros(0)
-            self._values()
-            return True
-        self._wrong = np.zeros(0)
-        if not self._factorise():
-            return False
-        missing = dgemv(1.0, self._Ek, self._y1, 0.0, trans=1)
-        self._lam, self._move = self._step(missing)
-        self._scale = self._lam
-        self._y += self._move
+        self._y[:] = self._start
+        if len(self._pins):
+            self._y[self._pins] = self._pinned_at
+        self._lam = _NOBODY
+        if self._column < self._stop:
+            if not self._factorise():
+                return False
+            self._lam = self._step(dgemv(1.0, self._Ek, self._y1, 0.0, trans=1))
         self._values()
-        if self._last:
-            self._refine_last()
-        else:
-            self._refine(missing)
+        self._off = _largest(self._balance())
+        for _ in range(_CLEANING):
+            if self._off <= 0.1 * self.tolerance:
+                break
+            change = self._step(self._unbalanced)
+            if self._last:
+                self._lam = self._lam + change
+            self._values()
+            self._off = _largest(self._balance())
         return True
 
     def _factorise(self) -> bool:
-        size = self._stop - self._column
-        self._E = np.multiply(self._Ek[:-1], self._root[:, None], self._Es[:, :size])
+        wished = self._wished
+        self._E = np.multiply(self._Ek[:-1], self._root[:, None], self._Es[:, : self._stop - self._column])
         K = dsyrk(1.0, self._E, trans=1)
         diagonal = np.einsum("ii->i", K)
-        own = self.staged.rows[self._k]
-        wished = own.stop - own.start
         largest = float(diagonal[diagonal.argmax()])
         if self._last:
-            diagonal[:wished] += self._compliance
+            self._give = self._compliance
         elif wished:
             steepest = float(diagonal[diagonal[:wished].argmax()])
-            self._give = _DELTA * (steepest or 1.0) * self._trace_of[self._k]
-            diagonal[:wished] += self._give
-        diagonal[wished:] *= 1.0 + _TRACE
-        diagonal += 1e-3 * _TRACE * largest
+            self._give = _DELTA * (steepest or 1.0) * self._lightness[self._k]
+        diagonal[:wished] += self._give
+        holds = diagonal[wished:]
+        holds *= 1.0 + _TRACE
+        holds += 1e-3 * _TRACE * largest
         self._L, info = dpotrf(K, 0, 0, 1)
         return not info
 
-    def _step(self, missing: Vec) -> tuple[Vec, Vec]:
-        """λ that takes away what is missing, and how it moves y."""
+    def _step(self, missing: Vec) -> Vec:
+        """λ that takes away what is missing; y is moved by it."""
         lam, _ = dpotrs(self._L, missing)
         np.negative(lam, lam)
         move = dgemv(1.0, self._E, lam)
         move *= self._root
-        return lam, move
+        self._y += move
+        solved: Vec = lam
+        return solved
 
     def _values(self) -> None:
         """u and all rows from y."""
@@ -217,39 +241,15 @@ class DualStages(Way):
         np.dot(p.G[:rows], p.x1, p.value[p.first_row : p.first_row + rows])
         self._missing = p.value[p.first_row + self._first + self._column : p.first_row + rows]
 
-    def _refine(self, before: Vec) -> None:
-        """The same step again: towards the least squares, and onto the rows that hold.
-
-        λ is large where a stage is not met, and what it moves cancels. So only its change is computed: with rows r
-        before and r' after a step that moved y by m, E m = r' − r, and K λ = E m says what the step was meant to do.
-        """
+    def _balance(self) -> Vec:
+        """What is missing of the rows of the system: of those that hold, and of the last stage's with what they give."""
+        missing = self._unbalanced = self._missing.copy()
         wished = self._wished
-        for step in range(_MOST):
-            missing = self._missing.copy()
-            if step >= _LEAST and _largest(missing[wished:]) <= 0.1 * self.tolerance:
-                left = _largest(missing[:wished])
-                if _largest(missing[:wished] - before[:wished]) <= max(_SETTLED * left, 1e-2 * MET):
-                    break
-            off = 2.0 * missing - before
-            off[:wished] += self._give * self._lam[:wished]
-            change, move = self._step(off)
-            before = missing
-            self._lam, self._move = self._lam + change, self._move + move
-            self._y += self._move
-            self._values()
-
-    def _refine_last(self) -> None:
-        """The same for the last stage, whose own rows give way by their compliance."""
-        n_soft = self.problem.n_soft
-        for _ in range(_MOST):
-            missing = self._missing.copy()
-            missing[:n_soft] += self._compliance * self._lam[:n_soft]
-            if not _largest(missing) > 0.1 * self.tolerance:
-                break
-            change, move = self._step(missing)
-            self._lam = self._lam + change
-            self._y += move
-            self._values()
+        if not self._last:
+            missing[:wished] = 0.0
+        elif wished:
+            missing[:wished] += self._give * self._lam[:wished]
+        return missing
 
     # ---- is it the answer?
     def _verify(self) -> bool:
@@ -258,20 +258,11 @@ class DualStages(Way):
         np.subtract(p.value[:n], p.upper[:n], over)
         np.subtract(p.lower[:n], p.value[:n], under)
         np.maximum(over, under, out=over)
-        held = self._missing[self._wished :]
-        if self._last:  # its own rows must balance, too
-            held = self._missing.copy()
-            held[: p.n_soft] += self._compliance * self._lam[: p.n_soft]
-        self._primal = max(float(over[over.argmax()]), _largest(held))
-        self._wrong = self._wrong_signs()
+        self._primal = max(float(over[over.argmax()]), self._off)
+        self._wrong, self._rounding = self._wrong_signs()
         if not self._primal <= self.tolerance:
             return False
-        return not len(self._wrong) or bool(self._wrong[self._wrong.argmax()] <= self._rounding)
-
-    @property
-    def _wished(self) -> int:
-        own = self.staged.rows[self._k]
-        return own.stop - own.start
+        return not len(self._items) or bool(self._wrong[self._wrong.argmax()] <= self._rounding)
 
     def _forces(self) -> Vec:
         """What each item of the working set pushes with, positive down from an upper side."""
@@ -279,41 +270,30 @@ class DualStages(Way):
         forces[~self._is_pin] = -self._lam[len(self._lam) - len(self._slots) :]
         pins = self._pins
         if len(pins):
-            pull = self._Ek[pins] @ self._lam
-            if self._last:
-                pull -= self.problem.metric[pins] * (self._y[pins] - self.problem.centre[pins])
+            pull = self.problem.metric[pins] * (self._start[pins] - self._y[pins])
+            if len(self._lam):
+                pull += self._Ek[pins] @ self._lam
             forces[self._is_pin] = pull
         return forces
 
-    def _wrong_signs(self) -> Vec:
-        """How much each item of the working set pulls instead of pushing; those that may do either count as right."""
+    def _wrong_signs(self) -> tuple[Vec, float]:
+        """How much each item of the working set pulls instead of pushing, and what of that is rounding."""
         p, items = self.problem, self._items
         if not len(items):
-            return np.zeros(0)
+            return _NOBODY, 0.0
         wrong = -self._forces() * self._side
-        if self._last:
-            self._rounding = _ROUNDING * max(_largest(self._lam), _largest(wrong))
-        else:
-            self._rounding = _NOTHING * self._size()
-        wrong[: len(self._held)] = 0.0
-        wrong[p.lower[items] == p.upper[items]] = 0.0
-        return wrong
-
-    def _size(self) -> float:
-        """Size of the multipliers of a stage above the last: what residuals of 1, or of the pull to the centre, make."""
-        give = self._give[: self._wished].min() if self._wished else 1.0
-        return max(_largest(self._scale), 1.0 / float(give))
+        wrong[p.lower[items] == p.upper[items]] = 0.0  # one value: it may push either way
+        share = _ROUNDING if self._last else _NOTHING
+        return wrong, share * max(_largest(self._lam), _largest(wrong))
 
     def _repair(self) -> bool:
         """Exchange what is wrong by block principal pivoting. False: nothing to exchange."""
         p, items, side = self.problem, self._items, self._side
-        if len(self._wrong) != len(items):  # the system had no answer
-            return False
         broken = self._over > self.tolerance
         broken[p.n : p.item(p.range.start)] = False
         broken[items] = False
         new = np.flatnonzero(broken)
-        keep = self._wrong <= self._rounding if len(items) else np.zeros(0, bool)
+        keep = self._wrong <= self._rounding
         wrong = len(new) + int((~keep).sum())
         if wrong == 0:
             return False
@@ -325,61 +305,119 @@ class DualStages(Way):
             last = max(new[-1] if len(new) else -1, items[~keep].max() if not keep.all() else -1)
             keep, new = items != last, new[new == last]
         new_side = np.where(self._under[new] >= self._over[new], -1.0, 1.0)
-        first = len(self._held)
-        self._work_on(
-            np.concatenate([items[first:][keep[first:]], new]).astype(np.intp),
-            np.concatenate([side[first:][keep[first:]], new_side]),
-        )
+        self._work_on(np.concatenate([items[keep], new]).astype(np.intp), np.concatenate([side[keep], new_side]))
         return True
 
     # ---- when guessing does not end
-    def _ask(self, k: int) -> Status:
-        """DAQP's answer, sharpened by a solve of our own with its active set, which is the next guess."""
+    def _ask(self) -> bool:
+        """DAQP's answer to this step, sharpened by a solve of our own with its active set."""
         self.counts.fallback += 1
-        if self._asked is None:
-            self._asked = StandardStages(self.staged, by_name("daqp"))
-        asked = self._asked
-        asked.hold_at(self._held, self._held_at)
-        asked.iterations = 0
-        status = asked.solve(k, sure=True)
+        p, n_u, wished = self.problem, self.problem.n_u, self._wished
+        ranges, unknowns = slice(p.item(p.range.start), self._bounded), slice(n_u, p.n)
+        behind, wish = (
+            self._Er[:, self._column + wished : self._m].T,
+            self._Er[:, self._column : self._stop - len(self._slots)].T,
+        )
+        rows, zero = np.concatenate([self._reduced(p.G[p.range]).T, behind]), np.zeros(len(behind))
+        asked = ask_daqp(
+            Rows(wish[:wished, :-1], wish[:wished, -1], zero, zero), self._give,
+            Rows(rows[:, :-1], rows[:, -1], np.append(p.lower[ranges], zero), np.append(p.upper[ranges], zero)),
+            len(zero), p.lower[unknowns], p.upper[unknowns], self._free_root, self._start,
+        )  # fmt: skip
         self.iterations += asked.iterations
-        if not status.ok:
-            return status
-        answer = self.problem.value.copy()
-        self._memory[k] = asked.active()
-        self._work_on(*asked.active())
-        if not (self._decide() and self._verify()):
-            self.problem.value[:] = answer
-            self._foreign = asked
-        return status
+        self._why = asked.status
+        if not asked.status.ok:
+            return False
+        side = np.zeros(self._bounded)
+        side[unknowns], side[ranges] = np.sign(asked.bounds), np.sign(asked.rows[: p.n_range])
+        items = np.flatnonzero(side)
+        self._work_on(items, side[items])
+        if self._decide() and self._verify():
+            return True
+        self._y[:] = asked.y
+        self._values()
+        self._lam = np.concatenate([
+            -self._missing[:wished] / self._give, -asked.rows[p.n_range :], -asked.rows[self._slots - p.range.start]
+        ])  # fmt: skip
+        self._verify()
+        self._why = Status.SOLVED if self._primal <= _ENOUGH else Status.INACCURATE
+        return self._why.ok
 
     # ---- on to the next stage
     def hold(self, k: int) -> Vec:
         p, rows = self.problem, self.staged.rows[k]
-        pushing = self._pushing()
+        pushing, values = self._pushing(), p.value[: self._bounded].copy()
         residual = self.staged.hold(k)
-        self._Er[-1, rows.start - self._first : rows.stop - self._first] -= residual
-        self._held = np.concatenate([self._held, pushing[~np.isin(pushing, self._held)]])
-        self._held_at = p.value[self._held].copy()
+        own = slice(rows.start - self._first, rows.stop - self._first)
+        self._Er[-1, own] -= residual
+        met = is_met(residual)
+        if not met:
+            self._least.append((own, self.staged.weights[k], residual))
+        holds = self._Er[:-1, :0]
+        ranges = slice(p.item(p.range.start), self._bounded)
+        if self._rest is None and not met:
+            low, high = (np.concatenate([side[ranges], side[p.n_u : p.n]]) for side in (p.lower, p.upper))
+            self._rest = Rest(self._reduced(p.G[p.range])[:-1], low, high, self._free_root)
+            holds = self._Er[:-1, own.stop : self._m]
+        if self._rest is not None:
+            self._rest.stay(self._y, np.concatenate([values[ranges], values[p.n_u : p.n]]))
+            self._rest.narrow(holds, _NONE if met else pushing, self._Er[:-1, own], met=met)
         return residual
 
     def _pushing(self) -> Index:
-        """Items that held this stage back: they stay where they are."""
-        if self._foreign is not None:
-            return self._foreign.pushing()
+        """What held this stage back, as Rest counts: range rows, then bounds on y."""
+        if self._rest is not None:
+            residual = self.problem.value[self.problem.item(self.staged.rows[self._k].start) :][: self._wished]
+            return self._rest.pushing(_largest(residual / self._give))
         if not len(self._items):
             return _NONE
-        held_back: Index = self._items[self._forces() * self._side > _PUSHES * self._size()]
-        return held_back
+        items = self._items[self._forces() * self._side > _PUSHES * _largest(self._lam)]
+        p = self.problem
+        is_pin = items < p.n
+        return np.where(is_pin, items - p.n_u + p.n_range, items - p.item(p.range.start))
+
+    def _solve_rest(self, rest: Rest) -> Status:
+        """The same in what is left free."""
+        p, wished = self.problem, self._wished
+        self._work_on(_NONE, np.zeros(0))
+        own = self._Er[:, self._column : self._column + wished]
+        if self._last:
+            self._give = self._compliance
+        else:
+            steepest = float(((own[:-1] * self._free_root[:, None]) ** 2).sum(axis=0).max(initial=0.0))
+            self._give = _DELTA * (steepest or 1.0) * self._lightness[self._k]
+        at = own[:-1].T @ rest.y + own[-1]
+        asked = rest.minimise(own[:-1], at, self._give, p.centre, steps=1 if self._last else _STEPS)
+        self.iterations += asked.iterations
+        if not asked.status.ok:
+            return asked.status
+        self._y[:] = asked.y
+        self._values()
+        missing = self._missing.copy()
+        missing[: self._wished] = 0.0
+        for own, _, _ in self._least:
+            missing[own.start - self._column : own.stop - self._column] = 0.0
+        self._lam, self._off = np.zeros(self._stop - self._column), _largest(missing)
+        self._verify()
+        return Status.SOLVED if max(self._primal, self._excess()) <= _ENOUGH else Status.INACCURATE
+
+    def _excess(self) -> float:
+        """By how much stages that were not met are above their least, as a share of it."""
+        worst = 0.0
+        for own, weights, residual in self._least:
+            now = residual + self._missing[own.start - self._column : own.stop - self._column]
+            before = (weights * residual).dot(residual)
+            worst = max(worst, float((weights * now).dot(now) / before) - 1.0)
+        return worst
 
     # ---- what explain() and the reports ask for
     def certificate(self) -> Certificate:
-        if self._foreign is not None:
-            return self._foreign.certificate()
+        if not len(self._items):
+            return Certificate(max(self._primal, 0.0), 0.0, 0.0)
         gap = 0.0
         if len(self._slots):
             gap = float(np.abs(self._lam[-len(self._slots) :] * self._missing[-len(self._slots) :]).sum())
-        wrong = max(float(self._wrong.max(initial=0.0)), 0.0)
+        wrong = max(float(self._wrong[self._wrong.argmax()]), 0.0)
         return Certificate(max(self._primal, 0.0), self.problem.unit * wrong, self.problem.unit * gap)
 
     def active(self) -> tuple[Index, Vec]:
@@ -389,26 +427,21 @@ class DualStages(Way):
         self._memory = [(items, side) for _ in self._memory]
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        if self._foreign is not None:
-            return self._foreign.multipliers()
         p, lam, slots = self.problem, self._lam, len(self._slots)
         z, z_box = np.zeros(p.n_range), np.zeros(p.n)
-        forces = p.unit * self._forces() if len(self._items) else np.zeros(0)
+        forces = p.unit * self._forces()
         z[self._slots - p.range.start] = forces[~self._is_pin]
         pins = self._pins + p.n_u
         z_box[pins] = forces[self._is_pin] / p.scale[pins]
-        # What is held may push either way: as one value, lower and upper side are the same.
-        p.lower[self._held] = p.upper[self._held] = self._held_at
         z_law = -p.unit * lam[p.n_soft : len(lam) - slots]
         z_base: Vec = np.zeros(0)
-        if p.n_u and len(lam):  # stationarity in u determines the multipliers of the rows that were eliminated
+        if p.n_u:  # stationarity in u determines the multipliers of the rows that were eliminated
             E = p.G[self._first : self._first + len(lam), : p.n_u]
             force = p.unit * (E.T @ lam) - p.regularisation * self._u
-            z_base = np.linalg.solve(self._Bu.T, force).astype(np.float64)
-        elif p.n_u:
-            z_base = np.linalg.solve(self._Bu.T, -p.regularisation * self._u).astype(np.float64)
+            z_base = np.linalg.solve(p.G[: p.n_u, : p.n_u].T, force).astype(np.float64)
         return np.concatenate([z_base, z_law]), z, z_box
 
 
 def _largest(values: Vec) -> float:
-    return float(np.abs(values).max()) if len(values) else 0.0
+    """The largest magnitude; argmax and argmin cost a fifth of max and min, and find a NaN first."""
+    return max(float(values[values.argmax()]), -float(values[values.argmin()])) if len(values) else 0.0

@@ -11,28 +11,16 @@ It is exact: J x of a stage is the same for all its minimisers, so holding it at
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, final
+from collections.abc import Callable, Iterator, Sequence
+from typing import final
 
 import numpy as np
 
 from wbc.qp.lexicographic.stages import MET, Stage, StagedProblem
 from wbc.qp.lexicographic.way import Way
-from wbc.qp.rows import RowProblem, RowSolver
+from wbc.qp.rows import Outcome, RowProblem, RowSolver
 from wbc.qp.solver import Solver
 from wbc.types import Index, Status, Vec
-
-
-class Outcome(NamedTuple):
-    """How one stage came out: its wishes, ``met`` | ``least`` | ``left`` | ``weighed``, and √Σ wᵢ rᵢ².
-
-    met: no residual. least: the least there is below what stands above. left: the budget ended before it was decided.
-    weighed: the tick had no strict answer, the weighted QP was its exit.
-    """
-
-    wishes: tuple[str, ...]
-    how: str
-    residual: float
 
 
 @final
@@ -51,15 +39,15 @@ class LexicographicSolver(RowSolver):
         self.counts = self.way.counts
         self.budget, self._leave = budget, leave
         self._last = len(stages) - 1
-        self._names = [tuple(part.wish.name for part in stage) for stage in stages]
+        self._names = [tuple(str(part) for part in stage) for stage in stages]
+        self._met = [Outcome(names, "met", 0.0) for names in self._names]
         #: QPs of the last tick.
         self.qps = 0
         self.reset()
 
     def reset(self) -> None:
         self._hope = self._decided = self._last
-        self._outcomes: list[tuple[str, Vec]] = []
-        self._weighed = False
+        self.outcomes, self._weighed = (), False
         self.way.begin_over()
         if self._leave is not None:
             self._leave.reset()
@@ -68,7 +56,7 @@ class LexicographicSolver(RowSolver):
     def solve(self) -> Status:
         self.staged.fill()
         way, self.way.iterations, self.qps = self.way, 0, 0
-        self._outcomes, self._weighed = [], False
+        self._weighed = False
         status, k = self._start() if way.begin() else (Status.FAILED, 0)
         if not status.ok:
             return self._weigh(status)
@@ -76,6 +64,7 @@ class LexicographicSolver(RowSolver):
         while k < self._last and self._go_on(k):
             k += 1
         self._decided = k
+        self.outcomes = (*self._found, *self._below(k))
         if k < self._last:
             self.staged.settle()
         self.staged.give_back()
@@ -89,12 +78,12 @@ class LexicographicSolver(RowSolver):
         while not status.ok and k and self.qps < self.budget:
             k -= 1
             status = self._try(k)
-        self._outcomes = [("met", _NOTHING)] * k
+        self._found = self._met[:k]
         return status, k
 
-    def _try(self, k: int, *, sure: bool = False) -> Status:
+    def _try(self, k: int) -> Status:
         self.qps += 1
-        status = self.way.solve(k, sure=sure or k == 0)
+        status = self.way.solve(k)
         if status.ok:
             self.certificate = self.way.certificate()
         return status
@@ -103,21 +92,32 @@ class LexicographicSolver(RowSolver):
         """Hold what stage k came to and decide the next; False: it stays at this."""
         residual = self.way.hold(k)
         met = float(np.abs(residual).max(initial=0.0)) <= MET
-        self._outcomes.append(("met" if met else "least", residual))
+        self._found = [*self._found, self._outcome(k, "met" if met else "least", residual)]
         if met and self._hope == k:
             self._hope = k + 1
         if self.qps >= self.budget:
             return False
         value = self.staged.problem.value
         best = value.copy()
-        if self._try(k + 1, sure=True).ok:
+        if self._try(k + 1).ok:
             return True
         value[:] = best
         return False
 
+    def _outcome(self, k: int, how: str, residual: Vec) -> Outcome:
+        return Outcome(self._names[k], how, float((self.staged.weights[k] * residual).dot(residual)) ** 0.5)
+
+    def _below(self, k: int) -> Iterator[Outcome]:
+        """What was decided last, and what was left after that."""
+        p = self.staged.problem
+        for i in range(len(self._found), self._last + 1):
+            rows, how = self.staged.rows[i], "least" if k == self._last else "left"
+            yield self._outcome(i, how, p.value[p.item(rows.start) : p.item(rows.stop)])
+
     def _weigh(self, status: Status) -> Status:
         """The exit: one QP in which the weights speak."""
         self._weighed = True
+        self.outcomes = tuple(Outcome(names, "weighed", np.nan) for names in self._names)
         if self._leave is None:
             return status
         status = self._leave.solve()
@@ -126,31 +126,9 @@ class LexicographicSolver(RowSolver):
 
     # ---- what others read
     @property
-    def outcomes(self) -> tuple[Outcome, ...]:
-        """How each stage came out in the last tick, the last one with the residual of its rows."""
-        if self._weighed:
-            return tuple(Outcome(names, "weighed", np.nan) for names in self._names)
-        found = []
-        for i, (names, weights) in enumerate(zip(self._names, self.staged.weights, strict=True)):
-            if i < len(self._outcomes):
-                how, residual = self._outcomes[i]
-            else:
-                how, residual = "least" if self._decided == self._last else "left", self._residual(i)
-            found.append(Outcome(names, how, float(np.sqrt((weights[: len(residual)] * residual**2).sum()))))
-        return tuple(found)
-
-    def _residual(self, i: int) -> Vec:
-        p, rows = self.staged.problem, self.staged.rows[i]
-        return p.G[rows] @ p.x1
-
-    @property
     def answered(self) -> RowProblem:
         """The problem that :meth:`answer` and :meth:`multipliers` are about: the last stage's, those above held."""
         return self.problem if self._weighed else self.staged.problem
-
-    def answer(self) -> Vec:
-        p = self.answered
-        return p.x * p.scale
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         if self._weighed and self._leave is not None:
@@ -172,9 +150,6 @@ class LexicographicSolver(RowSolver):
 
     def guess(self, items: Index, side: Vec) -> None:
         self.way.guess(np.where(items < self.problem.n, items, items + self._more), side)
-
-
-_NOTHING = np.zeros(0)
 
 
 def way_for(solver: Solver) -> Callable[[StagedProblem], Way]:

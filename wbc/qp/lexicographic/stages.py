@@ -1,4 +1,4 @@
-"""Stages: the rows of a problem sorted by rank, so that those above a rank stand in one block, and those of it in another.
+"""Stages: the rows of a problem sorted by rank, so that what stands above a rank is one block of rows.
 
 A *stage* is what is decided together: a level of a stack, or a part of one. Rows of the new problem:
 
@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, final
 
 import numpy as np
@@ -27,7 +28,7 @@ from wbc.qp.rows import RowProblem, Wish
 from wbc.types import Vec
 
 #: Largest residual, in the rows' own units, of a stage that counts as met.
-MET = 1e-7
+MET = 1e-6
 #: A wish smaller than this is met by any part of it, but its share still has a place among the others.
 _LEAST_SHARE = 1e-6
 
@@ -39,6 +40,9 @@ class Part:
 
     wish: Wish
     kind: Literal["whole", "direction", "share"] = "whole"
+
+    def __str__(self) -> str:
+        return self.wish.name if self.kind == "whole" else f"{self.kind} of {self.wish.name}"
 
 
 Stage = Sequence[Part]
@@ -68,7 +72,7 @@ class StagedProblem:
         )  # fmt: skip
         self.problem, self._plain = p, not scaled
         stops = p.law.start + np.cumsum([0, *sizes[-2::-1]])
-        self.rows = [slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True)][::-1] + [p.soft]
+        self.rows = [*[slice(a, b) for a, b in pairwise(stops.tolist())][::-1], p.soft]
         self.weights = [np.ones(size) for size in sizes]
         self._order = np.arange(p.n_rows)
         self._order[: p.soft.start] = np.arange(source.soft.start)
@@ -177,7 +181,8 @@ class StagedProblem:
         q.range, q.soft, q.law = slice(p.range.start, rows.start), rows, slice(rows.stop, p.law.stop)
         q.n_range, q.n_soft, q.n_law = rows.start - p.range.start, rows.stop - rows.start, p.law.stop - rows.stop
         q.weights, q.centre = self.weights[k], p.centre.copy()
-        q.lower, q.upper = p.lower.copy(), p.upper.copy()
+        q.bounds = p.bounds.copy()
+        q.lower, q.upper = q.bounds
         ignored = slice(p.item(p.soft.start), p.item(rows.start))
         q.lower[ignored], q.upper[ignored] = -np.inf, np.inf
         return q

@@ -57,8 +57,7 @@ class StandardStages(Way):
     def guess(self, items: Index, side: Vec) -> None:
         """Sessions keep warm starts of their own."""
 
-    def solve(self, k: int, *, sure: bool) -> Status:
-        del sure  # it cannot be had for less
+    def solve(self, k: int) -> Status:
         q = self._stages[k]
         self._bounds(q)
         if k < len(self._stages) - 1:

@@ -27,8 +27,8 @@ class Way(ABC):
         """Take over what the problem's memory says now. False: the base cannot be eliminated."""
 
     @abstractmethod
-    def solve(self, k: int, *, sure: bool) -> Status:
-        """Minimise stage k. Without ``sure`` a quick answer is wanted or none."""
+    def solve(self, k: int) -> Status:
+        """Minimise stage k; what stands above it holds."""
 
     @abstractmethod
     def hold(self, k: int) -> Vec:

@@ -9,8 +9,9 @@ from typing import final
 import numpy as np
 
 from wbc.qp.certificate import Certificate
-from wbc.qp.problem import Row
+from wbc.qp.problem import QP, Row
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.wish import Outcome
 from wbc.qp.solver import Counts
 from wbc.types import Index, Status, Vec
 
@@ -20,6 +21,8 @@ class RowSolver(ABC):
 
     #: One word for reports: "dual", "box" or "standard".
     form: str
+    #: How what was ranked came out in the last answer; nothing where nothing is ranked.
+    outcomes: tuple[Outcome, ...] = ()
 
     def __init__(self, problem: RowProblem) -> None:
         self.problem = problem
@@ -67,6 +70,19 @@ class RowSolver(ABC):
     def active_count(self) -> int:
         """How many rows and bounds hold with equality, laws apart."""
 
+    @property
+    def answered(self) -> RowProblem:
+        """The problem that :meth:`answer` and :meth:`multipliers` are about: for most, the one they were opened for."""
+        return self.problem
+
+    @final
+    def standard_form(self) -> QP:
+        """The standard form of :attr:`answered`, in memory of its own."""
+        qp = self.answered.empty_qp()
+        self.answered.write_qp(qp)
+        return qp
+
+    @final
     def answer(self) -> Vec:
         """x of the standard form for the answer just found."""
-        return self.problem.x * self.problem.scale
+        return self.answered.x * self.answered.scale

@@ -1,9 +1,9 @@
-"""Wish: what one task asks, told apart from the sum of all costs, for those who rank tasks instead of adding them."""
+"""Wish: what one task asks, told apart from the sum of all costs, for those who rank tasks; and what came of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 from wbc.types import Vec
 
@@ -31,3 +31,19 @@ class Wish:
     def dim(self) -> int:
         """How many numbers it is about."""
         return len(self.weights)
+
+
+class Outcome(NamedTuple):
+    """How wishes that were decided together came out: their names, ``how``, and what is left of them, √Σ wᵢ rᵢ².
+
+    ``how`` is "met": nothing is left. "least": the least that what ranks above leaves. "left": the budget ended before
+    it was decided. "weighed": there was no strict answer, and the weighted sum was the exit.
+    """
+
+    wishes: tuple[str, ...]
+    how: str
+    residual: float
+
+    def __str__(self) -> str:
+        left = "" if self.how == "met" or self.residual != self.residual else f", {self.residual:.3g} is left of it"
+        return f"{' + '.join(self.wishes) or 'regularisation'}: {self.how}{left}"
