@@ -193,7 +193,8 @@ class Plan:
         if not isinstance(task, Task):
             return Wish(task.name, rows, None, weights, np.zeros(dim), np.zeros(dim))
         at = slice(row - layout.motion_row, row - layout.motion_row + dim)
-        wanted, drift = self.motion.wanted[at], self.motion.drift[at]
+        wanted = self.motion.wanted[at]
+        drift = self.motion.drift[at] if self.level.order == 2 else np.zeros(dim)
         return Wish(task.name, rows, None, weights, wanted, drift, kinematic=True, scaled=task.is_scaled)
 
     def _first_fill(self, like: Plan | None) -> None:

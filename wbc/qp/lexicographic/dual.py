@@ -25,21 +25,21 @@ from scipy.linalg.blas import dgemm, dgemv, dsyrk
 from scipy.linalg.lapack import dposv, dpotrf, dpotrs
 
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.asked import Rows, ask_daqp
-from wbc.qp.lexicographic.rest import Rest, is_met
-from wbc.qp.lexicographic.stages import StagedProblem
+from wbc.qp.lexicographic.asked import Box, Rows, Wished, ask_daqp
+from wbc.qp.lexicographic.rest import Rest, is_met, multipliers
+from wbc.qp.lexicographic.stages import MET, StagedProblem
 from wbc.qp.lexicographic.way import Way
 from wbc.qp.solver import Counts
 from wbc.types import Index, Mat, Status, Vec
 
 #: The trace on rows that hold, as a share of the diagonal; and δ.
 _TRACE, _DELTA = 1e-11, 1e-6
-#: Proximal steps of a stage above the last; steps that bring rows that hold within tolerance.
-_STEPS, _CLEANING = 3, 4
+#: Steps that bring rows that hold within tolerance.
+_CLEANING = 4
 #: Multipliers below this share of the largest are rounding: in the last stage, and above it; above the third one push.
 _ROUNDING, _NOTHING, _PUSHES = 1e-12, 1e-9, 1e-8
-#: What an answer of DAQP may be off by.
-_ENOUGH = 1e-7
+#: What an answer of DAQP may be off by, and what a stage above may lose by it, as a share of its cost.
+_ENOUGH, _LITTLE = 1e-7, 1e-5
 #: A soft row of weight zero: so compliant that it pushes on nothing.
 _FREE = 1e30
 _NONE: Index = np.zeros(0, np.intp)
@@ -48,12 +48,19 @@ _NOBODY: Vec = np.zeros(0)
 
 @final
 class DualStages(Way):
-    """Guess and verify on the rows, stage by stage. ``tries`` guesses a step before DAQP is asked."""
+    """Guess and verify on the rows, stage by stage, ``tries`` times a step before DAQP is asked.
+
+    A stage above the last takes steps until its residual changes by less than ``precision``, as a share of it, or is
+    met; at most ``steps``. ``exact``: it goes on to the least squares themselves, however flat they are.
+    """
 
     form = "dual"
 
-    def __init__(self, staged: StagedProblem, *, tolerance: float = 1e-8, tries: int = 3) -> None:
+    def __init__(
+        self, staged: StagedProblem, *, tolerance: float, tries: int, steps: int, precision: float, exact: bool
+    ) -> None:
         self.staged, self.tolerance, self.tries = staged, tolerance, tries
+        self.steps, self.precision, self.exact = steps, precision, exact
         self.counts, self.iterations = Counts(), 0
         self.problem = p = staged.problem
         self._first, self._m = p.soft.start, p.n_soft + p.n_law
@@ -69,6 +76,7 @@ class DualStages(Way):
         self._over, self._under = np.zeros(self._bounded), np.zeros(self._bounded)
         self._version = -1
         self._rest: Rest | None = None  # what is left below a stage that was not met
+        self._sharp: Rest | None = None  # the space in which a stage was made exact
         self._least: list[tuple[slice, Vec, Vec]] = []  # such stages: columns, weights and residual
         self._lam = self._wrong = self._give = self._side = self._pinned_at = _NOBODY
         self._items = self._pins = self._slots = _NONE
@@ -87,7 +95,7 @@ class DualStages(Way):
         p, m = self.problem, self._m
         if p.version != self._version:
             self._read_weights()
-        self._rest, self._least = None, []
+        self._rest, self._sharp, self._least = None, None, []
         if p.n_u:
             self._B[:] = p.G[: p.n_u]
             if dposv(self._Bu, self._X, 1, 1, 1)[2]:
@@ -117,18 +125,44 @@ class DualStages(Way):
         p, own = self.problem, self.staged.rows[k]
         self._k, self._last = k, k == len(self.staged.stages) - 1
         self._column, self._wished = own.start - self._first, own.stop - own.start
-        self._start = p.centre
+        self._start, self._sharp = p.centre, None
+        if self._last:
+            self._give = self._compliance
+        else:
+            E = self._Er[:-1, self._column : self._column + self._wished] * self._free_root[:, None]
+            steepest = float(np.einsum("ij,ij->j", E, E).max(initial=0.0))
+            self._give = _DELTA * (steepest or 1.0) * self._lightness[k]
         if self._rest is not None:
             return self._solve_rest(self._rest)
         self._work_on(*self._memory[k])
-        for step in range(1 if self._last else _STEPS):
+        before = _NOBODY
+        for step in range(1 if self._last else self.steps):
             if step:
                 self._start = self._y.copy()
             if not self._guess() and not self._ask():
                 return self._why
+            now = self._missing[: self._wished].copy()
+            if step and _largest(now - before) <= self.precision * (MET + _largest(now)):
+                break
             if not step:
                 self._memory[k] = self._items, self._side
+            before = now
+        if self.exact and not self._last:
+            self._sharpen()
         return Status.SOLVED
+
+    def _sharpen(self) -> None:
+        """From near the least squares to them, however little they gain by it."""
+        rest = self._rest
+        if rest is None:
+            rest = self._rest_of(self._values_now())
+            rest.narrow(self._Er[:-1, self._column + self._wished : self._m], _NONE, self._Er[:-1, :0], met=True)
+        else:
+            rest.stay(self._y, self._values_now())
+        own = self._Er[:, self._column : self._column + self._wished]
+        self._y[:] = rest.least(own[:-1], own[:-1].T @ rest.y + own[-1], self._give)
+        self._values()
+        self._sharp = rest
 
     def _guess(self) -> bool:
         """One step, with the working set repaired until it is right; False where that takes too many tries."""
@@ -210,11 +244,6 @@ class DualStages(Way):
         K = dsyrk(1.0, self._E, trans=1)
         diagonal = np.einsum("ii->i", K)
         largest = float(diagonal[diagonal.argmax()])
-        if self._last:
-            self._give = self._compliance
-        elif wished:
-            steepest = float(diagonal[diagonal[:wished].argmax()])
-            self._give = _DELTA * (steepest or 1.0) * self._lightness[self._k]
         diagonal[:wished] += self._give
         holds = diagonal[wished:]
         holds *= 1.0 + _TRACE
@@ -242,7 +271,7 @@ class DualStages(Way):
         self._missing = p.value[p.first_row + self._first + self._column : p.first_row + rows]
 
     def _balance(self) -> Vec:
-        """What is missing of the rows of the system: of those that hold, and of the last stage's with what they give."""
+        """What is missing of the rows of the system: of those that hold, and of the last stage's own with C λ."""
         missing = self._unbalanced = self._missing.copy()
         wished = self._wished
         if not self._last:
@@ -314,16 +343,15 @@ class DualStages(Way):
         self.counts.fallback += 1
         p, n_u, wished = self.problem, self.problem.n_u, self._wished
         ranges, unknowns = slice(p.item(p.range.start), self._bounded), slice(n_u, p.n)
-        behind, wish = (
-            self._Er[:, self._column + wished : self._m].T,
-            self._Er[:, self._column : self._stop - len(self._slots)].T,
-        )
+        behind, wish = (self._Er[:, columns].T for columns in (
+            slice(self._column + wished, self._m), slice(self._column, self._column + wished)
+        ))  # fmt: skip
         rows, zero = np.concatenate([self._reduced(p.G[p.range]).T, behind]), np.zeros(len(behind))
-        asked = ask_daqp(
-            Rows(wish[:wished, :-1], wish[:wished, -1], zero, zero), self._give,
-            Rows(rows[:, :-1], rows[:, -1], np.append(p.lower[ranges], zero), np.append(p.upper[ranges], zero)),
-            len(zero), p.lower[unknowns], p.upper[unknowns], self._free_root, self._start,
-        )  # fmt: skip
+        bounded = Rows(
+            rows[:, :-1], rows[:, -1], np.append(p.lower[ranges], zero), np.append(p.upper[ranges], zero), len(zero)
+        )
+        box = Box(p.lower[unknowns], p.upper[unknowns], self._free_root, self._start)
+        asked = ask_daqp(Wished(wish[:, :-1], wish[:, -1], self._give), bounded, box)
         self.iterations += asked.iterations
         self._why = asked.status
         if not asked.status.ok:
@@ -345,30 +373,40 @@ class DualStages(Way):
 
     # ---- on to the next stage
     def hold(self, k: int) -> Vec:
-        p, rows = self.problem, self.staged.rows[k]
-        pushing, values = self._pushing(), p.value[: self._bounded].copy()
+        rows = self.staged.rows[k]
+        pushing, values = self._pushing(), self._values_now()
         residual = self.staged.hold(k)
         own = slice(rows.start - self._first, rows.stop - self._first)
         self._Er[-1, own] -= residual
-        met = is_met(residual)
+        met, holds = is_met(residual), self._Er[:-1, :0]
         if not met:
             self._least.append((own, self.staged.weights[k], residual))
-        holds = self._Er[:-1, :0]
-        ranges = slice(p.item(p.range.start), self._bounded)
-        if self._rest is None and not met:
-            low, high = (np.concatenate([side[ranges], side[p.n_u : p.n]]) for side in (p.lower, p.upper))
-            self._rest = Rest(self._reduced(p.G[p.range])[:-1], low, high, self._free_root)
-            holds = self._Er[:-1, own.stop : self._m]
+            if self._rest is None:
+                self._rest, holds = self._rest_of(values), self._Er[:-1, own.stop : self._m]
         if self._rest is not None:
-            self._rest.stay(self._y, np.concatenate([values[ranges], values[p.n_u : p.n]]))
+            self._rest.stay(self._y, values)
             self._rest.narrow(holds, _NONE if met else pushing, self._Er[:-1, own], met=met)
         return residual
 
+    def _rest_of(self, values: Vec) -> Rest:
+        """The whole space, from the present point."""
+        p = self.problem
+        ranges = slice(p.item(p.range.start), self._bounded)
+        low, high = (np.concatenate([side[ranges], side[p.n_u : p.n]]) for side in (p.lower, p.upper))
+        rest = Rest(self._reduced(p.G[p.range])[:-1], low, high, self._free_root)
+        rest.stay(self._y, values)
+        return rest
+
+    def _values_now(self) -> Vec:
+        """Values of what Rest counts: range rows, then the unknowns y."""
+        p = self.problem
+        return np.concatenate([p.value[p.item(p.range.start) : self._bounded], self._y])
+
     def _pushing(self) -> Index:
         """What held this stage back, as Rest counts: range rows, then bounds on y."""
-        if self._rest is not None:
-            residual = self.problem.value[self.problem.item(self.staged.rows[self._k].start) :][: self._wished]
-            return self._rest.pushing(_largest(residual / self._give))
+        rest = self._sharp or self._rest
+        if rest is not None:
+            return rest.pushing(_largest(self._missing[: self._wished] / self._give))
         if not len(self._items):
             return _NONE
         items = self._items[self._forces() * self._side > _PUSHES * _largest(self._lam)]
@@ -381,13 +419,9 @@ class DualStages(Way):
         p, wished = self.problem, self._wished
         self._work_on(_NONE, np.zeros(0))
         own = self._Er[:, self._column : self._column + wished]
-        if self._last:
-            self._give = self._compliance
-        else:
-            steepest = float(((own[:-1] * self._free_root[:, None]) ** 2).sum(axis=0).max(initial=0.0))
-            self._give = _DELTA * (steepest or 1.0) * self._lightness[self._k]
         at = own[:-1].T @ rest.y + own[-1]
-        asked = rest.minimise(own[:-1], at, self._give, p.centre, steps=1 if self._last else _STEPS)
+        steps = 1 if self._last else self.steps
+        asked = rest.minimise(own[:-1], at, self._give, p.centre, steps=steps, precision=self.precision)
         self.iterations += asked.iterations
         if not asked.status.ok:
             return asked.status
@@ -395,17 +429,29 @@ class DualStages(Way):
         self._values()
         missing = self._missing.copy()
         missing[: self._wished] = 0.0
-        for own, _, _ in self._least:
-            missing[own.start - self._column : own.stop - self._column] = 0.0
+        for columns, _, _ in self._least:
+            missing[columns.start - self._column : columns.stop - self._column] = 0.0
         self._lam, self._off = np.zeros(self._stop - self._column), _largest(missing)
         self._verify()
-        return Status.SOLVED if max(self._primal, self._excess()) <= _ENOUGH else Status.INACCURATE
+        if self.exact and not self._last:
+            self._sharpen()
+        if self._primal > _ENOUGH or self._excess() > _LITTLE:
+            return Status.INACCURATE
+        if self._last:  # what held a stage back may push either way in the last problem: there it is one value
+            kept = self._items_of(rest.kept)
+            p.lower[kept] = p.upper[kept] = p.value[kept]
+        return Status.SOLVED
+
+    def _items_of(self, numbers: Index) -> Index:
+        """Items of what Rest counts: range rows, then bounds on y."""
+        p = self.problem
+        return np.where(numbers < p.n_range, numbers + p.item(p.range.start), numbers - p.n_range + p.n_u)
 
     def _excess(self) -> float:
         """By how much stages that were not met are above their least, as a share of it."""
         worst = 0.0
-        for own, weights, residual in self._least:
-            now = residual + self._missing[own.start - self._column : own.stop - self._column]
+        for columns, weights, residual in self._least:
+            now = residual + self._missing[columns.start - self._column : columns.stop - self._column]
             before = (weights * residual).dot(residual)
             worst = max(worst, float((weights * now).dot(now) / before) - 1.0)
         return worst
@@ -421,12 +467,20 @@ class DualStages(Way):
         return Certificate(max(self._primal, 0.0), self.problem.unit * wrong, self.problem.unit * gap)
 
     def active(self) -> tuple[Index, Vec]:
-        return self._items, self._side
+        rest, p = self._rest, self.problem
+        if rest is None:
+            return self._items, self._side
+        numbers = np.union1d(rest.kept, np.flatnonzero(rest.forces))
+        items = self._items_of(numbers)
+        return items, np.where(p.upper[items] - p.value[items] <= p.value[items] - p.lower[items], 1.0, -1.0)
 
     def guess(self, items: Index, side: Vec) -> None:
         self._memory = [(items, side) for _ in self._memory]
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
+        return self._own_multipliers() if self._rest is None else multipliers(self.problem, self._rest)
+
+    def _own_multipliers(self) -> tuple[Vec, Vec, Vec]:
         p, lam, slots = self.problem, self._lam, len(self._slots)
         z, z_box = np.zeros(p.n_range), np.zeros(p.n)
         forces = p.unit * self._forces()

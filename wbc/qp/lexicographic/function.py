@@ -60,6 +60,7 @@ def lexicographic(
         if A.shape[1] != n:
             raise InvalidProblem(f"levels[{i}]: A has {A.shape[1]} columns, that of levels[0] has {n}")
     low, high = _bounds("lb", lb, n, -np.inf), _bounds("ub", ub, n, np.inf)
+    QP(np.eye(n), np.zeros(n), lb=low, ub=high)  # refuses bounds that leave nothing
     return _solve(named, low, high, by_name(solver))
 
 
@@ -85,7 +86,9 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec, solver: Solv
     equal = lo == hi
     rows, stages = _row_problem(A, lo, hi, ends)
     rows.lb[:n], rows.ub[:n] = low, high
-    ranked = LexicographicSolver(rows, [*stages, []], way_for(solver), budget=4 * len(stages) + 4)
+    ranked = LexicographicSolver(
+        rows, [*stages, []], way_for(solver, steps=5, precision=1e-9, exact=True), budget=4 * len(stages) + 4
+    )
     start = perf_counter()
     status = ranked.solve()
     elapsed = perf_counter() - start

@@ -144,7 +144,8 @@ class StagedProblem:
         for at, wish in self._pulls:
             assert wish.unknowns is not None
             rows[at] = 0.0
-            np.fill_diagonal(rows[at, wish.unknowns], source.scale[wish.unknowns])
+            rows[: p.soft.start, wish.unknowns] /= source.scale[wish.unknowns]
+            np.fill_diagonal(rows[at, wish.unknowns], 1.0)
             rows[at, p.n] = -wish.wanted
         for column, wish in self._directions:
             np.add(wish.wanted, wish.drift, column)
@@ -164,6 +165,11 @@ class StagedProblem:
             weights[:] = wish.weights
         p.weights[:] = self.weights[-1]
         p.metric[: source.n_y], p.scale[: source.n] = source.metric, source.scale
+        for (
+            _,
+            wish,
+        ) in self._pulls:  # their rows say what they are worth; scaled by it they would be stiffer than others
+            p.scale[wish.unknowns] = 1.0
         p.unit = source.unit
         p.version += 1
         self._version = source.version
@@ -196,9 +202,11 @@ class StagedProblem:
         p.value[items] = 0.0
         return residual
 
-    def settle(self) -> None:
-        """Let what is left to decide stay where it is: the last stage's cost is the distance from the present point."""
+    def settle(self, k: int) -> None:
+        """Let stage k and all below stay where they are: the last stage's cost is the distance from this point."""
         p = self.problem
+        for i in range(k, len(self.stages) - 1):
+            self.hold(i)
         p.centre[:] = p.x[p.n_u :]
         p.weights[:] = 0.0
         self._version = -1
@@ -207,6 +215,8 @@ class StagedProblem:
         """Write the answer where the source keeps its own."""
         source, p = self.source, self.problem
         source.x[:] = p.x[: source.n]
+        for _, wish in self._pulls:
+            source.x[wish.unknowns] /= source.scale[wish.unknowns]
         np.dot(source.G[: source.n_rows], source.x1, source.value[source.first_row : source.item(source.n_rows)])
 
 

@@ -1,0 +1,135 @@
+"""Each level is at its least among all that keep those above at theirs; of what is left, the least norm."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import wbc
+from tests.qp.lexicographic.hierarchies import random_hierarchy, recursion, residuals, stationarity
+from wbc.errors import InvalidProblem
+from wbc.types import Status
+
+SEEDS = st.integers(0, 10**6)
+STORED = Path(os.environ.get("WBC_QPS", "qps")) / "lexls" / "test_01.npz"
+
+
+@given(seed=SEEDS)
+def test_every_level_of_a_random_hierarchy_is_optimal(seed: int) -> None:
+    levels, lb, ub = random_hierarchy(seed)
+    answer = wbc.lexicographic(levels, lb=lb, ub=ub)
+    assert answer.status is Status.SOLVED and answer.certificate.ok
+    assert ((answer.x >= lb - 1e-8) & (answer.x <= ub + 1e-8)).all()
+    assert stationarity(levels, lb, ub, answer.x).max() < 1e-6
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("block", range(10))
+def test_two_thousand_random_hierarchies_are_optimal(block: int) -> None:
+    for seed in range(10_000 + 200 * block, 10_200 + 200 * block):
+        levels, lb, ub = random_hierarchy(seed)
+        answer = wbc.lexicographic(levels, lb=lb, ub=ub)
+        assert answer.status is Status.SOLVED, seed
+        assert stationarity(levels, lb, ub, answer.x).max() < 1e-6, seed
+
+
+@settings(max_examples=12)
+@given(seed=SEEDS)
+def test_the_cascade_of_standard_qps_is_the_same_answer(seed: int) -> None:
+    levels, lb, ub = random_hierarchy(seed)
+    mine, cascade = (wbc.lexicographic(levels, lb=lb, ub=ub, solver=name) for name in ("pdas", "daqp"))
+    assert cascade.status is Status.SOLVED
+    excess = residuals(levels, mine.x) - residuals(levels, cascade.x)
+    differs = np.flatnonzero(np.abs(excess) > 1e-5)
+    assert not len(differs) or excess[differs[0]] < 0.0, excess  # and where it is not the same, it is better
+
+
+@given(seed=SEEDS, n=st.integers(2, 9), dependent=st.booleans())
+def test_equality_levels_are_the_recursive_null_space_formula(seed: int, n: int, dependent: bool) -> None:
+    rng = np.random.default_rng(seed)
+    levels = []
+    for _ in range(rng.integers(1, 5)):
+        m = int(rng.integers(1, n))
+        A = rng.normal(size=(m, n))
+        if dependent:
+            A[-1] = A[0] + (levels[-1][0][0] if levels else 0.0)
+        levels.append((A, rng.normal(size=m)))
+    x = wbc.lexicographic([(A, b, b) for A, b in levels]).x
+    np.testing.assert_allclose(x, recursion(levels), atol=1e-6 * (1.0 + np.abs(x).max()))
+
+
+@given(seed=SEEDS)
+def test_a_level_below_changes_nothing_above(seed: int) -> None:
+    levels, lb, ub = random_hierarchy(seed)
+    whole, without = (wbc.lexicographic(part, lb=lb, ub=ub) for part in (levels, levels[:-1] or levels))
+    above = levels[:-1]
+    np.testing.assert_allclose(residuals(above, whole.x), residuals(above, without.x), atol=1e-6)
+
+
+@given(seed=SEEDS)
+def test_levels_that_can_all_be_met_are_met_in_any_order(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    point = rng.normal(size=8)
+    levels = [(A, A @ point, A @ point + rng.random(len(A))) for A in rng.normal(size=(3, 2, 8))]
+    for order in ((0, 1, 2), (2, 0, 1)):
+        answer = wbc.lexicographic([levels[i] for i in order], lb=point - 0.1, ub=point + 5.0)
+        assert residuals(levels, answer.x).max() < 1e-7
+
+
+@given(seed=SEEDS)
+def test_rows_said_twice_and_levels_said_twice_change_nothing(seed: int) -> None:
+    levels, lb, ub = random_hierarchy(seed)
+    twice = [tuple(np.concatenate([part, part]) for part in level) for level in levels]
+    once = wbc.lexicographic(levels, lb=lb, ub=ub).x
+    np.testing.assert_allclose(wbc.lexicographic(twice, lb=lb, ub=ub).x, once, atol=1e-5)
+    np.testing.assert_allclose(wbc.lexicographic([levels[0], *levels], lb=lb, ub=ub).x, once, atol=1e-5)
+
+
+def test_the_same_problem_twice_gives_the_same_bits() -> None:
+    levels, lb, ub = random_hierarchy(5)
+    first, second = (wbc.lexicographic(levels, lb=lb, ub=ub) for _ in range(2))
+    np.testing.assert_array_equal(first.x, second.x)
+
+
+def test_the_multipliers_hold_the_least_norm_against_the_levels() -> None:
+    levels, lb, ub = random_hierarchy(17)
+    answer = wbc.lexicographic(levels, lb=lb, ub=ub)
+    A = np.concatenate([level[0] for level in levels])
+    np.testing.assert_allclose(answer.x + A.T @ answer.z + answer.z_box, 0.0, atol=1e-7)
+
+
+@pytest.mark.skipif(not STORED.exists(), reason="no stored hierarchy; set WBC_QPS to a folder with lexls/test_01.npz")
+def test_the_stored_hierarchy_of_a_humanoid_is_solved_to_a_hundred_millionth() -> None:
+    with np.load(STORED, allow_pickle=False) as file:
+        levels = [(file[f"A{k}"], file[f"l{k}"], file[f"u{k}"]) for k in range(5)]
+        known = file["solution"]
+    answer = wbc.lexicographic(levels)
+    assert answer.status is Status.SOLVED and answer.certificate.ok
+    excess = residuals(levels, answer.x) ** 2 - residuals(levels, known) ** 2
+    assert excess.max() < 1e-8
+    assert np.linalg.norm(answer.x) < np.linalg.norm(known)  # among all that are as good, the shortest
+
+
+@pytest.mark.parametrize(
+    ("levels", "words"),
+    [
+        ([], "levels is empty"),
+        ([([[1.0, 0.0]], [1.0], [0.0])], "crossed"),
+        ([([[1.0, np.nan]], [0.0], [0.0])], r"levels\[0\].A"),
+        ([([[1.0, 0.0]], [0.0], [0.0]), ([[1.0]], [0.0], [0.0])], "has 1 columns"),
+        ([([[1.0, 0.0]], [0.0, 0.0], [0.0])], "lo"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(levels, words: str) -> None:
+    with pytest.raises(InvalidProblem, match=words):
+        wbc.lexicographic(levels)
+
+
+def test_bounds_that_cross_are_refused() -> None:
+    with pytest.raises(InvalidProblem, match="crossed"):
+        wbc.lexicographic([([[1.0]], [0.0], [0.0])], lb=[1.0], ub=[0.0])

@@ -1,0 +1,265 @@
+"""The same stack under three hierarchies: weights are added up, strict levels never give way, scaled tasks keep course."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks import (
+    CenterOfMass,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Orientation,
+    Position,
+    Posture,
+    Torque,
+    TorqueLimits,
+)
+from tests.stack.conftest import feet, moving
+from wbc.errors import InvalidInput
+from wbc.methods import NullSpaceSaturation
+from wbc.models.pinocchio_ import PinocchioModel
+
+SEEDS = st.integers(0, 10**6)
+ARM = wbc.load("arm")
+HUMANOID = wbc.load("humanoid")
+SPEED = wbc.VelocityLevel()
+
+
+def tick(robot: PinocchioModel, stack: wbc.Stack, seed: int = 3, **settings: Any) -> tuple[Any, wbc.Controller]:
+    controller = wbc.Controller(robot, stack, dt=0.01, **({"level": SPEED} | settings))
+    return controller.tick(0.0, *moving(robot, seed)), controller
+
+
+def residual(controller: wbc.Controller, name: str) -> np.ndarray:
+    """Wanted − got of one task's rows, in the last tick."""
+    problem = controller.plan.problem
+    wish = next(wish for level in problem.levels for wish in level if wish.name == name)
+    return problem.G[wish.rows] @ problem.x1
+
+
+def two_goals(seed: int, *, heavy: float = 1.0) -> wbc.Stack:
+    """A tool and an elbow that cannot be where both are wanted, and a posture."""
+    rng = np.random.default_rng(seed)
+    first = Position("tool", target=rng.normal(size=3), weight=heavy)
+    second = Position(ARM.frame_names[-3], target=rng.normal(size=3), name="second")
+    limits = [JointVelocityLimits(float(rng.uniform(0.3, 3.0)))]
+    return wbc.Stack([[first], [second], [Posture(ARM.q0, weight=1e-4)]], subject_to=limits)
+
+
+# ---- strict
+@given(seed=SEEDS)
+def test_strict_priority_is_the_limit_of_weights_as_their_ratio_grows(seed: int) -> None:
+    command, controller = tick(ARM, two_goals(seed), hierarchy=wbc.Strict())
+    best = np.linalg.norm(residual(controller, "Position[tool]"))
+    errors, distances = [], []
+    for ratio in (1e0, 1e2, 1e4, 1e6):
+        weighted, other = tick(ARM, two_goals(seed, heavy=ratio))
+        errors.append(np.linalg.norm(residual(other, "Position[tool]")))
+        distances.append(np.abs(weighted.v - command.v).max())
+    assert command.status.ok
+    assert (np.diff(errors) <= 1e-7).all(), "a heavier task is never done worse"
+    assert best <= errors[-1] + 1e-6
+    assert errors[-1] - best <= 1e-3 * (errors[0] - best) + 1e-5
+    assert distances[-1] <= 1e-2 * distances[0] + 1e-3
+
+
+@given(seed=SEEDS)
+def test_a_stack_is_the_hierarchy_of_its_rows(seed: int) -> None:
+    stack = two_goals(seed)
+    command, controller = tick(ARM, stack, hierarchy=wbc.Strict())
+    problem = controller.plan.problem
+    levels = []
+    for tasks in problem.levels[:-1]:
+        A = np.concatenate([problem.G[wish.rows, : problem.n] for wish in tasks])
+        b = np.concatenate([wish.wanted for wish in tasks])
+        levels.append((A, b, b))
+    posture = problem.levels[-1][0].wanted
+    levels.append((np.eye(ARM.nj), posture, posture))
+    exact = wbc.lexicographic(levels, lb=problem.lb, ub=problem.ub).x
+    for A, b, _ in levels[:-1]:
+        assert abs(np.linalg.norm(A @ command.v - b) - np.linalg.norm(A @ exact - b)) < 1e-5
+    np.testing.assert_allclose(command.v, exact, atol=1e-3)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "proxqp", "clarabel"])
+@pytest.mark.parametrize("seed", range(4))
+def test_any_solver_gives_the_same_answer_level_by_level(solver: str, seed: int) -> None:
+    mine, _ = tick(ARM, two_goals(seed), hierarchy=wbc.Strict())
+    other, controller = tick(ARM, two_goals(seed), hierarchy=wbc.Strict(), solver=solver)
+    assert other.status.ok and controller.form == "standard"
+    np.testing.assert_allclose(other.v, mine.v, atol=2e-3)
+
+
+def standing(reach: float, *, hand: bool = True) -> wbc.Stack:
+    """Balance above all, then a hand ``reach`` [m] ahead of where it is, then the stance."""
+    state = HUMANOID.state()
+    balance = [
+        CenterOfMass(target=state.com, kp=100),
+        Orientation("torso", target=np.array(state.frame("torso").rotation), kp=100),
+    ]
+    goal = state.frame("left_hand").position + [reach, 0.0, 0.0]
+    hands = [[Position("left_hand", target=goal, kp=100)]] if hand else []
+    return wbc.Stack(
+        [balance, *hands, [Posture(HUMANOID.q0, kp=10, weight=1e-3)]],
+        contacts=feet(HUMANOID), subject_to=[TorqueLimits(), JointVelocityLimits()],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("reach", [0.02, 0.5, 3.0])
+def test_balance_is_not_given_up_for_a_hand_that_cannot_reach(reach: float) -> None:
+    dynamics = {"level": wbc.InverseDynamics(), "hierarchy": wbc.Strict()}
+    command, controller = tick(HUMANOID, standing(reach), seed=0, **dynamics)
+    alone, without = tick(HUMANOID, standing(reach, hand=False), seed=0, **dynamics)
+    assert command.status.ok and alone.status.ok and command.certificate.ok
+    for task in ("CenterOfMass", "Orientation[torso]"):
+        np.testing.assert_allclose(residual(controller, task), residual(without, task), atol=1e-6)
+    assert command.solution.certificate.ok
+    weighted, other = tick(HUMANOID, standing(3.0), seed=0, level=wbc.InverseDynamics())
+    assert np.linalg.norm(residual(other, "CenterOfMass")) > 1.0
+
+
+def test_levels_that_can_all_be_met_cost_one_qp_and_the_first_guess() -> None:
+    controller = wbc.Controller(HUMANOID, standing(0.0), level=wbc.InverseDynamics(), hierarchy=wbc.Strict())
+    q, v = HUMANOID.q0, np.zeros(HUMANOID.nv)
+    for k in range(20):
+        command = controller.tick(1e-3 * k, q, v)
+        assert [outcome.how for outcome in command.levels] == ["met", "met", "least"]
+        assert controller.iterations == 1
+        q, v = command.q, command.v
+    assert controller.counts.first == 20
+
+
+def test_a_budget_that_ends_early_leaves_the_lower_levels_where_they_are() -> None:
+    hows = {}
+    for budget in (1, 2, 3, 9):
+        command, controller = tick(ARM, two_goals(2), hierarchy=wbc.Strict(budget=budget))
+        assert command.status.ok
+        hows[budget] = [outcome.how for outcome in command.levels]
+        assert command.solution.certificate.ok
+    assert hows[1] == ["weighed"] * 3
+    assert "left" in hows[2] or "left" in hows[3]
+    assert hows[9] == ["least", "least", "least"] or hows[9][0] == "met"
+    exit_, _ = tick(ARM, two_goals(2), hierarchy=wbc.Strict(budget=1))
+    weighted, _ = tick(ARM, two_goals(2))
+    np.testing.assert_array_equal(exit_.v, weighted.v)
+
+
+def test_laws_that_contradict_each_other_are_infeasible_and_braked() -> None:
+    laws = [Position("tool", target=np.zeros(3)).exactly(name=name) for name in ("here", "there")]
+    laws[1].task.target = np.ones(3)
+    stack = wbc.Stack([[Position(ARM.frame_names[-3], target=np.ones(3))],
+                       [Posture(ARM.q0)]], subject_to=[*laws, JointVelocityLimits()])  # fmt: skip
+    command, _ = tick(ARM, stack, hierarchy=wbc.Strict())
+    assert command.status is wbc.Status.INFEASIBLE
+    assert np.isfinite(command.v).all()
+
+
+def test_a_posture_above_a_task_is_what_counts() -> None:
+    goal = Position("tool", target=np.ones(3))
+    stack = wbc.Stack([[Posture(ARM.q0, rate=2.0)], [goal]])
+    command, controller = tick(ARM, stack, hierarchy=wbc.Strict())
+    q, _ = moving(ARM, 3)
+    np.testing.assert_allclose(command.v, 2.0 * (ARM.q0 - q), atol=1e-6)
+    assert [outcome.how for outcome in command.levels] == ["met", "least"]
+    assert "Posture: met" in controller.explain()
+
+
+def test_a_task_on_torques_can_rank_above_one_on_motion() -> None:
+    tau = np.zeros(ARM.nj)
+    stack = wbc.Stack([[Torque(tau)], [Posture(ARM.q0)]])
+    command, _ = tick(ARM, stack, hierarchy=wbc.Strict(), level=wbc.InverseDynamics())
+    np.testing.assert_allclose(command.tau, tau, atol=1e-5)
+
+
+def test_a_soft_law_is_an_inequality_at_its_level() -> None:
+    goal = Position("tool", target=np.array([2.0, 0.0, 0.0]), rate=5.0)
+    slow = JointVelocityLimits(0.1).softly()
+    above, _ = tick(ARM, wbc.Stack([[slow], [goal], [Posture(ARM.q0, weight=1e-4)]]), hierarchy=wbc.Strict())
+    below, controller = tick(ARM, wbc.Stack([[goal], [slow], [Posture(ARM.q0, weight=1e-4)]]), hierarchy=wbc.Strict())
+    hard, _ = tick(
+        ARM, wbc.Stack([[goal], [Posture(ARM.q0, weight=1e-4)]], subject_to=[JointVelocityLimits(0.1)]),
+        hierarchy=wbc.Strict(),
+    )  # fmt: skip
+    assert np.abs(above.v).max() <= 0.1 + 1e-6
+    np.testing.assert_allclose(above.v, hard.v, atol=1e-4)
+    assert np.linalg.norm(residual(controller, "Position[tool]")) < 1e-5
+    assert np.abs(below.v).max() > 0.1
+
+
+# ---- scaled
+@given(seed=SEEDS)
+def test_scaled_tasks_are_saturation_in_the_null_space_level_by_level(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    speed = float(rng.uniform(0.1, 1.0))
+    goals = [rng.normal(size=3), rng.normal(size=3)]
+    first, second = Position("tool", target=goals[0]), Position(ARM.frame_names[-3], target=goals[1], name="second")
+    stack = wbc.Stack([[first], [second]], subject_to=[JointVelocityLimits(speed)])
+    command, controller = tick(ARM, stack, hierarchy=wbc.Scaled())
+    problem = controller.plan.problem
+    rows = [(problem.G[wish.rows, : ARM.nv].copy(), wish.wanted.copy()) for (wish,) in problem.levels]
+    known = NullSpaceSaturation.prioritised(rows, lower=-speed, upper=speed).solve("pdas")
+    assert command.status.ok
+    J, wanted = rows[0]
+    np.testing.assert_allclose(J @ command.v, known.scales[0] * wanted, atol=1e-4 * np.linalg.norm(wanted))
+    if known.scales[0] == 1.0 and known.scales[1] is not None:
+        J, wanted = rows[1]
+        np.testing.assert_allclose(J @ command.v, known.scales[1] * wanted, atol=1e-3 * np.linalg.norm(wanted))
+
+
+@pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=str)
+@pytest.mark.parametrize("level", [SPEED, wbc.AccelerationLevel(), wbc.InverseDynamics()], ids=lambda level: level.name)
+def test_a_scaled_task_keeps_its_direction_at_every_level_under_every_hierarchy(hierarchy, level) -> None:
+    goal = Position("tool", target=np.array([1.0, 1.0, 1.0]), kp=400).scaled()
+    limits = [JointVelocityLimits(0.3), JointPositionLimits()]
+    stack = wbc.Stack([goal, Posture(ARM.q0, weight=1e-4)], subject_to=limits)
+    command, controller = tick(ARM, stack, hierarchy=hierarchy, level=level)
+    wish = controller.plan.problem.levels[0][0]
+    asked = wish.wanted + wish.drift
+    got = residual(controller, goal.name) + asked
+    share = got @ asked / (asked @ asked)
+    assert command.status.ok
+    assert -1e-9 < share < 0.9
+    np.testing.assert_allclose(got, share * asked, atol=1e-5 * np.linalg.norm(asked))
+    assert "scaled" in repr(stack)
+
+
+def test_within_reach_the_three_hierarchies_do_the_same_task() -> None:
+    stack = wbc.Stack([[Position("tool", target=[0.5, 0.1, 0.4], rate=0.1)], [Posture(ARM.q0, weight=1e-6)]])
+    for hierarchy in (wbc.Weighted(), wbc.Strict(), wbc.Scaled()):
+        _, controller = tick(ARM, stack, hierarchy=hierarchy)
+        assert np.linalg.norm(residual(controller, "Position[tool]")) < 1e-3
+
+
+# ---- settings
+def test_a_budget_below_one_is_refused() -> None:
+    for kind in (wbc.Strict, wbc.Scaled):
+        with pytest.raises(InvalidInput, match="budget"):
+            kind(budget=0)
+
+
+def test_one_level_is_a_weighted_sum_under_every_hierarchy() -> None:
+    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[JointVelocityLimits()])
+    answers = [tick(ARM, stack, hierarchy=hierarchy)[0] for hierarchy in (wbc.Weighted(), wbc.Strict(), wbc.Scaled())]
+    assert all(answer.levels == () for answer in answers)
+    for answer in answers[1:]:
+        np.testing.assert_array_equal(answer.v, answers[0].v)
+
+
+# ---- long runs
+@pytest.mark.deep
+def test_ten_thousand_ticks_of_conflict_without_one_failure() -> None:
+    controller = wbc.Controller(HUMANOID, standing(1.0), level=wbc.InverseDynamics(), hierarchy=wbc.Strict())
+    q, v = HUMANOID.q0, np.zeros(HUMANOID.nv)
+    conflicts = 0
+    for k in range(10_000):
+        command = controller.tick(1e-3 * k, q, v)
+        assert command.status.ok, f"tick {k}: {command.status}\n{controller.explain()}"
+        conflicts += any(outcome.how != "met" for outcome in command.levels[:-1])
+        q, v = command.q, command.v
+    assert conflicts > 5_000
