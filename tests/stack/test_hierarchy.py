@@ -1,4 +1,4 @@
-"""The same stack under three hierarchies: weights are added up, strict levels never give way, scaled tasks keep course."""
+"""One stack under three hierarchies: weights add up, strict levels never give way, scaled tasks keep their course."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def standing(reach: float, *, hand: bool = True) -> wbc.Stack:
         CenterOfMass(target=state.com, kp=100),
         Orientation("torso", target=np.array(state.frame("torso").rotation), kp=100),
     ]
-    goal = state.frame("left_hand").position + [reach, 0.0, 0.0]
+    goal = state.frame("left_hand").position + np.array([reach, 0.0, 0.0])
     hands = [[Position("left_hand", target=goal, kp=100)]] if hand else []
     return wbc.Stack(
         [balance, *hands, [Posture(HUMANOID.q0, kp=10, weight=1e-3)]],
@@ -120,7 +120,7 @@ def test_balance_is_not_given_up_for_a_hand_that_cannot_reach(reach: float) -> N
     for task in ("CenterOfMass", "Orientation[torso]"):
         np.testing.assert_allclose(residual(controller, task), residual(without, task), atol=1e-6)
     assert command.solution.certificate.ok
-    weighted, other = tick(HUMANOID, standing(3.0), seed=0, level=wbc.InverseDynamics())
+    _, other = tick(HUMANOID, standing(3.0), seed=0, level=wbc.InverseDynamics())
     assert np.linalg.norm(residual(other, "CenterOfMass")) > 1.0
 
 
@@ -138,7 +138,7 @@ def test_levels_that_can_all_be_met_cost_one_qp_and_the_first_guess() -> None:
 def test_a_budget_that_ends_early_leaves_the_lower_levels_where_they_are() -> None:
     hows = {}
     for budget in (1, 2, 3, 9):
-        command, controller = tick(ARM, two_goals(2), hierarchy=wbc.Strict(budget=budget))
+        command, _ = tick(ARM, two_goals(2), hierarchy=wbc.Strict(budget=budget))
         assert command.status.ok
         hows[budget] = [outcome.how for outcome in command.levels]
         assert command.solution.certificate.ok
