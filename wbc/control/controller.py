@@ -8,8 +8,8 @@ a bounded command all the same, from the next rung of the ladder (:mod:`wbc.cont
 
 from __future__ import annotations
 
-from dataclasses import replace
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, final
 

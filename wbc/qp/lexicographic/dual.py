@@ -458,13 +458,12 @@ class DualStages(Way):
 
     # ---- what explain() and the reports ask for
     def certificate(self) -> Certificate:
+        slots = len(self._slots)
         if not len(self._items):
             return Certificate(max(self._primal, 0.0), 0.0, 0.0)
-        gap = 0.0
-        if len(self._slots):
-            gap = float(np.abs(self._lam[-len(self._slots) :] * self._missing[-len(self._slots) :]).sum())
-        wrong = max(float(self._wrong[self._wrong.argmax()]), 0.0)
-        return Certificate(max(self._primal, 0.0), self.problem.unit * wrong, self.problem.unit * gap)
+        gap = float(np.abs(self._lam[-slots:]).dot(np.abs(self._missing[-slots:]))) if slots else 0.0
+        wrong, unit = max(float(self._wrong[self._wrong.argmax()]), 0.0), self.problem.unit
+        return Certificate(max(self._primal, 0.0), unit * wrong, unit * gap)
 
     def active(self) -> tuple[Index, Vec]:
         rest, p = self._rest, self.problem
