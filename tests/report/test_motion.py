@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wbc.models import load
+from wbc.models.collision import Obstacle
+from wbc.models.geometry import Box, Sphere
 from wbc.report.motion import PUSH_LENGTH, WEIGHT_LENGTH, motion, quaternions
+from wbc.report.shapes import obstacle_parts
 
 from .conftest import standing_run
 
@@ -44,3 +50,18 @@ def test_links_follow_the_recorded_configuration():
     moving = motion(run, robot, np.arange(0, 120, 10), robot.frame_names[:1])
     position, _ = moving.links[robot.frame_names[0]]
     assert np.ptp(position[:, 1]) == pytest.approx(np.ptp(run["q"][::10, 1]), abs=1e-9)
+
+
+def test_obstacles_are_drawn_where_they_stand_and_as_they_move():
+    def rising(t: float) -> Any:
+        return pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, t]))
+
+    still = Obstacle("wall", Box((0.1, 0.2, 0.3)), pinocchio.SE3(np.eye(3), np.array([1.0, 0.0, 0.0])))
+    obstacles = [still, Obstacle("ball", Sphere(0.1), rising)]
+    parts = obstacle_parts(obstacles)
+    assert [part.link for part in parts] == ["wall", "ball"]
+    assert np.ptp(parts[0].vertices, axis=0) == pytest.approx([0.1, 0.2, 0.3])
+    run, rows = standing_run(), np.array([0, 50])
+    moving = motion(run, load("humanoid"), rows, ["torso", "wall", "ball"], obstacles)
+    assert moving.links["wall"][0].tolist() == [[1.0, 0.0, 0.0]] * 2
+    assert moving.links["ball"][0][:, 2] == pytest.approx(run["t"][rows])
