@@ -65,7 +65,7 @@ class ContactSchedule(Schedule):
         self._sets = sets
         self._holds = {name: self._intervals(name, starts) for name in self.names}
         n = len(self.names)
-        self._made, self._until, self._limits = np.full(n, -inf), np.full(n, -inf), np.zeros(n)
+        self._made, self._until, self._limits = [-inf] * n, [-inf] * n, np.zeros(n)
         self._places = np.zeros(0, dtype=np.intp)
         self._held: frozenset[str] = frozenset()
         self._next_change = -inf
@@ -145,9 +145,11 @@ class ContactSchedule(Schedule):
     def before(self, state: RobotState, last: object, plan: Plan) -> None:
         if not len(self._places):
             self._places = np.array([plan.places[name] for name in self.names], dtype=np.intp)
-        room = np.minimum(state.t - self._made, self._until - plan.dt - state.t)
-        np.maximum(room, FIRST_STEP * plan.dt, out=self._limits)
-        self._limits *= 1e3 * self.ramp * plan.model.mass
+        step, first, t = 1e3 * self.ramp * plan.model.mass, FIRST_STEP * plan.dt, state.t
+        for i, (made, until) in enumerate(
+            zip(self._made, self._until, strict=True)
+        ):  # they are few: faster than arrays
+            self._limits[i] = step * max(min(t - made, until - plan.dt - t), first)
         plan.normal_limits[self._places] = self._limits
 
     def reset(self, state: RobotState) -> None:
@@ -155,7 +157,7 @@ class ContactSchedule(Schedule):
         touching, self.touching = self.touching, None  # what holds at the start needs no sensor
         self.contacts(state, None)
         self.touching = touching
-        self._made[[name in self._held for name in self.names]] = -inf
+        self._made = [-inf if name in self._held else made for name, made in zip(self.names, self._made, strict=True)]
         self._next_change = self._next_change if touching is None else -inf
 
     def signals(self) -> dict[str, Vec]:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks import ContactForce
+from tasks import ContactForce, Edge
 from tests.stack.conftest import moving, standing
 from wbc.errors import InvalidInput, UnknownName
 from wbc.stack.stack import Stack
@@ -172,6 +172,25 @@ def test_a_run_starts_again_with_the_contacts_that_are_named_then() -> None:
     controller.reset()
     schedule.now = frozenset(FEET)
     np.testing.assert_allclose(controller.tick(0.0, q, v).tau, first.tau, atol=1e-9)
+
+
+def test_two_contacts_on_one_frame_take_turns_by_name() -> None:
+    first = FEET[0]
+    edge = Edge(first, half_length=0.02, friction=0.5)
+    stack = stack_of()
+
+    def ticked(*names: str) -> wbc.Command:
+        schedule = Named([*names, *FEET[1:]])
+        both = Stack(stack.levels, subject_to=stack.subject_to, contacts=[*stack.contacts, edge], components=[schedule])
+        return wbc.Controller(QUADRUPED, both, level=wbc.InverseDynamics()).tick(
+            0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv)
+        )
+
+    on_point, on_edge = ticked(f"Point[{first}]"), ticked(edge.name)
+    assert on_point.f[f"Point[{first}]"][2] > 0.0 == on_point.f[edge.name][2]
+    assert on_edge.f[edge.name][2] > 0.0 == on_edge.f[f"Point[{first}]"][2]
+    with pytest.raises(UnknownName, match=f"no contact '{first}'"):
+        ticked(first)
 
 
 def test_schedules_that_make_no_sense_are_refused() -> None:

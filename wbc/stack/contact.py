@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Self, final
 
 import numpy as np
@@ -161,6 +162,15 @@ class Contact(ABC):
 
     def __repr__(self) -> str:
         return f"{self.name}(friction={self.friction})"
+
+
+def keys(contacts: Sequence[Contact]) -> Iterator[tuple[str, str]]:
+    """(key, name) for what each contact may be called: its name, and its frame where no other contact has the same."""
+    frames = Counter(contact.frame for contact in contacts)
+    for contact in contacts:
+        yield contact.name, contact.name
+        if frames[contact.frame] == 1:
+            yield contact.frame, contact.name
 
 
 def _as_anchor(name: str, target: Any) -> Anchor:

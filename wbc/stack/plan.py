@@ -18,7 +18,7 @@ from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, Wish
 from wbc.stack.actuators import Actuators
 from wbc.stack.constraint import Barrier, TorqueBySpeed
-from wbc.stack.contact import Anchor, Contact
+from wbc.stack.contact import Anchor, Contact, keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
@@ -88,7 +88,8 @@ class Plan:
         """What is remembered from tick to tick: the plans of one stack have it in common."""
         model, contacts, limits = self.model, self.layout.contacts, self.layout.motion_limits
         if like is None:
-            self.places = {key: i for i, contact in enumerate(contacts) for key in (contact.frame, contact.name)}
+            order = {contact.name: i for i, contact in enumerate(contacts)}
+            self.places = {key: order[name] for key, name in keys(contacts)}
             self.extra_bias = np.zeros(model.nv)
             self.normal_limits = np.full(len(contacts), np.inf)
             self.intervals = JointIntervals.compose(limits, model, self.dt) if limits else None

@@ -16,6 +16,7 @@ import numpy as np
 from wbc.errors import InvalidInput, UnknownName
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.rows import RowProblem, RowSolver
+from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.plan import Plan
 from wbc.stack.schedule import Schedule
@@ -69,8 +70,7 @@ class Plans:
             raise InvalidInput(f"{schedules[0].name} and {schedules[1].name} both schedule contacts; one can")
         self.schedule = schedules[0] if schedules else None
         self._open_solver = open_solver
-        self._named = {contact.frame: contact.name for contact in stack.contacts}
-        self._named |= {contact.name: contact.name for contact in stack.contacts}
+        self._named = dict(keys(stack.contacts))
         self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
         plan = level.compile(model, stack, dt=dt)
         self.whole = self.present = Mode(plan, open_solver(plan.problem), plan)

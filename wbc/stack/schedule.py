@@ -14,7 +14,7 @@ class Schedule(Component):
 
     The controller then uses the plan compiled for that set: a contact that was not in the set before is made where the
     robot is (or at its target), one that is no longer named is gone, and what is said about its force with it.
-    Contacts are named by their name or their frame.
+    Contacts are named by their name, or by their frame where no other contact is on it.
     """
 
     @abstractmethod
