@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
+from tasks.components.adaptive_law import InertialLaw, law_of, spread
+from tasks.components.excitation import Excitation
+from tasks.components.prediction import Prediction
+from tasks.components.reference import JointReference, TaskReference
 from tasks.torque import Torque
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
-from wbc.methods import ParameterUpdate
 from wbc.models.model import RobotModel, RobotState
-from wbc.models.planar import PlanarRobot
 from wbc.stack.component import Component
-from wbc.stack.task import Target
-from wbc.stack.tracking import joints_target
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -30,23 +31,43 @@ class SlotineLi(Component):
 
     It gives the stack the wish τ = τ_SL through its task :attr:`torque`, which belongs among the stack's tasks; with no
     limit active the command is τ_SL. No acceleration is measured and no M̂ inverted, so â may start at zero. e and ė go
-    to zero for every smooth bounded q_d, while â need not go to a: only what q_d excites is identified. Of the model,
-    the regressor Y alone is used; whatever its masses are, they say nothing here.
+    to zero for every smooth bounded q_d, while â need not go to a: only what q_d excites is identified.
+
+    Planar robots have few coefficients, and nothing but their regressor is used of the model. An arm from a URDF, on a
+    fixed base, has ten numbers a link (:class:`wbc.models.inertial_regressor.InertialRegressor`) that start as the
+    model has them; they are kept those of bodies that can be, by the exact projection in their own metric, of which
+    ``gain`` is the multiple. :attr:`base_parameters` are what of them shows in torques.
 
     V = ½ sᵀ M s + eᵀ K_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â) falls along every motion, V̇ = −ėᵀ K_D ė − eᵀ K_P Λ e, while no
     limit is active; what a limit takes away from τ_SL acts as a disturbance.
 
     Args:
         target: the motion: joint positions (nj,), or a function of time giving (positions, velocities, accelerations).
+            With ``frame``: a pose, or a function of time giving (pose, twist, acceleration) as
+            :class:`~tasks.frame.Frame` takes it; v_r = J⁺ (ẋ_d + Λ e) with Λ = ``rate`` [1/s], and joints that are
+            spare go back to ``model.q0``; K_P e then is left out, τ_SL = Y â + K_D s.
         kp, kd: diagonals of K_P [N/m, N m/rad] and K_D, a number or (nj,).
-        gain: Γ, a number, (p,) or symmetric positive definite (p, p).
-        a_hat: â at the start, a number or (p,).
-        physical: keep â among the coefficients that masses can have, by a quadratic program in the metric Γ⁻¹.
+        gain: Γ, a number, (p,) or symmetric positive definite (p, p); of an arm a number.
+        a_hat: â at the start, a number or (p,); default 0 on planar robots, the model's on arms.
+        physical: on planar robots, keep â among the coefficients that masses can have, by a QP in the metric Γ⁻¹.
         truth: a (p,), for the signal V alone.
+        links: joints whose links are adapted, default all; a payload is in the last.
+        friction_gain: adapts viscous and Coulomb friction of each joint, if positive.
+        composite: κ [1/N² m²]: the prediction error ε = τ_F − W â of torques filtered with ``filter`` [1/s] also
+            adapts, â̇ = Γ (Yᵀ s + κ Wᵀ ε); no acceleration is needed for it.
+        leakage: σ [1/s]: â is drawn back to its start, â̇ −= σ (â − â(0)); bounded under any disturbance.
+        dead_zone: [rad/s, m/s]: below this |s| nothing is adapted, as noise alone would do it.
+        window: of the excitation [s]; with it the signal ``excitation`` is the smallest eigenvalue of the mean of YᵀY
+            over about that time, of the independent columns: 0, and something cannot be identified.
+        estimate_floor: [kg m², kg]: where positive, the plan computes with M̂ and ĥ instead of the model's, so that
+            limits and other tasks know the payload; in ticks in which an eigenvalue of M̂ is below it, with the model's.
         weight: of the torque task; so high that the regularisation of a level cannot be seen.
 
-    Signals: ``a_hat`` (p,), ``s`` (nj,), ``V`` (NaN without ``truth``), ``tau`` (nj,), which is τ_SL.
-    Source: J.-J. E. Slotine, W. Li, Int. J. Robotics Research 1987.
+    :attr:`frozen` may be set: while it is, â stays as it is.
+
+    Signals: ``a_hat`` (p,), ``s`` (nj,), ``V`` (NaN without ``truth``), ``tau`` (nj,), which is τ_SL; on arms
+    ``smallest``, the smallest eigenvalue of a pseudo-inertia [kg], ``excitation`` and ``estimate_used``, 0 or 1.
+    Source: J.-J. E. Slotine, W. Li, Int. J. Robotics Research 1987; Wensing, Kim, Slotine, IEEE RA-L 2018.
 
     Raises:
         InvalidInput: sizes or signs; NotSupported: a model without a regressor, or with ``physical`` one that has no
@@ -65,75 +86,148 @@ class SlotineLi(Component):
     """
 
     def __init__(
-        self, target: Any, *, kp: Any, kd: Any, gain: Any, a_hat: Any = 0.0, physical: bool = False, truth: Any = None,
+        self, target: Any, *, kp: Any, kd: Any, gain: Any, a_hat: Any = None, physical: bool = False, truth: Any = None,
+        frame: str | None = None, rate: float = 10.0, links: Sequence[str] | None = None, friction_gain: float = 0.0,
+        composite: float = 0.0, filter: float = 20.0, leakage: float = 0.0, dead_zone: float = 0.0,
+        window: float = 0.0, estimate_floor: float = 0.0, length: float = 0.3, floor: float = 1e-6,
         weight: float = 1e6, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name=name)
-        self.target, self.physical = target, physical
+        self.target, self.physical, self.frame = target, physical, frame
         self._given = {"kp": kp, "kd": kd, "gain": gain, "a_hat": a_hat, "truth": truth}
+        numbers = {
+            "friction_gain": friction_gain, "composite": composite, "leakage": leakage, "dead_zone": dead_zone,
+            "window": window, "estimate_floor": estimate_floor,
+        }  # fmt: skip
+        self._numbers = {what: checks.number(f"{self.name}.{what}", x, low=0.0) for what, x in numbers.items()}
+        positive = {"rate": rate, "filter": filter, "length": length, "floor": floor}
+        self._numbers |= {
+            what: checks.number(f"{self.name}.{what}", x, low=0.0, strict=True) for what, x in positive.items()
+        }
+        self._links = links
+        #: Whether â stays as it is.
+        self.frozen = False
         self._tau: Vec | float = 0.0
         #: The task that asks for τ_SL.
         self.torque = Torque(lambda t: self._tau, weight=weight, name=f"{self.name} torque")
 
     def prepare(self, model: RobotModel) -> None:
-        if not isinstance(model, PlanarRobot):
-            raise NotSupported(f"{self.name} needs a model with a regressor, a planar robot; {model.name} has none")
-        self._model, n, p = model, model.nj, len(model.coefficients)
+        number, n = self._numbers, model.nj
+        self._law = law_of(
+            self.name, model, physical=self.physical, gain=self._given["gain"], start=self._given["a_hat"],
+            links=self._links, friction_gain=number["friction_gain"], length=number["length"], floor=number["floor"],
+        )  # fmt: skip
+        inertial = self._law if isinstance(self._law, InertialLaw) else None
+        if inertial is None and (number["composite"] or number["window"] or number["estimate_floor"] or self.frame):
+            raise NotSupported(
+                f"{self.name}: composite, window, estimate_floor and frame are for robots from URDFs; "
+                f"{model.name} is planar"
+            )
+        self._arm = inertial
         self._kp, self._kd = self._diagonal("kp", n), self._diagonal("kd", n)
-        self._ratio = self._kp / self._kd
-        gain = np.asarray(self._given["gain"], dtype=np.float64)
-        self._gain = checks.array(f"{self.name}.gain", gain, (p,) * gain.ndim) if gain.ndim else gain
-        self._start = self._vector("a_hat", p)
-        self._truth = None if self._given["truth"] is None else self._vector("truth", p)
-        self._possible: tuple[Any, Any] = model.possible_coefficients() if self.physical else (None, None)
-        self._reference = Target(f"{self.name}.target", self.target, n, joints_target(model, n))
-        self._adapted(np.zeros((n, p)), np.zeros(n), self._start)  # refuses a gain or a start that makes no sense
-        self._a_hat, self._s, self._V = self._start.copy(), np.zeros(n), np.nan
+        p = len(self._law.start)
+        truth = self._given["truth"]
+        self._truth = None if truth is None else spread(f"{self.name}.truth", truth, p)
+        if self.frame is None:
+            self._reference: JointReference | TaskReference = JointReference(
+                f"{self.name}.target", self.target, model, self._kp / self._kd
+            )
+        else:
+            self._reference = TaskReference(f"{self.name}.target", self.target, model, self.frame, number["rate"])
+        self._excitation = Excitation(inertial, number["window"]) if inertial and number["window"] else None
+        self._prediction = Prediction(inertial, number["filter"]) if inertial and number["composite"] else None
+        self._s, self._V, self._used = np.zeros(n), np.nan, False
 
     def reset(self, state: RobotState) -> None:
-        self._a_hat = self._start.copy()
+        self._law.reset()
+        for memory in (self._excitation, self._prediction):
+            if memory is not None:
+                memory.reset()
 
     def before(self, state: RobotState, last: object, plan: Plan) -> None:
-        wanted = self._reference.at(state.t)
-        e, e_rate = wanted.value - state.q, wanted.rate - state.v
-        v_r, a_r = wanted.rate + self._ratio * e, wanted.second + self._ratio * e_rate
+        e, e_rate, v_r, a_r = self._reference.at(state)
         self._s = v_r - state.v
-        self._Y = self._model.regressor(state.q, state.v, v_r, a_r)
-        self._tau = self._Y @ self._a_hat + self._kp * e + self._kd * e_rate
+        self._Y = self._law.regressor(state.q, state.v, v_r, a_r)
+        feedback = self._kd * self._s if e is None else self._kp * e + self._kd * e_rate
+        self._tau = self._Y @ self._law.a_hat + feedback
         self._dt = plan.dt
         self._V = self._lyapunov(state, e)
+        if self._arm is not None and self._numbers["estimate_floor"]:
+            self._used = self._tell(state, plan, self._arm)
 
-    def after(self, state: RobotState, command: object) -> None:
-        if np.isfinite(self._tau).all():
-            self._a_hat = self._adapted(self._Y, self._s, self._a_hat).step(self._dt)
+    def after(self, state: RobotState, command: Any) -> None:
+        if not np.isfinite(self._tau).all():
+            return
+        gradient = self._Y.T @ self._s
+        if self._excitation is not None:
+            self._excitation.add(self._Y, self._dt)
+        if self._prediction is not None:
+            W, off = self._prediction.error(state, command.tau, self._law.a_hat, self._dt)
+            gradient[: W.shape[1]] += self._numbers["composite"] * (W.T @ off)
+        if self.frozen or np.linalg.norm(self._s) < self._numbers["dead_zone"]:
+            return
+        if self._numbers["leakage"]:
+            # Back along the straight line to the start: both ends are possible, and so is what lies between.
+            fraction = min(self._numbers["leakage"] * self._dt, 1.0)
+            self._law.a_hat = self._law.a_hat + fraction * (self._law.start - self._law.a_hat)
+        self._law.step(gradient, self._dt)
 
+    def _tell(self, state: RobotState, plan: Plan, arm: InertialLaw) -> bool:
+        """Give the plan M̂ and ĥ, if M̂ is positive definite with the floor. Friction is no part of h."""
+        links = arm.a_hat[: arm.p_links]
+        M = arm.inertial.inertia(state.q, links)
+        floor = self._numbers["estimate_floor"]
+        if not np.linalg.eigvalsh(M)[0] >= floor:
+            plan.extra_inertia = None
+            return False
+        zero = np.zeros_like(state.v)
+        plan.extra_inertia = M - state.M
+        plan.extra_bias += arm.inertial(state.q, state.v, state.v, zero) @ links - state.h
+        return True
+
+    # ---- what others read
     @property
     def a_hat(self) -> Vec:
         """What the coefficients are thought to be now (p,); a copy."""
-        return self._a_hat.copy()
+        return self._law.a_hat.copy()
+
+    @property
+    def parameter_names(self) -> Sequence[str]:
+        """What each of them is."""
+        return self._law.names
+
+    @property
+    def base_parameters(self) -> Vec:
+        """What of the adapted links' parameters shows in torques (b,).
+
+        Raises:
+            NotSupported: on planar robots, all of whose coefficients show.
+        """
+        if self._arm is None:
+            raise NotSupported(f"{self.name}: all coefficients of a planar robot are base parameters already: a_hat")
+        result: Vec = self._arm.grouping @ self._arm.a_hat[self._arm.adapted]
+        return result
 
     def signals(self) -> dict[str, Vec | float]:
-        return {"a_hat": self._a_hat, "s": self._s, "V": self._V, "tau": self._tau}
+        found: dict[str, Vec | float] = {"a_hat": self._law.a_hat, "s": self._s, "V": self._V, "tau": self._tau}
+        if self._arm is not None:
+            found["smallest"] = self._arm.smallest
+            found["excitation"] = np.nan if self._excitation is None else self._excitation.smallest
+            found["estimate_used"] = float(self._used)
+        return found
 
-    def _adapted(self, Y: Any, s: Vec, a_hat: Vec) -> ParameterUpdate:
-        return ParameterUpdate(Y, s, gain=self._gain, a_hat=a_hat, C=self._possible[0], d=self._possible[1])
-
-    def _lyapunov(self, state: RobotState, e: Vec) -> float:
+    def _lyapunov(self, state: RobotState, e: Vec | None) -> float:
         if self._truth is None:
             return float("nan")
-        off, rest = self._truth - self._a_hat, np.zeros_like(e)
+        off, rest = self._truth - self._law.a_hat, np.zeros_like(self._s)
         # M s of the true robot: what the regressor gives for an acceleration s, less gravity.
-        regressor = self._model.regressor
+        regressor = self._law.regressor
         Y_inertia = regressor(state.q, rest, rest, self._s) - regressor(state.q, rest, rest, rest)
-        scaled = np.linalg.solve(self._gain, off) if self._gain.ndim == 2 else off / self._gain
-        return float(0.5 * self._s @ Y_inertia @ self._truth + e @ (self._kp * e) + 0.5 * off @ scaled)
-
-    def _vector(self, what: str, size: int) -> Vec:
-        value = self._given[what]
-        return checks.array(f"{self.name}.{what}", np.full(size, value) if np.ndim(value) == 0 else value, (size,))
+        stretched = 0.0 if e is None else float(e @ (self._kp * e))
+        return float(0.5 * self._s @ Y_inertia @ self._truth) + stretched + 0.5 * self._law.squared(off)
 
     def _diagonal(self, what: str, size: int) -> Vec:
-        values = self._vector(what, size)
+        values = spread(f"{self.name}.{what}", self._given[what], size)
         for i, value in enumerate(values):
             if value <= 0.0:
                 raise InvalidInput(f"{self.name}.{what}[{i}] is {value:g}; it must be > 0")

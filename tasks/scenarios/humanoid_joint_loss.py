@@ -19,7 +19,7 @@ JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint
 #: What the answer does not mend: the waist carries the body alone, the big knee loses the balance on the way.
 LOST: Mapping[str, Sequence[str]] = {"g1": ["waist_pitch_joint"], "talos": ["leg_left_4_joint"], "humanoid": []}
 FLOOR: Mapping[str, float] = {"g1": 0.5, "talos": 1.0, "humanoid": 0.5}
-#: Gains that noise allows: damping turns noise of the velocity into force.
+#: Gains that noise of the sensors allows: damping turns noise of the velocity into force.
 GAINS: Gains = {"CenterOfMass": {"kp": 100.0}, "Posture": {"kp": 10.0, "weight": 1e-3}}
 FIRST, BETWEEN = 2.2, 0.3
 
@@ -28,9 +28,7 @@ def variants(upright: str) -> dict[str, Gains]:
     """Other gains, as somebody might have chosen them."""
     orientation = f"Orientation[{upright}]"
     return {
-        "CoM kp 400, posture kp 100 weight 1e-4": {
-            "CenterOfMass": {"kp": 400.0}, "Posture": {"kp": 100.0, "weight": 1e-4},
-        },
+        "CoM kp 100, posture kp 10 weight 1e-3": GAINS,
         "CoM kp 30": {"CenterOfMass": {"kp": 30.0}},
         "upright kp 25": {orientation: {"kp": 25.0}},
         "upright kp 400": {orientation: {"kp": 400.0}},
@@ -77,9 +75,10 @@ class HumanoidJointLoss(Scenario):
         count = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
         rough = bool(parameters["noise"] or parameters["masses"])
         stance = STANCES[name]
+        masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
         stand = Stand(
-            name, stance, FLOOR[name], gains=GAINS, noise=parameters["noise"], solver=solver, seed=parameters["seed"],
-            masses=checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5),
+            name, stance, FLOOR[name], gains=GAINS if rough else {}, noise=parameters["noise"], masses=masses,
+            solver=solver, seed=parameters["seed"],
         )  # fmt: skip
         joint = JOINTS[name] if parameters["joint"] == "auto" else parameters["joint"]
         stance.robot(name).joint(joint)

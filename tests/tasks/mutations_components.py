@@ -8,6 +8,8 @@ TARGETS = "tests/tasks/test_targets.py"
 WRENCH = "tests/tasks/test_measured_wrench.py"
 SEES, ADAPTS = "tests/tasks/test_momentum_observer.py", "tests/tasks/test_slotine_li.py"
 DIAGNOSIS, REACTS = "tasks/components/diagnosis.py", "tests/tasks/test_fault_reaction.py"
+BODIES, REGRESSOR = "tests/methods/test_pseudo_inertia.py", "tests/models/test_inertial_regressor.py"
+ARMS = "tests/tasks/test_slotine_li_arms.py"
 FLIES = "tests/tasks/test_momentum_observer_floating.py"
 LAW = f"{ADAPTS}::test_with_no_limit_active_the_command_is_the_law"
 
@@ -45,9 +47,14 @@ MUTATIONS = [
     ("wbc/stack/actuators.py", "(tau + self._offset)", "(tau - self._offset)", "tests/stack/test_actuators.py"),
     # the adaptive law
     (ADAPTIVE, "self._kp / self._kd", "self._kd / self._kp", LAW),
-    (ADAPTIVE, "wanted.second + self._ratio", "wanted.second - self._ratio", LAW),
+    ("tasks/components/reference.py", "wanted.second + self._ratio", "wanted.second - self._ratio", LAW),
     (ADAPTIVE, "+ self._kd * e_rate", "- self._kd * e_rate", LAW),
-    (ADAPTIVE, "self._adapted(self._Y, self._s,", "self._adapted(self._Y, -self._s,", ADAPTS),
+    (ADAPTIVE, "gradient = self._Y.T @ self._s", "gradient = -self._Y.T @ self._s", ADAPTS),
+    ("wbc/methods/pseudo_inertia.py", "np.maximum(values, self.floor)", "np.abs(values)", BODIES),
+    ("wbc/methods/pseudo_inertia.py", "cl=self.floor - values", "cl=self.floor + values", BODIES),
+    ("wbc/models/inertial_regressor.py", "0.5 * coriolis", "coriolis", REGRESSOR),
+    ("wbc/models/inertial_regressor.py", "(2.0 * step)", "step", REGRESSOR),
+    ("tasks/components/prediction.py", "(Y_p - self._momentum) + self._drive", "(Y_p - self._momentum)", ARMS),
     # an actuator
     (
         "wbc/sim/actuator_fault.py",

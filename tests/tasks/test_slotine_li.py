@@ -201,9 +201,10 @@ def test_what_makes_no_sense_is_refused(settings: dict[str, Any], said: str):
 
 
 def test_a_model_without_a_regressor_is_refused():
-    adaptive = SlotineLi(np.zeros(7), kp=10.0, kd=10.0, gain=1.0)
-    with pytest.raises(NotSupported, match="needs a model with a regressor"):
-        wbc.InverseDynamics().compile(wbc.load("arm"), wbc.Stack([adaptive.torque], components=[adaptive]), dt=DT)
+    adaptive = SlotineLi(np.zeros(12), kp=10.0, kd=10.0, gain=1.0)
+    flying = wbc.load("quadruped", base="floating")
+    with pytest.raises(NotSupported, match="floating base; the regressor needs a fixed one"):
+        wbc.InverseDynamics().compile(flying, wbc.Stack([adaptive.torque], components=[adaptive]), dt=DT)
     robot = PlanarPR(m1=1, m2=1, l2=0.5, d2=0.25, I2=0.1)
     adaptive = SlotineLi([0.0, 0.0], kp=10.0, kd=10.0, gain=1.0, physical=True)
     with pytest.raises(NotSupported, match="possible coefficients of planar_pr"):

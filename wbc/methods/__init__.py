@@ -9,6 +9,7 @@ from wbc.methods.momentum_residual import MomentumResidual
 from wbc.methods.null_space_saturation import NullSpaceSaturation
 from wbc.methods.parameter_update import ParameterUpdate
 from wbc.methods.projected_gradient import ProjectedGradientStep
+from wbc.methods.pseudo_inertia import PseudoInertia
 from wbc.methods.weighted_torque import WeightedTorque
 
 __all__ = [
@@ -19,5 +20,6 @@ __all__ = [
     "NullSpaceSaturation",
     "ParameterUpdate",
     "ProjectedGradientStep",
+    "PseudoInertia",
     "WeightedTorque",
 ]

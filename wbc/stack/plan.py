@@ -26,7 +26,7 @@ from wbc.stack.motion import MotionRows
 from wbc.stack.stack import Stack
 from wbc.stack.task import Objective, Task
 from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.stack.compiled.fill import CompiledFill
@@ -40,7 +40,7 @@ class Plan:
     force added to h, before the plan is filled, and may ``replace`` bounds on position, velocity and acceleration in
     ``intervals`` (None where the stack has none). ``normal_limits`` (contacts,) [N], in the order of the whole stack's
     contacts, bounds their normal forces from above; it is inf until a component writes into it. ``actuators`` says what
-    motors make of a command.
+    motors make of a command. ``extra_inertia`` (nv, nv), or None, is added to M.
     """
 
     def __init__(
@@ -81,6 +81,7 @@ class Plan:
         above = [layout.slack] if layout.slack else []
         p.levels = [[self._wish(task) for task in tasks] for tasks in (*above, *stack.levels)]
         self._qp: QP | None = None
+        self.extra_inertia: Mat | None = None
         self._compiled: CompiledFill | None = None
         self._first_fill(like)
 
@@ -266,6 +267,7 @@ class Plan:
     def start(self, state: RobotState) -> None:
         """Make the contacts where the robot is now (or at their targets), and take back what components changed."""
         self.extra_bias[:] = 0.0
+        self.extra_inertia = None
         self.actuators.reset()
         if self.level.dynamics:
             for bounds, laws in zip(self.torque_bounds, self._torque_laws, strict=True):
@@ -291,7 +293,7 @@ class Plan:
             self._changes = Objective.changes
             if sum(task.stamp for task in self._tasks) != self._stamp:
                 self._read_weights()
-        if self._compiled is not None and state is self._compiled.state:
+        if self._compiled is not None and state is self._compiled.state and self.extra_inertia is None:
             self._compiled()
             bounded = self.intervals is None or not self.intervals.remembers
         else:
@@ -335,6 +337,8 @@ class Plan:
             np.multiply(self._J_contacts_T, self._force_scale_negative, self._T_f)
         if self._has_components:
             self._T_h += self.extra_bias
+            if self.extra_inertia is not None:
+                self._T_a += self.extra_inertia
 
     def _fill_joint_bounds(self, state: RobotState) -> None:
         assert self.intervals is not None
