@@ -17,8 +17,6 @@ KINDS = (*ACTUATOR, "external")
 TOTAL = 0.8
 #: Shares between these are a loss of effectiveness; others are no actuator's doing, or a bias.
 POSSIBLE = (0.15, 1.3)
-#: How many times as far beyond its threshold a joint is as any other, if it is its own fault.
-DOMINANT = 3.0
 #: The share lost is known once its standard error is below this …
 KNOWN = 0.1
 #: … or after so many ticks, whatever it is. A bias has to last as long as ``LASTING`` ticks.
@@ -99,7 +97,8 @@ class Diagnoser:
     enough (``KNOWN``), at the first tick where there is no noise. The alarm with the largest residual in units of its
     threshold is the one that counts.
 
-    A single joint with a share in ``POSSIBLE`` has lost it. At its first decision a joint has lost a share; when it is
+    A single joint with a share in ``POSSIBLE`` has lost it; "single" means that it is ``dominance`` times as far beyond
+    its threshold as any other. At its first decision a joint has lost a share; when it is
     decided on again, the law is taken that fits all commands since the first alarm best: a share, a bias or a ceiling.
     The third alarm is a total loss. A share out of range has to last for ``LASTING`` ticks, to be called a bias.
     ``recheck`` [s] after an alarm's decision it is looked at once more, with all that was seen since.
@@ -109,10 +108,12 @@ class Diagnoser:
     """
 
     def __init__(
-        self, names: tuple[str, ...], *, noise: Vec, lockout: float, settle: float, recheck: float, start: float
-    ) -> None:
+        self, names: tuple[str, ...], *, noise: Vec, lockout: float, settle: float, recheck: float,
+        dominance: float, start: float,
+    ) -> None:  # fmt: skip
         self._names, self.noise = names, noise
         self._lockout, self._settle, self._recheck = lockout, settle, recheck
+        self._dominance = dominance
         self._from = np.full(len(names), start)  # when each joint may be judged again
         self._repeated = np.zeros(len(names), dtype=int)
         self._left = np.zeros(len(names), dtype=np.bool_)
@@ -177,7 +178,7 @@ class Diagnoser:
         others[i] = False
         share = sums.m[i] / sums.u[i] if sums.u[i] else np.inf
         possible = POSSIBLE[0] <= share <= POSSIBLE[1]
-        if others.any() and not (possible and (DOMINANT * sizes[others] < sizes[i]).all()):
+        if others.any() and not (possible and (self._dominance * sizes[others] < sizes[i]).all()):
             return self._decision(t, "external", max(i, int(np.flatnonzero(others)[-1])), sums)
         if possible:
             law = "partial" if not self._repeated[i] else self._law(i)

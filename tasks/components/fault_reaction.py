@@ -68,6 +68,8 @@ class FaultReaction(Component):
             (``Thresholds.noise``), a number, or 0: decisions wait until it no longer matters.
         start: no diagnosis before this time after the first tick [s].
         lockout, settle: after a decision no other joint is judged for ``lockout`` [s], the same one for ``settle`` [s].
+        dominance: how many times as far beyond its threshold a joint is as any other, if it is its own fault; less
+            where wrong masses show in joints that the fault sets moving.
         recheck: so long after a decision it is made again with all that was seen since [s].
 
     :attr:`limits` is a task to be put among the stack's: it keeps joints that were released within their limits, as a
@@ -92,7 +94,8 @@ class FaultReaction(Component):
 
     def __init__(
         self, observer: MomentumObserver, *, table: Sequence[When] = TABLE, noise: Any = 0.0, start: float = 0.5,
-        lockout: float = 0.5, settle: float = 0.02, recheck: float = 0.1, name: str | None = None,
+        lockout: float = 0.5, settle: float = 0.02, recheck: float = 0.1,
+        dominance: float = 10.0, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name=name)
         if not isinstance(observer, MomentumObserver):
@@ -104,7 +107,13 @@ class FaultReaction(Component):
         self.noise = noise
         self._times = {
             what: checks.number(f"{self.name}.{what}", value, low=0.0)
-            for what, value in (("start", start), ("lockout", lockout), ("settle", settle), ("recheck", recheck))
+            for what, value in (
+                ("start", start),
+                ("lockout", lockout),
+                ("settle", settle),
+                ("recheck", recheck),
+                ("dominance", dominance),
+            )
         }
         #: The task that keeps released joints within their limits, as a wish.
         self.limits = _ReleasedLimits(name=f"{self.name} limits")

@@ -161,15 +161,20 @@ class Retarget(Reaction):
 @final
 @dataclass(frozen=True)
 class Comply(Reaction):
-    """All kinematic tasks give way: their stiffness becomes ``stiffness`` of what it was, the damping stays."""
+    """All kinematic tasks give way: their stiffness becomes ``stiffness`` of what it was, their damping ``damping``."""
 
     stiffness: float = 0.0
+    damping: float = 1.0
 
     def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
         for task in plan.stack.tasks:
             if isinstance(task, Task):
                 kp, kd = np.asarray(task.kp), np.asarray(task.kd if task.kd is not None else 2.0 * np.sqrt(task.kp))
-                task.kp, task.kd = self.stiffness * kp, kd
+                task.kp, task.kd = self.stiffness * kp, self.damping * kd
+
+    def prepare(self, plan: Plan) -> None:
+        checks.number("Comply.stiffness", self.stiffness, low=0.0)
+        checks.number("Comply.damping", self.damping, low=0.0)
 
 
 @final

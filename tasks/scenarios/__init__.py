@@ -1,5 +1,8 @@
 """Scenarios that ``wbc run`` finds by name. One file a scenario, one line here."""
 
+from tasks.scenarios.arm_actuator_loss import ArmActuatorLoss
+from tasks.scenarios.arm_collision import ArmCollision
+from tasks.scenarios.arm_payload import ArmPayload
 from tasks.scenarios.arm_reach import ArmReach
 from tasks.scenarios.collision_dodge import CollisionDodge
 from tasks.scenarios.dual_arm import DualArm
@@ -18,8 +21,8 @@ from tasks.scenarios.quadruped_trot import QuadrupedTrotInPlace
 SCENARIOS = {
     scenario.name: scenario
     for scenario in (
-        HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(),
-        HumanoidStand(), HumanoidStep(), QuadrupedStand(), QuadrupedTrotInPlace(), DualArm(), ArmReach(), PgStep(),
-        FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
+        HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(), HumanoidStand(), HumanoidStep(),
+        QuadrupedStand(), QuadrupedTrotInPlace(), DualArm(), ArmReach(), PgStep(), ArmPayload(), ArmActuatorLoss(),
+        ArmCollision(), FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
     )
 }  # fmt: skip

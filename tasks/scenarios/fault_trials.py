@@ -23,6 +23,8 @@ from wbc.types import Vec
 
 #: Gain of the observer [1/s]; ticks in a row above the threshold that raise an alarm.
 GAIN, PERSISTENCE = 100.0, 2
+#: How clearly a joint must stand out: a fault throws a robot whose masses are not known well.
+DOMINANCE = 3.0
 #: Seconds of a run without a fault that thresholds are learnt from, and of its start that are left out.
 LEARNING, STARTING = 4.0, 0.6
 #: After a fault, time that does not count for the error of the task [s].
@@ -130,7 +132,7 @@ def trial(
     Without ``react`` the same stack runs with the observer alone.
     """
     observer = MomentumObserver(gain=GAIN, threshold=known.value, persistence=PERSISTENCE, release=0.5)
-    reaction = FaultReaction(observer, noise=known.noise if stand.noise else 0.0, table=table)
+    reaction = FaultReaction(observer, noise=known.noise if stand.noise else 0.0, table=table, dominance=DOMINANCE)
     components = [observer, reaction] if react else [observer]
     run, plant = _simulated(
         stand, components, [reaction.limits] if react else [], duration=fault.start + after,

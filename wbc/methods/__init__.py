@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wbc.methods.contact_estimate import ContactEstimate
 from wbc.methods.fault_fraction import FaultFraction
 from wbc.methods.force_distribution import ForceDistribution
 from wbc.methods.method import Method
@@ -13,6 +14,7 @@ from wbc.methods.pseudo_inertia import PseudoInertia
 from wbc.methods.weighted_torque import WeightedTorque
 
 __all__ = [
+    "ContactEstimate",
     "FaultFraction",
     "ForceDistribution",
     "Method",

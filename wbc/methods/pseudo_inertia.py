@@ -72,7 +72,7 @@ class PseudoInertia(Method):
         >>> from wbc.methods import PseudoInertia
         >>> slender = PseudoInertia([1.0, 0, 0, 0, 0.1, 0, 0.01, 0, 0, 0.01])  # Ixx > Iyy + Izz: no body is like that
         >>> bool(slender.smallest < 0.0), slender.closed_form().parameters[[0, 4, 6, 9]].round(4).tolist()
-        (True, [1.0, 0.07, 0.04, 0.04])
+        (True, [1.0, 0.1, 0.05, 0.05])
     """
 
     parameters: Vec
