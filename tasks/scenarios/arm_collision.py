@@ -71,7 +71,7 @@ class Hit:
 @final
 class ArmCollision(Scenario):
     """A force of ``force`` [N] pushes the centre of mass of ``link`` for 0.8 s while the tool follows a sinusoid, in
-    three directions; then every other link is pushed. The answer: all tasks lose their stiffness and most of their damping.
+    three directions; then every other link is pushed. The answer: all tasks lose stiffness and most damping.
 
     ``robot``: panda (needs example-robot-data) or arm; ``link``: auto, the one of the fourth joint, or a link's name.
     """
@@ -194,7 +194,8 @@ def _judged(robot: PinocchioModel, hits: Sequence[Hit], stiff: Hit, link: str, f
               "of all"),
         Check("longest from push to answer", delay, 0.02, delay <= 0.02, "s"),
         Check("best of their forces estimated, off by", off, 0.25, off <= 0.25, "share"),
-        Check("how far the tool gives way, yielding over stiff", fights[1] / fights[0], 2.0, fights[1] >= 2 * fights[0]),
+        Check("how far the tool gives way, yielding over stiff", fights[1] / fights[0], 2.0,
+              fights[1] >= 2 * fights[0]),
         Check("links named rightly, of pushes that their own joint feels", float(named), float(len(felt)),
               named >= 0.9 * len(felt), f"of {len(felt)}"),
     ]  # fmt: skip

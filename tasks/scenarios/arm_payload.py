@@ -28,8 +28,8 @@ PICK, END = 3.0, 2.0
 #: Motion of the joints: amplitudes [rad] and frequencies [Hz].
 AMPLITUDE, FREQUENCY = (0.3, 0.25, 0.3, 0.3, 0.4, 0.3, 0.4), (0.25, 0.31, 0.37, 0.29, 0.41, 0.35, 0.45)
 #: Damping of the joints [N m s/rad], chosen from their inertia: more in the wrist chatters at 1 kHz. Λ = 10 1/s.
-DAMPING: Mapping[str, Sequence[float]] = {"panda": (20, 20, 20, 20, 4, 4, 2), "arm": (20, 20, 20, 20, 4, 4, 2)}
-TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp", "arm": "tool"}
+DAMPING: Mapping[str, Sequence[float]] = {"panda": (20, 20, 20, 20, 4, 4, 2)}
+TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp"}
 RATE, GAIN, FRICTION_GAIN, LENGTH = 10.0, 100.0, 5.0, 0.3
 #: What sensors and joints add in the rough case: rad, rad/s, N m.
 ROUGH = {"position": 5e-5, "velocity": 0.01, "friction": 0.3}
@@ -55,7 +55,7 @@ class ArmPayload(Scenario):
     """All joints follow sines; after 3 s a point mass of ``mass`` [kg] is fixed to the tool. Slotine–Li with the last
     link's ten parameters adapted, against the same law with the same gains that learns nothing.
 
-    ``robot``: panda (needs example-robot-data) or arm; ``rough``: also with noise of the sensors and 0.3 N m of Coulomb
+    ``robot``: panda (needs example-robot-data); ``rough``: also with noise of the sensors and 0.3 N m of Coulomb
     friction.
     """
 

@@ -1,0 +1,69 @@
+"""Arms that lose motors, carry loads and are pushed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks.scenarios.arm_actuator_loss import out_of_reach
+from tasks.scenarios.arm_collision import moved_links
+from tasks.scenarios.arm_payload import heaviest
+from tests.scenarios.test_faults import run
+from tests.scenarios.test_standing import failed, needs_examples
+from wbc.errors import InvalidInput, UnknownFrame, UnknownRobot
+
+ARM = wbc.load("arm")
+
+
+@needs_examples
+@pytest.mark.physics
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["arm-payload", "arm-actuator-loss", "arm-collision"])
+def test_panda_keeps_what_the_verdict_demands(name: str) -> None:
+    assert not failed(run(name))
+
+
+@pytest.mark.physics
+def test_our_arm_goes_on_with_a_brake() -> None:
+    result = run("arm-actuator-loss", "robot=arm", "joints=1", duration=4.5)
+    assert result.figures["found_joint"] == result.figures["joint"]
+    assert result.figures["with"]["task_rms_m"] < 1e-3
+    assert result.figures["delay_ms"][0] < 20.0
+
+
+def test_a_path_within_reach_is_reached_and_one_beyond_is_not() -> None:
+    assert out_of_reach(ARM, "tool", ARM.joint_names[0], ARM.q0) < 1e-6
+    folded = ARM.q0.copy()
+    folded[3] = ARM.limits.q_max[3] if abs(ARM.limits.q_max[3]) > abs(ARM.limits.q_min[3]) else ARM.limits.q_min[3]
+    assert out_of_reach(ARM, "tool", ARM.joint_names[3], folded) > 1e-2
+
+
+@needs_examples
+def test_the_heaviest_load_is_held_by_the_torque_limits_and_twice_the_torque_holds_more() -> None:
+    panda = wbc.load("panda")
+    most, joint = heaviest(panda)
+    assert most > 0.0 and joint in panda.joint_names
+    strong = panda.replace(limits=replace(panda.limits, tau_max=2.0 * panda.limits.tau_max))
+    assert heaviest(strong)[0] > 2.0 * most
+
+
+def test_links_stand_in_the_order_of_their_joints() -> None:
+    links = moved_links(ARM)
+    assert len(links) == ARM.nj
+    J = [ARM.state().frame(link).jacobian() for link in links]
+    for i, jacobian in enumerate(J):
+        assert np.abs(jacobian[:, i]).max() > 0.1 and not jacobian[:, i + 1 :].any()
+
+
+def test_parameters_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(UnknownRobot, match="panda"):
+        run("arm-payload", "robot=pand")
+    with pytest.raises(InvalidInput, match="the load comes at 3 s"):
+        run("arm-payload", "robot=arm", duration=2.0)
+    with pytest.raises(InvalidInput, match="has 7 joints"):
+        run("arm-actuator-loss", "robot=arm", "joints=9")
+    with pytest.raises(UnknownFrame):
+        run("arm-collision", "robot=arm", "link=elbo")
