@@ -48,6 +48,7 @@ from tasks.frozen_joints import FrozenJoints as FrozenJoints
 from tasks.gaze import Gaze as Gaze
 from tasks.impedance import Impedance as Impedance
 from tasks.internal_force import InternalForce as InternalForce
+from tasks.joint_admittance import JointAdmittance as JointAdmittance
 from tasks.joint_coupling import JointCoupling as JointCoupling
 from tasks.joint_velocity import JointVelocity as JointVelocity
 from tasks.kinetic_energy import KineticEnergy as KineticEnergy

@@ -34,6 +34,7 @@ MUTATIONS = [
     ("tasks/center_of_pressure.py", "= -y, 1.0", "= y, 1.0", BALANCE),
     ("tasks/capture_point.py", " - velocity) - ", ") - ", BALANCE),
     ("tasks/admittance.py", "moved = self._compliance", "moved = -self._compliance", COMPLIANCE),
+    ("tasks/joint_admittance.py", "self._mobility * torque", "torque", COMPLIANCE),
     ("tasks/impedance.py", "np.dot(J, reached)", "force", COMPLIANCE),
     ("wbc/stack/plans.py", " | self._always", "", LOOP),
 ]

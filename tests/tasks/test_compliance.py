@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 import wbc
-from tasks import Admittance, Frame, Impedance, MeasuredWrench
+from tasks import Admittance, Frame, Impedance, JointAdmittance, MeasuredWrench
 from tests.tasks.rows_of import linear_rows, moment, rows
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
@@ -104,3 +104,29 @@ def test_what_makes_no_sense_is_refused_by_name(changed: Any, said: str):
     if "stiffness" in changed:
         with pytest.raises(InvalidInput, match=said):
             Impedance(TOOL, target=np.eye(4), damping=1.0, stiffness=changed["stiffness"])
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()], ids=lambda level: level.name)
+def test_pushed_joints_move_as_the_inertias_they_stand_for(level: Any):
+    M, D, K = 0.5, 10.0, np.array([60.0, 0.0, 60.0, 0.0, 60.0, 0.0, 60.0])
+    torque = np.array([2.0, -1.0, 0.5, 1.0, 0.0, 0.5, -2.0])
+    task = JointAdmittance(ARM.q0, inertia=M, damping=D, stiffness=K, torque=torque)
+    controller = wbc.Controller(ARM, wbc.Stack([task]), level=level, dt=1e-3)
+    q, v = np.array(ARM.q0), np.zeros(7)
+    x, speed = np.zeros(7), np.zeros(7)
+    for tick in range(300):
+        command = controller.tick(1e-3 * tick, q, v)
+        q, v = command.q, command.v
+        speed = (torque - K * x) / D if level.order == 1 else speed + 1e-3 * (torque - D * speed - K * x) / M
+        x = x + 1e-3 * speed
+    np.testing.assert_allclose(q - ARM.q0, x, atol=0.01 * np.abs(x).max())
+    task.torque = lambda t: 0.0 * torque
+    task.torque = 0.0
+    np.testing.assert_allclose(controller.tick(0.3, ARM.q0, np.zeros(7)).v, 0.0, atol=1e-9)
+
+
+def test_joints_without_inertia_are_refused_by_name():
+    with pytest.raises(InvalidInput, match=r"JointAdmittance.inertia\[0\] is 0; it must be > 0"):
+        JointAdmittance(ARM.q0, inertia=0.0, damping=1.0, stiffness=1.0).prepare(ARM)
+    with pytest.raises(InvalidInput, match=r"torque must have shape \(7,\)"):
+        JointAdmittance(ARM.q0, inertia=1.0, damping=1.0, stiffness=1.0, torque=[1.0]).prepare(ARM)

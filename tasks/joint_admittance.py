@@ -1,0 +1,91 @@
+"""JointAdmittance: joints move as chosen inertias on springs and dampers would under the torques that are measured."""
+
+from __future__ import annotations
+
+from typing import Any, Self, final
+
+import numpy as np
+
+from tasks.trajectories import Sinusoid
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.task import Target, Task, TaskRows, vector_target
+from wbc.stack.tracking import Tracking, joints_target
+from wbc.types import Vec
+
+
+@final
+class JointAdmittance(Tracking, Task):
+    """M (q̈ − q̈_target) = K (q_target − q) + D (q̇_target − q̇) + τ for measured outer torques τ; one row a joint.
+
+    :class:`~tasks.admittance.Admittance` for joints: at the acceleration level that equation, at the velocity level the
+    same without inertia. Where K > 0 the torque moves the target, by τ / K; where K = 0 the joint moves with τ / D for
+    as long as it is pushed. ``inertia`` M [kg m², kg] and ``damping`` D > 0, ``stiffness`` K >= 0: scalar or (nj,).
+    ``target`` as :class:`~tasks.posture.Posture` has it. ``torque`` τ [N m, N]: scalar or (nj,), or a function of time
+    giving (nj,); it may be assigned between ticks.
+
+    Raises:
+        InvalidInput: when a stack is compiled: another size, inertia or damping that are not positive.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import JointAdmittance
+        >>> guided = JointAdmittance(wbc.load("arm").q0, inertia=0.5, damping=4.0, stiffness=0.0)
+        >>> guided.torque = [0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0]  # what the sensors of the joints read now
+    """
+
+    on_joints = True
+
+    def __init__(
+        self, target: Any, *, inertia: Any, damping: Any, stiffness: Any, torque: Any = 0.0, weight: Any = 1.0,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(weight=weight, name=name)
+        self.inertia, self.damping, self.stiffness = inertia, damping, stiffness
+        self.target, self.torque = target, torque
+
+    @property
+    def torque(self) -> Any:
+        """What was given."""
+        return self._measured
+
+    @torque.setter
+    def torque(self, value: Any) -> None:
+        dim = getattr(self, "dim", None)
+        if dim is not None:
+            given = np.full(dim, value) if not callable(value) and np.ndim(value) == 0 else value
+            self._reading = Target(f"{self.name}.torque", given, dim, vector_target(dim))
+        self._measured = value
+
+    def prepare(self, model: RobotModel) -> None:
+        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
+        M, D, K = (
+            checks.gains(f"{self.name}.{what}", getattr(self, what), model.nj)
+            for what in ("inertia", "damping", "stiffness")
+        )
+        for what, values in (("inertia", M), ("damping", D)):
+            if not values.all():
+                raise InvalidInput(f"{self.name}.{what}[{int(np.argmin(values))}] is 0; it must be > 0")
+        self.kp, self.kd = K / M, D / M
+        held = K > 0.0
+        self._held: Vec = held.astype(np.float64)
+        self._compliance = np.divide(1.0, K, out=np.zeros(model.nj), where=held)
+        self._mobility = np.where(held, 0.0, 1.0 / D)
+        self.convert = joints_target(model, model.nq)
+        self.target, self.torque = self.target, self.torque
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        target, torque = self.reference(state.t), self._reading.at(state.t).value
+        out.e[:] = self._held * (target.value + self._compliance * torque - state.q_joints)
+        out.rate_ref[:] = target.rate + self._mobility * torque
+        out.acc_ref[:] = target.second
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        joints = model.q0[-model.nj :]
+        moving = Sinusoid(joints, amplitude=0.1, frequency=0.5)
+        return [
+            cls(moving, inertia=1.0, damping=10.0, stiffness=50.0, torque=2.0),
+            cls(joints, inertia=1.0, damping=10.0, stiffness=0.0, torque=np.arange(1.0, model.nj + 1.0)),
+        ]
