@@ -14,6 +14,7 @@ from tasks.limits.joint_acceleration import JointAccelerationLimits
 from tasks.limits.joint_position import JointPositionLimits
 from tasks.limits.joint_velocity import JointVelocityLimits
 from tasks.limits.torque import TorqueLimits
+from tasks.orientation import Orientation
 from tasks.position import Position
 from tasks.posture import Posture
 from wbc.models import load
@@ -45,26 +46,27 @@ class ArmSoak(Subject):
 
 @final
 class LegSoak(Subject):
-    """The centre of mass of a robot that stands is sent about, now and then beyond its feet."""
+    """The centre of mass of a robot that stands is sent about, now and then to the edge of its feet."""
 
     def __init__(self, name: str, robot: str) -> None:
         self.name, self._robot = name, robot
-        self.summary = f"a {robot} on its feet, inverse dynamics: sways, some of them too far"
+        self.summary = f"a {robot} on its feet, inverse dynamics: sways, some of them wide"
 
     def controller(self, solver: str) -> wbc.Controller:
         robot = load(self._robot)
         limits = [JointPositionLimits(), JointVelocityLimits(), TorqueLimits()]
         tasks = [
             CenterOfMass(target=robot.state().com.copy(), kp=50.0),
+            Orientation(robot.frame_names[0], target=np.eye(3), kp=100.0, weight=0.1),
             Posture(robot.q0, kp=20.0, weight=1e-1),
         ]
         stack = wbc.Stack(tasks, contacts=feet(robot), subject_to=limits)
         return wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver)
 
     def stir(self, controller: wbc.Controller, rng: np.random.Generator) -> None:
-        sway, posture = controller.stack.tasks
+        sway, _, posture = controller.stack.tasks
         home = controller.model.state().com
-        far = 0.15 if rng.uniform() < 0.1 else 0.03
+        far = 0.06 if rng.uniform() < 0.1 else 0.03
         sway.target = home + rng.uniform(-far, far, 3) * (1.0, 1.0, 0.5)  # type: ignore[attr-defined]
         posture.weight = 10.0 ** rng.uniform(-2, 0)
 

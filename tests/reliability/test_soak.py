@@ -15,7 +15,7 @@ KINEMATIC = ("arm-velocity", "arm-acceleration")
 
 @pytest.mark.parametrize("name", SOAKS)
 def test_valid_ticks_are_solved_and_keep_the_limits(name: str):
-    found = soak(SOAKS[name], ticks=1500)
+    found = soak(SOAKS[name], ticks=1000)
     assert found.ok, found
     assert found.first_rung >= 0.999
 
