@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,10 @@ from hypothesis import strategies as st
 from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.models import PlanarPR
 from wbc.models.collision import Distances, Obstacle
-from wbc.models.geometry import Box, Cylinder, Sphere
+from wbc.models.geometry import Box, Cylinder, Mesh, Sphere
 from wbc.testing import moments, robots
 from wbc.testing.differences import along
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 ARM, QUADRUPED, HUMANOID = robots()
 SEEDS = st.integers(0, 2**32 - 1)
@@ -193,8 +194,7 @@ def test_the_most_critical_of_many_are_those_that_will_be_nearest():
         assert set(reading(soon, state)) == expected
 
 
-@pytest.mark.parametrize("margin", [0.02, 0.1, 0.2])
-@pytest.mark.parametrize("robot", [ARM, QUADRUPED], ids=lambda robot: robot.name)
+@pytest.mark.parametrize(("robot", "margin"), [(ARM, 0.02), (ARM, 0.1), (QUADRUPED, 0.02), (QUADRUPED, 0.2)], ids=str)
 def test_pairs_left_out_as_always_apart_never_come_near(robot: Any, margin: float):
     links = list(combinations(dict.fromkeys(shape.link for shape in robot.collisions), 2))
     everything = Distances(robot, pairs=links, margin=10.0)  # nothing is always further apart than that
@@ -216,7 +216,7 @@ def _shape_pairs(distances: Distances) -> list[tuple[str, str]]:
 
 
 def test_links_that_overlap_in_the_reference_are_listed():
-    assert ("base", "shoulder") in Distances(ARM, margin=0.1).excluded
+    assert ("wrist_link", "flange") in Distances(ARM, margin=0.1).excluded
     assert Distances(ARM, pairs=[("base", "forearm")], margin=0.1).excluded == ()
 
 
@@ -226,6 +226,41 @@ def test_a_ball_close_to_a_link_has_that_links_name():
     distances = Distances(ARM, obstacles=[near], self_collision=False, count=1, reach=0.3)
     distances.read(ARM.state())
     assert distances.pairs[distances.which[0]] == ("flange", "cup")
+
+
+def test_neighbouring_links_are_left_out_and_the_base_is_one():
+    pairs = set(Distances(ARM, margin=0.0).pairs)
+    assert ("base", "upper_arm") in pairs
+    assert not {("base", "shoulder"), ("shoulder", "upper_arm"), ("hand_hub", "flange")} & pairs
+
+
+def as_stl(points: Mat, path: Path) -> Mesh:
+    """A mesh file of all triangles of some points."""
+    corners = "".join(
+        f"facet normal 0 0 1\nouter loop\n{lines}\nendloop\nendfacet\n"
+        for three in combinations(points, 3)
+        for lines in ["\n".join("vertex {:f} {:f} {:f}".format(*point) for point in three)]
+    )
+    path.write_text(f"solid s\n{corners}endsolid s\n")
+    return Mesh(path)
+
+
+def test_a_mesh_stands_for_its_convex_hull(tmp_path: Path):
+    corners = 0.1 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 2)], dtype=np.float64)
+    state, pose = ARM.state(drifts=False), at(0.55, 0.0, 0.6)
+    box_pose = pose * at(0.0, 0.0, 0.1)
+    found = []
+    for shape, place in ((as_stl(corners, tmp_path / "box.stl"), pose), (Box((0.2, 0.2, 0.2)), box_pose)):
+        thing = Obstacle("thing", shape, place)
+        distances = Distances(ARM, obstacles=[thing], self_collision=False, count=50, reach=1.0)
+        found.append(sorted(reading(distances, state).values()))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-7)
+
+
+def test_a_mesh_without_volume_is_refused_by_its_name(tmp_path: Path):
+    flat = as_stl(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]), tmp_path / "flat.stl")
+    with pytest.raises(InvalidInput, match=r"flat.stl has no convex hull"):
+        Distances(ARM, obstacles=[Obstacle("thing", flat, at(0.5, 0, 0))])
 
 
 @pytest.mark.parametrize(

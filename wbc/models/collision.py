@@ -184,8 +184,8 @@ class Distances:
         for j, second in enumerate(joints):
             for i, first in enumerate(joints[:j]):
                 names = frozenset((self._owners[i], self._owners[j]))
-                near = first == second or (first and parents[second] == first) or (second and parents[first] == second)
                 is_self = not (self._is_obstacle(i) or self._is_obstacle(j))
+                near = first == second or (is_self and (parents[second] == first or parents[first] == second))
                 chosen = (self_collision or not is_self) if wanted is None else names in wanted
                 if chosen and not near:
                     self._geometry.addCollisionPair(pin.CollisionPair(i, j))
@@ -381,7 +381,13 @@ class UnknownShape(UnknownName):
 
 
 def _coal(shape: Shape) -> tuple[Any, Any]:
-    """The shape in coal's terms about the middle of its box, and where that middle is: an SE3."""
+    """The shape in coal's terms about the middle of its box, and where that middle is: an SE3.
+
+    Raises:
+        InvalidInput: a mesh that spans no volume.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
     still = pin.SE3.Identity()
     if isinstance(shape, Box):
         return coal.Box(*shape.size), still
@@ -391,8 +397,12 @@ def _coal(shape: Shape) -> tuple[Any, Any]:
         return coal.Cylinder(shape.radius, shape.length), still
     points = np.array(coal.MeshLoader().load(str(shape.path), np.array(shape.scale)).vertices())
     still.translation = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    try:
+        outermost = ConvexHull(points).vertices
+    except (QhullError, ValueError):  # before coal, which a flat hull kills with the whole process
+        raise InvalidInput(f"{shape.path.name} has no convex hull: its points span no volume") from None
     corners = coal.StdVec_Vec3s()
-    for point in points - still.translation:
+    for point in points[outermost] - still.translation:
         corners.append(point)
     return coal.ConvexBase.convexHull(corners, False, "Qt"), still
 
