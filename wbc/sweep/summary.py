@@ -29,8 +29,8 @@ def summary(header: dict[str, Any], results: Sequence[Result]) -> Report:
     failed = Counter(reason for r in results for reason in reasons(r))
     most = f" Most often: {failed.most_common(1)[0][0]}." if failed else ""
     text = (
-        f"{good} of {len(results)} runs of {header['scenario']} went well ({percent(good / len(results))}; "
-        f"95 % interval {percent(low)} to {percent(high)}).{most} Drawn or set: {header['sweep']}."
+        f"{good} of {len(results)} runs of {header['scenario']} went well ({percent(good / len(results))}; 95 % "
+        f"interval {percent(low)} to {percent(high)}).{most} Drawn or set: {header['sweep']}."
     )
     figures = [*_figures(results)]
     sections = [
@@ -220,8 +220,8 @@ def _worst(results: Sequence[Result], figures: Sequence[tuple[str, Vec]]) -> Ite
             for r in bad[:_WORST]
         ]
         caption = (
-            f"The first {len(rows)} of {len(bad)} runs that did not go well; "
-            "wbc sweep --repeat RUN --out FOLDER does one again."
+            f"The first {len(rows)} of {len(bad)} runs that did not go well; wbc sweep --repeat RUN --out FOLDER "
+            "does one again."
         )
         yield Table(("run", "why", "solver", "parameters", "disturbances"), rows, caption)
     largest: list[list[Cell]] = []
@@ -250,9 +250,8 @@ def _settings(header: dict[str, Any]) -> Table:
 
 def _limits(header: dict[str, Any], results: Sequence[Result]) -> list[str]:
     return [
-        f"{len(results)} runs drawn with seed {header['seed']}: the intervals say how far the shares may "
-        "be off by chance; they "
-        "say nothing of what was not varied. Everything is simulation.",
+        f"{len(results)} runs drawn with seed {header['seed']}: the intervals say how far the shares may be off by "
+        "chance; they say nothing of what was not varied. Everything is simulation.",
         "Runs share a machine with each other: their tick times are longer and more spread than those of a run alone.",
         "Run i depends on the settings, the seed and i alone, not on the worker that did it, nor on interruptions.",
     ]

@@ -90,9 +90,8 @@ def _figure(rows: Sequence[Row], names: Sequence[str], titles: dict[str, str]) -
         for axes in canvas.axes[len(names) :]:
             axes.set_visible(False)
         caption = (
-            "Median time of a tick; on logarithmic axes where sizes begin above zero. Exponents are "
-            "fitted to the larger "
-            "half of the sizes."
+            "Median time of a tick; on logarithmic axes where sizes begin above zero. Exponents are fitted to the "
+            "larger half of the sizes."
         )
         return canvas.figure("scaling", caption)
 
@@ -143,9 +142,8 @@ def _table(rows: Sequence[Row]) -> Table:
         for row in rows
     ]  # fmt: skip
     note = (
-        "Every size in both forms; sizes of the QP in standard form; active rows of the last tick; on how "
-        "many ticks the "
-        "active set of the one before was right."
+        "Every size in both forms; sizes of the QP in standard form; active rows of the last tick; on how many "
+        "ticks the active set of the one before was right."
     )
     return Table(columns, cells, note)
 
@@ -161,11 +159,9 @@ def _settings(data: dict[str, Any]) -> Table:
 def _limits(data: dict[str, Any]) -> list[str]:
     settings = data["settings"]
     return [
-        f"The least of {settings['repeats']} times of each of {settings['ticks']} ticks, warm, one thread, "
-        "one machine: "
-        "ratios and exponents travel to other machines better than microseconds.",
-        "Robots, states and stacks are made: links of random mass, one motion, no robot that anybody "
-        "built. A tick is a whole "
-        "one, model update and certificate included; Python's share of it does not grow with size and flattens the "
-        "small end.",
+        f"The least of {settings['repeats']} times of each of {settings['ticks']} ticks, warm, one thread, one "
+        "machine: ratios and exponents travel to other machines better than microseconds.",
+        "Robots, states and stacks are made: links of random mass, one motion, no robot that anybody built. A tick "
+        "is a whole one, model update and certificate included; Python's share of it does not grow with size and "
+        "flattens the small end.",
     ]

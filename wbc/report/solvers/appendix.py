@@ -73,20 +73,18 @@ def _limits(data: Data) -> list[str]:
     load = (where["load"] or [0.0])[0]
     cores = where["machine"].get("cores", 1)
     said = [
-        f"Times are the least of {settings['rounds']} rounds on one machine, one thread, each solver in a "
-        "process of its "
-        "own, in turns; ratios travel to other machines better than microseconds."
+        f"Times are the least of {settings['rounds']} rounds on one machine, one thread, each solver in a process of "
+        "its own, in turns; ratios travel to other machines better than microseconds."
         + (f" The machine was busy with something else (load {load:g} on {cores} cores)." if load > 0.5 else ""),
-        "A whole solve is timed as this library makes it: its checks and its certificate are in it, and "
-        "are set apart as "
-        "wrapper. For back ends that run through qpsolvers, building the problem anew at each call is in it too.",
-        "The default settings are those that a name stands for in this library (docs/solvers.md), not the "
-        "back end's own. "
-        "Asking an active-set solver (pdas, daqp, quadprog) for less accuracy saves nothing: their steps "
+        "A whole solve is timed as this library makes it: its checks and its certificate are in it, and are set "
+        "apart as wrapper. For back ends that run through qpsolvers, building the problem anew at each call is in "
+        "it too.",
+        "The default settings are those that a name stands for in this library (docs/solvers.md), not the back "
+        "end's own. Asking an active-set solver (pdas, daqp, quadprog) for less accuracy saves nothing: their steps "
         "end at a vertex.",
-        "A solve counts as solved by one certificate for everybody: stationarity and gap are relative to "
-        "the size of the "
-        "problem, rows are not. A solver that stops by another measure may miss 1e-9 by a factor and be counted out.",
+        "A solve counts as solved by one certificate for everybody: stationarity and gap are relative to the size "
+        "of the problem, rows are not. A solver that stops by another measure may miss 1e-9 by a factor and be "
+        "counted out.",
     ]
     once = [s["name"] for s in data["solvers"] if not s["repeatable"]]
     if once:
@@ -94,14 +92,13 @@ def _limits(data: Data) -> list[str]:
     kinds = {about["kind"] for about in data["sets"]}
     if "sequence" in kinds:
         said.append(
-            "QPs of a scenario were recorded in a loop that the default solver closed; another solver's "
-            "loop would meet "
-            "slightly others. They are a sample of stretches, not every tick."
+            "QPs of a scenario were recorded in a loop that the default solver closed; another solver's loop would "
+            "meet slightly others. They are a sample of stretches, not every tick."
         )
         said.append(
-            "Here every solver gets the QP in standard form. In a controller the default solver works on "
-            "the plan's rows "
-            "before any product is made, so its tick can be shorter than its solve here; the closed loop shows ticks."
+            "Here every solver gets the QP in standard form. In a controller the default solver works on the plan's "
+            "rows before any product is made, so its tick can be shorter than its solve here; the closed loop shows "
+            "ticks."
         )
     if "files" in kinds:
         said.append("Problems from files are solved alone and cold; what a warm start would save them is not measured.")
@@ -110,8 +107,7 @@ def _limits(data: Data) -> list[str]:
     if data["unread"]:
         said.append("Not read: " + "; ".join(f"{file} ({reason})" for file, reason in data["unread"].items()) + ".")
     said.append(
-        f"A solve that takes longer than {settings['limit_s']:g} s is stopped and counted as lost, whether "
-        "it would have "
-        "ended or not. Solvers that are not installed are not here; nothing was measured on hardware."
+        f"A solve that takes longer than {settings['limit_s']:g} s is stopped and counted as lost, whether it would "
+        "have ended or not. Solvers that are not installed are not here; nothing was measured on hardware."
     )
     return said

@@ -52,11 +52,10 @@ def _tables(loops: Sequence[Data]) -> Iterator[Table]:
     columns = ("solver", "asked for", "verdict", "ticks solved", "tracking", "jerk", "above 30 Hz",
                "tick p50 [µs]", "p99 [µs]", "max [µs]", "late ticks")  # fmt: skip
     note = (
-        "Tracking: the worst ratio of a task's rms error to the least of all runs. Jerk: rms change of commanded joint "
-        f"acceleration; above 30 Hz: rms of the command{f' [{unit}]' if unit else ''} beyond what links "
-        "can follow; both "
-        "over the least of all runs. Late: ticks longer than the period. One run each: its maximum is the "
-        "machine's too."
+        "Tracking: the worst ratio of a task's rms error to the least of all runs. Jerk: rms change of commanded "
+        f"joint acceleration; above 30 Hz: rms of the command{f' [{unit}]' if unit else ''} beyond what links can "
+        "follow; both over the least of all runs. Late: ticks longer than the period. One run each: its maximum is "
+        "the machine's too."
     )
     if rows:
         yield Table(columns, [row for row in rows if row[1] == ran[0]["class"]], note)
@@ -122,8 +121,8 @@ def levels(data: Data) -> Iterator[Section]:
 
 def _hierarchies(entry: Data) -> Iterator[Item]:
     text = (
-        f"{entry['scenario']}: the same {entry['ticks']} recorded states, through controllers that differ in what the "
-        f"levels of the stack mean. First level: {', '.join(entry['first'])}; then: {', '.join(entry['others'])}."
+        f"{entry['scenario']}: the same {entry['ticks']} recorded states, through controllers that differ in what "
+        f"the levels of the stack mean. First level: {', '.join(entry['first'])}; then: {', '.join(entry['others'])}."
     )
     yield Text(text + (" " + entry["note"] if entry["note"] else ""))
     rows: list[list[Cell]] = []
@@ -135,9 +134,8 @@ def _hierarchies(entry: Data) -> Iterator[Item]:
     columns = ("hierarchy", "ticks solved", "first level, median", "first level, max", "others, median", "condition",
                "tick [µs]")  # fmt: skip
     note = (
-        "Residual of the first level |wanted − got| in the tasks' own rate units, of all other tasks, "
-        "condition number of "
-        "the weighted QP's cost, and the median tick."
+        "Residual of the first level |wanted − got| in the tasks' own rate units, of all other tasks, condition "
+        "number of the weighted QP's cost, and the median tick."
     )
     yield Table(columns, rows, note)
     refused = [f"{one['name']}: {one['error']}" for one in entry["hierarchies"] if one.get("error")]
@@ -159,9 +157,8 @@ def _weights_figure(entry: Data) -> Figure:
         for axes in canvas.axes:
             logarithmic(axes, "both")
         caption = (
-            f"{entry['scenario']}: what the first level loses to the others (median residual), over its "
-            "weight, and over the "
-            "condition number which that weight brings."
+            f"{entry['scenario']}: what the first level loses to the others (median residual), over its weight, and "
+            "over the condition number which that weight brings."
         )
         return canvas.figure(f"weights-{slug(entry['scenario'])}", caption)
 
@@ -205,9 +202,9 @@ def _ranked_table(name: str, entries: Sequence[Data]) -> Iterator[Item]:
         rows.append(["known solution", "", reached(known, best), None, *known])
     columns = ("solver", "status", "levels at the optimum", "time [µs]", *(f"level {k + 1}" for k in range(len(best))))
     note = (
-        f"{name}: ½ |v|² of each level, v the distance of its rows from their bounds, the first above all "
-        "others. At the "
-        "optimum: as low as the best answer of all, level after level, before one is not. Least of three times, cold."
+        f"{name}: ½ |v|² of each level, v the distance of its rows from their bounds, the first above all others. At "
+        "the optimum: as low as the best answer of all, level after level, before one is not. Least of three times, "
+        "cold."
     )
     yield Table(columns, rows, note)
 

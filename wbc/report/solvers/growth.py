@@ -24,11 +24,9 @@ def section(data: Data) -> Section:
     if not axes:
         return Section("Growth", [])
     text = (
-        "Made problems with a known number of active rows, warm, each solver asked for 1e-6; a point is "
-        "the median of the "
-        "solves that reached it. Exponents p of time ∝ sizeᵖ are fitted to all points; below a few tens "
-        "of microseconds "
-        "they show fixed costs more than algorithms."
+        "Made problems with a known number of active rows, warm, each solver asked for 1e-6; a point is the median "
+        "of the solves that reached it. Exponents p of time ∝ sizeᵖ are fitted to all points; below a few tens of "
+        "microseconds they show fixed costs more than algorithms."
     )
     items: list[Item] = [Text(text), _figure(data, axes), _table(data, axes)]
     return Section("Growth", items)

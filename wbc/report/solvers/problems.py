@@ -13,7 +13,7 @@ import numpy as np
 
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.qp.problem import QP, Row
-from wbc.report.solvers.ranked import is_ranked, read_ranked, solvable
+from wbc.report.solvers.ranked import is_ranked, read_ranked
 from wbc.types import Vec
 
 #: Numbers from here on mean "no bound" in many collections.
@@ -126,7 +126,7 @@ def from_folder(folder: Path) -> Folder:
         try:
             if _is_set(path):
                 sets.append(ProblemSet.load(path))
-            elif is_ranked(path) and solvable():
+            elif is_ranked(path):
                 read_ranked(path)
                 levels["/".join((folder.resolve().name, *place.parts, path.stem))] = path
             else:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 from typing import Any, final
@@ -14,6 +12,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from wbc.errors import InvalidProblem, WbcError
+from wbc.qp.lexicographic import lexicographic
 from wbc.qp.solver import Solver
 from wbc.report.solvers.measure import plain
 from wbc.types import Mat, Vec
@@ -31,11 +30,6 @@ class Ranked:
 
     levels: Sequence[tuple[Mat, Vec, Vec]]
     known: Vec | None
-
-
-def solvable() -> bool:
-    """Whether this version can solve hierarchies given by their rows."""
-    return find_spec("wbc.qp.lexicographic") is not None
 
 
 def is_ranked(path: Path) -> bool:
@@ -77,7 +71,6 @@ def missed(levels: Sequence[tuple[Mat, Vec, Vec]], x: Vec) -> list[float]:
 
 def ranked(solver: Solver, path: Path) -> dict[str, Any]:
     """Solve a hierarchy: the status, ½ ‖v‖² of each level, the least time [µs], and what the known solution misses."""
-    lexicographic = import_module("wbc.qp.lexicographic").lexicographic
     problem = read_ranked(path)
     known = None if problem.known is None else [plain(v) for v in missed(problem.levels, problem.known)]
     best = np.inf

@@ -83,8 +83,8 @@ def packed(solver: Solver) -> str:
         unpacked(text)
     except Exception as cause:
         raise InvalidInput(
-            f"solver {solver.name!r} cannot be sent to a process of its own ({cause}); "
-            "define its class in a module that can be imported"
+            f"solver {solver.name!r} cannot be sent to a process of its own ({cause}); define its class in a module "
+            "that can be imported"
         ) from cause
     return text
 

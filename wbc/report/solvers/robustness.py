@@ -17,10 +17,9 @@ def section(data: Data) -> Section:
     solvers = list(dict.fromkeys(x["solver"] for x in worse))
     wrong = [x for x in data["torture"] if x["how"] == "guarded" and not x.get("right", False)]
     text = (
-        f"Each case in the solver's own process. Alone, {len(solvers)} of {len(data['solvers'])} back ends "
-        "call something "
-        f"solved that is not, hang or crash ({', '.join(solvers) or 'none'}). Behind the checks of this library "
-        + (f"{len(wrong)} ends are not the right one." if wrong else "every end is the right one.")
+        f"Each case in the solver's own process. Alone, {len(solvers)} of {len(data['solvers'])} back ends call "
+        f"something solved that is not, hang or crash ({', '.join(solvers) or 'none'}). Behind the checks of this "
+        "library " + (f"{len(wrong)} ends are not the right one." if wrong else "every end is the right one.")
     )
     items: list[Item] = [Text(text), guarded, alone]
     return Section("Torture", items)
@@ -35,8 +34,8 @@ def _table(data: Data, how: str) -> Table:
     caption = {
         "guarded": "Through the library: checked before, certified after. ✗: not the right end.",
         "alone": (
-            "The back end's own word, nothing checked before. ✗: not the right end; wrong: it says solved, and that is "
-            "not so; a signal: it took the process with it."
+            "The back end's own word, nothing checked before. ✗: not the right end; wrong: it says solved, and that "
+            "is not so; a signal: it took the process with it."
         ),
     }
     return Table(("case", *solvers), rows, caption[how])

@@ -84,8 +84,8 @@ def _success(data: Data, found: Sequence[Measure], mode: str) -> Table:
     columns = ["solver", *(f"solved, {name}" for name in classes), *(f"wrong, {name}" for name in classes), "lost"]
     note = (
         f"Solved ({mode}): the certificate recomputed from the data holds to what was asked, 1e-6 for the default "
-        "settings: rows in their own units, stationarity relative to 1 + |g|, gap relative to 1 + |cost|. "
-        "Wrong: says solved but is not. Lost: hangs or crashes, all classes together."
+        "settings: rows in their own units, stationarity relative to 1 + |g|, gap relative to 1 + |cost|. Wrong: "
+        "says solved but is not. Lost: hangs or crashes, all classes together."
     )
     return Table(columns, rows, note)
 
@@ -128,9 +128,9 @@ def _times(found: Sequence[Measure], chosen: Sequence[Measure], mode: str) -> Ta
     columns += ["set changes"] if mode == "warm" else []
     note = (
         f"Time of a solve, {mode}, each solver at its best class, where its answer is good to 1e-6. Build: "
-        "conversion to the back end's form; "
-        "solve: the back end; wrapper: checks and certificate; medians. The ratio is the geometric mean over the "
-        "problems that both solved (so many). Set changes: rows that become active or free, a tick."
+        "conversion to the back end's form; solve: the back end; wrapper: checks and certificate; medians. The "
+        "ratio is the geometric mean over the problems that both solved (so many). Set changes: rows that become "
+        "active or free, a tick."
     )
     if len(found) > len(chosen):
         return Table(columns, rows, "Times in every class", folded=True)
@@ -154,9 +154,9 @@ def _profile_figure(about: Data, chosen: Sequence[Measure]) -> Figure:
         axes.set_ylabel("problems solved [%]")
         side_legend(axes)
         caption = (
-            "Dolan-Moré profile: how many problems a solver answers to 1e-6 within so many times the time "
-            "of the fastest. "
-            "Left edge: how often it is the fastest; right edge: how much it solves at all. Each at its best class."
+            "Dolan-Moré profile: how many problems a solver answers to 1e-6 within so many times the time of the "
+            "fastest. Left edge: how often it is the fastest; right edge: how much it solves at all. Each at its "
+            "best class."
         )
         return canvas.figure(f"profile-{slug(about['name'])}", caption)
 
@@ -174,9 +174,8 @@ def _pairs(chosen: Sequence[Measure]) -> Table:
             row.append("" if i == j else "–" if won is None else percent(won))
         rows.append(row)
     note = (
-        "Pairs: how often the solver of the row was faster than that of the column, of the problems that "
-        "at least one of "
-        "the two solved; one that does not solve loses."
+        "Pairs: how often the solver of the row was faster than that of the column, of the problems that at least "
+        "one of the two solved; one that does not solve loses."
     )
     return Table(["faster", *(m.solver for m in chosen)], rows, note, folded=True)
 
@@ -200,9 +199,8 @@ def _accuracy_figure(about: Data, found: Sequence[Measure]) -> Figure:
             canvas.axes[0].plot([], [], color=style.CYCLE[classes.index(asked)], linewidth=3, label=asked)
         canvas.drawing.legend(loc="outside lower center", ncols=len(classes))
         caption = (
-            "Residuals of the answers: from the 5th to the 95th percentile, a dot at the median, a cross "
-            "at the largest; "
-            "nothing where there is no answer. Dashed: 1e-6. Colours: what was asked for."
+            "Residuals of the answers: from the 5th to the 95th percentile, a dot at the median, a cross at the "
+            "largest; nothing where there is no answer. Dashed: 1e-6. Colours: what was asked for."
         )
         return canvas.figure(f"accuracy-{slug(about['name'])}", caption)
 
