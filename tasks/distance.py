@@ -83,7 +83,7 @@ class Distance(Tracking, Task):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        first, last = model.frame_names[len(model.frame_names) // 2], model.frame_names[-1]
+        first, last = model.frame_names[len(model.frame_names) // 4], model.frame_names[-1]
         moving = Sinusoid([0.4], amplitude=0.2, frequency=0.7)
         return [cls(last, to=first, target=moving), cls(last, to=[0.5, 0.2, 1.0], target=0.3)]
 

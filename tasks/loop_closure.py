@@ -90,8 +90,12 @@ class LoopClosure(Contact):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        first, last = model.frame_names[len(model.frame_names) // 2], model.frame_names[-1]
-        return [cls(last, to=first), cls(last, to=first, rows=ROWS), cls(last, to=first, rows=["z", "rx"])]
+        first, last = model.frame_names[1], model.frame_names[-1]
+        return [
+            cls(last, to=first),
+            cls(last, to=first, rows=["x", "y", "z", "rx"]),
+            cls(last, to=first, rows=["z", "ry"]),
+        ]
 
     def __repr__(self) -> str:
         return f"{self.name}(to={self.carrier})"

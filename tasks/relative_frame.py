@@ -58,5 +58,5 @@ class RelativeFrame(Tracking, Task):
     def samples(cls, model: RobotModel) -> list[Self]:
         position = Sinusoid([0.3, 0.0, 0.5], amplitude=0.1, frequency=0.5)
         motion = pose_motion(position, swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6))
-        first, last = model.frame_names[len(model.frame_names) // 2], model.frame_names[-1]
+        first, last = model.frame_names[len(model.frame_names) // 4], model.frame_names[-1]
         return [cls(last, reference=first, target=target) for target in (np.eye(4), motion)]

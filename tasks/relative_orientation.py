@@ -52,6 +52,6 @@ class RelativeOrientation(Tracking, Task):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        first, last = model.frame_names[len(model.frame_names) // 2], model.frame_names[-1]
+        first, last = model.frame_names[len(model.frame_names) // 4], model.frame_names[-1]
         moving = swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6)
         return [cls(last, reference=first), cls(last, reference=first, target=moving)]

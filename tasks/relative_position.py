@@ -51,6 +51,6 @@ class RelativePosition(Tracking, Task):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        first, last = model.frame_names[len(model.frame_names) // 2], model.frame_names[-1]
+        first, last = model.frame_names[len(model.frame_names) // 4], model.frame_names[-1]
         moving = Sinusoid([0.3, 0.0, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9])
         return [cls(last, reference=first, target=target) for target in ([0.3, 0.0, 0.5], moving)]
