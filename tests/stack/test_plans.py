@@ -193,6 +193,20 @@ def test_two_contacts_on_one_frame_take_turns_by_name() -> None:
         ticked(first)
 
 
+@pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda hierarchy: type(hierarchy).__name__)
+def test_every_hierarchy_follows_a_schedule(hierarchy: Any) -> None:
+    schedule, one = Named(FEET, [FEET[1:]]), stack_of()
+    stack = Stack(
+        [[task] for task in one.tasks], subject_to=one.subject_to, contacts=one.contacts, components=[schedule]
+    )
+    controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics(), hierarchy=hierarchy)
+    for names in (FEET, FEET[1:], FEET):
+        schedule.now = frozenset(names)
+        command = controller.tick(0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
+        assert command.status.ok
+        assert [command.f[foot][2] > 0.0 for foot in FEET] == [foot in names for foot in FEET]
+
+
 def test_schedules_that_make_no_sense_are_refused() -> None:
     second = Named(FEET)
     second._name = "other"
