@@ -84,7 +84,7 @@ def test_a_contact_that_stays_is_held_where_it_was_made_and_a_new_one_where_the_
     controller.tick(0.0, q, v)
     before = [controller.state.frame(foot).position.copy() for foot in FEET]
     schedule.now = frozenset(FEET)
-    controller.tick(0.001, QUADRUPED.q0, v)
+    controller.tick(0.001, moving(QUADRUPED, 5)[0], v)
     now, plan = [controller.state.frame(foot).position.copy() for foot in FEET], controller.plan
     made = [
         anchor.position + np.array([0.0, 0.0, QUADRUPED.feet[foot].radius])

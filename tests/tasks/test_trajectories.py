@@ -69,9 +69,9 @@ def test_a_minimum_jerk_keeps_its_ends_and_goes_on_uniformly(start: Vec, end: Ve
     for t, value, rate in ((0.0, start, u), (T, end, w), (-0.5, start - 0.5 * u, u), (T + 2.0, end + 2.0 * w, w)):
         for got, expected in zip(motion(t), (value, rate, np.zeros(3)), strict=True):
             np.testing.assert_allclose(got, expected, atol=1e-9)
-    inside = motion(1e-12 * T)
-    for got, expected in zip(inside, (start, u, np.zeros(3)), strict=True):
-        np.testing.assert_allclose(got, expected, atol=1e-6 * (1 + 1 / T**2))
+    for t, value, rate in ((1e-10 * T, start, u), ((1.0 - 1e-10) * T, end, w)):  # and so from the inside
+        for got, expected in zip(motion(t), (value, rate, np.zeros(3)), strict=True):
+            np.testing.assert_allclose(got, expected, atol=1e-6 * (1 + 1 / T**2))
 
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.integers(0, 4), st.floats(-1.0, 1.0))
