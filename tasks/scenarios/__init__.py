@@ -6,6 +6,7 @@ from tasks.scenarios.arm_payload import ArmPayload
 from tasks.scenarios.arm_reach import ArmReach
 from tasks.scenarios.collision_dodge import CollisionDodge
 from tasks.scenarios.dual_arm import DualArm
+from tasks.scenarios.fault_statistics import FaultStatistics
 from tasks.scenarios.four_p_adaptive import FourPAdaptive
 from tasks.scenarios.humanoid_joint_loss import HumanoidJointLoss
 from tasks.scenarios.humanoid_stand import HumanoidStand
@@ -23,6 +24,7 @@ SCENARIOS = {
     for scenario in (
         HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(), HumanoidStand(), HumanoidStep(),
         QuadrupedStand(), QuadrupedTrotInPlace(), DualArm(), ArmReach(), PgStep(), ArmPayload(), ArmActuatorLoss(),
-        ArmCollision(), FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
+        ArmCollision(),
+        FaultStatistics(), FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
     )
 }  # fmt: skip

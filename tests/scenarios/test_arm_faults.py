@@ -67,3 +67,13 @@ def test_parameters_that_make_no_sense_are_refused() -> None:
         run("arm-actuator-loss", "robot=arm", "joints=9")
     with pytest.raises(UnknownFrame):
         run("arm-collision", "robot=arm", "link=elbo")
+
+
+@pytest.mark.physics
+def test_clear_faults_of_our_arm_are_found_and_laid_to_the_right_joint() -> None:
+    result = run("fault-statistics", "robot=arm", "faults=12", "nominal=0", "learning=4")
+    figures = result.figures
+    assert figures["faults"] == 12 and figures["clear_faults"] >= 3
+    assert figures["detected"] == 1.0
+    assert figures["isolated"] >= 0.75
+    assert figures["false_alarms"] == 0

@@ -1,0 +1,252 @@
+"""How sure a diagnosis is: many short faults of an arm's motors, under noise and wrong masses, and none for long."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+import wbc
+from tasks import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
+from wbc import checks
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import style
+from wbc.report.document import Section, Table, Text
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.disturbance import Effect, SensorNoise
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.types import Vec
+
+GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
+#: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].
+LASTS, RECOVERY = 0.06, 0.14
+#: Missing torque in units of its joint's threshold from which on a fault has to be found.
+CLEAR = 3.0
+KINDS = ("total", "partial", "bias")
+SCALES = np.geomspace(0.2, 3.0, 40)
+
+
+@final
+@dataclass(frozen=True)
+class Trial:
+    """One fault: what it was, how much of a threshold was missing at its start, and what came of it.
+
+    ``peak``: the largest residual of the joint, in thresholds, that lasted two ticks; ``delay`` [s] and ``found`` at
+    the default thresholds, infinite and −1 where none was passed.
+    """
+
+    joint: int
+    kind: str
+    size: float
+    peak: float
+    delay: float
+    found: int
+
+
+@final
+class FaultStatistics(Scenario):
+    """An arm waves while, one after the other, ``faults`` motors drawn by ``seed`` fail for 60 ms: totally, partly, by
+    a bias, at any moment; sensors have noise and the controller's masses are wrong by up to ``masses``. Nothing reacts.
+    Then it waves for ``nominal`` seconds more without a fault. How many are found, laid to the right joint, after how
+    long, and how many alarms there are without one; at the default thresholds, and at others.
+
+    ``robot``: panda (needs example-robot-data) or arm; ``learning``: seconds without a fault that thresholds come from.
+    """
+
+    name: ClassVar[str] = "fault-statistics"
+    summary: ClassVar[str] = "many short faults of an arm's motors: how many are found, how soon; false alarms"
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "robot": "panda", "faults": 1000, "nominal": 60.0, "learning": 40.0, "masses": 0.1, "seed": 0,
+    }  # fmt: skip
+    plants = ("mujoco",)
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant, duration  # there is one of each; the faults say how long it takes
+        robot = wbc.load(parameters["robot"])
+        count = int(checks.number("parameter 'faults'", parameters["faults"], low=1))
+        nominal = checks.number("parameter 'nominal'", parameters["nominal"], low=0.0)
+        masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
+        arm = Arm(robot, masses, solver, parameters["seed"])
+        progress(0.0, "learning thresholds")
+        known = arm.learn(checks.number("parameter 'learning'", parameters["learning"], low=1.0))
+        trials, windows = [], []
+        for k in range(count):
+            if k % max(count // 100, 1) == 0:
+                progress(k / (count + 1), f"fault {k + 1} of {count}")
+            trial, window = arm.fault(known)
+            trials.append(trial)
+            windows.append(window)
+        windows += [arm.sound(1.0, known) for _ in range(int(nominal))]
+        return _judged(arm, parameters, known, trials, windows)
+
+
+@final
+class Arm:
+    """The arm, its controller, its observer and its sensors, tick by tick."""
+
+    def __init__(self, robot: PinocchioModel, masses: float, solver: str, seed: int) -> None:
+        self.random = np.random.default_rng(seed)
+        links = len(robot.pinocchio.inertias) - 1
+        believed = robot.with_masses(1.0 + self.random.uniform(-masses, masses, links))
+        self.observer = MomentumObserver(gain=GAIN)
+        wave = Sinusoid(robot.q0, amplitude=0.3, frequency=np.linspace(0.3, 0.6, robot.nj))
+        stack = wbc.Stack([Posture(wave, kp=100)], subject_to=[TorqueLimits()], components=[self.observer])
+        self.controller = wbc.Controller(believed, stack, level=wbc.InverseDynamics(), solver=solver)
+        self.plant = MujocoPlant(robot)
+        self.plant.reset(robot.q0)
+        self.robot, self.ticks = robot, 0
+        self.noise = SensorNoise(position=5e-5, velocity=0.01, seed=seed).begin(self.plant)
+        self.rows: list[dict[str, Any]] = []
+
+    def step(self, effect: Effect | None = None) -> Vec:
+        """One tick; the residual (nj,)."""
+        plant = self.plant
+        command: Any = self.controller.tick(plant.t, *self.noise.measure(plant.q, plant.v))
+        self.rows.append({"t": plant.t, "status": 0, "tick_us": 0.0, "q": plant.q, "v": plant.v, "tau": command.tau})
+        del self.rows[:-2000]
+        if effect is not None:
+            effect.push(plant.t)
+            command = effect.deliver(command)
+        plant.step(command)
+        self.ticks += 1
+        return self.observer.residual
+
+    def learn(self, seconds: float) -> Thresholds:
+        """Thresholds from a stretch without a fault."""
+        residual = np.array([self.step() for _ in range(round(seconds * 1e3))])
+        return Thresholds.learnt(residual[500:], gain=GAIN, dt=1e-3, floor=FLOOR)
+
+    def sound(self, seconds: float, known: Thresholds) -> tuple[int, float]:
+        """Ticks of a stretch without a fault, and the largest residual of any joint that lasted two ticks."""
+        ratios = np.array([np.abs(self.step()) / known.value for _ in range(round(seconds * 1e3))])
+        return len(ratios), float(_lasting(ratios).max(initial=0.0))
+
+    def fault(self, known: Thresholds) -> tuple[Trial, tuple[int, float]]:
+        """A stretch without a fault, then one of 60 ms, then time to recover."""
+        random = self.random
+        window = self.sound(float(random.uniform(0.1, 0.3)), known)
+        joint, kind = int(random.integers(self.robot.nj)), KINDS[int(random.integers(3))]
+        name, start = self.robot.joint_names[joint], self.plant.t - 0.5e-3
+        if kind == "bias":
+            size = float(random.uniform(0.5, 8.0) * random.choice([-1.0, 1.0]) * known.value[joint])
+            fault = ActuatorFault(joint=name, effectiveness=1.0, bias=size, start=start)
+        else:
+            left = 0.0 if kind == "total" else float(random.uniform(0.25, 0.75))
+            fault = ActuatorFault(joint=name, effectiveness=left, start=start)
+        effect = fault.begin(self.plant)
+        missing = abs(fault.missing(self.plant.t, float(self.rows[-1]["tau"][joint])))
+        seen = np.array([np.abs(self.step(effect)) / known.value for _ in range(round(LASTS * 1e3))])
+        lasting = _lasting(seen)
+        over = np.flatnonzero((lasting > 1.0).any(axis=1))
+        delay, found = (np.inf, -1) if not len(over) else (1e-3 * over[0], int(seen[over[0]].argmax()))
+        for _ in range(round(RECOVERY * 1e3)):
+            self.step()
+        size = missing / float(known.value[joint])
+        return Trial(joint, kind, size, float(lasting[:, joint].max()), float(delay), found), window
+
+
+def _lasting(ratios: Vec) -> Vec:
+    """What of ratios (N, nj) lasted as many ticks as an alarm needs."""
+    shifted = np.vstack([np.zeros((1, ratios.shape[1])), ratios[:-1]])
+    return np.minimum(ratios, shifted)
+
+
+def _judged(
+    arm: Arm, parameters: Mapping[str, Any], known: Thresholds, trials: Sequence[Trial],
+    windows: Sequence[tuple[int, float]],
+) -> ScenarioResult:  # fmt: skip
+    robot = arm.robot
+    clear = [t for t in trials if t.size >= CLEAR]
+    detected = [t for t in clear if t.found >= 0]
+    right = [t for t in detected if t.found == t.joint]
+    delays = np.array([t.delay for t in detected]) if detected else np.array([np.inf])
+    ticks = sum(n for n, _ in windows)
+    alarms = sum(peak > 1.0 for _, peak in windows)
+    rates = {
+        "detected": len(detected) / max(len(clear), 1), "isolated": len(right) / max(len(detected), 1),
+        "delay_median_ms": 1e3 * float(np.median(delays)), "delay_p99_ms": 1e3 * float(np.percentile(delays, 99)),
+        "false_alarms_per_million": 1e6 * alarms / ticks,
+    }  # fmt: skip
+    figures = {
+        **rates, "faults": len(trials), "clear_faults": len(clear), "nominal_ticks": ticks, "false_alarms": alarms,
+        "clear_Nm": {n: CLEAR * float(v) for n, v in zip(robot.joint_names, known.value, strict=True)},
+    }  # fmt: skip
+    verdict = [
+        Check(f"of faults of {CLEAR:g} thresholds and more: detected", rates["detected"], 0.99,
+              rates["detected"] >= 0.99, "share"),
+        Check("of those: laid to the right joint", rates["isolated"], 0.98, rates["isolated"] >= 0.98, "share"),
+        Check("median delay", 1e-3 * rates["delay_median_ms"], 0.02, rates["delay_median_ms"] <= 20.0, "s"),
+        Check(f"alarms without a fault, in {ticks} ticks", float(alarms), max(1e-6 * ticks, 0.0),
+              alarms <= max(1e-6 * ticks, 0.0)),
+    ]  # fmt: skip
+    columns = {name: np.array([row[name] for row in arm.rows]) for name in arm.rows[0]}
+    meta = {
+        "scenario": FaultStatistics.name, "parameters": dict(parameters), "robot": robot.name, "dt": 1e-3,
+        "joint_names": list(robot.joint_names), "joint_units": list(robot.joint_units), "statuses": ["SOLVED"],
+        "limits": {k: getattr(robot.limits, k).tolist() for k in ("q_min", "q_max", "v_max", "tau_max")},
+    }  # fmt: skip
+    return ScenarioResult(
+        run=wbc.Run(columns, meta), ok=all(check.ok for check in verdict), violations={}, tracking={}, verdict=verdict,
+        figures=figures, sections=[lambda result: _section(trials, windows, robot, known)],
+    )  # fmt: skip
+
+
+def _section(
+    trials: Sequence[Trial], windows: Sequence[tuple[int, float]], robot: PinocchioModel, known: Thresholds
+) -> Section:
+    peaks, ticks = np.array([peak for _, peak in windows]), sum(n for n, _ in windows)
+    with style.Canvas(1, 2, height=3.2) as canvas:
+        first, second = canvas.axes
+        for low, high, colour in ((0.5, 1.0, style.ORANGE), (1.0, 3.0, style.BLUE), (3.0, np.inf, style.GREEN)):
+            some = np.array([t.peak for t in trials if low <= t.size < high])
+            if len(some):
+                share = [float((some > c).mean()) for c in SCALES]
+                false = [1e6 * float((peaks > c).sum()) / ticks for c in SCALES]
+                label = f"{low:g} to {high:g} thresholds" if np.isfinite(high) else f"{low:g} thresholds and more"
+                first.plot(np.maximum(false, 0.5), share, color=colour, label=label, marker=".", markersize=3)
+        first.set_xscale("log")
+        first.set_xlabel("alarms without a fault, per million ticks (0 drawn at 0.5)")
+        first.set_ylabel("share detected")
+        first.set_title("Detection over false alarms")
+        style.legend(first)
+        for kind, colour in zip(KINDS, style.CYCLE, strict=False):
+            seen = [t for t in trials if t.kind == kind and np.isfinite(t.delay)]
+            second.plot([t.size for t in seen], [1e3 * t.delay for t in seen], ".", color=colour, label=kind)
+        second.set_xscale("log")
+        second.set_xlabel("missing torque / threshold")
+        second.set_ylabel("delay [ms]")
+        second.set_title("How soon")
+        style.legend(second)
+        figure = canvas.figure("roc", "Each point of a curve is another multiple of all thresholds, 0.2 to 3.")
+    rows = []
+    for i, name in enumerate(robot.joint_names):
+        mine = [t for t in trials if t.joint == i]
+        clear = [t for t in mine if t.size >= CLEAR]
+        missed = [t.size for t in mine if t.found < 0]
+        rows.append(
+            (name, float(known.value[i]), CLEAR * float(known.value[i]), len(mine), len(clear),
+             float(np.mean([t.found >= 0 for t in clear])) if clear else None,
+             float(np.mean([t.found == i for t in clear])) if clear else None,
+             float(max(missed)) * float(known.value[i]) if missed else 0.0)
+        )  # fmt: skip
+    columns = (
+        "joint", "threshold [N m]", "has to be found from [N m]", "faults", "of these", "found", "rightly",
+        "largest that was missed [N m]",
+    )  # fmt: skip
+    text = Text(
+        "Noise of 0.01 rad/s on joint velocities and of 0.05 mrad on positions; masses of the controller wrong. A "
+        "fault shows as missing torque alone: a dead motor that is asked for nothing is not seen, and harms nothing."
+    )
+    return Section("Faults found and missed", [text, figure, Table(columns, rows)])
