@@ -18,6 +18,7 @@ from tasks.scenarios.quadruped_actuator_weak import QuadrupedActuatorWeak
 from tasks.scenarios.quadruped_joint_loss import QuadrupedJointLoss
 from tasks.scenarios.quadruped_stand import QuadrupedStand
 from tasks.scenarios.quadruped_trot import QuadrupedTrotInPlace
+from tasks.scenarios.reach_strict import ReachStrict
 
 SCENARIOS = {
     scenario.name: scenario
@@ -25,6 +26,6 @@ SCENARIOS = {
         HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(), HumanoidStand(), HumanoidStep(),
         QuadrupedStand(), QuadrupedTrotInPlace(), DualArm(), ArmReach(), PgStep(), ArmPayload(), ArmActuatorLoss(),
         ArmCollision(),
-        FaultStatistics(), FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(),
+        FaultStatistics(), FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(), ReachStrict(),
     )
 }  # fmt: skip

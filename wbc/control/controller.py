@@ -47,7 +47,7 @@ class Controller:
         robot: from :func:`wbc.load`.
         stack: what to do.
         level: ``VelocityLevel()``, ``AccelerationLevel()`` or ``InverseDynamics()``.
-        hierarchy: ``Weighted()``.
+        hierarchy: ``Weighted()``, the default, ``Strict()`` or ``Scaled()``: what the levels of the stack mean.
         solver: a solver's name or its settings.
         dt: time between ticks [s].
         fast: fill rows and solve in compiled code (extra ``fast``): the same answers to 1e-9, in a part of the time.
@@ -100,7 +100,7 @@ class Controller:
         self.watch = Watch(Watchdog() if watchdog is None else watchdog, self.dt)
         self.hierarchy = Weighted() if hierarchy is None else hierarchy
         if not isinstance(self.hierarchy, Hierarchy):
-            raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be an object such as Weighted()")
+            raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be Weighted(), Strict() or Scaled()")
         self.solver = by_name(solver)
         if self.solver.offline:
             raise NotSupported(

@@ -20,7 +20,8 @@ class Stack:
 
     A flat list of tasks is one level; a list of lists is levels. Laws and contacts stand above every level. What the
     levels mean is the hierarchy's business: :class:`~wbc.stack.hierarchy.Weighted`, the default, knows no priorities
-    and adds all tasks of all levels up with their weights.
+    and adds all tasks of all levels up with their weights; :class:`~wbc.stack.hierarchy.Strict` decides level by level,
+    and :class:`~wbc.stack.hierarchy.Scaled` does every task as a whole or in part.
 
     Raises:
         InvalidInput: something that is not a task, law, contact or component in its place; two equal names.

@@ -1,0 +1,179 @@
+"""A humanoid is asked to reach what it cannot: strictly ranked, its balance does not give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+import wbc
+from tasks import CenterOfMass, MinimumJerk, Orientation, Position, Posture
+from tasks.scenarios import judge
+from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.standing import Stance, held_by_damping, joint_laws, standing_plant
+from wbc.control.recorder import Run
+from wbc.errors import UnknownRobot
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
+from wbc.report.document import Cell, Section, Table, Text
+from wbc.sim.plant import IntegratorPlant, Plant
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.stack.hierarchy import Hierarchy
+
+#: The hand's target leaves at this time [s], and arrives this much later.
+START, WAY = 0.5, 1.5
+HIERARCHIES: Mapping[str, Hierarchy] = {
+    "strict": wbc.Strict(), "weighted": wbc.Weighted(), "scaled": wbc.Scaled()
+}  # fmt: skip
+
+
+@final
+class ReachStrict(Scenario):
+    """The target of a hand moves ``reach`` [m] ahead and as much to the side, out of reach, and stays there.
+
+    There are two levels: balance (centre of mass and trunk), and below it hand and posture. The same stack runs once
+    strictly ranked and once with the same tasks added up by their weights; the record is of the hierarchy asked for,
+    the figures are of both. ``robot``: humanoid, talos or g1 (the last two need example-robot-data).
+    """
+
+    name: ClassVar[str] = "reach-strict"
+    summary: ClassVar[str] = "a humanoid reaches for what is out of reach; ranked strictly, its balance does not give"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "humanoid", "reach": 0.6}
+    plants = ("mujoco", "integrator")
+    hierarchies = ("strict", "weighted", "scaled")
+    duration = 4.0
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        name = parameters["robot"]
+        if name not in STANCES:
+            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
+        stance = STANCES[name]
+        robot = stance.robot(name)
+        meta = {"scenario": self.name, "parameters": dict(parameters)}
+        names = [hierarchy, "weighted" if hierarchy != "weighted" else "strict"]
+        runs, conditions = dict[str, Run](), dict[str, float]()
+        for i, kind in enumerate(names):
+            controller = wbc.Controller(
+                robot, _stack(robot, stance, parameters["reach"]), level=wbc.InverseDynamics(),
+                hierarchy=HIERARCHIES[kind], solver=solver, dt=1e-3,
+            )  # fmt: skip
+            runs[kind] = simulate(
+                controller, _plant(robot, stance, plant), duration=duration, meta=meta,
+                progress=_Half(progress, i, len(names)),
+            )  # fmt: skip
+            conditions[kind] = float(np.linalg.cond(controller.qp.H))
+        return _judged(runs, conditions, asked=hierarchy, robot=robot, stance=stance, duration=duration)
+
+
+@final
+class _Half:
+    """The progress of one of several runs as that of all."""
+
+    def __init__(self, whole: Progress, i: int, runs: int) -> None:
+        self._whole, self._i, self._runs = whole, i, runs
+
+    def __call__(self, done: float) -> None:
+        self._whole((self._i + done) / self._runs)
+
+
+def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
+    state = robot.state()
+    assert stance.hand is not None
+    start = np.array(state.frame(stance.hand).position)
+    side = float(np.sign(start[1] - state.com[1]))
+    away = MinimumJerk(start, start + reach * np.array([1.0, side, 0.0]), duration=WAY, start_time=START)
+    return wbc.Stack(
+        [
+            [
+                CenterOfMass(target=np.array(state.com), kp=100),
+                Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+            ],
+            # Where an arm is stretched out, a hand alone asks for any joint speed that brings it a little nearer.
+            [Position(stance.hand, target=away, kp=100), Posture(robot.q0, kp=100, weight=1e-2)],
+        ],
+        contacts=held_by_damping(robot),
+        subject_to=joint_laws(robot),
+    )
+
+
+def _plant(robot: PinocchioModel, stance: Stance, kind: str) -> Plant:
+    if kind == "mujoco":
+        return standing_plant(robot, stance, held_by_damping(robot))
+    plant = IntegratorPlant(robot, level="acceleration")
+    plant.reset(robot.q0)
+    return plant
+
+
+def _balance(run: Run) -> float:
+    """Error of the centre of mass, rms [m]."""
+    return float(np.sqrt((run["error.CenterOfMass"] ** 2).sum(axis=1).mean()))
+
+
+def _hand(run: Run, stance: Stance) -> float:
+    """How far the hand is from its target at the end [m]."""
+    return float(np.linalg.norm(run[f"error.Position[{stance.hand}]"][-1]))
+
+
+def _judged(
+    runs: Mapping[str, Run], conditions: Mapping[str, float], *, asked: str, robot: PinocchioModel, stance: Stance,
+    duration: float,
+) -> ScenarioResult:  # fmt: skip
+    run = runs[asked]
+    violations = measure.violations(run)
+    rms = {kind: _balance(each) for kind, each in runs.items()}
+    figures = {
+        "balance_rms_m": rms,
+        "hand_error_m": _hand(run, stance),
+        "stood_s": {kind: measure.seconds(each) for kind, each in runs.items()},
+        "tick_us": {kind: measure.tick_times(each).median for kind, each in runs.items()},
+        "condition": dict(conditions),
+        "certified_share": judge.certified_share(run),
+    }
+    verdict = [
+        Check("stays up", measure.seconds(run), duration, measure.seconds(run) >= duration - 1e-9, "s"),
+        *judge.common_checks(run, violations),
+    ]
+    if asked == "strict":
+        verdict.insert(1, Check("error of the centre of mass, rms", rms["strict"], 2e-3, rms["strict"] < 2e-3, "m"))
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
+        verdict=verdict, figures=figures, robot=robot, sections=[_Costs(runs, conditions, stance)],
+    )  # fmt: skip
+
+
+@final
+class _Costs:
+    """What the choice of the hierarchy costs and gives, as a section of the report."""
+
+    def __init__(self, runs: Mapping[str, Run], conditions: Mapping[str, float], stance: Stance) -> None:
+        self._runs, self._conditions, self._stance = runs, conditions, stance
+
+    def __call__(self, result: ScenarioResult) -> Section:
+        rows: list[list[Cell]] = []
+        for kind, run in self._runs.items():
+            tick, balance = measure.tick_times(run), 1e3 * _balance(run)
+            rows.append([
+                kind, measure.seconds(run), balance, _hand(run, self._stance), self._conditions[kind], tick.median,
+                tick.p99,
+            ])  # fmt: skip
+        text = Text(
+            "The same stack on the same robot. Strictly ranked, the hand gets what balance leaves it; added up by "
+            "weights, the two share the error that neither can avoid. The condition number is that of the Hessian of "
+            "the last QP in standard form."
+        )
+        columns = [
+            "hierarchy", "up [s]", "centre of mass, rms [mm]", "hand at the end [m]", "condition number",
+            "tick, median [µs]", "p99 [µs]",
+        ]  # fmt: skip
+        return Section("What the hierarchy costs", [text, Table(columns, rows)])
