@@ -134,8 +134,8 @@ def _hierarchies(entry: Data) -> Iterator[Item]:
     columns = ("hierarchy", "ticks solved", "first level, median", "first level, max", "others, median", "condition",
                "tick [µs]")  # fmt: skip
     note = (
-        "Residual of the first level |wanted − got| in the tasks' own rate units, of all other tasks, condition "
-        "number of the weighted QP's cost, and the median tick."
+        "Residual of the first level |wanted − got| in the tasks' own rate units, and of all other tasks; condition "
+        "number of the cost of the QP that was solved last in a tick; median tick."
     )
     yield Table(columns, rows, note)
     refused = [f"{one['name']}: {one['error']}" for one in entry["hierarchies"] if one.get("error")]
