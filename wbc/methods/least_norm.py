@@ -100,6 +100,8 @@ def asked(qp: QP, solver: Solver, start: Vec, words: Words) -> Solution:
     m, H, g = qp.n_eq, T.T @ T / zoom, start @ T
     unit, rows = max(float(np.abs(H).max()), float(np.abs(g).max())), rows / length[:, None]
     found = solver.solve(QP(H / unit, g / unit, A=rows[:m], b=low[:m], C=rows[m:], cl=low[m:], cu=high[m:]))
+    if not np.isfinite(found.x).all():
+        return replace(found, x=np.full(qp.n, np.nan))
     x, force = start + T @ found.x / zoom, np.concatenate([found.y, found.z]) * unit / length
     return replace(found, x=x, y=force[:m], z=force[m:], certificate=_proof(qp, x, force[:m], force[m:]))
 

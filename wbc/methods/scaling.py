@@ -211,7 +211,7 @@ class _ProximalSteps:
 
     def _inside(self, found: Scaled) -> Scaled:
         """A point within the limits, in longer and longer steps that only make w smaller: any, not the best."""
-        for push in (1e2, 1e3, 1e4):
+        for push in (1e2, 1e3, 1e4, 1e5, 1e6):
             found, w = self._nearest(found, 0.0, push, self.give)
             if w <= SAME:
                 return found
