@@ -84,7 +84,7 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
                 yield client
             return
         cluster = LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         )  # fmt: skip
         with cluster, Client(cluster, set_as_default=False) as client:  # type: ignore[no-untyped-call]
