@@ -109,3 +109,13 @@ def _moved(qp: QP, item: int, amount: float) -> QP:
         if first <= item < first + len(low):
             (high if amount > 0 else low)[item - first] += amount
     return moved
+
+
+def test_rows_that_contradict_each_other_by_rounding_alone_are_no_conflict(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A set at the edge of what can be met may pass as soon as some of its rows are left out: nobody is to blame."""
+    from wbc.qp import conflict as module
+
+    qp = QP([[1.0]], [0.0], C=[[1.0], [1.0]], cl=[1.0, -9.0], cu=[9.0, -1.0])
+    assert module.conflict(qp) is not None
+    monkeypatch.setattr(module._System, "filtered", lambda self, slack: np.array([0]))
+    assert module.conflict(qp) is None

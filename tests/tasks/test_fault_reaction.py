@@ -76,7 +76,7 @@ def worst(run: wbc.Run) -> float:
 
 
 FAULTS: dict[str, dict[str, float]] = {
-    "partial": {"effectiveness": 0.5},
+    "partial": {"effectiveness": 0.4},
     "bias": {"effectiveness": 1.0, "bias": 4.0},
     "bias that looks like a share": {"effectiveness": 1.0, "bias": -12.0},
 }
@@ -120,10 +120,9 @@ def test_the_answer_is_in_the_problem_of_the_tick_of_the_decision() -> None:
 
 
 @settings(max_examples=5)
-@given(lost=st.floats(0.25, 0.75), seed=st.integers(0, 99))
-def test_the_share_lost_is_known_from_the_first_tick_after_the_alarm(lost: float, seed: int) -> None:
+@given(lost=st.floats(0.25, 0.75))
+def test_the_share_lost_is_known_from_the_first_tick_after_the_alarm(lost: float) -> None:
     """Residual and command restart together, so the lag of the observer is in neither."""
-    del seed
     _, reaction = driven(TABLE, duration=0.7, effectiveness=1.0 - lost)
     diagnosis, _ = reaction.events[0]
     assert diagnosis.kind == "partial"

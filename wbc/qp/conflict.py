@@ -117,7 +117,8 @@ def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
         return None
     kept = system.filtered(slack)
     found = system.elastic(kept)
-    assert found is not None  # the filter keeps what cannot be met
+    if found is None:  # what the filter has left can be met: all of it contradicted itself by rounding alone
+        return None
     s = found[kept]
     amounts = s.dot(s) / s * system.size[kept]
     items = tuple(int(i) for i in system.items[kept])
