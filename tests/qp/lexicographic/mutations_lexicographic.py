@@ -8,17 +8,13 @@ ROWS, STACKS = "tests/qp/lexicographic/test_lexicographic.py", "tests/stack/test
 
 MUTATIONS = [
     (STAGES, "        p.G[rows, p.n] -= residual\n", "        p.G[rows, p.n] += residual\n", ROWS),
-    (STAGES, "max(float(np.sqrt((wish.weights * asked * asked).sum())), _LEAST_SHARE)", "_LEAST_SHARE", STACKS),
     (STAGES, "            np.add(wish.wanted, wish.drift, column)\n",
      "            np.copyto(column, wish.wanted)\n", STACKS),
-    (STAGES, "p.lb[source.n :], p.ub[source.n :] = 0.0, 1.0", "p.lb[source.n :], p.ub[source.n :] = -9.0, 9.0", STACKS),
-    (DUAL, "        self._Er[-1, own] -= residual\n", "", ROWS),
+    (STAGES, "p.lb[source.n :], p.ub[source.n :] = 0.0, 1.0", "p.lb[source.n :], p.ub[source.n :] = 0.0, 0.0", STACKS),
     (DUAL, "_NONE if met else pushing", "_NONE", ROWS),
     (DUAL, "holds *= 1.0 + _TRACE", "holds *= 1.001", ROWS),
     (REST, "self.basis = _complement(self.basis, mine, _OWN)", "pass", ROWS),
-    (REST, "low[self.kept], high[self.kept] = -np.inf, np.inf", "pass", ROWS),
-    (SOLVER, "        if met and self._hope == k:\n            self._hope = k + 1\n",
-     "        self._hope = 0\n", STACKS),
+    (SOLVER, "        self._hope = k\n        while", "        self._hope = 0\n        while", STACKS),
     (SOLVER, "        if self.qps >= self.budget:\n            return False\n", "", STACKS),
     ("wbc/stack/hierarchy.py", "return [directions, parts] if directions else [parts]", "return [parts]", STACKS),
 ]  # fmt: skip
