@@ -29,7 +29,7 @@ def test_fifty_ticks_are_certified_and_have_a_report():
     assert "Distances" in [section.title for section in run_report(result).sections]
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.physics
 def test_in_physics_the_whole_way_there_and_back_is_clear_only_with_the_limit():
     result = run(8.0, plant="mujoco")

@@ -22,7 +22,7 @@ def test_our_own_humanoid_squeezes_a_bar() -> None:
 
 @needs_examples
 @pytest.mark.physics
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_real_humanoid_squeezes_a_bar() -> None:
     result = run("dual-arm", "robot=g1")
     assert not failed(result)

@@ -35,7 +35,7 @@ def test_our_own_humanoid_takes_a_step(step: ScenarioResult) -> None:
 
 @needs_examples
 @pytest.mark.physics
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("robot", ["talos", "g1"])
 def test_real_humanoids_take_ten_steps(robot: str) -> None:
     result = run("humanoid-step", f"robot={robot}")
@@ -52,7 +52,7 @@ def test_our_own_quadruped_trots_in_place() -> None:
 
 @needs_examples
 @pytest.mark.physics
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_real_quadruped_trots_in_place_for_ten_seconds() -> None:
     result = run("quadruped-trot-in-place", "robot=go2")
     assert not failed(result)

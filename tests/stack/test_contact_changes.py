@@ -62,7 +62,7 @@ def test_changes_at_random_always_have_an_answer(name: str) -> None:
     assert controller.plans.unplanned == 0
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["quadruped", "humanoid"])
 def test_ten_thousand_changes_always_have_an_answer(name: str) -> None:
     ended, _ = changes(name, CHANGES)
