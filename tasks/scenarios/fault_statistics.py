@@ -22,7 +22,7 @@ from wbc.types import Vec
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].
-LASTS, RECOVERY = 0.06, 0.14
+LASTS, RECOVERY = 0.06, 0.5
 #: Missing torque in units of its joint's threshold from which on a fault has to be found.
 CLEAR = 3.0
 KINDS = ("total", "partial", "bias")
