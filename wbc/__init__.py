@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     from wbc.control.controller import Controller as Controller
     from wbc.control.ladder import Recovery as Recovery
     from wbc.control.many import run_many as run_many
+    from wbc.control.rate import Rate as Rate
     from wbc.control.recorder import Recorder as Recorder
     from wbc.control.recorder import Run as Run
+    from wbc.control.setpoint import Setpoint as Setpoint
     from wbc.control.watchdog import Watchdog as Watchdog
     from wbc.models import load as load
     from wbc.qp import QP as QP
@@ -67,11 +69,13 @@ _HOME = {
     "LinearConstraint": "wbc.stack.constraint",
     "LinearTask": "wbc.stack.task",
     "QP": "wbc.qp",
+    "Rate": "wbc.control.rate",
     "Recorder": "wbc.control.recorder",
     "Recovery": "wbc.control.ladder",
     "Row": "wbc.qp",
     "Run": "wbc.control.recorder",
     "Schedule": "wbc.stack.schedule",
+    "Setpoint": "wbc.control.setpoint",
     "Solution": "wbc.qp",
     "Stack": "wbc.stack.stack",
     "Status": "wbc.types",

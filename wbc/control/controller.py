@@ -144,10 +144,10 @@ class Controller:
         """
         watch = self.watch
         start = watch.clock() if watch.timed else 0.0
-        t, q, v = self._read(t, q, v)
+        t, q, v = self.read(t, q, v)
         self.ticks += 1
         self.serial += 1
-        self.why = self._implausible(t, q, v) or watch.seen(t)
+        self.why = self.implausible(t, q, v) or watch.seen(t)
         if self.why:
             command = self.ladder.invalid()
         else:
@@ -162,8 +162,12 @@ class Controller:
             self.ladder.late(command, watch.took(watch.clock() - start))
         return command
 
-    def _read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
-        """Copies of the arguments as numbers of the right shape."""
+    def read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
+        """Copies of the arguments as numbers of the right shape.
+
+        Raises:
+            InvalidInput: q or v has another shape, or is not numbers.
+        """
         try:
             t, q, v = float(t), np.array(q, np.float64), np.array(v, np.float64)
         except (TypeError, ValueError) as cause:
@@ -173,7 +177,7 @@ class Controller:
             raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
         return t, q, v
 
-    def _implausible(self, t: float, q: Vec, v: Vec) -> str:
+    def implausible(self, t: float, q: Vec, v: Vec) -> str:
         """What is wrong with a state, or nothing. A quaternion that is nearly of norm 1 is normalised in place."""
         if not -_HUGE < ddot(q, q) + ddot(v, v) + t < _HUGE:  # ddot: in silence where the squares overflow
             if not -_HUGE < t < _HUGE:

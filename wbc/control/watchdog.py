@@ -23,7 +23,8 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 
-_KEPT = 10_000
+#: How many of the last durations, periods and latenesses statistics are made of.
+KEPT = 10_000
 
 
 @final
@@ -75,8 +76,8 @@ class Watch:
         self.clock, self.timed = settings.clock, settings.budget is not None
         self._most = settings.late * dt
         self.backwards = self.stale = self.late = self.missed = self.over = 0
-        self._durations: deque[float] = deque(maxlen=_KEPT)
-        self._periods: deque[float] = deque(maxlen=_KEPT)
+        self._durations: deque[float] = deque(maxlen=KEPT)
+        self._periods: deque[float] = deque(maxlen=KEPT)
         self.reset()
 
     def reset(self) -> None:
@@ -126,12 +127,12 @@ class Watch:
     @property
     def durations(self) -> Times | None:
         """How long the last ticks took; None where they are not timed."""
-        return _times(self._durations)
+        return times(self._durations)
 
     @property
     def periods(self) -> Times | None:
         """Time between the last ticks, by their own t; None where they are not timed."""
-        return _times(self._periods)
+        return times(self._periods)
 
     def __str__(self) -> str:
         counts = f"{self.backwards} backwards, {self.stale} stale, {self.late} late ({self.missed} periods missed)"
@@ -142,7 +143,8 @@ class Watch:
         return f"{counts}, {self.over} over budget; ticks [ms]: {ms}"
 
 
-def _times(values: deque[float]) -> Times | None:
+def times(values: deque[float]) -> Times | None:
+    """Statistics of those that are numbers; None where there are none."""
     found = np.array([value for value in values if not isnan(value)])
     if not len(found):
         return None
