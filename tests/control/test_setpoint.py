@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import JointVelocityLimits, Posture
-from tests.reliability.faults import limited
+from tests.reliability.faults import limited, sabotaged
 from wbc.control.setpoint import FEEDBACK
 from wbc.errors import InvalidInput
 from wbc.stack.interval import BRAKING
@@ -146,6 +146,28 @@ def test_measurements_that_cannot_be_believed_bring_the_setpoint_to_rest_without
     assert setpoint.tick(k * DT, rest, v).status.ok
     assert np.abs(model.difference(rest, setpoint.q)).max() < 1e-3, "it goes on from where it stopped"
     assert setpoint.dragged == 0
+
+
+@CASES
+def test_when_every_solver_fails_the_setpoint_brakes_stays_and_goes_on_from_there(robot: str, level: str):
+    """The robot itself stays where it was; without a bound on the drift nothing of that is in the setpoint."""
+    model, formulation = ROBOTS[robot], LEVELS[level]
+    controller, script = sabotaged(model, formulation, other=False, dt=DT)
+    controller.stack.tasks[-1].target = model.q0[-model.nj :] + 0.05  # type: ignore[attr-defined]
+    setpoint, still = wbc.Setpoint(controller, max_drift=np.inf), np.zeros(model.nv)
+    for k in range(30):
+        setpoint.tick(k * DT, model.q0, still)
+    assert np.abs(setpoint.v).max() > 0.01
+    script.fault = "raises"
+    for k in range(30, 430):
+        setpoint.tick(k * DT, model.q0, still)
+    rest = setpoint.q
+    assert setpoint.tick(430 * DT, model.q0, still).rung == "damped"
+    assert np.abs(setpoint.v).max() < 1e-3
+    assert np.abs(model.difference(rest, setpoint.q)).max() < 1e-6, "it stays"
+    rest, script.fault = setpoint.q, ""
+    assert setpoint.tick(431 * DT, model.q0, still).status.ok
+    assert np.abs(model.difference(rest, setpoint.q)).max() < 1e-4, "no step when it is solved again"
 
 
 @pytest.mark.parametrize("feedback", FEEDBACK)
