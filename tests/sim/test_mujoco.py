@@ -230,7 +230,7 @@ def test_frames_that_are_no_links_are_refused_by_name():
 
 def test_a_state_that_runs_away_is_an_error_not_a_new_beginning(command):
     plant = MujocoPlant(ARM)
-    plant.reset(ARM.q0, np.full(ARM.nv, 1e200))
+    plant.reset(ARM.q0, np.full(ARM.nv, 1e14))
     with pytest.raises(SimulationError, match="diverged at t = "):
         for _ in range(10):
             plant.step(command(ARM))

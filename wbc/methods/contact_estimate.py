@@ -61,8 +61,8 @@ class ContactEstimate(Method):
         >>> import numpy as np
         >>> from wbc.methods import ContactEstimate
         >>> J = np.eye(3)
-        >>> ContactEstimate(J, [-1.0, 0.0, 5.0]).closed_form().force.round(6).tolist()
-        [1.0, 0.0, -5.0]
+        >>> ContactEstimate(J, [-1.0, 2.0, 5.0]).closed_form().force.round(6).tolist()
+        [1.0, -2.0, -5.0]
     """
 
     J: Mat

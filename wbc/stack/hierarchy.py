@@ -58,7 +58,7 @@ class Strict(Hierarchy):
         >>> import wbc
         >>> from tasks import JointVelocityLimits, Position, Posture
         >>> robot = wbc.load("arm")
-        >>> stack = wbc.Stack([[Position("tool", target=[9.0, 0.0, 0.5])], [Posture(robot.q0)]],
+        >>> stack = wbc.Stack([[Position("tool", target=[3.0, 0.0, 0.5])], [Posture(robot.q0)]],
         ...                   subject_to=[JointVelocityLimits()])
         >>> controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), hierarchy=wbc.Strict())
         >>> [level.how for level in controller.tick(0.0, robot.q0, 0 * robot.q0).levels]
