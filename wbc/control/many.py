@@ -15,6 +15,8 @@ from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.types import Status, Vec
 
+_Part = tuple[Vec, Vec, Vec, list[Status], Any]
+
 # Pieces of work for each worker: enough to even out what takes longer.
 _SHARES = 4
 
@@ -71,32 +73,37 @@ def run_many(
     workers = min(workers, len(states))
     started = perf_counter()
     if workers == 1:
-        rows = _ticks(controllers, states)
+        parts = [_ticks(controllers, states)]
     else:
         size = len(states) // (workers * _SHARES) + 1
         shares = [slice(i, i + size) for i in range(0, len(states), size)]
         _WORK.append([(controllers[share], states[share]) for share in shares])
         try:
             with multiprocessing.get_context("fork").Pool(workers) as pool:
-                rows = [row for part in pool.map(_share, range(len(shares)), chunksize=1) for row in part]
+                parts = pool.map(_share, range(len(shares)), chunksize=1)
         finally:
             _WORK.pop()
+    a, v, tau, status, certified = zip(*parts, strict=True)
+    statuses = tuple(one for part in status for one in part)
     seconds = perf_counter() - started
-    a, v, tau, status, certified = zip(*rows, strict=True)
-    return Batch(np.array(a), np.array(v), np.array(tau), status, np.array(certified), seconds)
+    return Batch(np.vstack(a), np.vstack(v), np.vstack(tau), statuses, np.concatenate(certified), seconds)
 
 
 # What forks inherit: controllers hold memory of Pinocchio that cannot be sent.
 _WORK: list[list[tuple[list[Controller], Sequence[tuple[float, Any, Any]]]]] = []
 
 
-def _share(index: int) -> list[Any]:
+def _share(index: int) -> _Part:
     return _ticks(*_WORK[-1][index])
 
 
-def _ticks(controllers: Sequence[Controller], states: Sequence[tuple[float, Any, Any]]) -> list[Any]:
-    rows = []
-    for controller, (t, q, v) in zip(controllers, states, strict=True):
-        command = controller.tick(t, q, v)
-        rows.append((command.a, command.v, command.tau, command.status, command.certificate.ok))
-    return rows
+def _ticks(controllers: Sequence[Controller], states: Sequence[tuple[float, Any, Any]]) -> _Part:
+    n, model = len(states), controllers[0].model
+    a, v, tau = np.empty((n, model.nv)), np.empty((n, model.nv)), np.empty((n, model.nj))
+    status, certified = [], np.zeros(n, dtype=bool)
+    for k, (controller, (t, q, qd)) in enumerate(zip(controllers, states, strict=True)):
+        command = controller.tick(t, q, qd)
+        a[k], v[k], tau[k] = command.a, command.v, command.tau
+        status.append(command.status)
+        certified[k] = command.certificate.ok
+    return a, v, tau, status, certified
