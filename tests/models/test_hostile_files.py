@@ -44,7 +44,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "not UTF-8 text: byte 0 is 0x89"),
     "another encoding": (GOOD.encode("utf-16"), "not UTF-8 text"),
     "two roots": (GOOD + GOOD, "not well-formed XML: junk after document element"),
-    "MuJoCo's format": ("<mujoco><worldbody/></mujoco>", "begins with <mujoco>; it must be <robot> (this is MJCF"),
+    "MuJoCo's format without a robot": ("<mujoco><worldbody/></mujoco>", "no joint moves"),
     "Gazebo's format": ('<sdf version="1.7"/>', "(this is SDF"),
     "entity bomb": (BOMB + GOOD, "declares a document type"),
     "external entity": ('<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]><robot>&e;</robot>', "document type"),
@@ -148,7 +148,7 @@ def test_what_is_not_a_plain_file_is_not_opened(tmp_path: Path):
         load("/dev/zero")
     with pytest.raises(ModelError, match="there is no such file"):
         load(tmp_path / "missing.urdf")
-    with pytest.raises(UnknownRobot, match=r"no robot 'robot'.*or give the path of a URDF file"):
+    with pytest.raises(UnknownRobot, match=r"no robot 'robot'.*or give the path of a URDF or MJCF file"):
         load("robot")
 
 

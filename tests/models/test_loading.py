@@ -14,9 +14,9 @@ from wbc.errors import InvalidInput, ModelError, UnknownJoint, UnknownRobot
 from wbc.models import load
 from wbc.models.feet import Foot, sole_of_balls
 from wbc.models.geometry import Box, Cylinder, Origin, Sphere
+from wbc.models.loading import read_description
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.urdf import Joint, Link, Urdf
-from wbc.models.urdf_reader import read_urdf
 
 LINK = (
     '<link name="{}"><inertial><origin xyz="0.1 0 0.2" rpy="0.1 0.2 0.3"/><mass value="1.5"/>'
@@ -152,7 +152,7 @@ def test_a_written_robot_reads_back_the_same(tmp_path: Path):
         robot = load(name).urdf
         path = tmp_path / f"{name}.urdf"
         path.write_text(robot.text(with_shapes=True))
-        again = read_urdf(path)
+        again = read_description(path)
         assert replace(again, path=None, folders=None) == replace(robot, path=None, folders=None)
 
 

@@ -55,7 +55,7 @@ class Controller:
         watchdog: what is a stale state, a late or a long tick; ``watch`` counts them.
 
     Raises:
-        NotSupported: a member the level cannot carry, or a solver that cannot keep limits at this rate.
+        NotSupported: several robots, a member the level cannot carry, or a solver that cannot keep limits at this rate.
         InvalidInput, UnknownFrame, UnknownSolver: an argument that makes no sense, by name.
 
     Example:
@@ -83,6 +83,11 @@ class Controller:
         recovery: Recovery | None = None,
         watchdog: Watchdog | None = None,
     ) -> None:
+        if isinstance(robot, list | tuple):
+            raise NotSupported(
+                f"robot is {len(robot)} robots, and a controller has one: give each free robot its own controller; "
+                "robots bolted to one world may be one tree of one file"
+            )
         levels = "VelocityLevel(), AccelerationLevel() or InverseDynamics()"
         for name, value, kind, what in (
             ("robot", robot, RobotModel, "a robot from wbc.load(...)"),

@@ -1,4 +1,4 @@
-"""``load``: a robot by its name, or from a URDF file."""
+"""``load``: a robot by its name, or from a URDF or MJCF file."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ import numpy as np
 
 from wbc.errors import InvalidInput, ModelError, UnknownRobot
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots, read_pose
+from wbc.models.geometry import Origin
+from wbc.models.mjcf_reader import read_mjcf
+from wbc.models.safe_xml import read_xml
+from wbc.models.urdf import Urdf
 from wbc.models.urdf_reader import read_urdf
 from wbc.types import Vec
 
@@ -25,11 +29,17 @@ def load(
     base: Literal["fixed", "floating"] | None = None,
     packages: Iterable[str | Path] = (),
 ) -> PinocchioModel:
-    """A robot by its name, or from a URDF file.
+    """A robot by its name, or from a URDF or MJCF file.
 
     Our own robots are "arm", "quadruped" and "humanoid"; "panda", "go2", "g1", "talos" and others need the package
     example-robot-data. ``base`` is what moves with the robot's first link: nothing ("fixed", the default for arms and
-    files) or six velocities ("floating", the default for robots with legs). ``packages`` are further folders that
+    files) or six velocities ("floating", the default for robots with legs and for an MJCF body with a free joint).
+
+    MJCF (root element ``<mujoco>``) is compiled by MuJoCo, the extra ``sim``, after the checks that URDF passes: trees
+    of hinges and slides with at most one free joint; bodies and named sites are frames, armature is part of M, equal
+    joints are mimic joints. Options, keyframes and what stands still in the world are not the robot's and not read.
+
+    ``packages`` are further folders that
     ``package://`` and ``../`` in a file may lead to; meshes are taken from the file's own folder, its ROS package and
     these, never from elsewhere. Meshes that are missing, limits that make no sense and mimic joints are warned about.
 
@@ -56,7 +66,7 @@ def load(
     if name in OWN:
         return _named(name, OWN[name], OWN_ROBOTS, base, folders)
     if name not in EXAMPLES:
-        raise UnknownRobot(name, [*OWN, *EXAMPLES], "or give the path of a URDF file")
+        raise UnknownRobot(name, [*OWN, *EXAMPLES], "or give the path of a URDF or MJCF file")
     try:
         folder = example_robots()
     except ModelError as missing:
@@ -69,8 +79,9 @@ def _named(
 ) -> PinocchioModel:
     from wbc.models.pinocchio_ import PinocchioModel
 
-    urdf = read_urdf(folder / entry.urdf, packages=packages).with_rigid(entry.rigid)
-    robot = PinocchioModel(urdf, base=entry.base if base is None else base, name=name, feet=entry.feet(urdf))
+    urdf = read_description(folder / entry.urdf, packages=packages).with_rigid(entry.rigid)
+    base = base or (entry.base if urdf.base is None else "floating")
+    robot = PinocchioModel(urdf, base=base, name=name, feet=entry.feet(urdf))
     robot = robot.replace(q0=_stance(robot, entry, folder))
     oddities = urdf.oddities()
     if not _has_inertia(robot):
@@ -79,6 +90,21 @@ def _named(
         more = f"; and {len(oddities) - 5} more" if len(oddities) > 5 else ""
         warnings.warn(f"{robot.name}: {'; '.join(oddities[:5])}{more}", stacklevel=3)
     return robot
+
+
+def read_description(path: str | Path, *, packages: Iterable[str | Path] = ()) -> Urdf:
+    """Read a URDF or MJCF file. ``packages``: folders that ``package://`` and ``../`` may lead to, beside its own.
+
+    Raises:
+        ModelError: the file cannot be read or is not a robot; the message names the file and says what is wrong.
+        PathRefused: a mesh outside the folders.
+    """
+    path = Path(path)
+    try:
+        root = read_xml(path, "robot", "mujoco")
+        return (read_mjcf if root.tag == "mujoco" else read_urdf)(root, path, packages=packages)
+    except ModelError as error:
+        raise type(error)(f"{path}: {error}") from None
 
 
 def _stance(robot: PinocchioModel, entry: Entry, folder: Path) -> Vec:
@@ -91,10 +117,18 @@ def _stance(robot: PinocchioModel, entry: Entry, folder: Path) -> Vec:
         base = pose.pop("root_joint", [])
         stance |= {joint: position[0] for joint, position in pose.items() if joint in robot.joint_names}
     q0 = robot.configuration(stance)
+    if robot.nb and robot.urdf.base is not None:
+        q0[:7] = _xyz_quaternion(robot.urdf.base)
     if robot.nb and not robot.feet and len(base) == 7:
         q0[:7] = base
         q0[3:7] /= np.linalg.norm(q0[3:7])
     return q0
+
+
+def _xyz_quaternion(origin: Origin) -> Vec:
+    import pinocchio as pin
+
+    return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(origin.matrix)), dtype=np.float64)
 
 
 def _has_inertia(robot: PinocchioModel) -> bool:

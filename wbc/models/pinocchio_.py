@@ -24,15 +24,16 @@ _INTERNAL = {"universe", "root_joint"}
 
 @final
 class PinocchioModel(RobotModel):
-    """A robot from a URDF. Made by :func:`wbc.models.load`; it does not change once made.
+    """A robot from a URDF or MJCF file. Made by :func:`wbc.models.load`; it does not change once made.
 
     Beside what every :class:`~wbc.models.model.RobotModel` has: ``base`` "fixed" or "floating"; ``urdf``, the checked
-    description with its ``path`` and ``text()``; ``visuals`` and ``collisions``, shapes on links; ``feet`` by frame;
-    ``pinocchio``, the model of that library (to be read only), and ``frames``, the index of each frame in it.
+    description with its ``path`` and ``text()``; ``armature`` (nj,), inertia of the rotors, part of M; ``visuals`` and
+    ``collisions``, shapes on links; ``feet`` by frame; ``pinocchio``, the model of that library (to be read only), and
+    ``frames``, the index of each frame in it.
 
-    A floating base is the root link of the URDF. Each joint has one position: joints without end count on past π and
-    have infinite limits. Mimic joints are joints of their own. The mass is what moves: on a fixed base without the
-    links bolted to the world.
+    A floating base is the root link of the description. Each joint has one position: joints without end count on past
+    π and have infinite limits. Mimic joints are joints of their own (``tasks.mimic_joints`` makes them gears). The mass
+    is what moves: on a fixed base without the links bolted to the world.
 
     Raises:
         ModelError: Pinocchio cannot make a model of the description.
@@ -73,6 +74,8 @@ class PinocchioModel(RobotModel):
         joints = [by_name[joint] for joint in self.joint_names]
         self.joint_units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
         self.limits = _limits(joints)
+        self.armature = _frozen(np.array([joint.armature for joint in joints]))
+        model.armature[self.nb :] = self.armature
         self.mass = float(pin.computeTotalMass(model))
         self.gravity = _frozen(model.gravity.linear.copy())
         self.frames: Mapping[str, int] = _frames(model)

@@ -16,8 +16,8 @@ MAX_DEPTH = 50
 _CHUNK = 1 << 16
 
 
-def read_xml(path: Path, root: str) -> Element:
-    """The root element of an XML file, which must be called ``root``.
+def read_xml(path: Path, *roots: str) -> Element:
+    """The root element of an XML file, which must be called one of ``roots``.
 
     Raises:
         ModelError: no such file, not a plain file, too large, not UTF-8, not well formed, with a document type or
@@ -37,8 +37,9 @@ def read_xml(path: Path, root: str) -> Element:
     except UnicodeDecodeError as cause:
         raise ModelError(f"the file is not UTF-8 text: byte {cause.start} is {content[cause.start]:#04x}") from None
     found = parse_xml(text)
-    if found.tag != root:
-        raise ModelError(f"the file begins with <{str(found.tag)[:40]}>; it must be <{root}>{_advice(found.tag)}")
+    if found.tag not in roots:
+        allowed = " or ".join(f"<{root}>" for root in roots)
+        raise ModelError(f"the file begins with <{str(found.tag)[:40]}>; it must be {allowed}{_advice(found.tag)}")
     return found
 
 
@@ -77,5 +78,4 @@ def parse_xml(text: str) -> Element:
 
 
 def _advice(tag: str) -> str:
-    known = {"mujoco": " (this is MJCF; give a URDF)", "sdf": " (this is SDF; give a URDF)"}
-    return known.get(tag, "")
+    return " (this is SDF; give a URDF)" if tag == "sdf" else ""

@@ -50,7 +50,8 @@ class Joint:
     """``child`` moves against ``parent`` about or along ``axis``; ``origin`` is the joint in the parent.
 
     Limits in rad or m, per s, N m or N; ±inf: none. They are the file's own, even where they make no sense. A joint
-    that ``mimics`` another is meant to be at mimic_ratio · other + mimic_offset.
+    that ``mimics`` another is meant to be at mimic_ratio · other + mimic_offset. ``armature`` is the inertia of a rotor
+    [kg m², kg], which MJCF has and URDF has no word for.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Joint:
     mimics: str | None = None
     mimic_ratio: float = 1.0
     mimic_offset: float = 0.0
+    armature: float = 0.0
 
     @property
     def moves(self) -> bool:
@@ -79,6 +81,9 @@ class Joint:
 @dataclass(frozen=True)
 class Urdf:
     """A robot: links and joints that form one tree, and what it looks like.
+
+    ``base`` is where a description puts a base that is free to move, None where it says nothing of that kind;
+    ``left_out`` are sentences on parts of a file that are not in here.
 
     Raises:
         ModelError: names given twice, unknown links, a link with two parents, a loop, two trees, nothing that moves.
@@ -92,6 +97,8 @@ class Urdf:
     path: Path | None = None
     folders: Folders | None = None
     missing_meshes: tuple[str, ...] = ()
+    base: Origin | None = None
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _refuse_twice("links", [link.name for link in self.links])
@@ -123,10 +130,12 @@ class Urdf:
                     found.append(f"the {what} limit of joint {joint.name!r} is {value:g}")
             if joint.mimics is not None:
                 found.append(f"joint {joint.name!r} mimics {joint.mimics!r}, here it moves by itself")
-        return found + [f"there is no mesh {reference!r}" for reference in self.missing_meshes]
+        return found + list(self.left_out) + [f"there is no mesh {reference!r}" for reference in self.missing_meshes]
 
     def text(self, *, continuous: Literal["continuous", "revolute"] = "continuous", with_shapes: bool = False) -> str:
         """The robot as URDF: its links, joints, inertias, limits, damping and friction (and shapes), and nothing else.
+
+        URDF has no word for ``armature`` and ``base``: whoever reads the text adds them.
 
         Numbers are written in full, so that reading gives the same bits. ``continuous="revolute"`` writes joints
         without end as revolute ones with limits of ±1e30 rad, which have one position instead of a sine and a cosine.

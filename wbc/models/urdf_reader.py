@@ -14,24 +14,19 @@ import numpy as np
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
-from wbc.models.safe_xml import read_xml
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
 
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
 
 
-def read_urdf(path: str | Path, *, packages: Iterable[str | Path] = ()) -> Urdf:
-    """Read a URDF file. ``packages``: folders that ``package://`` and ``../`` may lead to, beside the file's own.
+def read_urdf(root: Element, path: Path, *, packages: Iterable[str | Path] = ()) -> Urdf:
+    """The robot of a URDF file whose root element is ``root``.
 
     Raises:
-        ModelError: the file cannot be read or is not a robot; the message names the file and says what is wrong.
+        ModelError: it is not a robot; the message says what is wrong.
         PathRefused: a mesh outside the folders.
     """
-    path = Path(path)
-    try:
-        return _Reader(Folders.around(path.parent, packages)).robot(read_xml(path, "robot"), path)
-    except ModelError as error:
-        raise type(error)(f"{path}: {error}") from None
+    return _Reader(Folders.around(path.parent, packages)).robot(root, path)
 
 
 @final

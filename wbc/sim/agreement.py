@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from wbc.errors import SimulationError
-from wbc.models.model import RobotModel
+from wbc.models.pinocchio_ import PinocchioModel
 from wbc.sim.bridge import Bridge
 from wbc.sim.engine import mujoco
 from wbc.types import Mat, Vec
@@ -24,17 +24,19 @@ TOLERANCE = 1e-8
 _STATES = 3
 
 
-def check_agreement(model: RobotModel, physics: Any, bridge: Bridge) -> dict[str, float]:
+def check_agreement(model: PinocchioModel, physics: Any, bridge: Bridge) -> dict[str, float]:
     """The largest relative difference of each quantity, over a few random states.
 
     On a fixed base the links bolted to the world are left out of the mass: they never move, and models do not count
-    them. Contacts, stops, actuator limits, armature and friction are off: they are the plant's own.
+    them. Contacts, stops, actuator limits, friction and the armature of settings are off: they are the plant's own.
 
     Raises:
         SimulationError: one of them is larger than 1e-8.
     """
     mj = mujoco()
     bare = _without_extras(mj, physics)
+    for i, armature in enumerate(model.armature):
+        bare.dof_armature[bridge.velocity_index(i)] = armature
     data = mj.MjData(bare)
     moving = bare.body_weldid != 0
     worst = {"total mass": _difference(bare.body_mass[moving].sum(), model.mass), "M": 0.0, "h": 0.0, "a": 0.0}

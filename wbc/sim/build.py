@@ -1,4 +1,4 @@
-"""From a robot's URDF to a physics model: free joint, floor, feet, torque actuators. No meshes, no pictures.
+"""From a robot's description to a physics model: free joint, floor, feet, torque actuators. No meshes, no pictures.
 
 Masses and inertias are the file's, to the bit: links that do not move are not fused (fusing drops the mass of a
 floating base's root), inertias are not balanced, feet weigh nothing. Only the feet touch the floor.
@@ -113,7 +113,7 @@ def _set_joints(mj: Any, spec: Any, robot: PinocchioModel, settings: PhysicsSett
         joint.range = [limits.q_min[i], limits.q_max[i]] if stops else [0.0, 0.0]
         joint.solref_limit, joint.solimp_limit = list(settings.solref), list(settings.solimp)
         joint.actfrclimited = False  # the actuator has the limit, once
-        joint.armature = settings.armature
+        joint.armature = settings.armature + float(robot.armature[i])
         if settings.joint_friction != "urdf":
             joint.frictionloss = settings.joint_friction
         if settings.joint_damping != "urdf":

@@ -1,0 +1,283 @@
+"""A robot from MJCF is the robot that MuJoCo makes of the same file: inertia, bias, frames, limits, base."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import wbc
+from tasks import mimic_joints
+from wbc.errors import ModelError, PathRefused
+from wbc.models.geometry import Cylinder, Mesh, Sphere
+from wbc.sim.mujoco_ import MujocoPlant
+
+mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
+pytestmark = pytest.mark.physics
+
+#: Defaults, degrees, Euler angles, anchors, two joints on a body, masses from shapes, rotors, a slide, sites, a table.
+BODY = """
+<mujoco model="crawler">
+  <compiler angle="degree" autolimits="true"/>
+  <default>
+    <joint armature="0.02" damping="0.3"/>
+    <default class="strong"><motor ctrlrange="-10 10" gear="3"/></default>
+  </default>
+  <option gravity="0 0 -9.81" timestep="0.002"/>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <geom name="ground" type="plane" size="1 1 1"/>
+    <body name="table" pos="1 1 0"><geom type="box" size=".1 .1 .1"/></body>
+    <body name="trunk" pos="0.1 0.2 0.5" euler="10 20 30">
+      {base}
+      <geom type="box" size="0.2 0.1 0.05" mass="4" euler="0 30 10"/>
+      <body name="thigh" pos="0.2 0 -0.1" euler="0 90 0">
+        <joint name="hip_yaw" axis="0 0 1" range="-40 60"/>
+        <joint name="hip_pitch" axis="0 1 0.2" pos="0.01 0.02 0.03" range="-90 90" frictionloss="0.4"/>
+        <geom type="capsule" fromto="0 0 0 0 0.1 -0.3" size="0.03" density="800"/>
+        <body name="shank" pos="0 0.1 -0.3" quat="0.9 0.1 0.2 0.3">
+          <joint name="knee" axis="1 0 0"/>
+          <inertial pos="0.01 0 -0.1" mass="0.7" fullinertia="0.01 0.012 0.008 0.001 0.002 -0.001"/>
+          <geom type="cylinder" size="0.02 0.1" contype="0" conaffinity="0"/>
+          <site name="toe" pos="0 0.02 -0.25" euler="5 0 90"/>
+        </body>
+      </body>
+      <body name="rail" pos="-0.2 0 0">
+        <joint name="slider" type="slide" axis="1 1 0" pos="0.05 0 0" range="-0.2 0.3"/>
+        <geom type="sphere" size="0.05" pos="0 0 0.1"/>
+        <body name="tool" pos="0 0 0.2"><geom size=".02"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="a" joint="hip_yaw" class="strong"/>
+    <motor name="b" joint="hip_pitch" class="strong" forcerange="-7 7"/>
+    <position name="c" joint="slider" kp="50"/>
+  </actuator>
+  <equality><joint joint1="knee" joint2="hip_pitch" polycoef="0.1 -2 0 0 0"/></equality>
+  <keyframe><key name="home"/></keyframe>
+</mujoco>
+"""
+
+FREE, FIXED = BODY.format(base="<freejoint/>"), BODY.format(base="")
+
+
+def loaded(folder: Path, text: str, **options):
+    """The robot of a text; what is odd about it is not the matter here."""
+    path = folder / "robot.xml"
+    path.write_text(text)
+    with pytest.warns(UserWarning):
+        return wbc.load(path, **options)
+
+
+def simple(*, body: str = "", joint: str = 'type="hinge"', more: str = "") -> str:
+    return (
+        f'<mujoco><worldbody><body name="link"><joint name="hinge" {joint}/><geom size=".1"/>{body}</body></worldbody>'
+        f"{more}</mujoco>"
+    )
+
+
+@pytest.fixture(scope="module", params=[FREE, FIXED], ids=["free", "fixed"])
+def both(request, tmp_path_factory):
+    """The robot, and MuJoCo's own reading of the same file."""
+    physics = mujoco.MjModel.from_xml_string(request.param)
+    return loaded(tmp_path_factory.mktemp("mjcf"), request.param), physics
+
+
+def compare(robot, physics, seed, tolerance=1e-12):
+    """M, bias and frames at a random state, against the engine; positions and velocities are written by joint name."""
+    random = np.random.default_rng(seed)
+    q, v = robot.random_configuration(random), random.standard_normal(robot.nv)
+    state, data, nb = robot.state(), mujoco.MjData(physics), robot.nb
+    state.update(0.0, q, v)
+    dof = [physics.jnt(name).dofadr[0] for name in robot.joint_names]
+    X, drift = np.zeros((robot.nv, robot.nv)), np.zeros(robot.nv)
+    X[dof, range(nb, robot.nv)] = 1.0
+    for name, position in zip(robot.joint_names, q[robot.nq - robot.nj :], strict=True):
+        data.qpos[physics.jnt(name).qposadr[0]] = position
+    if nb:
+        data.qpos[:3], data.qpos[3:7] = q[:3], q[[6, 3, 4, 5]]
+        R = np.zeros(9)
+        mujoco.mju_quat2Mat(R, data.qpos[3:7].copy())
+        R = R.reshape(3, 3)
+        X[:3, :3], X[3:6, 3:6] = R, np.eye(3)
+        drift[:3] = R @ np.cross(v[3:6], v[:3])
+    data.qvel[:] = X @ v
+    mujoco.mj_forward(physics, data)
+    M = np.zeros((robot.nv, robot.nv))
+    mujoco.mj_fullM(physics, data, M)
+    scale = np.abs(M).max()
+    np.testing.assert_allclose(state.M, X.T @ M @ X, atol=tolerance * scale)
+    bias = X.T @ (data.qfrc_bias + M @ drift)
+    np.testing.assert_allclose(state.h, bias, atol=tolerance * (1 + np.abs(bias).max()))
+    for kind, places, axes in (("body", data.xpos, data.xmat), ("site", data.site_xpos, data.site_xmat)):
+        for i in range(getattr(physics, f"n{kind}")):
+            name = getattr(physics, kind)(i).name
+            if name in robot.frame_names and name != "world":
+                frame = state.frame(name)
+                np.testing.assert_allclose(frame.position, places[i], atol=tolerance)
+                np.testing.assert_allclose(frame.rotation, axes[i].reshape(3, 3), atol=tolerance)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**31))
+def test_inertia_bias_and_frames_are_those_of_mujoco(both, seed):
+    robot, physics = both
+    assert {"trunk", "thigh", "shank", "rail", "tool", "toe"} <= set(robot.frame_names)
+    compare(robot, physics, seed)
+
+
+@pytest.mark.parametrize(("name", "base"), [("arm", "fixed"), ("quadruped", "floating"), ("humanoid", "floating")])
+def test_our_robots_written_as_mjcf_are_the_same_robots(tmp_path, name, base):
+    robot = wbc.load(name)
+    compiler = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'
+    spec = mujoco.MjSpec.from_string(robot.urdf.text(continuous="revolute").replace("</robot>", compiler))
+    if base == "floating":
+        spec.worldbody.first_body().add_freejoint()
+    physics = spec.compile()
+    path = tmp_path / "robot.xml"
+    path.write_text(spec.to_xml())
+    again = wbc.load(path)
+    assert (again.base, set(again.joint_names)) == (base, set(robot.joint_names))
+    order = [again.joint_names.index(joint) for joint in robot.joint_names]
+    np.testing.assert_allclose(again.limits.q_min[order], robot.limits.q_min, rtol=1e-5)
+    np.testing.assert_allclose(again.limits.tau_max[order], robot.limits.tau_max, rtol=1e-5)
+    np.testing.assert_allclose(again.mass, robot.mass, rtol=1e-5)
+    for seed in range(5):
+        compare(again, mujoco.MjModel.from_xml_path(str(path)), seed)
+    assert physics.nv == again.nv
+
+
+def test_limits_come_from_joints_and_actuators(both):
+    robot = both[0]
+    joint = {name: i for i, name in enumerate(robot.joint_names)}
+    limits = robot.limits
+    assert robot.joint_units[joint["slider"]] == "m"
+    np.testing.assert_allclose(np.degrees(limits.q_min[joint["hip_yaw"]]), -40.0)
+    np.testing.assert_allclose(limits.q_max[joint["slider"]], 0.3)
+    assert limits.q_max[joint["knee"]] == np.inf
+    assert np.isinf(limits.v_max).all()
+    torques = {name: limits.tau_max[i] for name, i in joint.items()}
+    assert torques == {"hip_yaw": 30.0, "hip_pitch": 21.0, "slider": np.inf, "knee": 0.0}
+    assert (robot.armature == 0.02).all()
+
+
+def test_a_free_joint_is_a_floating_base_that_starts_where_the_file_says(both):
+    robot, physics = both
+    assert robot.base == ("floating" if physics.nq > physics.nv else "fixed")
+    state = robot.state()
+    np.testing.assert_allclose(state.frame("trunk").position, [0.1, 0.2, 0.5], atol=1e-15)
+
+
+def test_equal_joints_are_gears(both):
+    (gear,) = mimic_joints(both[0])
+    assert (gear.joint, gear.ratios, gear.offset) == ("knee", {"hip_pitch": -2.0}, 0.1)
+
+
+def test_a_capsule_is_a_cylinder_with_two_balls_and_what_does_not_collide_is_only_seen(both):
+    shapes = [type(shape.shape) for shape in both[0].collisions if shape.link == "thigh"]
+    assert sorted(shapes, key=str) == sorted([Cylinder, Sphere, Sphere], key=str)
+    assert {shape.link for shape in both[0].visuals} - {shape.link for shape in both[0].collisions} == {"shank"}
+
+
+def test_physics_is_built_from_it_with_its_rotors(tmp_path):
+    arm = simple(joint='axis="0 1 0" pos="0 0 0.1" armature="0.5" actuatorfrcrange="-9 9"', body='<site name="s"/>')
+    path = tmp_path / "arm.xml"
+    path.write_text(arm)
+    plant = MujocoPlant(wbc.load(path))
+    assert max(plant.agreement.values()) < 1e-11
+    assert plant.physics.dof_armature[0] == 0.5
+
+
+def test_a_mesh_lies_where_the_file_has_it_whatever_the_compiler_does_to_it(tmp_path):
+    (tmp_path / "shapes").mkdir()
+    corners = [(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)]
+    faces = ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
+    (tmp_path / "shapes" / "wedge.obj").write_text("\n".join(lines))
+    text = simple(
+        body='<geom type="mesh" mesh="wedge" pos="1 2 3" euler="10 20 30"/>',
+        more='<compiler meshdir="shapes"/><asset><mesh file="wedge.obj" scale="0.1 0.1 0.1"/></asset>',
+    )
+    path = tmp_path / "arm.xml"
+    path.write_text(text)
+    (mesh,) = [shape for shape in wbc.load(path).visuals if isinstance(shape.shape, Mesh)]
+    physics = mujoco.MjModel.from_xml_path(str(path))
+    geom = int(np.flatnonzero(physics.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, physics.geom_quat[geom])
+    theirs = physics.mesh_vert @ R.reshape(3, 3).T + physics.geom_pos[geom]
+    ours = np.array(corners) * mesh.shape.scale @ mesh.origin.rotation.T + mesh.origin.xyz
+    np.testing.assert_allclose(sorted(ours.tolist()), sorted(theirs.tolist()), atol=1e-6)  # vertices are in float32
+
+
+REFUSED = {
+    "a ball joint": (simple(joint='type="ball"'), "joint 'hinge' is a ball"),
+    "a spring": (simple(joint='stiffness="3"'), "joint 'hinge' has a spring"),
+    "a reference position": (simple(joint='ref="0.2"'), "joint 'hinge' has a reference position"),
+    "gravity compensation": (simple(body='<body name="b" gravcomp="1"/>'), "body 'b' has gravcomp"),
+    "an ellipsoid": (simple(body='<geom type="ellipsoid" size=".1 .2 .3"/>'), "type ellipsoid, which is not supported"),
+    "another file": (simple(more='<include file="/etc/passwd"/>'), "<include> is not supported"),
+    "a plugin": (simple(more='<extension><plugin plugin="x"/></extension>'), "is not supported"),
+    "a copy a million times": (simple(body='<replicate count="1000000"><site/></replicate>'), "<replicate> is not"),
+    "a section nobody knows": (simple(more="<wings/>"), "<wings> is not supported"),
+    "what MuJoCo refuses": (simple(body='<body pos="0 0"/>'), "pos"),
+    "no masses": ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "mass"),
+    "a mesh made of numbers": (simple(more='<asset><mesh name="m" vertex="0 0 0"/></asset>'), "<mesh> 'm' has no file"),
+    "a lost mesh that weighs": (
+        simple(body='<body name="b"><geom type="mesh" mesh="m"/></body>', more='<asset><mesh file="m.stl"/></asset>'),
+        "<body> 'b' has no <inertial>, and its mesh 'm' does not exist",
+    ),
+    "two robots": (
+        '<mujoco><worldbody><body name="a"><freejoint/><geom size="1"/></body>'
+        '<body name="b"><freejoint/><geom size="1"/></body></worldbody></mujoco>',
+        "bodies 'a', 'b' stand in the world side by side",
+    ),
+}
+
+
+@pytest.mark.parametrize("text", REFUSED, ids=str)
+def test_what_is_not_supported_is_refused_by_name(tmp_path, text):
+    content, message = REFUSED[text]
+    path = tmp_path / "robot.xml"
+    path.write_text(content)
+    with pytest.raises(ModelError, match=r"robot\.xml: ") as refusal:
+        wbc.load(path)
+    assert message in str(refusal.value)
+
+
+@pytest.mark.parametrize("file", ["../secret.stl", "/etc/passwd", "http://host/a.stl"])
+def test_a_mesh_elsewhere_is_refused(tmp_path, file):
+    path = tmp_path / "robot.xml"
+    path.write_text(simple(more=f'<asset><mesh name="m" file="{file}"/></asset>'))
+    with pytest.raises(PathRefused):
+        wbc.load(path)
+
+
+def test_what_is_left_out_is_said(tmp_path):
+    more = (
+        '<tendon><fixed name="cord"><joint joint="hinge" coef="1"/></fixed></tendon>'
+        '<actuator><motor name="winch" tendon="cord"/></actuator>'
+    )
+    path = tmp_path / "robot.xml"
+    path.write_text(simple(more=more))
+    with pytest.warns(UserWarning) as said:
+        wbc.load(path)
+    text = str(said[0].message)
+    assert "tendon 'cord' is left out" in text
+    assert "actuator 'winch' is left out: it moves no joint" in text
+
+
+def test_arms_bolted_to_one_world_are_one_robot(tmp_path):
+    arms = "".join(
+        f'<body name="{side}" pos="0 {y} 0"><joint name="{side}_hinge"/><geom size="1" pos="3 0 0"/></body>'
+        for side, y in (("left", 0.5), ("right", -0.5))
+    )
+    path = tmp_path / "arms.xml"
+    path.write_text(f"<mujoco><worldbody>{arms}</worldbody></mujoco>")
+    robot = wbc.load(path)
+    assert (robot.base, set(robot.joint_names)) == ("fixed", {"left_hinge", "right_hinge"})
+    compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)

@@ -1,0 +1,271 @@
+"""From an MJCF file to a :class:`~wbc.models.urdf.Urdf`: compiled by MuJoCo, then written as links and joints.
+
+Defaults, angles, Euler conventions and masses from shapes are the compiler's; what follows is the description alone, so
+that a robot from MJCF is the same kind of thing as one from URDF, in the model and in physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from math import atan2, cos, hypot, inf, sin
+from pathlib import Path
+from typing import Any, cast, final
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from wbc.errors import ModelError
+from wbc.models.folders import Folders
+from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
+from wbc.models.mjcf_source import MjcfSource
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
+from wbc.types import Mat, Vec
+
+WORLD = "world"
+#: Geometry groups that viewers draw unless told otherwise.
+_DRAWN = 3
+
+
+def read_mjcf(root: Element, path: Path, *, packages: Iterable[str | Path] = ()) -> Urdf:
+    """The robot of an MJCF file whose root element is ``root``.
+
+    Raises:
+        ModelError: MuJoCo is not installed or refuses the file, or it has what a tree of hinges and slides has not;
+            named.
+        PathRefused: a mesh outside the folders.
+    """
+    folders = Folders.around(path.parent, packages)
+    name = root.get("model", path.stem)
+    source = MjcfSource(root, folders)
+    try:
+        mj = import_module("mujoco")
+    except ImportError as cause:
+        raise ModelError(
+            f"MJCF is compiled by MuJoCo, which cannot be imported ({cause}); pip install mujoco"
+        ) from None
+    try:
+        compiled = mj.MjModel.from_xml_string(source.text)
+    except ValueError as cause:
+        raise ModelError(" ".join(str(cause).split())) from None
+    return _Translation(mj, compiled, source).robot(name, path)
+
+
+@final
+class _Translation:
+    """One compiled model, body by body."""
+
+    def __init__(self, mj: Any, compiled: Any, source: MjcfSource) -> None:
+        self.mj, self.m, self.source = mj, compiled, source
+        self.links: list[Link] = []
+        self.joints: list[Joint] = []
+        self.left_out = list(source.left_out)
+        self.mimics = self._mimics()
+
+    def robot(self, name: str, path: Path) -> Urdf:
+        m = self.m
+        roots = self._roots()
+        free = [body for body in roots if self._is_free(body)]
+        if free and len(roots) > 1:
+            names = ", ".join(repr(self.body(body)) for body in roots)
+            raise ModelError(f"bodies {names} stand in the world side by side, one of them free; a robot is one tree")
+        bodies = [body for body in range(1, m.nbody) if m.body_rootid[body] in roots]
+        if not free:
+            self.links.append(Link(WORLD))
+        for body in bodies:
+            self._refuse_body(body)
+            self._add(body)
+        for site in range(m.nsite):
+            if m.site(site).name and m.site_bodyid[site] in bodies:
+                self._add_site(site)
+        shapes = [pair for geom in range(m.ngeom) if m.geom_bodyid[geom] in bodies for pair in self._shapes(geom)]
+        return Urdf(
+            name=name,
+            links=tuple(self.links),
+            joints=tuple(self.joints),
+            visuals=tuple(shape for geom, shape in shapes if m.geom_group[geom] < _DRAWN),
+            collisions=tuple(shape for geom, shape in shapes if m.geom_contype[geom] or m.geom_conaffinity[geom]),
+            path=path.resolve(),
+            folders=self.source.folders,
+            missing_meshes=tuple(self.source.missing),
+            base=_origin(m.body_pos[free[0]], self._matrix(m.body_quat[free[0]])) if free else None,
+            left_out=tuple(self.left_out),
+        )
+
+    # ---- names
+    def body(self, index: int) -> str:
+        return str(self.m.body(index).name) or f"body_{index}"
+
+    def joint(self, index: int) -> str:
+        return str(self.m.jnt(index).name) or f"joint_{index}"
+
+    # ---- bodies
+    def _roots(self) -> list[int]:
+        """Children of the world with something that moves; the others are furniture."""
+        m = self.m
+        return sorted({int(m.body_rootid[body]) for body in range(1, m.nbody) if m.body_dofnum[body]})
+
+    def _is_free(self, body: int) -> bool:
+        m = self.m
+        return bool(m.body_jntnum[body] and m.jnt_type[m.body_jntadr[body]] == self.mj.mjtJoint.mjJNT_FREE)
+
+    def _refuse_body(self, body: int) -> None:
+        if self.m.body_gravcomp[body]:
+            raise ModelError(f"body {self.body(body)!r} has gravcomp, which is not supported")
+
+    def _add(self, body: int) -> None:
+        """A link, and one more for each joint but the last; the last carries the mass, where the joint is."""
+        m, name = self.m, self.body(body)
+        inertial = self._inertial(body)
+        if self._is_free(body):
+            if m.dof_armature[m.body_dofadr[body]]:
+                raise ModelError(f"the free joint of body {name!r} has an armature, which is not supported")
+            self.links.append(Link(name, inertial))
+            return
+        parent = WORLD if m.body_parentid[body] == 0 else self.body(m.body_parentid[body])
+        here = _origin(m.body_pos[body], self._matrix(m.body_quat[body]))
+        joints = range(m.body_jntadr[body], m.body_jntadr[body] + m.body_jntnum[body])
+        anchor = np.zeros(3)
+        for joint in joints:
+            step = m.jnt_pos[joint] - anchor
+            origin = Origin(_triple(np.array(here.xyz) + here.rotation @ step), here.rpy)
+            anchor = m.jnt_pos[joint]
+            last = joint == joints[-1]
+            child = name if last and not anchor.any() else f"{name}/{self.joint(joint)}"
+            self.links.append(Link(child, _moved(inertial, -anchor) if last else None))
+            self.joints.append(self._joint(joint, parent, child, origin))
+            parent, here = child, IDENTITY
+        if parent != name:
+            self.links.append(Link(name, None if joints else inertial))
+            at = Origin(_triple(-anchor)) if joints else here
+            self.joints.append(Joint(f"{name}_mount", "fixed", parent, name, at))
+
+    def _add_site(self, site: int) -> None:
+        m = self.m
+        name, origin = str(m.site(site).name), _origin(m.site_pos[site], self._matrix(m.site_quat[site]))
+        self.links.append(Link(name))
+        self.joints.append(Joint(f"{name}_site", "fixed", self.body(m.site_bodyid[site]), name, origin))
+
+    def _inertial(self, body: int) -> Inertial | None:
+        m = self.m
+        if not m.body_mass[body]:
+            return None
+        R = self._matrix(m.body_iquat[body])
+        inertia = R @ np.diag(m.body_inertia[body]) @ R.T
+        entries = tuple(float(inertia[i, j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
+        return Inertial(float(m.body_mass[body]), cast("Any", entries), Origin(_triple(m.body_ipos[body])))
+
+    # ---- joints
+    def _joint(self, joint: int, parent: str, child: str, origin: Origin) -> Joint:
+        m, name, kinds = self.m, self.joint(joint), self.mj.mjtJoint
+        limited, slides = bool(m.jnt_limited[joint]), m.jnt_type[joint] == kinds.mjJNT_SLIDE
+        if not slides and m.jnt_type[joint] != kinds.mjJNT_HINGE:
+            raise ModelError(f"joint {name!r} is a ball; joints may be hinge, slide and one free joint")
+        if m.jnt_stiffness[joint]:
+            raise ModelError(f"joint {name!r} has a spring (stiffness), which is not supported")
+        if m.qpos0[m.jnt_qposadr[joint]]:
+            raise ModelError(f"joint {name!r} has a reference position (ref) that is not 0, which is not supported")
+        lower, upper = map(float, m.jnt_range[joint]) if limited else (-inf, inf)
+        kind: JointKind = "prismatic" if slides else "revolute" if limited else "continuous"
+        dof = m.jnt_dofadr[joint]
+        mimics, ratio, offset = self.mimics.get(joint, (None, 1.0, 0.0))
+        return Joint(
+            name, kind, parent, child, origin, _triple(m.jnt_axis[joint]), lower, upper,
+            effort=self._effort(joint), damping=float(m.dof_damping[dof]), friction=float(m.dof_frictionloss[dof]),
+            armature=float(m.dof_armature[dof]), mimics=mimics, mimic_ratio=ratio, mimic_offset=offset,
+        )  # fmt: skip
+
+    def _effort(self, joint: int) -> float:
+        """What its actuators can do at most; without one nothing, in a file that has actuators at all."""
+        m = self.m
+        effort = 0.0 if self.source.actuated else inf
+        for actuator in map(int, np.flatnonzero(m.actuator_trnid[:, 0] == joint)):
+            if m.actuator_armature[actuator] or m.actuator_damping[actuator].any():
+                raise ModelError(
+                    f"an actuator of joint {self.joint(joint)!r} has armature or damping; give the joint's"
+                )
+            gear = abs(float(m.actuator_gear[actuator, 0]))
+            if m.actuator_forcelimited[actuator]:
+                effort += gear * float(np.abs(m.actuator_forcerange[actuator]).max())
+            elif m.actuator_ctrllimited[actuator] and self._is_motor(actuator):
+                gain = abs(float(m.actuator_gainprm[actuator, 0]))
+                effort += gear * gain * float(np.abs(m.actuator_ctrlrange[actuator]).max())
+            else:
+                effort = inf
+        if m.jnt_actfrclimited[joint]:
+            effort = min(effort, float(np.abs(m.jnt_actfrcrange[joint]).max()))
+        return effort
+
+    def _is_motor(self, actuator: int) -> bool:
+        m, mj = self.m, self.mj
+        return bool(
+            m.actuator_gaintype[actuator] == mj.mjtGain.mjGAIN_FIXED
+            and m.actuator_biastype[actuator] == mj.mjtBias.mjBIAS_NONE
+            and m.actuator_dyntype[actuator] == mj.mjtDyn.mjDYN_NONE
+        )
+
+    def _mimics(self) -> dict[int, tuple[str, float, float]]:
+        """Equalities q₁ = c₀ + c₁ q₂; MuJoCo's further powers have no gear."""
+        m, found = self.m, {}
+        for equality in range(m.neq):
+            powers = m.eq_data[equality, :5]
+            if not powers[1] or powers[2:].any():
+                self.left_out.append(f"equality <joint> {m.eq(equality).name!r} is left out: it is not a gear")
+            elif m.eq_active0[equality]:
+                leader = self.joint(m.eq_obj2id[equality])
+                found[int(m.eq_obj1id[equality])] = (leader, float(powers[1]), float(powers[0]))
+        return found
+
+    # ---- shapes
+    def _shapes(self, geom: int) -> Iterator[tuple[int, Geometry]]:
+        m, kinds = self.m, self.mj.mjtGeom
+        body, size = self.body(m.geom_bodyid[geom]), _triple(m.geom_size[geom])
+        at, R = m.geom_pos[geom], self._matrix(m.geom_quat[geom])
+        material = m.geom_matid[geom]
+        color = cast("Color", tuple(map(float, m.geom_rgba[geom] if material < 0 else m.mat_rgba[material])))
+        shapes: list[tuple[Shape, Vec]]
+        match self.mj.mjtGeom(int(m.geom_type[geom])):
+            case kinds.mjGEOM_BOX:
+                shapes = [(Box((2 * size[0], 2 * size[1], 2 * size[2])), at)]
+            case kinds.mjGEOM_SPHERE:
+                shapes = [(Sphere(size[0]), at)]
+            case kinds.mjGEOM_CYLINDER:
+                shapes = [(Cylinder(size[0], 2 * size[1]), at)]
+            case kinds.mjGEOM_CAPSULE:
+                ends = [(Sphere(size[0]), at + sign * size[1] * R[:, 2]) for sign in (-1, 1)]
+                shapes = [(Cylinder(size[0], 2 * size[1]), at), *ends]
+            case kinds.mjGEOM_MESH:
+                mesh = m.geom_dataid[geom]
+                # The compiler moves the vertices of a mesh into its own centre and axes; the file as they were.
+                R = R @ self._matrix(m.mesh_quat[mesh]).T
+                path = self.source.meshes[m.mesh(mesh).name]
+                shapes = [(Mesh(path, _triple(m.mesh_scale[mesh])), at - R @ m.mesh_pos[mesh])]
+            case other:
+                kind = other.name.removeprefix("mjGEOM_").lower()
+                raise ModelError(f"a geom of body {body!r} is of type {kind}, which is not supported")
+        for shape, place in shapes:
+            yield geom, Geometry(body, shape, _origin(place, R), color)
+
+    def _matrix(self, quaternion: Vec) -> Mat:
+        R = np.zeros(9)
+        self.mj.mju_quat2Mat(R, quaternion)
+        return R.reshape(3, 3)
+
+
+def _origin(position: Vec, R: Mat) -> Origin:
+    """Roll, pitch and yaw of R = Rz Ry Rx. Roll is what is left without yaw, which holds at a pitch of ±π/2 too."""
+    yaw = atan2(R[1, 0], R[0, 0])
+    pitch = atan2(-R[2, 0], hypot(R[0, 0], R[1, 0]))
+    roll = atan2(sin(yaw) * R[0, 2] - cos(yaw) * R[1, 2], cos(yaw) * R[1, 1] - sin(yaw) * R[0, 1])
+    return Origin(_triple(position), (roll, pitch, yaw))
+
+
+def _moved(inertial: Inertial | None, step: Vec) -> Inertial | None:
+    """The same mass seen from a frame whose axes are parallel and whose origin lies at -step."""
+    if inertial is None:
+        return None
+    return Inertial(inertial.mass, inertial.inertia, Origin(_triple(np.array(inertial.origin.xyz) + step)))
+
+
+def _triple(values: Any) -> Triple:
+    return cast("Triple", tuple(map(float, values)))
