@@ -10,10 +10,11 @@ import pytest
 
 from wbc.errors import InvalidInput, ModelError, SimulationError, UnknownFrame
 from wbc.models import load
+from wbc.models.catalogue import example_robots
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 
-pytest.importorskip("mujoco", reason="the extra `sim`")
+mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
 pytestmark = pytest.mark.physics
 
 
@@ -88,11 +89,57 @@ def test_a_robot_that_physics_cannot_build_is_refused_with_its_reason():
         MujocoPlant(with_links(load("arm"), weightless))
 
 
-def test_a_joint_without_torque_is_refused():
+def test_a_joint_without_torque_is_passive():
     arm = load("arm")
-    weak = arm.replace(limits=replace(arm.limits, tau_max=np.zeros(arm.nj)))
-    with pytest.raises(SimulationError, match="joint 'shoulder_yaw' has a torque limit of 0: no actuator can move it"):
-        MujocoPlant(weak)
+    tau_max = arm.limits.tau_max.copy()
+    tau_max[1] = 0.0
+    plant = MujocoPlant(arm.replace(limits=replace(arm.limits, tau_max=tau_max)))
+    assert max(plant.agreement.values()) < 1e-11
+    plant._bridge.write_torques(plant.data, np.full(arm.nj, 1.0))
+    mujoco.mj_forward(plant.physics, plant.data)
+    np.testing.assert_array_equal(plant.data.qfrc_actuator != 0, tau_max > 0)
+
+
+def test_a_torque_limit_below_zero_is_refused():
+    arm = load("arm")
+    wrong = arm.replace(limits=replace(arm.limits, tau_max=np.full(arm.nj, -1.0)))
+    with pytest.raises(SimulationError, match="joint 'shoulder_yaw' has a torque limit of -1"):
+        MujocoPlant(wrong)
+
+
+@pytest.mark.parametrize("name", ["arm", "quadruped"])
+@pytest.mark.parametrize("moments", [(0.0, 0.0, 0.0), (1e-3, 1e-3, 5e-3)], ids=["none", "a disc too flat"])
+def test_inertias_that_the_engine_refuses_move_as_the_model_says(name, moments, tmp_path):
+    xx, yy, zz = moments
+    model = load(name)
+    old = model.urdf.links[-1]
+    centre = old.inertial or model.urdf.links[1].inertial
+    odd = replace(centre, mass=0.1, inertia=(xx, 0.0, 0.0, yy, 0.0, zz))
+    path = tmp_path / "odd.urdf"
+    path.write_text(replace(model.urdf, links=(*model.urdf.links[:-1], replace(old, inertial=odd))).text())
+    plant = MujocoPlant(load(path, base=model.base))
+    assert max(plant.agreement.values()) < 1e-9
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_nine_in_ten_of_the_example_robots_have_a_plant():
+    """Those that have none: no joint that moves, links that move and weigh nothing, or a mesh outside the folders."""
+    try:
+        folder = example_robots()
+    except ModelError as missing:
+        pytest.skip(str(missing))
+    files = sorted((folder / "robots").rglob("*.urdf"))
+    without = {}
+    for file in files:
+        try:
+            MujocoPlant(load(file, packages=[folder]))
+        except (ModelError, SimulationError) as reason:
+            without[file.name] = str(reason)
+    print(*(f"{name}: {reason}" for name, reason in without.items()), sep="\n")
+    assert len(without) <= 0.1 * len(files), without
+    reasons = ("no joint moves", "mass and inertia of moving bodies", "outside the folders")
+    assert all(any(known in reason for known in reasons) for reason in without.values()), without
 
 
 def test_arguments_are_checked_by_name(standing):

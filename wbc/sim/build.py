@@ -1,7 +1,8 @@
 """From a robot's description to a physics model: free joint, floor, feet, torque actuators. No meshes, no pictures.
 
 Masses and inertias are the file's, to the bit: links that do not move are not fused (fusing drops the mass of a
-floating base's root), inertias are not balanced, feet weigh nothing. Only the feet touch the floor.
+floating base's root), inertias are not balanced, feet weigh nothing. Only the feet touch the floor. Where a link has an
+inertia that the engine refuses, the sum over all that is fixed together is the file's (see :mod:`wbc.sim.lumping`).
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ import numpy as np
 
 from wbc.errors import SimulationError, UnknownFrame
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.models.urdf import Urdf
 from wbc.sim.engine import PhysicsSettings, mujoco
 from wbc.sim.footprint import SOLE_HALF_THICKNESS, Footprint
+from wbc.sim.lumping import acceptable, lumped, restore
 from wbc.sim.welds import Weld, add_welds
 
 _COMPILER = (
@@ -42,9 +45,12 @@ def build_model(
         UnknownFrame: a contact or a weld on a frame that is not a link.
     """
     mj = mujoco()
-    text = robot.urdf.text(continuous="revolute").replace("</robot>", _COMPILER + "</robot>")
+    own = robot.urdf
+    as_it_is = _compiles(mj, own)
+    if not as_it_is:
+        own = lumped(own)
     try:
-        spec = mj.MjSpec.from_string(text)
+        spec = mj.MjSpec.from_string(_text(own if as_it_is else acceptable(own)))
     except ValueError as cause:
         raise SimulationError(f"MuJoCo cannot read {robot.name}: {cause}") from cause
     if robot.nb:
@@ -54,9 +60,24 @@ def build_model(
     _set_joints(mj, spec, robot, settings)
     add_welds(spec, joined, settings)
     try:
-        return spec.compile()
+        physics = spec.compile()
     except ValueError as cause:
         raise SimulationError(f"MuJoCo cannot build {robot.name}: {cause}") from cause
+    if not as_it_is:
+        restore(physics, own)
+    return physics
+
+
+def _text(urdf: Urdf) -> str:
+    return urdf.text(continuous="revolute").replace("</robot>", _COMPILER + "</robot>")
+
+
+def _compiles(mj: Any, urdf: Urdf) -> bool:
+    try:
+        mj.MjSpec.from_string(_text(urdf)).compile()
+    except ValueError:
+        return False
+    return True
 
 
 def _set_options(mj: Any, option: Any, settings: PhysicsSettings, timestep: float) -> None:
@@ -106,8 +127,8 @@ def _set_joints(mj: Any, spec: Any, robot: PinocchioModel, settings: PhysicsSett
         joint, effort = spec.joint(name), float(limits.tau_max[i])
         if joint is None:
             raise SimulationError(f"MuJoCo has no joint {name!r}, which {robot.name} has")
-        if not effort > 0:
-            raise SimulationError(f"joint {name!r} has a torque limit of {effort:g}: no actuator can move it")
+        if not effort >= 0:
+            raise SimulationError(f"joint {name!r} has a torque limit of {effort:g}: no actuator has such a limit")
         stops = settings.joint_stops and -_ENDLESS < limits.q_min[i] < limits.q_max[i] < _ENDLESS
         joint.limited = stops
         joint.range = [limits.q_min[i], limits.q_max[i]] if stops else [0.0, 0.0]
@@ -120,5 +141,6 @@ def _set_joints(mj: Any, spec: Any, robot: PinocchioModel, settings: PhysicsSett
             joint.damping = settings.joint_damping * np.eye(1, 3)[0]
         motor = spec.add_actuator(name=name, target=name, trntype=mj.mjtTrn.mjTRN_JOINT)
         motor.set_to_motor()
-        motor.ctrllimited = effort < _ENDLESS
-        motor.ctrlrange = [-effort, effort] if effort < _ENDLESS else [0.0, 0.0]
+        motor.gear = (effort > 0) * np.eye(1, 6)[0]  # a joint without torque is passive: whatever is commanded, nothing
+        motor.ctrllimited = 0 < effort < _ENDLESS
+        motor.ctrlrange = [-effort, effort] if motor.ctrllimited else [0.0, 0.0]

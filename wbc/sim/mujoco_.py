@@ -41,7 +41,8 @@ class MujocoPlant(Plant):
     Built from the robot's own URDF and compared with the model before the first step: total mass, inertia matrix,
     bias and free acceleration at random states. Each contact of ``contacts`` (a stack's) becomes a foot on a flat
     floor: a box for a sole, a ball for a point, two balls for an edge; nothing else collides. A loop closure of all six
-    rows becomes a weld. Torques are clipped to the joints' limits.
+    rows becomes a weld. Torques are clipped to the joints' limits; a joint whose limit
+    is zero is passive.
 
     Args:
         robot: from :func:`wbc.load`.
@@ -79,7 +80,9 @@ class MujocoPlant(Plant):
         floor: float = 0.0,
     ) -> None:
         if not isinstance(robot, PinocchioModel):
-            raise InvalidInput(f"robot is a {type(robot).__name__}; physics needs one that wbc.load made from a URDF")
+            raise InvalidInput(
+                f"robot is a {type(robot).__name__}; physics needs one that wbc.load made from a URDF or MJCF"
+            )
         if sole_geometry not in SOLE_GEOMETRIES:
             raise InvalidInput(f"sole_geometry is {sole_geometry!r}; it must be 'box' or 'spheres'")
         super().__init__(robot, dt)
