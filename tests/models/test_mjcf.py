@@ -215,6 +215,13 @@ def test_a_mesh_lies_where_the_file_has_it_whatever_the_compiler_does_to_it(tmp_
 
 
 REFUSED = {
+    "a number that is none": (simple(joint='armature="nan"'), "armature of <joint> 'hinge' is 'nan'"),
+    "an end without end": (simple(body='<body pos="0 -inf 0"/>'), "pos of <body> is '0 -inf 0'"),
+    "a rotor of less than nothing": (simple(joint='armature="-1"'), "joint 'hinge' has an armature of -1"),
+    "a mass of less than nothing": (
+        simple(body='<body name="b"><inertial pos="0 0 0" mass="-1" diaginertia="1 1 1"/></body>'),
+        "the mass of <inertial> is '-1'",
+    ),
     "a ball joint": (simple(joint='type="ball"'), "joint 'hinge' is a ball"),
     "a spring": (simple(joint='stiffness="3"'), "joint 'hinge' has a spring"),
     "a reference position": (simple(joint='ref="0.2"'), "joint 'hinge' has a reference position"),

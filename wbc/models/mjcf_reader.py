@@ -7,7 +7,6 @@ that a robot from MJCF is the same kind of thing as one from URDF, in the model 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from importlib import import_module
 from math import atan2, cos, hypot, inf, sin
 from pathlib import Path
 from typing import Any, cast, final
@@ -19,6 +18,7 @@ from wbc.errors import ModelError
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
 from wbc.models.mjcf_source import MjcfSource
+from wbc.models.mujoco_import import import_mujoco
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
 from wbc.types import Mat, Vec
 
@@ -39,7 +39,7 @@ def read_mjcf(root: Element, path: Path, *, packages: Iterable[str | Path] = ())
     name = root.get("model", path.stem)
     source = MjcfSource(root, folders)
     try:
-        mj = import_module("mujoco")
+        mj = import_mujoco()
     except ImportError as cause:
         raise ModelError(
             f"MJCF is compiled by MuJoCo, which cannot be imported ({cause}); pip install mujoco"
@@ -168,6 +168,8 @@ class _Translation:
         lower, upper = map(float, m.jnt_range[joint]) if limited else (-inf, inf)
         kind: JointKind = "prismatic" if slides else "revolute" if limited else "continuous"
         dof = m.jnt_dofadr[joint]
+        if m.dof_armature[dof] < 0:
+            raise ModelError(f"joint {name!r} has an armature of {m.dof_armature[dof]:g}; it must not be negative")
         mimics, ratio, offset = self.mimics.get(joint, (None, 1.0, 0.0))
         return Joint(
             name, kind, parent, child, origin, _triple(m.jnt_axis[joint]), lower, upper,

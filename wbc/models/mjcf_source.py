@@ -5,6 +5,7 @@ Source: MuJoCo's XML reference, https://mujoco.readthedocs.io/en/stable/XMLrefer
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import final
@@ -19,6 +20,7 @@ _ROBOT = {"compiler", "default", "asset", "worldbody", "actuator", "equality", "
 _SCENE = {"option", "size", "visual", "statistic", "custom", "sensor", "keyframe", "contact"}
 #: What brings in other files or code, multiplies elements, or is not made of rigid bodies.
 _REFUSED = ("include", "attach", "replicate", "composite", "flexcomp", "plugin", "extension", "deformable")
+_NOT_A_NUMBER = re.compile(r"(?:^|[\s+-])(?:nan|inf|infinity)(?:$|[\s(])", re.IGNORECASE)
 _FILE_FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 _ASSET_FILES = ("file", "name", "class", "scale", "inertia", "maxhullvert")
 
@@ -47,6 +49,11 @@ class MjcfSource:
         for element in self.root.iter():
             if element.tag in _REFUSED or (element.tag == "model" and element is not self.root):
                 raise ModelError(f"{_called(element)} is not supported; give the robot in one file, written out")
+            for key, value in element.attrib.items():
+                if _NOT_A_NUMBER.search(value):
+                    raise ModelError(f"{key} of {_called(element)} is {value[:60]!r}; numbers must be finite")
+            if element.get("mass", "").strip().startswith("-"):
+                raise ModelError(f"the mass of {_called(element)} is {element.get('mass')!r}; it must not be negative")
         for section in list(self.root):
             if section.tag in _SCENE:
                 self.root.remove(section)

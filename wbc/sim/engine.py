@@ -2,54 +2,27 @@
 
 from __future__ import annotations
 
-import logging
-import os
-import sys
 from dataclasses import asdict, dataclass
 from typing import Any, final
 
 from wbc import checks
 from wbc.errors import InvalidInput, SimulationError
+from wbc.models.mujoco_import import import_mujoco
 from wbc.sim.plant import whole
-
-logger = logging.getLogger("wbc.sim.mujoco")
 
 INTEGRATORS = ("implicitfast", "implicit", "euler")
 
 
 def mujoco() -> Any:
-    """The module ``mujoco``, its warnings sent to the logger ``wbc.sim.mujoco`` (unless somebody else takes them).
-
-    Physics draws nothing, so the engine's OpenGL part stays off unless ``MUJOCO_GL`` is set or ``mujoco`` was
-    imported before.
+    """The module ``mujoco``, without its pictures and its log file (:mod:`wbc.models.mujoco_import`).
 
     Raises:
         SimulationError: the package is not installed.
     """
-    if "mujoco" in sys.modules or "MUJOCO_GL" in os.environ:
-        module = _import()
-    else:
-        os.environ["MUJOCO_GL"] = "disable"
-        try:
-            module = _import()
-        finally:
-            del os.environ["MUJOCO_GL"]
-    if module.get_mju_user_warning() is None:
-        # Without a handler the engine appends to MUJOCO_LOG.TXT in whatever folder the program runs.
-        module.set_mju_user_warning(_warn)
-    return module
-
-
-def _import() -> Any:
     try:
-        import mujoco as module
+        return import_mujoco()
     except ImportError as cause:
         raise SimulationError(f"the physics engine cannot be imported ({cause}); pip install mujoco") from cause
-    return module
-
-
-def _warn(message: str) -> None:
-    logger.warning("%s", message)
 
 
 @final
