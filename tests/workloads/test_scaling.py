@@ -13,8 +13,8 @@ from wbc.report.scaling import Problem, axes
 ENDS = [(name, size) for name, axis in AXES.items() for size in (axis.sizes[0], axis.sizes[-2], axis.sizes[-1])]
 
 
-def ticked(problem: Problem, count: int = 15) -> Controller:
-    controller = Controller(problem.robot, problem.stack, level=problem.level)
+def ticked(problem: Problem, count: int = 15, *, fast: bool = False) -> Controller:
+    controller = Controller(problem.robot, problem.stack, level=problem.level, fast=fast)
     for moment in problem.states(count):
         controller.tick(*moment)
     return controller
@@ -36,6 +36,15 @@ def test_every_size_is_solved_and_is_what_it_says(name: str, size: int):
     assert counted[name] == size
     if name == "active rows":
         assert size <= controller.active_count <= size + 5, "the weak joints are at their limits, hardly any other is"
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize("limits", [10, 30])
+def test_limits_that_go_on_holding_are_guessed_although_forces_of_a_long_chain_lose_digits(limits: int, fast: bool):
+    if fast:
+        pytest.importorskip("numba", reason="extra fast is not installed")
+    counts = ticked(AXES["active rows"].problem(limits), fast=fast).counts
+    assert counts.fallback <= 2 and counts.first >= 10, counts
 
 
 def test_robots_of_one_size_are_one_robot_and_have_the_rank_they_need():

@@ -24,7 +24,7 @@ from typing import Any, final
 
 import numpy as np
 from scipy.linalg.blas import dgemm, dgemv, dsyrk
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dpotrs
 
 from wbc.qp.certificate import Certificate
 from wbc.qp.rows.problem import RowProblem
@@ -38,6 +38,8 @@ _FREE = 1e30
 # answer a long way from the minimum where the cost is all but flat.
 _ROUNDING = 1e-12
 _NOTHING = np.zeros(0)
+# Violations up to this may be what the linear system lost, and not a wrong guess.
+_LITTLE = 1e-4
 
 
 @final
@@ -91,7 +93,7 @@ class DualSolver(RowSolver):
         self._version, self._weak = -1, False
         self._fallback: Any = None
         self._lam = np.zeros(0)
-        self._Er = np.zeros((0, 0))
+        self._Er = self._Es = self._factor = np.zeros((0, 0))
         self._foreign: Solution | None = None
         self.reset()
 
@@ -180,7 +182,7 @@ class DualSolver(RowSolver):
                 if not self._leave_out(info):
                     break
                 continue
-            if self._verify():
+            if self._verify() or self._refined():
                 if attempt:
                     self.counts.repaired += 1
                 else:
@@ -200,10 +202,15 @@ class DualSolver(RowSolver):
         else:  # nothing pulls y away from y₀, and BLAS refuses empty matrices
             self._lam, self._Er = np.zeros(0), np.zeros((p.n_y + 1, 0))
             self._y[:] = self._y0_y
+        self._follow()
+        return 0
+
+    def _follow(self) -> None:
+        """u and all rows from y."""
+        p = self.problem
         if p.n_u:
             dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
-        np.dot(now.G, p.x1, now.rows)
-        return 0
+        np.dot(self._now.G, p.x1, self._now.rows)
 
     def _pull(self) -> int:
         """y from the multipliers of the rows; returns as :meth:`_step` does."""
@@ -212,15 +219,32 @@ class DualSolver(RowSolver):
         E = Er[: p.n_y]
         Es = E if self._plain else np.multiply(E, self._root[:, None], now.scaled)
         K = dsyrk(1.0, Es, 1.0, now.compliance, 1)
-        _, lam, info = dposv(K, dgemv(-1.0, Er, self._y0, trans=1), 0, 1, 1)
+        self._factor, lam, info = dposv(K, dgemv(-1.0, Er, self._y0, trans=1), 0, 1, 1)
         if info:
             return int(info)
         step = dgemv(1.0, Es, lam)
         if not self._plain:
             step *= self._root
         np.add(step, self._y0_y, self._y)
-        self._lam, self._Er = lam, Er
+        self._lam, self._Er, self._Es = lam, Er, Es
         return 0
+
+    def _refined(self) -> bool:
+        """Where little is missing, once more with the residual: forces of long chains lose digits. Then verify."""
+        p, now = self.problem, self._now
+        if not len(now.E) or not now.over[now.over.argmax()] <= _LITTLE:
+            return False
+        first = p.item(p.soft.start)
+        residual = p.value[first : first + len(now.E)].copy()
+        residual[: p.n_soft] += self._give
+        change, _ = dpotrs(self._factor, residual)
+        step = dgemv(-1.0, self._Es, change)
+        if not self._plain:
+            step *= self._root
+        self._lam -= change
+        self._y += step
+        self._follow()
+        return self._verify()
 
     def _verify(self) -> bool:
         """All rows and bounds within tolerance in their own units, all multipliers of the right sign."""

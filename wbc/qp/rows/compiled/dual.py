@@ -39,7 +39,7 @@ class CompiledDualSolver(RowSolver):
             p.G, p.value, p.lower, p.upper, p.metric, self._free_root, p.centre, self._give,
             np.zeros((p.n_u, p.n_u)), np.zeros((p.n_u, p.n_y + 1)), *work, self._lam,
             np.zeros(p.n_y), np.zeros(p.n_y), np.zeros(p.n + p.n_slots),
-            self._sizes, self._items, self._side, self._proof,
+            self._sizes, self._items, self._side, self._proof, np.zeros(most),
         )  # fmt: skip
         self._version, self._delegated = -1, False
 

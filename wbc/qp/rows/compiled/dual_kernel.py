@@ -116,6 +116,7 @@ def solve_dual(memory: Index, tolerance: float) -> int:
     y0 = carray(floats(memory[15]), n_y)
     wrong = carray(floats(memory[16]), n + n_slots)
     active, side = carray(integers(memory[18]), n + n_slots), carray(floats(memory[19]), n + n_slots)
+    change = carray(floats(memory[21]), most)
     y = value[n_u:n]
 
     if not _reduce_base(G, B, X, n_u, n_y):
@@ -139,20 +140,38 @@ def solve_dual(memory: Index, tolerance: float) -> int:
                 m += 1
         if not _pull(E, Es, K, lam, give, root, y0, y, m, m0, n_soft, n_y):
             return GIVE_UP
-        for j in range(n_u):
-            value[j] = -(_dot(X[j], y, n_y) + X[j, n_y])
-        for i in range(rows):
-            value[items + i] = _dot(G[i], value, n + 1)
-
-        # what must be zero at the solution of the linear system, whatever the guess
+        # what must be zero at the solution of the linear system, whatever the guess; where it is not, once more with it
         primal, gap, largest = 0.0, 0.0, 0.0
-        for i in range(n_u):
-            primal = _larger(primal, abs(value[items + i]))
+        for refinement in range(2):
+            for j in range(n_u):
+                value[j] = -(_dot(X[j], y, n_y) + X[j, n_y])
+            for i in range(rows):
+                value[items + i] = _dot(G[i], value, n + 1)
+            primal = 0.0
+            for i in range(n_u):
+                primal = _larger(primal, abs(value[items + i]))
+            for i in range(m0):
+                change[i] = value[items + first + i]
+                if i < n_soft:
+                    change[i] += give[i] * lam[i]
+                primal = _larger(primal, abs(change[i]))
+            row = m0
+            for q in range(k):
+                item = active[q]
+                if item >= n:
+                    change[row] = value[item] - (upper[item] if side[q] > 0.0 else lower[item])
+                    if K[row, row] > 0.0:
+                        primal = _larger(primal, abs(change[row]))
+                    row += 1
+            if primal <= tolerance or refinement == 1:
+                break
+            solve(K, m, change)
+            for i in range(m):
+                lam[i] -= change[i]
+                share, scaled = change[i], Es[i]
+                for c in range(n_y):
+                    y[c] -= share * scaled[c] * root[c]
         for i in range(m0):
-            residual = value[items + first + i]
-            if i < n_soft:
-                residual += give[i] * lam[i]
-            primal = _larger(primal, abs(residual))
             largest = max(largest, abs(lam[i]))
         # the pull of what is held: positive is the wrong way
         row = m0
@@ -166,9 +185,7 @@ def solve_dual(memory: Index, tolerance: float) -> int:
             else:
                 pull = lam[row]
                 if K[row, row] > 0.0:
-                    slack = abs(value[item] - (upper[item] if side[q] > 0.0 else lower[item]))
-                    primal = _larger(primal, slack)
-                    gap += abs(pull) * slack
+                    gap += abs(pull) * abs(value[item] - (upper[item] if side[q] > 0.0 else lower[item]))
                 row += 1
             wrong[q] = 0.0 if lower[item] == upper[item] else pull * side[q]
             largest = max(largest, abs(pull))
