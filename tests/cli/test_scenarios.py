@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
 import sys
 from importlib.metadata import EntryPoint
 
@@ -33,6 +35,10 @@ def test_a_file_named_like_a_library_does_not_replace_it(tmp_path, waving):
 
     assert find(f"{tmp_path / 'json.py'}:wave").name == "wave"
     assert sys.modules["json"] is json
+    # Nor in a process that inherits the path, as workers do.
+    inherited = {**os.environ, "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry)}
+    command = [sys.executable, "-c", "import json; print(json.dumps(1))"]
+    assert subprocess.run(command, env=inherited, capture_output=True, text=True, check=True).stdout.strip() == "1"
 
 
 def test_a_module_is_found_from_where_one_stands(tmp_path, waving, monkeypatch):

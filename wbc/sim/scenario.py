@@ -218,14 +218,15 @@ def _as_scenario(value: Any) -> Scenario | None:
 
 
 def imported(place: str) -> Any:
-    """Import ``package.module`` or ``some/file.py``; its folder becomes importable, as for ``python file.py``."""
+    """Import ``package.module`` from where one stands, or ``some/file.py``; what lies beside it can be imported too."""
     path = Path(place)
     is_file = path.suffix == ".py"
     if is_file and not path.is_file():
         raise InvalidInput(f"there is no file {place!r}; a scenario is a registered name, module:name or file.py:name")
     folder = str((path.parent if is_file else Path.cwd()).resolve())
     if folder not in sys.path:
-        sys.path.insert(0, folder)
+        # Behind everything else for a file: a json.py beside it must not become the json of workers, who inherit it.
+        sys.path.insert(len(sys.path) if is_file else 0, folder)
     try:
         return _execute(path) if is_file else importlib.import_module(place)
     except WbcError:
