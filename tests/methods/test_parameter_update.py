@@ -33,14 +33,14 @@ def updates(draw: Any, kinds: tuple[str, ...] = ("free", "box", "coupled box", "
     diagonal = kind == "box" or (kind == "free" and draw(st.booleans()))
     gain = draw(magnitudes()) * (10.0 ** rng.uniform(-3, 3, p) if diagonal else draw(spd(p)))
     options: dict[str, Any] = {}
-    room = np.abs(a_hat).max() * np.where(rng.uniform(size=(2, p)) < 0.4, 0.0, rng.uniform(size=(2, p)))
+    room = np.abs(a_hat).max() * np.where(rng.uniform(size=(2, p)) < 0.7, 0.0, rng.uniform(size=(2, p)))
     room[rng.uniform(size=(2, p)) < 0.3] = np.inf
     if kind in ("box", "coupled box", "both"):
         options |= {"lower": a_hat - room[0], "upper": a_hat + room[1]}
     if kind in ("rows", "both"):
         k = draw(st.integers(1, 2 * p))
         C = rng.normal(size=(k, p)) * 10.0 ** rng.uniform(-3, 3, (k, 1))
-        slack = np.where(rng.uniform(size=k) < 0.5, 0.0, rng.uniform(size=k)) * np.linalg.norm(C, axis=1)
+        slack = np.where(rng.uniform(size=k) < 0.7, 0.0, rng.uniform(size=k)) * np.linalg.norm(C, axis=1)
         options |= {"C": C, "d": C @ a_hat + slack * np.abs(a_hat).max()}
     return ParameterUpdate(Y, s, gain=gain, a_hat=a_hat, **options)
 
