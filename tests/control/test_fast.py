@@ -176,6 +176,20 @@ def test_limits_replaced_by_a_component_hold_in_fast_ticks():
     assert np.abs(controller.tick(1e-3, q, v).v[ARM.nb :]).max() <= 0.01 + 1e-9
 
 
+def test_forces_that_components_know_of_are_in_fast_ticks():
+    class Load(wbc.Component):
+        def before(self, state, last, plan):
+            plan.extra_bias[:] = np.arange(1.0, 1.0 + len(plan.extra_bias))
+
+    still, answers = np.zeros(ARM.nv), []
+    for fast in (False, True):
+        stack = Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()], components=[Load()])
+        answers.append(Controller(ARM, stack, level=InverseDynamics(), fast=fast).tick(0.0, ARM.q0, still).tau)
+    np.testing.assert_allclose(answers[1], answers[0], rtol=0, atol=1e-9)
+    bare = Controller(ARM, Stack([Posture(ARM.q0)]), level=InverseDynamics()).tick(0.0, ARM.q0, still).tau
+    np.testing.assert_allclose(answers[1] - bare, np.arange(1.0, 1.0 + ARM.nv), rtol=0, atol=1e-9)
+
+
 def test_a_robot_without_pinocchios_memory_has_its_tasks_called():
     robot = Planar4P()
     stack = Stack([Position("end_effector", target=[0.5, 0.2], axes="xy"), Posture(robot.q0, weight=1e-2)])

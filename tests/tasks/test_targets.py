@@ -11,34 +11,15 @@ from hypothesis import given
 
 from tasks import CenterOfMass, ContactForce, Frame, JointVelocity, Orientation, Position, Posture, Sinusoid, Torque
 from tasks.motions import pose_motion, swing
+from tests.tasks.rows_of import linear_rows, rows
 from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotState
-from wbc.stack.task import LinearRows, TaskRows
 from wbc.testing import robots
 from wbc.testing.strategies import states
 
 ARM, QUADRUPED, HUMANOID = robots()
 TOOL = ARM.frame_names[-1]
 IDENTITY, MIRROR = np.eye(3), np.diag([1.0, 1.0, -1.0])
-
-
-def rows(task: Any, state: RobotState) -> TaskRows:
-    """What a task writes, from fresh memory."""
-    task.prepare(state.model)
-    out = TaskRows()
-    for array in ("e", "drift", "rate_ref", "acc_ref", "ed"):
-        setattr(out, array, np.zeros(task.dim))
-    out.J = np.zeros((task.dim, state.model.nv))
-    task.fill(state, out)
-    return out
-
-
-def linear_rows(task: Any, state: RobotState, size: int) -> LinearRows:
-    task.prepare(state.model)
-    out = LinearRows()
-    out.A, out.b = np.full((task.dim, size), np.nan), np.full(task.dim, np.nan)
-    task.fill(state, out)
-    return out
 
 
 def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:

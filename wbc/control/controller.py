@@ -118,8 +118,7 @@ class Controller:
         self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
         self.state = robot.state(drifts=level.order > 1)
-        for mode in self.plans.modes if self.fast else ():
-            mode.plan.compile_for(self.state)
+        self._speed_up()
         self.components = stack.components
         #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
         self.serial = 0
@@ -249,12 +248,15 @@ class Controller:
         To be called between ticks, when there is time: until then the plan before holds. Returns how many there were;
         ``plans.unplanned`` counts them all. ``simulate`` does it after every tick.
         """
-        known = {id(mode) for mode in self.plans.modes}
         made = self.plans.compile_waiting()
-        for mode in self.plans.modes if self.fast else ():
-            if id(mode) not in known:
-                mode.plan.compile_for(self.state)
+        self._speed_up()
         return made
+
+    def _speed_up(self) -> None:
+        """Fast ticks for every plan that has none yet."""
+        for mode in self.plans.modes if self.fast else ():
+            if not mode.plan.is_fast:
+                mode.plan.compile_for(self.state)
 
     def asked(self, solver: RowSolver) -> Status:
         """What a solver says of the problem as it is filled; one that raises has failed, and ``why`` says how."""

@@ -306,6 +306,11 @@ class Plan:
         for writer in self._writers:
             writer.fill(state)
 
+    @property
+    def is_fast(self) -> bool:
+        """Whether it is filled by compiled code."""
+        return self._compiled is not None
+
     def compile_for(self, state: RobotState) -> None:
         """From now on fill by compiled code, for this state; any other one is filled as before.
 

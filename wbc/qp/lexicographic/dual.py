@@ -29,6 +29,7 @@ from wbc.qp.lexicographic.asked import Box, Rows, Wished, ask_daqp
 from wbc.qp.lexicographic.rest import Rest, is_met, multipliers
 from wbc.qp.lexicographic.stages import MET, StagedProblem
 from wbc.qp.lexicographic.way import Way
+from wbc.qp.rows.pivoting import Pivoting
 from wbc.qp.solver import Counts
 from wbc.types import Index, Mat, Status, Vec
 
@@ -60,6 +61,7 @@ class DualStages(Way):
         self, staged: StagedProblem, *, tolerance: float, tries: int, steps: int, precision: float, exact: bool
     ) -> None:
         self.staged, self.tolerance, self.tries = staged, tolerance, tries
+        self._pivoting = Pivoting()
         self.steps, self.precision, self.exact = steps, precision, exact
         self.counts, self.iterations = Counts(), 0
         self.problem = p = staged.problem
@@ -166,7 +168,7 @@ class DualStages(Way):
 
     def _guess(self) -> bool:
         """One step, with the working set repaired until it is right; False where that takes too many tries."""
-        self._fewest, self._chances = 1 << 30, 3
+        self._pivoting.restart()
         for attempt in range(self.tries):
             self.iterations += 1
             if not self._decide():
@@ -320,21 +322,11 @@ class DualStages(Way):
         p, items, side = self.problem, self._items, self._side
         broken = self._over > self.tolerance
         broken[p.n : p.item(p.range.start)] = False
-        broken[items] = False
-        new = np.flatnonzero(broken)
         keep = self._wrong <= self._rounding
-        wrong = len(new) + int((~keep).sum())
-        if wrong == 0:
+        following = self._pivoting.exchanged(items, side, keep, broken, over=self._over, under=self._under)
+        if following is None:
             return False
-        if wrong < self._fewest:
-            self._fewest, self._chances = wrong, 3
-        elif self._chances:
-            self._chances -= 1
-        else:
-            last = max(new[-1] if len(new) else -1, items[~keep].max() if not keep.all() else -1)
-            keep, new = items != last, new[new == last]
-        new_side = np.where(self._under[new] >= self._over[new], -1.0, 1.0)
-        self._work_on(np.concatenate([items[keep], new]).astype(np.intp), np.concatenate([side[keep], new_side]))
+        self._work_on(*following)
         return True
 
     # ---- when guessing does not end

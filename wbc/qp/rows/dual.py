@@ -27,6 +27,7 @@ from scipy.linalg.blas import dgemm, dgemv, dsyrk
 from scipy.linalg.lapack import dposv, dpotrs
 
 from wbc.qp.certificate import Certificate
+from wbc.qp.rows.pivoting import Pivoting
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.solver import RowSolver
 from wbc.qp.solver import Solution
@@ -91,6 +92,7 @@ class DualSolver(RowSolver):
         self._soft_compliance = np.ones(p.n_soft)
         self._give = np.zeros(p.n_soft)
         self._version, self._weak = -1, False
+        self._pivoting = Pivoting()
         self._fallback: Any = None
         self._lam = np.zeros(0)
         self._Er = self._Es = self._factor = np.zeros((0, 0))
@@ -170,7 +172,7 @@ class DualSolver(RowSolver):
         if self._weak:
             return self._give_up()
         self._place()
-        self._fewest, self._chances = 1 << 30, 3
+        self._pivoting.restart()
         if p.n_u:
             self._B[:] = p.G[: p.n_u]
             if dposv(self._Bu, self._X, 1, 1, 1)[2]:
@@ -314,23 +316,11 @@ class DualSolver(RowSolver):
         broken = now.over > self.tolerance
         broken[p.item(p.soft.start) :] = False
         broken[p.n : p.item(p.range.start)] = False
-        broken[items] = False
-        new = np.flatnonzero(broken)
         keep = self._wrong <= self._rounding
-        wrong = len(new) + int((~keep).sum())
-        if wrong == 0:
+        following = self._pivoting.exchanged(items, side, keep, broken, over=now.over, under=now.under)
+        if following is None or int((following[0] >= p.n).sum()) > p.n_slots:
             return False
-        if wrong < self._fewest:
-            self._fewest, self._chances = wrong, 3
-        elif self._chances:
-            self._chances -= 1
-        else:  # one at a time, always the last: this cannot cycle
-            last = max(new[-1] if len(new) else -1, items[~keep].max() if not keep.all() else -1)
-            keep, new = items != last, new[new == last]
-        new_side = np.where(now.under[new] >= now.over[new], -1.0, 1.0)
-        if int((items[keep] >= p.n).sum() + (new >= p.n).sum()) > p.n_slots:
-            return False
-        self._work_on(np.concatenate([items[keep], new]).astype(np.intp), np.concatenate([side[keep], new_side]))
+        self._work_on(*following)
         self._place()
         return True
 
