@@ -15,7 +15,7 @@ MUTATIONS = [
     (FILL, "row[columns - 1] = h[i] + extra[i]", "row[columns - 1] = h[i] - extra[i]", FAST),
     (FILL, "centre[nb - n_u + j] = pull", "centre[nb - n_u + j] = 0.0", FAST),
     (BOUNDS, "bound[i] = min(free[i], strongest[i])", "bound[i] = free[i]", FAST),
-    (DUAL, "E[m, n_y] -= bound", "E[m, n_y] += bound", SOLVERS),
+    (DUAL, "change[row] = value[item] - (upper", "change[row] = value[item] + (upper", SOLVERS),
     (DUAL, "wrong[q] = 0.0 if lower[item] == upper[item] else pull * side[q]", "wrong[q] = -pull * side[q]", SOLVERS),
     (BOX, "held[c] = -1.0", "held[c] = 1.0", SOLVERS),
     ("wbc/qp/rows/pivoting.py", "under[new] >= over[new], -1.0, 1.0", "under[new] >= over[new], 1.0, -1.0",
