@@ -23,6 +23,12 @@ def test_the_same_seed_gives_the_same_bits(wbc, tmp_path):
     assert digests[0] == digests[1] != digests[2]
 
 
+def test_where_nothing_is_registered_there_is_no_verdict(wbc, monkeypatch):
+    monkeypatch.setattr("wbc.cli.soak.entry_points", lambda group: ())
+    answer = wbc("soak")
+    assert answer.code == 2 and answer.out == "" and "nothing is registered" in answer.err
+
+
 def test_what_is_not_known_is_one_sentence(wbc):
     for words, said in (
         (["soak", f"{SOAKS}.arm"], "there is no subject of a soak 'arm'"),

@@ -42,6 +42,8 @@ def soak(
 ) -> None:
     """Let controllers run for very many ticks and judge each command. Exit code 1: one was not as promised."""
     chosen = [_found(name) for name in names] if names else list(subjects().values())
+    if not chosen:  # a verdict on nothing would read like a good one
+        raise InvalidInput(f"nothing is registered as {GROUP}: install the project (again), or name module:NAME")
     rows: list[dict[str, Any]] = []
     with notes(), progress("soaking") as step:
         for i, subject in enumerate(chosen):
