@@ -45,7 +45,7 @@ class JointLimits(Laws):
     """
 
     def __init__(
-        self, lower: Any = None, upper: Any = None, *, v_max: Any = None, a_max: Any = None, j_max: Any = None,
+        self, *, lower: Any = None, upper: Any = None, v_max: Any = None, a_max: Any = None, j_max: Any = None,
         tau_max: Any = None, no_load_speed: Any = None, braking: float | None = None, without: Sequence[str] = (),
         name: str | None = None,
     ) -> None:  # fmt: skip
@@ -61,7 +61,9 @@ class JointLimits(Laws):
             checks.number(f"{self.name}.braking", braking, low=0.0, strict=True)
         self._laws: list[JointInterval] = []
         if "position" not in without:
-            self._laws.append(JointPositionLimits(lower, upper, braking=braking, name=f"{self.name}.position"))
+            self._laws.append(
+                JointPositionLimits(lower=lower, upper=upper, braking=braking, name=f"{self.name}.position")
+            )
         if "velocity" not in without:
             self._laws.append(JointVelocityLimits(v_max, name=f"{self.name}.velocity"))
         if a_max is not None:
@@ -85,4 +87,4 @@ class JointLimits(Laws):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        return [cls(), cls(a_max=20.0, j_max=500.0, no_load_speed=20.0), cls(-1.0, 1.0, without=["torque"])]
+        return [cls(), cls(a_max=20.0, j_max=500.0, no_load_speed=20.0), cls(lower=-1.0, upper=1.0, without=["torque"])]

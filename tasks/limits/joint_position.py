@@ -18,7 +18,8 @@ from wbc.types import Vec
 class JointPositionLimits(JointInterval):
     """lower <= q <= upper [rad, m], kept so that the joint can always brake in time.
 
-    ``lower``, ``upper``: scalar, (nj,), {joint: value}, default the model's; equal ones hold a joint still. ``braking``
+    ``lower``, ``upper``: scalar, (nj,), {joint: value}, default the model's; equal ones hold a joint still; by name
+    only, because one number alone would read like ± that number. ``braking``
     [rad/s², m/s²] is the deceleration counted on: by default the acceleration limit, or 20 where there is none. See
     :class:`~wbc.stack.interval.JointIntervals` for the bounds this gives with velocity and acceleration limits.
 
@@ -37,7 +38,7 @@ class JointPositionLimits(JointInterval):
     quantity: ClassVar[Quantity] = "position"
 
     def __init__(
-        self, lower: Any = None, upper: Any = None, *, braking: float | None = None, name: str | None = None
+        self, *, lower: Any = None, upper: Any = None, braking: float | None = None, name: str | None = None
     ) -> None:
         super().__init__(name=name)
         self.lower, self.upper = lower, upper
@@ -61,4 +62,8 @@ class JointPositionLimits(JointInterval):
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         joint = model.joint_names[0]
-        return [cls(), cls(-1.0, np.full(model.nj, 1.0), braking=5.0), cls({joint: 0.0}, {joint: 0.0})]
+        return [
+            cls(),
+            cls(lower=-1.0, upper=np.full(model.nj, 1.0), braking=5.0),
+            cls(lower={joint: 0.0}, upper={joint: 0.0}),
+        ]

@@ -130,7 +130,7 @@ def stack(robot: PinocchioModel, frame: str, limits: Sequence[Any]) -> wbc.Stack
     low, high = robot.limits.q_min + 1e-3, robot.limits.q_max - 1e-3
     return wbc.Stack(
         [Position(frame, target=path, kp=100), Posture(robot.q0, kp=10, weight=1e-2)],
-        subject_to=[JointLimits(low, high, a_max=A_MAX, j_max=J_MAX), *limits],
+        subject_to=[JointLimits(lower=low, upper=high, a_max=A_MAX, j_max=J_MAX), *limits],
     )
 
 

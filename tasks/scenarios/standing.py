@@ -98,8 +98,8 @@ def joint_laws(robot: PinocchioModel) -> list[Constraint]:
         TorqueLimits(),
         JointVelocityLimits(SPEED_SHARE * limits.v_max),
         JointPositionLimits(
-            np.minimum(limits.q_min + POSITION_MARGIN, q_start),
-            np.maximum(limits.q_max - POSITION_MARGIN, q_start),
+            lower=np.minimum(limits.q_min + POSITION_MARGIN, q_start),
+            upper=np.maximum(limits.q_max - POSITION_MARGIN, q_start),
             braking=BRAKING,
         ),
     ]

@@ -46,7 +46,7 @@ class Restless:
 def worst_of_a_walk(robot: RobotModel, level: Any, ticks: int, seed: int = 0) -> dict[str, float]:
     """How far each limit was exceeded at worst, what the jerk was at most, and how many ticks were not solved."""
     low, high = bounded(robot)
-    everything = JointLimits(low, high, a_max=A_MAX, j_max=J_MAX, without=["torque"])
+    everything = JointLimits(lower=low, upper=high, a_max=A_MAX, j_max=J_MAX, without=["torque"])
     wish = Posture(Restless(robot, seed), kp=400.0, rate=50.0)
     controller = Controller(robot, Stack([wish], subject_to=[everything]), level=level, dt=DT)
     nb, nq = robot.nb, robot.nq - robot.nj
@@ -90,7 +90,7 @@ def test_inside_stays_inside_whatever_is_wished(robot: RobotModel, ticks: int, l
 def test_from_outside_it_is_back_within_the_stated_time(level: Any, seed: int):
     rng = np.random.default_rng(seed)
     v_max = 2.0
-    everything = JointLimits(-1.0, 1.0, v_max=v_max, a_max=A_MAX, j_max=J_MAX, without=["torque"])
+    everything = JointLimits(lower=-1.0, upper=1.0, v_max=v_max, a_max=A_MAX, j_max=J_MAX, without=["torque"])
     wish = Posture(np.sign(rng.normal(size=ARM.nj)) * 3.0, kp=100.0, rate=10.0)
     controller = Controller(ARM, Stack([wish], subject_to=[everything]), level=level, dt=DT)
     q = rng.uniform(-2.0, 2.0, ARM.nj)
@@ -106,7 +106,7 @@ def test_from_outside_it_is_back_within_the_stated_time(level: Any, seed: int):
 
 
 def test_a_tick_from_outside_says_that_it_recovers():
-    stack = Stack([Posture(ARM.q0)], subject_to=[JointLimits(-1.0, 1.0)])
+    stack = Stack([Posture(ARM.q0)], subject_to=[JointLimits(lower=-1.0, upper=1.0)])
     controller = Controller(ARM, stack, level=AccelerationLevel())
     q = np.zeros(ARM.nj)
     q[3] = 1.25
@@ -119,7 +119,9 @@ def test_a_tick_from_outside_says_that_it_recovers():
 def test_torque_limits_stand_above_the_interval_of_a_joint():
     q = np.array(ARM.q0)
     q[1] = 1.5
-    everything = JointLimits({ARM.joint_names[1]: 0.0}, {ARM.joint_names[1]: 0.5}, tau_max=1.0, without=["velocity"])
+    everything = JointLimits(
+        lower={ARM.joint_names[1]: 0.0}, upper={ARM.joint_names[1]: 0.5}, tau_max=1.0, without=["velocity"]
+    )
     controller = Controller(ARM, Stack([Posture(ARM.q0)], subject_to=[everything]), level=InverseDynamics())
     command = controller.tick(0.0, q, np.zeros(ARM.nv))
     assert (command.status, command.rung) == (Status.INFEASIBLE, "relaxed")

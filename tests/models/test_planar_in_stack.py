@@ -78,7 +78,7 @@ def test_the_end_effector_goes_where_it_is_told_at_every_level(robot: Any, level
     bent = robot.replace(q0=np.full(robot.nq, 0.6))
     task, place = reach(bent, axes)
     formulation, plant_of = LEVELS[level]
-    limits = [tasks.JointPositionLimits(-3.0, 3.0), tasks.JointVelocityLimits(2.0)]
+    limits = [tasks.JointPositionLimits(lower=-3.0, upper=3.0), tasks.JointVelocityLimits(2.0)]
     if level == "torque":
         limits.append(tasks.TorqueLimits(80.0))
     stack = wbc.Stack([task, tasks.Posture(bent.q0, kp=10.0, weight=1e-5)], subject_to=limits)

@@ -181,10 +181,10 @@ def _limits() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:
         yield f"{what} a word", lambda maker=maker: control(subject_to=[maker("slow")], level=level), (what,)
     yield (
         "positions crossed",
-        lambda: control(subject_to=[T.JointPositionLimits(1.0, -1.0)]),
+        lambda: control(subject_to=[T.JointPositionLimits(lower=1.0, upper=-1.0)]),
         ("[1, -1]", arm().joint_names[0]),
     )
-    yield "positions nan", lambda: control(subject_to=[T.JointPositionLimits(NAN, 1.0)]), ("lower",)
+    yield "positions nan", lambda: control(subject_to=[T.JointPositionLimits(lower=NAN, upper=1.0)]), ("lower",)
     yield (
         "the model's positions crossed",
         lambda: control(subject_to=[T.JointPositionLimits()], robot=with_limits(**of_model(q_min=9.0))),
@@ -199,7 +199,10 @@ def _limits() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:
     yield (
         "velocity limits that leave nothing",
         lambda: control(
-            subject_to=[T.JointPositionLimits(0.5, 1.0, name="a"), T.JointPositionLimits(-1.0, 0.0, name="b")]
+            subject_to=[
+                T.JointPositionLimits(lower=0.5, upper=1.0, name="a"),
+                T.JointPositionLimits(lower=-1.0, upper=0.0, name="b"),
+            ]
         ),
         ("left no position", "lower 0.5 > upper 0"),
     )
@@ -360,7 +363,7 @@ def _accepted() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "no task at all", lambda: ticks()
     yield (
         "positions with lower = upper",
-        lambda: ticks(T.Posture(np.ones(7)), subject_to=[T.JointPositionLimits(arm().q0, arm().q0)]),
+        lambda: ticks(T.Posture(np.ones(7)), subject_to=[T.JointPositionLimits(lower=arm().q0, upper=arm().q0)]),
     )
     yield "no limit, said as inf", lambda: ticks(T.Posture(np.ones(7)), subject_to=[T.JointVelocityLimits(INF)])
     yield (

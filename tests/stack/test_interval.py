@@ -150,7 +150,7 @@ def test_no_bound_ever_asks_for_more_than_full_braking(seed: int):
 @pytest.mark.parametrize("a_max", [None, 5.0, 80.0])
 @given(st.floats(1e-6, 1.0), st.floats(-2.0, 2.0), st.booleans())
 def test_from_outside_a_joint_is_back_in_the_time_that_braking_and_returning_take(a_max, distance, speed, above):
-    laws: list[Any] = [JointPositionLimits(-1.0, 1.0), JointVelocityLimits(2.0)]
+    laws: list[Any] = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0)]
     if a_max is not None:
         laws.append(JointAccelerationLimits(a_max))
     intervals = JointIntervals.compose(laws, ARM, dt=1e-3)
@@ -170,7 +170,9 @@ def test_from_outside_a_joint_is_back_in_the_time_that_braking_and_returning_tak
 
 @given(st.floats(1e-6, 1.0), st.sampled_from([0.5, np.inf]))
 def test_from_outside_a_velocity_leads_straight_back(distance: float, v_max: float):
-    intervals = JointIntervals.compose([JointPositionLimits(-1.0, 1.0), JointVelocityLimits(v_max)], ARM, dt=1e-2)
+    intervals = JointIntervals.compose(
+        [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(v_max)], ARM, dt=1e-2
+    )
     q, speed = np.full(ARM.nj, 1.0 + distance), min(v_max, RETURN_SPEED)
     for _ in range(int(np.ceil(distance / speed / 1e-2 - 1e-6)) + 1):
         lower, upper = bounds(intervals, "velocity", q, np.zeros(ARM.nj))
@@ -180,7 +182,7 @@ def test_from_outside_a_velocity_leads_straight_back(distance: float, v_max: flo
 
 
 def test_a_joint_of_equal_limits_stays_and_comes_to_stay():
-    intervals = JointIntervals.compose([JointPositionLimits(0.3, 0.3)], ARM, dt=1e-3)
+    intervals = JointIntervals.compose([JointPositionLimits(lower=0.3, upper=0.3)], ARM, dt=1e-3)
     held = np.full(ARM.nj, 0.3)
     for level in LEVELS:
         for bound in bounds(intervals, level, held, np.zeros(ARM.nj)):
@@ -194,7 +196,7 @@ def test_a_joint_of_equal_limits_stays_and_comes_to_stay():
 
 @pytest.mark.parametrize(("braking", "expected"), [(2.0, 2.0), (None, 50.0)])
 def test_braking_is_as_gentle_as_asked(braking: float | None, expected: float):
-    laws = [JointPositionLimits(-1.0, 1.0, braking=braking), JointAccelerationLimits(50.0)]
+    laws = [JointPositionLimits(lower=-1.0, upper=1.0, braking=braking), JointAccelerationLimits(50.0)]
     intervals = JointIntervals.compose(laws, ARM, dt=1e-3)
     q, v, hardest = np.zeros(ARM.nj), np.zeros(ARM.nj), 0.0
     for _ in range(3000):
@@ -211,7 +213,7 @@ def test_laws_on_the_same_quantity_intersect():
 
 
 def test_laws_that_leave_a_joint_nothing_are_refused_by_its_name():
-    laws = [JointPositionLimits(-1.0, 0.0), JointPositionLimits(0.5, 1.0, name="other")]
+    laws = [JointPositionLimits(lower=-1.0, upper=0.0), JointPositionLimits(lower=0.5, upper=1.0, name="other")]
     with pytest.raises(InvalidInput, match=f"other: joint '{ARM.joint_names[0]}' is left no position"):
         JointIntervals.compose(laws, ARM, dt=1e-3)
 
@@ -259,7 +261,7 @@ def test_bounds_that_make_no_sense_are_refused_and_change_nothing(arguments: Any
     ],
 )
 def test_a_bound_knows_the_law_it_comes_from(q: float, v: float, upper: bool, owner: str):
-    laws = [JointPositionLimits(-1.0, 1.0), JointVelocityLimits(2.0), JointAccelerationLimits(100.0)]
+    laws = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointAccelerationLimits(100.0)]
     intervals = JointIntervals.compose(laws, ARM, dt=1e-3)
     bounds(intervals, "acceleration", np.full(ARM.nj, q), np.full(ARM.nj, v))
     assert intervals.owner(3, upper=upper) == owner

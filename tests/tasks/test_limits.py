@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, TorqueLimits
+from tasks import JointAccelerationLimits, JointLimits, JointPositionLimits, JointVelocityLimits, TorqueLimits
 from wbc.errors import InvalidInput, UnknownJoint
 from wbc.testing import robots
 
@@ -94,8 +94,14 @@ def test_an_unknown_joint_is_refused_with_near_ones():
         JointVelocityLimits({FIRST + "x": 1.0}).prepare(ARM)
 
 
+@pytest.mark.parametrize("law", [JointPositionLimits, JointLimits])
+def test_position_limits_go_by_name_because_one_number_alone_would_lose_the_other_limit(law: Any):
+    with pytest.raises(TypeError):
+        law(2.0)
+
+
 def test_equal_position_limits_are_allowed():
-    lower, upper = JointPositionLimits({FIRST: 0.2}, {FIRST: 0.2}).bounds(ARM)
+    lower, upper = JointPositionLimits(lower={FIRST: 0.2}, upper={FIRST: 0.2}).bounds(ARM)
     assert lower[0] == upper[0] == 0.2
 
 
