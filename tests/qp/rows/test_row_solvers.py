@@ -118,6 +118,52 @@ def test_a_box_problem_without_any_soft_row_is_its_centre_within_the_bounds() ->
     np.testing.assert_allclose(p.x, np.clip(p.centre, p.lb, p.ub), atol=1e-9)
 
 
+def bounds_only(seed: int) -> RowProblem:
+    return row_problem(seed, n_u=0, n_range=0, n_law=0, tight=0.1)
+
+
+def test_unknowns_whose_bounds_are_one_may_be_pulled_either_way_and_are_guessed() -> None:
+    p = bounds_only(2)
+    p.lb[:4] = p.ub[:4] = p.centre[:4] + 5.0 * np.array([1.0, -1.0, 1.0, -1.0])
+    box = BoxSolver(p)
+    box.solve()
+    box.guess(np.arange(12), np.ones(12))
+    p.lb[4:] = p.ub[4:] = p.centre[4:] + 3.0
+    assert box.solve() is Status.SOLVED
+    assert box.counts.first == 1
+    np.testing.assert_array_equal(p.x, p.lb)
+    qp = p.empty_qp()
+    p.write_qp(qp)
+    assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
+
+
+def test_bounds_that_change_in_every_tick_are_not_guessed_until_they_stand_still() -> None:
+    p = bounds_only(2)
+    box = BoxSolver(p)
+    guesses, guessed = [], box._guessed
+    box._guessed = lambda: (guesses.append(tick), guessed())[1]  # type: ignore[method-assign]
+    for tick in range(9):
+        if tick < 6:
+            p.centre *= -3.0 if tick % 2 else -1.0 / 3.0
+        assert box.solve() is Status.SOLVED
+        qp = p.empty_qp()
+        p.write_qp(qp)
+        assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
+    assert guesses == [0, 1, 7, 8]
+    assert (box.counts.first, box.counts.fallback) == (2, 7)
+
+
+@pytest.mark.parametrize("what", ["rows", "centre", "lb", "ub"])
+def test_nan_in_a_box_problem_is_a_failure_and_never_an_answer(what: str) -> None:
+    for weight in (1e-2, 1e2):
+        p = bounds_only(6)
+        box = BoxSolver(p)
+        assert box.solve() is Status.SOLVED
+        {"rows": p.G[0], "centre": p.centre, "lb": p.lb, "ub": p.ub}[what][2] = np.nan
+        p.weights[:], p.version = weight, p.version + 1
+        assert not box.solve().ok
+
+
 @pytest.mark.parametrize("n_u", [0, 3])
 @pytest.mark.parametrize("tight", [10.0, 0.3, 0.05])
 def test_without_any_task_or_law_only_bounds_and_ranges_move_the_answer_from_the_centre(n_u: int, tight: float) -> None:

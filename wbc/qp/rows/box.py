@@ -2,11 +2,19 @@
 
     minimise ½ (y − c)ᵀD(y − c) + ½ Σ wᵢ (Sᵢ x̂)²   subject to lb <= y <= ub,   x̂ = [y | 1]
 
-With Ŵ = √w Ŝ, the columns of what is held set to zero and their contribution moved into the last one, ŴᵀŴ + D holds
-both the cost of what is free and its slope: one product, one Cholesky. The gradient at the answer is then made anew
-from the rows, whose residuals are exact where their products lose half the digits, and says whether the guess was
-right. Many bounds change at once when joints run into their speed limits, so that repairing a guess does not pay here:
-DAQP, made for this, starts afresh.
+The cost is ½ x̂ᵀM x̂ but for what does not depend on y, with
+
+    M = ŴᵀŴ + [D  −D c; −(D c)ᵀ  κ],   Ŵ = √w Ŝ,
+
+and the constant 1 is one unknown more: M x̂ = κ e, e the last unit vector, says that the slope of the cost vanishes, and
+for a κ beside which all other numbers are lost in rounding that the last entry of x̂ is 1, exactly. So one product and
+one Cholesky give x̂ whole. Bounds that are held: their columns of Ŵ are set to zero and what they contribute is moved
+into the last one.
+
+The gradient at the answer is then made anew from the rows, whose residuals are exact where their products lose half
+the digits, and says whether the guess was right. Many bounds change at once when joints run into their speed limits,
+so that repairing a guess does not pay here: DAQP, made for this, starts afresh. As long as its bounds are other ones in
+every tick, there is nothing to guess.
 """
 
 from __future__ import annotations
@@ -16,7 +24,7 @@ from typing import final
 
 import daqp
 import numpy as np
-from scipy.linalg.blas import dgemm, dgemv
+from scipy.linalg.blas import dasum, dgemm, dgemv, dsyrk, idamax
 from scipy.linalg.lapack import dposv
 
 from wbc.qp.certificate import Certificate
@@ -29,6 +37,10 @@ _STATUS = {1: Status.SOLVED, 2: Status.SOLVED, -3: Status.UNBOUNDED, -4: Status.
 _INFINITY = 1e30
 # Multipliers below this share of the largest are rounding.
 _ROUNDING = 1e-12
+# Changes of the working set in a row after which it is not guessed until it stands still.
+_RESTLESS = 2
+# κ: a power of four, so that its root is exact, and far above any cost.
+_KAPPA = 2.0**400
 
 
 @final
@@ -44,15 +56,29 @@ class BoxSolver(RowSolver):
         self._S = p.G[p.soft]
         self._S_T = self._S.T
         self._rows = p.value[p.item(p.soft.start) : p.item(p.soft.stop)]
-        self._root, self._weights = np.zeros(m), np.zeros(m)
+        self._root, self._weights, self._push = (np.zeros(m) for _ in range(3))
         self._roots, self._masked, self._W = (np.zeros((m, n + 1)) for _ in range(3))
-        self._slope = self._W[:, n]
+        self._W_T, self._slope = self._W.T, self._W[:, n]
+        # The lower triangle of what is added to ŴᵀŴ; its last row is made anew in every tick.
         self._D: Mat = np.zeros((n + 1, n + 1), order="F")
+        self._D[n, n] = _KAPPA
+        self._minus_pull, self._minus_metric = self._D[n, :n], np.zeros(n)
+        self._last = np.zeros(n + 1)
+        self._last[n] = _KAPPA
         self._A, self._sense = np.zeros((0, n)), np.zeros(n, np.int32)
         self._low, self._high = np.zeros(n), np.zeros(n)
-        self._pull, self._right, self._gradient, self._over, self._under = (np.zeros(n) for _ in range(5))
-        self._push, self._held = np.zeros(m), np.zeros(n + 1)
-        self._z_box = np.zeros(n)
+        self._x, self._x1, self._lb, self._ub = p.x, p.x1, p.lb, p.ub
+        self._beyond, self._part = np.zeros(2 * n), np.zeros(n)
+        self._over, self._under = self._beyond[:n], self._beyond[n:]
+        self._gradient1 = np.zeros(n + 1)
+        self._gradient = self._gradient1[:n]
+        # Which unknowns are guessed to be at a bound, +1 upper, −1 lower, 0 free; x̂ with 0 for those that are free.
+        self._sides, self._held1 = np.zeros(n), np.zeros(n + 1)
+        self._held1[n], self._held = 1.0, self._held1[:n]
+        self._at_upper, self._at_lower, self._at_bound = (np.zeros(n, bool) for _ in range(3))
+        self._free1 = np.ones(n + 1)
+        self._free = self._free1[:n]
+        self._z_box: Vec | None = None
         self._version = -1
         self.reset()
 
@@ -63,27 +89,37 @@ class BoxSolver(RowSolver):
         return self._pins, self._side
 
     def guess(self, items: Index, side: Vec) -> None:
-        self._pins, self._side = items, side
-        self._bounds = items + (side > 0) * len(self.problem.value)
-        self._masked[:] = self._roots
-        self._masked[:, items] = 0.0
-        self._held[:] = 0.0
-        self._held[-1] = 1.0
+        self._pins, self._side, self._is_held = items, side, len(items) > 0
+        self._changes, self._is_ready = 0, False
+
+    def _prepare(self) -> None:
+        """What a guess is made of, once for all ticks that make it."""
+        items, side = self._pins, self._side
+        self._sides.fill(0.0)
+        self._sides[items] = side
+        self._held.fill(0.0)
+        np.greater(self._sides, 0.0, out=self._at_upper)
+        np.less(self._sides, 0.0, out=self._at_lower)
+        np.not_equal(self._sides, 0.0, out=self._at_bound)
+        np.equal(self._sides, 0.0, out=self._free)
+        np.multiply(self._root[:, None], self._free1, self._masked)
+        self._is_ready = True
 
     def _read_weights(self) -> None:
         p = self.problem
         np.divide(p.weights, p.unit, out=self._weights)
         np.sqrt(self._weights, out=self._root)
         self._roots[:] = self._root[:, None]
-        self._D[:-1, :-1] = np.diag(p.metric)
-        self._version = p.version
-        self.guess(self._pins, self._side)
+        np.fill_diagonal(self._D[:-1, :-1], p.metric)
+        np.negative(p.metric, self._minus_metric)
+        self._version, self._is_ready = p.version, False
 
     # ---- one tick
     def solve(self) -> Status:
         self._read()
         self.iterations = 1
-        if self._guessed():
+        if self._changes < _RESTLESS and self._guessed() and self._verified():
+            self._changes = 0
             self.counts.first += 1
             return Status.SOLVED
         return self._ask_daqp()
@@ -97,73 +133,75 @@ class BoxSolver(RowSolver):
         p = self.problem
         if p.version != self._version:
             self._read_weights()
-        np.multiply(p.metric, p.centre, self._pull)
+        np.multiply(self._minus_metric, p.centre, self._minus_pull)
 
     def _guessed(self) -> bool:
-        """Solve for the bounds that are guessed; whether that is the answer."""
-        p, n, pins = self.problem, self.problem.n, self._pins
-        H = self._D
-        if len(pins):
-            self._held[pins] = p.bounds.take(self._bounds)
-        if p.n_soft:  # BLAS refuses empty matrices
-            W = np.multiply(self._S, self._masked, self._W).T
-            if len(pins):
-                np.multiply(np.dot(self._S, self._held), self._root, self._slope)
-            H = dgemm(1.0, W, W, 1.0, self._D, 0, 1)
-        np.subtract(self._pull, H[:n, n], self._right)
-        _, x, info = dposv(H[:n, :n], self._right)
-        if info:
+        """x̂ with the bounds that are guessed: M x̂ = κ e."""
+        if not self._is_ready:
+            self._prepare()
+        if self._is_held:
+            np.copyto(self._held, self._ub, where=self._at_upper)
+            np.copyto(self._held, self._lb, where=self._at_lower)
+        if self.problem.n_soft:  # BLAS refuses empty matrices
+            np.multiply(self._S, self._masked, self._W)
+            if self._is_held:
+                np.multiply(self._S.dot(self._held1), self._root, self._slope)
+            M = dsyrk(1.0, self._W_T, 1.0, self._D, 0, 1)
+        else:
+            M = self._D.copy(order="F")
+        _, x1, info = dposv(M, self._last, 1, 1)
+        if info or x1[-1] != 1.0:
             return False
-        p.x[:] = x
-        if len(pins):
-            p.x[pins] = self._held[pins]
-        return self._verify()
+        self._x1[:] = x1
+        if self._is_held:
+            np.copyto(self._x, self._held, where=self._at_bound)
+        return True
 
-    def _verify(self) -> bool:
+    def _verified(self) -> bool:
         """Bounds, and the gradient: zero where free, against its bound where held. NaN is neither."""
-        p, pins, gradient, over, under = self.problem, self._pins, self._gradient, self._over, self._under
-        x = p.x
-        self._slope_at(x)
-        wrong = 0.0
-        self._z_box.fill(0.0)
-        if len(pins):
-            pull = gradient[pins]
-            self._z_box[pins] = -pull
-            pull *= self._side
-            pull[p.lower[pins] == p.upper[pins]] = 0.0
-            wrong = float(pull[pull.argmax()])
-            gradient[pins] = 0.0
-        np.subtract(x, p.ub, over)
-        np.subtract(p.lb, x, under)
-        np.maximum(over, under, out=over)
-        primal = max(float(over[over.argmax()]), 0.0)
-        dual = max(_largest(np.abs(gradient, gradient)), wrong)
-        size = 1.0 if dual <= self.tolerance else self._size()
-        self.certificate = Certificate(primal, dual * p.unit, 0.0, size * p.unit, size * p.unit)
-        return primal <= self.tolerance and dual <= self.tolerance * size
+        gradient, wrong, tolerance, unit = self._slope_at_answer(), 0.0, self.tolerance, self.problem.unit
+        self._z_box = None
+        if self._is_held:
+            pull = np.multiply(gradient, self._sides, self._part)
+            wrong = pull[pull.argmax()]
+            if wrong > tolerance:  # where both sides are one, it may pull either way
+                pull[self._lb == self._ub] = 0.0
+                wrong = pull[pull.argmax()]
+            gradient = np.multiply(gradient, self._free, self._part)
+        primal, dual = max(self._beyond_bounds(), 0.0), max(_size_of(gradient), float(wrong))
+        size = 1.0 if dual <= tolerance else self._size()
+        self.certificate = Certificate(primal, dual * unit, 0.0, size * unit, size * unit)
+        return primal <= tolerance and dual <= tolerance * size
 
-    def _slope_at(self, x: Vec) -> None:
+    def _slope_at_answer(self) -> Vec:
         """D (x − c) + Σ wᵢ Sᵢᵀ (Sᵢ x̂), from the data; the rows' values on the way."""
-        p, gradient = self.problem, self._gradient
-        np.dot(self._S, p.x1, out=self._rows)
-        np.multiply(p.metric, x, gradient)
-        np.subtract(gradient, self._pull, gradient)
-        if p.n_soft:
-            np.multiply(self._weights, self._rows, self._push)
-            gradient += dgemv(1.0, self._S_T, self._push)[: p.n]
+        gradient = self._gradient
+        self._S.dot(self._x1, self._rows)
+        np.multiply(self.problem.metric, self._x, gradient)
+        gradient += self._minus_pull
+        if self.problem.n_soft:
+            push = np.multiply(self._weights, self._rows, self._push)
+            dgemv(1.0, self._S_T, push, 1.0, self._gradient1, 0, 1, 0, 1, 0, 1)
+        return gradient
+
+    def _beyond_bounds(self) -> float:
+        """By how much the worst unknown is outside its bounds; below 0: inside."""
+        np.subtract(self._x, self._ub, self._over)
+        np.subtract(self._lb, self._x, self._under)
+        return float(self._beyond[self._beyond.argmax()])
 
     def _size(self) -> float:
         """1 + ‖g‖∞, g the gradient at zero."""
-        return 1.0 + _largest(np.abs(self._S_T[:-1] @ (self._weights * self._S[:, -1]) - self._pull))
+        return 1.0 + _size_of(self._S_T[:-1] @ (self._weights * self._S[:, -1]) + self._minus_pull)
 
     # ---- a wrong guess
     def _ask_daqp(self) -> Status:
         p, n = self.problem, self.problem.n
-        H, g = np.diag(p.metric), -self._pull
+        M = self._D
         if p.n_soft:
-            W = np.multiply(self._S, self._roots, self._W).T
-            both = dgemm(1.0, W, W, 1.0, self._D, 0, 1)
-            H, g = np.asfortranarray(both[:n, :n]), both[:n, n] - self._pull
+            np.multiply(self._S, self._roots, self._W)
+            M = dgemm(1.0, self._W_T, self._W_T, 1.0, self._D, 0, 1)
+        H, g = M[:n, :n].copy("F"), M[n, :n].copy()
         np.maximum(p.lb, -_INFINITY, out=self._low)
         np.minimum(p.ub, _INFINITY, out=self._high)
         if not isfinite(g.dot(g) + self._low.dot(self._high)):
@@ -178,31 +216,36 @@ class BoxSolver(RowSolver):
 
     def _accept(self, x: Vec, z: Vec) -> Status:
         """Take DAQP's answer and its multipliers, if they are certified; what pushes is the next guess."""
-        p, gradient, over, under = self.problem, self._gradient, self._over, self._under
-        size_of_push = np.abs(z)
-        pins = np.flatnonzero(size_of_push > _ROUNDING * _largest(size_of_push))
-        self.guess(pins, np.sign(z[pins]))
-        p.x[:] = x
-        self._slope_at(x)
-        gradient += z
+        pins = (np.abs(z, self._part) > _ROUNDING * _size_of(z)).nonzero()[0]
+        push = z[pins]
+        side = np.sign(push)
+        changes = self._changes + 1
+        if pins.tobytes() != self._pins.tobytes() or side.tobytes() != self._side.tobytes():
+            self.guess(pins, side)
+            self._changes = changes
+        else:
+            self._changes = 0
+        self._x[:] = x
         self._z_box = z
-        np.subtract(x, p.ub, over)
-        np.subtract(p.lb, x, under)
-        gap = float(np.abs(z[pins] * np.where(z[pins] > 0, over[pins], under[pins])).sum())
-        np.maximum(over, under, out=over)
-        primal, dual = max(float(over[over.argmax()]), 0.0), _largest(np.abs(gradient, gradient))
-        size = self._size()
-        self.certificate = Certificate(primal, dual * p.unit, gap * p.unit, size * p.unit, size * p.unit)
+        primal, dual = max(self._beyond_bounds(), 0.0), _size_of(self._slope_at_answer() + z)
+        gap = float(dasum(push * np.where(push > 0.0, self._over[pins], self._under[pins]))) if len(pins) else 0.0
+        unit = self.problem.unit
+        size = 1.0 if max(dual, gap) <= self.tolerance else self._size()
+        self.certificate = Certificate(primal, dual * unit, gap * unit, size * unit, size * unit)
         sound = primal <= self.tolerance and dual <= self.tolerance * size and gap <= self.tolerance * size
         return Status.SOLVED if sound else Status.INACCURATE
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        return np.zeros(0), np.zeros(0), self._z_box * self.problem.unit / self.problem.scale
+        z_box = self._z_box
+        if z_box is None:
+            z_box = np.where(self._at_bound, -self._gradient, 0.0)
+        return np.zeros(0), np.zeros(0), z_box * self.problem.unit / self.problem.scale
 
     @property
     def active_count(self) -> int:
         return len(self._pins)
 
 
-def _largest(values: Vec) -> float:
-    return float(values[values.argmax()])
+def _size_of(values: Vec) -> float:
+    """‖values‖∞. NaN where one of them is, which idamax may not see and the sum does."""
+    return abs(float(values[idamax(values)])) + 0.0 * float(dasum(values))
