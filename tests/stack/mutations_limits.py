@@ -3,6 +3,10 @@
 CONTRACT = "tests/tasks/test_contract.py::test_a_member_keeps_the_contract"
 JERK, JERK_TESTS = "wbc/stack/jerk.py", "tests/stack/test_jerk.py"
 FROM_REST = f"{JERK_TESTS}::test_from_rest_whatever_is_chosen_keeps_jerk_and_all_other_limits"
+NEARER = (
+    "tests/stack/test_interval.py"
+    "::test_velocities_within_positions_and_velocities_alone_are_bounded_by_the_nearer_limit"
+)
 LIMITS = "tests/control/test_joint_limits.py"
 COLLISION, DISTANCES = "wbc/models/collision.py", "tests/models/test_collision.py"
 FOUND = f"{DISTANCES}::test_all_that_is_within_reach_is_found_wherever_the_robot_was_before"
@@ -29,6 +33,9 @@ MUTATIONS = [
      f"{LIMITS}::test_inside_stays_inside_whatever_is_wished"),
     ("wbc/control/ladder.py", "np.argsort(-np.abs(slack)", "np.argsort(np.abs(slack)",
      f"{LIMITS}::test_torque_limits_stand_above_the_interval_of_a_joint"),
+    ("wbc/stack/interval.py", "(q - v * dt) if self._is_simple", "q if self._is_simple", NEARER),
+    ("wbc/stack/interval.py", "                self._flags[2] = False\n", "", NEARER),
+    ("wbc/stack/interval.py", "self._wanted[:], upper[:], lower[:] = ", "_, upper[:], lower[:] = ", NEARER),
     # barriers
     ("wbc/stack/writers.py", "self._lower -= out.rate", "pass", f"{AVOIDANCE}::test_what_comes_flying_is_dodged"),
     ("wbc/stack/plan.py", "(*above, *stack.levels)", "(*stack.levels, *above)",
