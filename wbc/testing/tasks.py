@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.models.model import RobotModel
 from wbc.stack.task import LinearRows, LinearTask, Objective, Task, TaskRows
@@ -126,7 +127,7 @@ class _KinematicCheck:
     def _jacobian(self, rows: Arrays) -> Mat:
         return np.eye(self.model.nv)[self.model.nb :] if self.task.on_joints else rows["J"]
 
-    def _check_jacobian(self, moment: Moment, rows: Arrays, has_error: Vec) -> None:
+    def _check_jacobian(self, moment: Moment, rows: Arrays, has_error: NDArray[np.bool_]) -> None:
         def derivative(read: Callable[[Moment], Vec]) -> Mat:
             return np.column_stack([along(read, self.model, moment, axis) for axis in np.eye(self.model.nv)])
 
@@ -158,7 +159,7 @@ class _KinematicCheck:
 
         return (rate(STEP) - rate(-STEP)) / (2.0 * STEP)
 
-    def _check_reference(self, moment: Moment, rows: Arrays, has_error: Vec) -> None:
+    def _check_reference(self, moment: Moment, rows: Arrays, has_error: NDArray[np.bool_]) -> None:
         rate, second = rows["rate_ref"], rows["acc_ref"]
         found = self._or_as_rotation(
             in_time(self._e, moment), rate, lambda turned: in_time(turned, moment), rows, turned_by_target

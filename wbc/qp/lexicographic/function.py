@@ -99,9 +99,9 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec, solver: Solv
     x, z = rows.x[:n].copy(), np.zeros(len(lo))
     y, z[~equal], box = ranked.multipliers()
     stop = len(y)
-    for first, last in pairwise(ends.tolist()):  # the laws stand in falling order of rank, equations of a level first
-        own = first + np.flatnonzero(equal[first:last])
-        stop -= last - first
+    for first, end in pairwise(ends.tolist()):  # the laws stand in falling order of rank, equations of a level first
+        own = first + np.flatnonzero(equal[first:end])
+        stop -= end - first
         z[own] = y[stop : stop + len(own)]
     at = A @ x
     # What a level above needed stays as it is: it may push either way in the last problem.
