@@ -42,7 +42,8 @@ class CenterOfMass(Tracking, Task):
         target = self.reference(state.t)
         out.J[:] = state.com_jacobian
         np.subtract(target.value, state.com, out.e)
-        out.drift[:] = state.com_drift
+        if state.drifts:
+            out.drift[:] = state.com_drift
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 

@@ -48,12 +48,13 @@ class Frame(Tracking, Task):
         model.check_frame(self.frame)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
+        frame, target, e = state.frame(self.frame), self.reference(state.t), out.e
         rotation, position = target.value
-        np.subtract(position, frame.position, out.e[:3])
-        out.e[3:] = rotation_error(rotation, frame.rotation)
+        np.subtract(position, frame.position, e[:3])
+        e[3:] = rotation_error(rotation, frame.rotation)
         out.J[:] = frame.jacobian()
-        out.drift[:] = frame.drift()
+        if state.drifts:
+            out.drift[:] = frame.drift()
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 

@@ -79,7 +79,8 @@ class MotionRows:
     def clear(self) -> None:
         """References that a task does not write are zero, in every tick."""
         self.rate_ref.fill(0.0)
-        self.acc_ref.fill(0.0)
+        if self.order == 2:
+            self.acc_ref.fill(0.0)
 
     def check_written(self, first: int, dim: int, name: str) -> None:
         """After a first fill on poisoned memory: everything needed must have been written.

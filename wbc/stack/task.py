@@ -339,7 +339,7 @@ class Target:
         self.has_rates = False
         if callable(value):
             self._function = value
-            self._read(0.0, strict=True)
+            self.value = convert(name, self._without_rates(value(0.0), strict=True), True)
         else:
             self.value = convert(name, value, True)
 
@@ -351,22 +351,24 @@ class Target:
     def at(self, t: float) -> Target:
         """Evaluate at time t [s]; then read ``value``, ``rate``, ``second``."""
         if self._function is not None:
-            self._read(t, strict=False)
+            value = self._function(t)
+            if self.has_rates or isinstance(value, tuple):
+                value = self._without_rates(value, strict=False)
+            self.value = self._convert(self._name, value, False)
         return self
 
-    def _read(self, t: float, strict: bool) -> None:
-        assert self._function is not None
-        result = self._function(t)
-        if isinstance(result, tuple):
-            if len(result) != 3:
-                raise InvalidInput(f"{self._name}(t) must give a value or (value, rate, acceleration)")
-            result, rate, second = result
-            self.rate = self._vector("rate", rate, strict)
-            self.second = self._vector("acceleration", second, strict)
-            self.has_rates = True
-        elif self.has_rates:
+    def _without_rates(self, result: Any, strict: bool) -> Any:
+        """The value of what a function gave, whose rate and acceleration are read where there are some."""
+        if not isinstance(result, tuple):
             self.rate, self.second, self.has_rates = self._still, self._still, False
-        self.value = self._convert(self._name, result, strict)
+            return result
+        if len(result) != 3:
+            raise InvalidInput(f"{self._name}(t) must give a value or (value, rate, acceleration)")
+        value, rate, second = result
+        self.rate = self._vector("rate", rate, strict)
+        self.second = self._vector("acceleration", second, strict)
+        self.has_rates = True
+        return value
 
     def _vector(self, what: str, value: Any, strict: bool) -> Vec:
         if strict:

@@ -15,6 +15,7 @@ from wbc.stack.task import Objective, Target
 from wbc.types import Mat, Vec
 
 _IDENTITY = np.eye(3)
+_SE3, _log3 = pinocchio.SE3, pinocchio.log3
 
 #: ``convert(name, value, strict)``: strict when assigned, shapes only in a tick; see :class:`~wbc.stack.task.Target`.
 Convert = Callable[[str, Any, bool], Any]
@@ -69,7 +70,7 @@ def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
     Raises:
         InvalidInput: another shape; strict: not finite, not a rotation, last row not 0 0 0 1.
     """
-    if isinstance(value, pinocchio.SE3):
+    if isinstance(value, _SE3):
         if not strict:
             return value.rotation, value.translation
         value = value.homogeneous
@@ -125,7 +126,7 @@ def joints_target(model: RobotModel, full: int) -> Convert:
 
 def rotation_error(target: Mat, actual: Mat) -> Vec:
     """log(target actualᵀ): the rotation vector [rad], world axes, that turns ``actual`` into ``target``."""
-    error: Vec = pinocchio.log3(np.dot(target, actual.T))
+    error: Vec = _log3(target.dot(actual.T))
     return error
 
 
