@@ -23,7 +23,7 @@ from __future__ import annotations
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg.blas import dgemm, dgemv, dsyrk
+from scipy.linalg.blas import dasum, dgemm, dgemv, dsyrk, idamax
 from scipy.linalg.lapack import dposv, dpotrs
 
 from wbc.qp.certificate import Certificate
@@ -47,24 +47,30 @@ _LITTLE = 1e-4
 class _Views:
     """Everything whose size depends on the number k of occupied slots, cut once for each k."""
 
-    __slots__ = ("E", "Eu_T", "Ey_T", "G", "compliance", "lower", "over", "rows", "scaled", "slots", "soft", "under",
-                 "upper", "value")  # fmt: skip
+    __slots__ = ("E", "E_T", "Ed", "Eu_T", "Ey_T", "G", "bounded", "compliance", "lam", "lam_slots", "lam_soft",
+                 "lower", "over", "rows", "slots", "slots_right", "soft", "soft_to_slots", "under", "upper", "value",
+                 "value_slots")  # fmt: skip
 
     def __init__(self, p: RowProblem, k: int) -> None:
         first, m = p.soft.start, p.n_soft + p.n_law + k
         last = first + m
-        E = p.G[first:last]
-        self.E = E
-        self.Eu_T, self.Ey_T = E[:, : p.n_u].T, E[:, p.n_u :].T
+        self.E = E = p.G[first:last]
+        self.E_T, self.Eu_T, self.Ey_T = E.T, E[:, : p.n_u].T, E[:, p.n_u : p.n].T
+        self.Ed = np.zeros((p.n_y, m), order="F")
+        self.compliance: Mat = np.zeros((m, m), order="F")
+        self.lam = np.zeros(m)
+        self.lam_soft, self.lam_slots = self.lam[: p.n_soft], self.lam[m - k :]
         self.G = p.G[:last]
         self.slots = p.G[p.n_rows : p.n_rows + k]
-        items = p.first_row + last
+        self.slots_right = self.slots[:, p.n]
+        items, soft = p.first_row + last, p.item(first)
         self.value, self.lower, self.upper = p.value[:items], p.lower[:items], p.upper[:items]
-        self.rows = p.value[p.first_row : items]
-        self.soft = p.value[p.item(first) : p.item(first) + p.n_soft]
         self.over, self.under = np.zeros(items), np.zeros(items)
-        self.scaled = np.zeros((p.n_y, m), order="F")
-        self.compliance: Mat = np.zeros((m, m), order="F")
+        self.bounded = np.zeros(items, dtype=bool)  # what may be held at a bound: y and the range rows
+        self.bounded[p.n_u : p.n] = self.bounded[p.item(p.range.start) : soft] = True
+        self.rows = p.value[p.first_row : items]
+        self.soft, self.soft_to_slots = p.value[soft : soft + p.n_soft], p.value[soft:items]
+        self.value_slots = p.value[items - k : items]
 
 
 @final
@@ -78,24 +84,19 @@ class DualSolver(RowSolver):
         self.tolerance, self.tries = tolerance, tries
         p = problem
         self._views: dict[int, _Views] = {}
-        self._y = p.value[p.n_u : p.n]
-        self._y1 = p.value[p.n_u : p.n + 1]
-        self._u = p.value[: p.n_u]
+        self._u, self._y, self._y1 = p.value[: p.n_u], p.value[p.n_u : p.n], p.value[p.n_u : p.n + 1]
         # B in the order LAPACK wants, solved in place: [B_u | B_y b] becomes [· | X].
         self._B = np.zeros((p.n_u, p.n + 1), order="F")
-        self._Bu, self._X = self._B[:, : p.n_u], self._B[:, p.n_u :]
-        self._y0 = np.zeros(p.n_y + 1)
-        self._y0[-1] = 1.0
-        self._y0_y = self._y0[:-1]
+        self._Bu, self._X, self._Xy = self._B[:, : p.n_u], self._B[:, p.n_u :], self._B[:, p.n_u : p.n]
         self._free_root = np.ones(p.n_y)  # 1/√D
         self._root = np.ones(p.n_y)  # the same, 0 at pins
-        self._soft_compliance = np.ones(p.n_soft)
-        self._give = np.zeros(p.n_soft)
-        self._version, self._weak = -1, False
+        self._root_column = self._root[:, None]
+        self._soft_compliance, self._give = np.ones(p.n_soft), np.zeros(p.n_soft)
+        self._version, self._weak, self._uniform, self._pinned = -1, False, True, False
         self._pivoting = Pivoting()
         self._fallback: Any = None
-        self._lam = np.zeros(0)
-        self._Er = self._Es = self._factor = np.zeros((0, 0))
+        self._Er = self._Ed = self._factor = np.zeros((0, 0))
+        self._primal, self._wrong, self._rounding = np.inf, _NOTHING, 0.0
         self._foreign: Solution | None = None
         self.reset()
 
@@ -104,11 +105,10 @@ class DualSolver(RowSolver):
 
     @property
     def active_count(self) -> int:
-        return len(self._slot_rows) + len(self._pins)
+        return len(self._items)
 
     def working_set(self) -> tuple[Index, Vec]:
-        items = np.concatenate([self._pins + self.problem.n_u, self._slot_items])
-        return items, np.concatenate([self._pin_side, self._slot_side])
+        return self._items, self._side
 
     def guess(self, items: Index, side: Vec) -> None:
         fits = (items < self.problem.n) | (np.cumsum(items >= self.problem.n) <= self.problem.n_slots)
@@ -116,25 +116,27 @@ class DualSolver(RowSolver):
 
     # ---- the working set
     def _work_on(self, items: Index, side: Vec) -> None:
-        """Take these items as active: variables become pins, rows go into slots. side: +1 upper, −1 lower."""
+        """Take these items as active: rows go into slots, variables become pins. side: +1 upper, −1 lower."""
         p = self.problem
-        is_pin = items < p.n
-        self._pins, self._pin_side = items[is_pin] - p.n_u, side[is_pin]
-        self._slot_items, self._slot_side = items[~is_pin], side[~is_pin]
-        self._slot_rows = self._slot_items - p.first_row
-        self._pin_items = self._pins + p.n_u
+        is_row = items >= p.n
+        k = int(np.count_nonzero(is_row))
+        if k < len(items):  # rows first
+            order = np.argsort(~is_row, kind="stable")
+            items, side = items[order], side[order]
+        self._items, self._side = items, side
+        self._slot_rows, self._slot_side = items[:k] - p.first_row, side[:k]
+        self._pins, self._pin_side = items[k:] - p.n_u, side[k:]
         # Where the bound of each stands in ``p.bounds``, read as one vector.
-        self._pin_bounds = self._pin_items + (self._pin_side > 0) * len(p.value)
-        self._slot_bounds = self._slot_items + (self._slot_side > 0) * len(p.value)
-        k = len(self._slot_rows)
+        bounds = items + (side > 0) * len(p.value)
+        self._slot_bounds, self._pin_bounds = bounds[:k], bounds[k:]
         if k not in self._views:
             self._views[k] = _Views(p, k)
             self._write_compliance(self._views[k])
         self._now = self._views[k]
-        self._root[:] = self._free_root
-        self._root[self._pins] = 0.0
-        self._active = bool(len(items))
-        self._plain = not len(self._pins) and bool((self._free_root == 1.0).all())
+        if len(self._pins) or self._pinned:
+            self._root[:] = self._free_root
+            self._root[self._pins] = 0.0
+        self._pinned = bool(len(self._pins))
 
     def _write_compliance(self, views: _Views) -> None:
         i = np.arange(self.problem.n_soft)
@@ -144,24 +146,23 @@ class DualSolver(RowSolver):
         p = self.problem
         write_compliance(p, self._soft_compliance)
         self._free_root[:] = 1.0 / np.sqrt(p.metric)
+        self._pinned = True  # have the roots copied
+        self._uniform = bool((self._free_root == 1.0).all())
         for views in self._views.values():
             self._write_compliance(views)
         self._version = p.version
         self._weak = not fits_dual(p)
-        self._work_on(np.concatenate([self._pin_items, self._slot_items]),
-                      np.concatenate([self._pin_side, self._slot_side]))  # fmt: skip
+        self._work_on(self._items, self._side)
 
     def _place(self) -> None:
-        """Copy the active rows into their slots, shifted by their bound, and set y₀."""
-        p = self.problem
-        self._y0_y[:] = p.centre
-        if len(self._pins):
-            self._y0[self._pins] = p.bounds.take(self._pin_bounds)
+        """y = y₀, and the active rows in their slots, shifted by their bound."""
+        p, now = self.problem, self._now
+        self._y[:] = p.centre
+        if self._pinned:
+            self._y[self._pins] = p.bounds.take(self._pin_bounds)
         if len(self._slot_rows):
-            slots = self._now.slots
-            p.G.take(self._slot_rows, 0, slots, "clip")
-            right = slots[:, p.n]
-            right -= p.bounds.take(self._slot_bounds)
+            p.G.take(self._slot_rows, 0, now.slots, "clip")
+            now.slots_right -= p.bounds.take(self._slot_bounds)
 
     # ---- one tick
     def solve(self) -> Status:
@@ -171,128 +172,115 @@ class DualSolver(RowSolver):
         self._foreign = None
         if self._weak:
             return self._give_up()
-        self._place()
-        self._pivoting.restart()
         if p.n_u:
             self._B[:] = p.G[: p.n_u]
             if dposv(self._Bu, self._X, 1, 1, 1)[2]:
                 return self._give_up()
+        self._place()
         for attempt in range(self.tries):
             self.iterations = attempt + 1
-            info = self._step()
-            if info:
-                if not self._leave_out(info):
+            failing_pivot = self._step()
+            if failing_pivot:
+                if not self._leave_out(failing_pivot):
                     break
                 continue
-            if self._verify() or self._refined():
+            if self._verify() or (self.tolerance < self._primal <= _LITTLE and self._refined()):
                 if attempt:
                     self.counts.repaired += 1
                 else:
                     self.counts.first += 1
                 return Status.SOLVED
+            if not attempt:
+                self._pivoting.restart()
             if not self._repair():
                 break
         return self._give_up()
 
     def _step(self) -> int:
-        """Solve for the working set. Returns the index of a failing pivot, or 0."""
+        """From y₀ to the answer for the working set. Returns the index of a failing pivot, or 0."""
         p, now = self.problem, self._now
-        if len(now.E):
-            info = self._pull()
-            if info:
-                return info
-        else:  # nothing pulls y away from y₀, and BLAS refuses empty matrices
-            self._lam, self._Er = np.zeros(0), np.zeros((p.n_y + 1, 0))
-            self._y[:] = self._y0_y
-        self._follow()
-        return 0
-
-    def _follow(self) -> None:
-        """u and all rows from y."""
-        p = self.problem
         if p.n_u:
-            dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
-        np.dot(self._now.G, p.x1, self._now.rows)
-
-    def _pull(self) -> int:
-        """y from the multipliers of the rows; returns as :meth:`_step` does."""
-        p, now = self.problem, self._now
-        Er = dgemm(-1.0, self._X, now.Eu_T, 1.0, now.Ey_T, 1) if p.n_u else now.Ey_T
-        E = Er[: p.n_y]
-        Es = E if self._plain else np.multiply(E, self._root[:, None], now.scaled)
-        K = dsyrk(1.0, Es, 1.0, now.compliance, 1)
-        self._factor, lam, info = dposv(K, dgemv(-1.0, Er, self._y0, trans=1), 0, 1, 1)
-        if info:
-            return int(info)
-        step = dgemv(1.0, Es, lam)
-        if not self._plain:
-            step *= self._root
-        np.add(step, self._y0_y, self._y)
-        self._lam, self._Er, self._Es = lam, Er, Es
+            dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)  # u = −X [y; 1]
+        if len(now.E):  # BLAS refuses empty matrices
+            self._Er = Er = dgemm(-1.0, self._Xy, now.Eu_T, 1.0, now.Ey_T, 1) if p.n_u else now.Ey_T
+            if self._uniform and p.n_u and not self._pinned:
+                self._Ed = Er
+            else:
+                self._Ed = np.multiply(Er, self._root_column, now.Ed)
+            K = dsyrk(1.0, self._Ed, 1.0, now.compliance, 1)
+            dgemv(-1.0, now.E_T, p.x1, 0.0, now.lam, 0, 1, 0, 1, 1, 1)  # the right side, in place
+            self._factor, _, info = dposv(K, now.lam, 0, 1, 1)
+            if info:
+                return int(info)
+            self._pull(now.lam)
+        np.dot(now.G, p.x1, now.rows)
         return 0
+
+    def _pull(self, lam: Vec) -> None:
+        """y += D⁻¹ Eᵀ λ, and u with it."""
+        if self._uniform:
+            dgemv(1.0, self._Ed, lam, 1.0, self._y, 0, 1, 0, 1, 0, 1)
+        else:
+            self._y += dgemv(1.0, self._Ed, lam) * self._root
+        if self.problem.n_u:
+            dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
 
     def _refined(self) -> bool:
         """Where little is missing, once more with the residual: forces of long chains lose digits. Then verify."""
         p, now = self.problem, self._now
-        if not len(now.E) or not now.over[now.over.argmax()] <= _LITTLE:
+        if not len(now.E):
             return False
-        first = p.item(p.soft.start)
-        residual = p.value[first : first + len(now.E)].copy()
+        residual = now.soft_to_slots.copy()
         residual[: p.n_soft] += self._give
-        change, _ = dpotrs(self._factor, residual)
-        step = dgemv(-1.0, self._Es, change)
-        if not self._plain:
-            step *= self._root
-        self._lam -= change
-        self._y += step
-        self._follow()
+        change = -dpotrs(self._factor, residual)[0]
+        now.lam += change
+        self._pull(change)
+        np.dot(now.G, p.x1, now.rows)
         return self._verify()
 
     def _verify(self) -> bool:
         """All rows and bounds within tolerance in their own units, all multipliers of the right sign."""
-        p, now = self.problem, self._now
-        np.multiply(self._soft_compliance, self._lam[: p.n_soft], self._give)
-        residual = now.soft
-        residual += self._give  # zero at the solution of the linear system
-        over, under = now.over, now.under
+        p, now, soft, over, under = self.problem, self._now, self._now.soft, self._now.over, self._now.under
+        # A soft row gives way: at the solution of the linear system its residual and C λ add up to zero.
+        np.multiply(self._soft_compliance, now.lam_soft, self._give)
+        soft += self._give
         np.subtract(now.value, now.upper, over)
         np.subtract(now.lower, now.value, under)
-        np.maximum(over, under, out=over)
-        residual -= self._give
-        primal = float(over[over.argmax()])
-        dual = gap = 0.0
-        if self._active:
+        soft -= self._give
+        above, below = float(over[over.argmax()]), float(under[under.argmax()])
+        self._primal = max(above, below)
+        dual = gap = self._rounding = 0.0
+        self._wrong = _NOTHING
+        if len(self._items):
             dual = self._largest_wrong()
-            slots = len(self._slot_rows)
-            gap = p.unit * float(np.abs(self._lam[-slots:]).dot(np.abs(now.rows[-slots:]))) if slots else 0.0
-        else:
-            self._wrong, self._rounding = _NOTHING, 0.0
-        if not primal <= self.tolerance or not dual <= self._rounding:
+            if len(self._slot_rows):
+                gap = p.unit * float(dasum(now.lam_slots * now.value_slots))
+        if not (above <= self.tolerance and below <= self.tolerance and dual <= self._rounding):  # NaN is not
             return False
-        self.certificate = Certificate(max(primal, 0.0), max(dual * p.unit, 0.0), gap)
+        self.certificate = Certificate(max(self._primal, 0.0), max(dual * p.unit, 0.0), gap)
         return True
 
     def _largest_wrong(self) -> float:
         """The largest pull the wrong way; what is rounding beside the multipliers is kept in ``_rounding``."""
-        lam = self._lam
         self._wrong = wrong = self._wrong_signs()
         worst = float(wrong[wrong.argmax()])
-        largest = max(worst, -float(wrong[wrong.argmin()]))
-        if len(lam):
-            largest = max(largest, float(lam[lam.argmax()]), -float(lam[lam.argmin()]))
-        self._rounding = _ROUNDING * largest
-        if worst > self._rounding:  # where both bounds are one value, either way is right
-            p = self.problem
-            items = np.concatenate([self._slot_items, self._pin_items])
-            wrong[p.lower[items] == p.upper[items]] = 0.0
-            worst = float(wrong[wrong.argmax()])
+        self._rounding = 0.0
+        if not worst <= 0.0:
+            lam = self._now.lam
+            largest = abs(wrong[idamax(wrong)])
+            if len(lam):
+                largest = max(largest, abs(lam[idamax(lam)]))
+            self._rounding = _ROUNDING * float(largest)
+            if worst > self._rounding:  # where both bounds are one value, either way is right
+                p = self.problem
+                wrong[p.lower[self._items] == p.upper[self._items]] = 0.0
+                worst = float(wrong[wrong.argmax()])
         return worst
 
     def _wrong_signs(self) -> Vec:
         """λ · side of each active row, then of each pin: positive means that it pulls the wrong way."""
-        p = self.problem
-        rows: Vec = self._lam[p.n_soft + p.n_law :] * self._slot_side
-        if not len(self._pins):
+        rows: Vec = self._now.lam_slots * self._slot_side
+        if not self._pinned:
             return rows
         gradient = self._pull_of_pins()
         gradient *= self._pin_side
@@ -300,25 +288,22 @@ class DualSolver(RowSolver):
 
     def _pull_of_pins(self) -> Vec:
         """D (y − c) − Eᵀλ at each pin: minus the multiplier of its bound."""
-        p = self.problem
+        p, lam = self.problem, self._now.lam
         gradient = self._y - p.centre
         gradient *= p.metric
-        if len(self._lam):
-            gradient -= dgemv(1.0, self._Er, self._lam)[: p.n_y]
+        if len(lam):
+            gradient -= dgemv(1.0, self._Er, lam)
         return gradient.take(self._pins)
 
     # ---- a wrong guess
     def _repair(self) -> bool:
         """Exchange wrong rows by block principal pivoting. False: nothing to exchange, or no room."""
-        p, now = self.problem, self._now
-        items = np.concatenate([self._slot_items, self._pin_items])
-        side = np.concatenate([self._slot_side, self._pin_side])
-        broken = now.over > self.tolerance
-        broken[p.item(p.soft.start) :] = False
-        broken[p.n : p.item(p.range.start)] = False
+        p, now, over, under = self.problem, self._now, self._now.over, self._now.under
+        broken = np.maximum(over, under) > self.tolerance
+        broken &= now.bounded
         keep = self._wrong <= self._rounding
-        following = self._pivoting.exchanged(items, side, keep, broken, over=now.over, under=now.under)
-        if following is None or int((following[0] >= p.n).sum()) > p.n_slots:
+        following = self._pivoting.exchanged(self._items, self._side, keep, broken, over=over, under=under)
+        if following is None or np.count_nonzero(following[0] >= p.n) > p.n_slots:
             return False
         self._work_on(*following)
         self._place()
@@ -329,9 +314,7 @@ class DualSolver(RowSolver):
         slot = pivot - 1 - self.problem.n_soft - self.problem.n_law
         if slot < 0:
             return False
-        items = np.concatenate([np.delete(self._slot_items, slot), self._pin_items])
-        side = np.concatenate([np.delete(self._slot_side, slot), self._pin_side])
-        self._work_on(items, side)
+        self._work_on(np.delete(self._items, slot), np.delete(self._side, slot))
         self._place()
         return True
 
@@ -348,7 +331,7 @@ class DualSolver(RowSolver):
         self._foreign = self._fallback.solution
         if status.ok:
             items, side = self._fallback.active()
-            if int((items >= self.problem.n).sum()) <= self.problem.n_slots:
+            if np.count_nonzero(items >= self.problem.n) <= self.problem.n_slots:
                 self._work_on(items, side)
         else:
             self.reset()
@@ -358,7 +341,7 @@ class DualSolver(RowSolver):
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         if self._foreign is not None:
             return self._foreign.y, self._foreign.z, self._foreign.z_box
-        return multipliers_of(self.problem, self.working_set()[0], self._lam)
+        return multipliers_of(self.problem, self._items, self._now.lam)
 
 
 def multipliers_of(problem: RowProblem, items: Index, lam: Vec) -> tuple[Vec, Vec, Vec]:

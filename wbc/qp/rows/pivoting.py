@@ -32,8 +32,9 @@ class Pivoting:
         beyond a bound by ``over`` or ``under``. The mask is changed.
         """
         broken[items] = False
-        new = np.flatnonzero(broken)
-        wrong = len(new) + int((~keep).sum())
+        new = broken.nonzero()[0]
+        kept = int(np.count_nonzero(keep))
+        wrong = len(new) + len(items) - kept
         if wrong == 0:
             return None
         if wrong < self._fewest:
@@ -41,7 +42,7 @@ class Pivoting:
         elif self._chances:
             self._chances -= 1
         else:
-            last = max(new[-1] if len(new) else -1, items[~keep].max() if not keep.all() else -1)
+            last = max(new[-1] if len(new) else -1, items[~keep].max() if kept < len(items) else -1)
             keep, new = items != last, new[new == last]
         new_side = np.where(under[new] >= over[new], -1.0, 1.0)
-        return np.concatenate([items[keep], new]).astype(np.intp), np.concatenate([side[keep], new_side])
+        return np.concatenate([items[keep], new]), np.concatenate([side[keep], new_side])
