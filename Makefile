@@ -4,6 +4,9 @@ SCENARIO ?= humanoid-stand
 VENV := .venv
 VENV_PYTHON := $(VENV)/bin/python
 INSTALL := $(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --editable
+# The one thing that pip does not bring: Pinocchio's wheel for Linux is linked against libgomp.
+LOOK := $(VENV_PYTHON) -c "import pinocchio" || \
+  { echo "If libgomp.so.1 is what is missing: apt install libgomp1 (Debian, Ubuntu) or dnf install libgomp (Fedora)" >&2; exit 1; }
 
 .PHONY: help run test lint types tests deep format clean
 .DELETE_ON_ERROR:
@@ -45,12 +48,14 @@ $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
 	@echo "Installing the framework, physics, reports and robot models into $(VENV):"
 	@echo "about 350 MB to download from PyPI, 1.4 GB on disk, a minute or two."
 	@$(INSTALL) ".[sim,report,robots]"
+	@$(LOOK)
 	@touch $@
 
 $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created
 	@echo "Installing the framework with all permissive extras, linters and test tools into $(VENV):"
 	@echo "about 500 MB to download from PyPI, 1.9 GB on disk, a minute or two."
 	@$(INSTALL) ".[all]"
+	@$(LOOK)
 	@touch $(VENV)/ready-to-run $@
 
 # Without ensurepip, which some distributions leave out: the pip that is there installs pip into the environment.
