@@ -2,14 +2,17 @@
 
     minimise ½ (y − c)ᵀD(y − c) + ½ Σ wᵢ (Sᵢ x̂)²   subject to lb <= y <= ub,   x̂ = [y | 1]
 
-The cost is ½ x̂ᵀM x̂ but for what does not depend on y, with
+But for what does not depend on y the cost is ½ x̂ᵀM x̂, with
 
-    M = ŴᵀŴ + [D  −D c; −(D c)ᵀ  κ],   Ŵ = √w Ŝ,
+    M = ŴᵀŴ + [D  −D c; −(D c)ᵀ  0],   Ŵ = √w Ŝ.
 
-and the constant 1 is one unknown more: M x̂ = κ e, e the last unit vector, says that the slope of the cost vanishes, and
-for a κ beside which all other numbers are lost in rounding that the last entry of x̂ is 1, exactly. So one product and
-one Cholesky give x̂ whole. Bounds that are held: their columns of Ŵ are set to zero and what they contribute is moved
-into the last one.
+What is known of x̂ (the constant 1, and bounds that are guessed to hold) is tied to its value ĥ by springs of a
+stiffness κ beside which all costs are lost in rounding, so that it comes out as it went in, bit by bit:
+
+    (M + κ P) x̂ = κ P ĥ,   P: 1 on the diagonal for what is known, else 0.
+
+One product and one Cholesky give x̂ whole, whatever is guessed. All is divided by κ, a power of four, which rounds
+nothing.
 
 The gradient at the answer is then made anew from the rows, whose residuals are exact where their products lose half
 the digits, and says whether the guess was right. Many bounds change at once when joints run into their speed limits,
@@ -24,13 +27,13 @@ from typing import final
 
 import daqp
 import numpy as np
-from scipy.linalg.blas import dasum, dgemm, dgemv, dsyrk, idamax
+from scipy.linalg.blas import dasum, ddot, dgemm, dgemv, dsyrk, idamax
 from scipy.linalg.lapack import dposv
 
 from wbc.qp.certificate import Certificate
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.solver import RowSolver
-from wbc.types import Index, Mat, Status, Vec
+from wbc.types import Index, Status, Vec
 
 # A box that is not empty can be met: what is called infeasible here is a matter of numbers.
 _STATUS = {1: Status.SOLVED, 2: Status.SOLVED, -3: Status.UNBOUNDED, -4: Status.MAX_ITERATIONS}
@@ -39,8 +42,8 @@ _INFINITY = 1e30
 _ROUNDING = 1e-12
 # Changes of the working set in a row after which it is not guessed until it stands still.
 _RESTLESS = 2
-# κ: a power of four, so that its root is exact, and far above any cost.
-_KAPPA = 2.0**400
+# κ and its root: far above any cost, far below where numbers end.
+_KAPPA, _ROOT = 2.0**200, 2.0**100
 
 
 @final
@@ -56,28 +59,25 @@ class BoxSolver(RowSolver):
         self._S = p.G[p.soft]
         self._S_T = self._S.T
         self._rows = p.value[p.item(p.soft.start) : p.item(p.soft.stop)]
-        self._root, self._weights, self._push = (np.zeros(m) for _ in range(3))
-        self._roots, self._masked, self._W = (np.zeros((m, n + 1)) for _ in range(3))
-        self._W_T, self._slope = self._W.T, self._W[:, n]
-        # The lower triangle of what is added to ŴᵀŴ; its last row is made anew in every tick.
-        self._D: Mat = np.zeros((n + 1, n + 1), order="F")
-        self._D[n, n] = _KAPPA
-        self._minus_pull, self._minus_metric = self._D[n, :n], np.zeros(n)
-        self._last = np.zeros(n + 1)
-        self._last[n] = _KAPPA
+        self._weights, self._push = np.zeros(m), np.zeros(m)
+        self._roots, self._W = np.zeros((m, n + 1)), np.zeros((m, n + 1))
+        self._W_T = self._W.T
+        # D and −D c, which is made anew in every tick, over κ; and the same with springs. The lower triangle is read.
+        self._D, self._D_tied = (np.zeros((n + 1, n + 1), order="F") for _ in range(2))
+        self._minus_metric, self._minus_pull = np.zeros(n), self._D_tied[n, :n]
         self._A, self._sense = np.zeros((0, n)), np.zeros(n, np.int32)
         self._low, self._high = np.zeros(n), np.zeros(n)
         self._x, self._x1, self._lb, self._ub = p.x, p.x1, p.lb, p.ub
+        self._metric, self._centre, self._is_uniform = p.metric, p.centre, False
+        self._has_rows = m > 0  # BLAS refuses empty matrices
         self._beyond, self._part = np.zeros(2 * n), np.zeros(n)
         self._over, self._under = self._beyond[:n], self._beyond[n:]
         self._gradient1 = np.zeros(n + 1)
         self._gradient = self._gradient1[:n]
-        # Which unknowns are guessed to be at a bound, +1 upper, −1 lower, 0 free; x̂ with 0 for those that are free.
-        self._sides, self._held1 = np.zeros(n), np.zeros(n + 1)
-        self._held1[n], self._held = 1.0, self._held1[:n]
-        self._at_upper, self._at_lower, self._at_bound = (np.zeros(n, bool) for _ in range(3))
-        self._free1 = np.ones(n + 1)
-        self._free = self._free1[:n]
+        # Which unknowns are guessed to be at a bound: +1 upper, −1 lower, 0 free; what is known of x̂.
+        self._sides, self._free, self._known = np.zeros(n), np.ones(n), np.zeros(n + 1)
+        self._known[n], self._held = 1.0, self._known[:n]
+        self._at_upper, self._at_lower = np.zeros(n, bool), np.zeros(n, bool)
         self._z_box: Vec | None = None
         self._version = -1
         self.reset()
@@ -94,24 +94,24 @@ class BoxSolver(RowSolver):
 
     def _prepare(self) -> None:
         """What a guess is made of, once for all ticks that make it."""
-        items, side = self._pins, self._side
+        items = self._pins
         self._sides.fill(0.0)
-        self._sides[items] = side
+        self._sides[items] = self._side
         self._held.fill(0.0)
         np.greater(self._sides, 0.0, out=self._at_upper)
         np.less(self._sides, 0.0, out=self._at_lower)
-        np.not_equal(self._sides, 0.0, out=self._at_bound)
         np.equal(self._sides, 0.0, out=self._free)
-        np.multiply(self._root[:, None], self._free1, self._masked)
+        np.fill_diagonal(self._D_tied, self._D.diagonal())
+        self._D_tied[items, items] = self._D_tied[-1, -1] = 1.0
         self._is_ready = True
 
     def _read_weights(self) -> None:
         p = self.problem
         np.divide(p.weights, p.unit, out=self._weights)
-        np.sqrt(self._weights, out=self._root)
-        self._roots[:] = self._root[:, None]
-        np.fill_diagonal(self._D[:-1, :-1], p.metric)
-        np.negative(p.metric, self._minus_metric)
+        self._roots[:] = np.sqrt(self._weights)[:, None] / _ROOT
+        np.divide(p.metric, -_KAPPA, out=self._minus_metric)
+        np.fill_diagonal(self._D[:-1, :-1], -self._minus_metric)
+        self._is_uniform = bool((p.metric == 1.0).all())
         self._version, self._is_ready = p.version, False
 
     # ---- one tick
@@ -130,31 +130,26 @@ class BoxSolver(RowSolver):
         return self._ask_daqp()
 
     def _read(self) -> None:
-        p = self.problem
-        if p.version != self._version:
+        if self.problem.version != self._version:
             self._read_weights()
-        np.multiply(self._minus_metric, p.centre, self._minus_pull)
+        np.multiply(self._minus_metric, self._centre, self._minus_pull)
 
     def _guessed(self) -> bool:
-        """x̂ with the bounds that are guessed: M x̂ = κ e."""
+        """x̂ with the bounds that are guessed; whether it could be found."""
         if not self._is_ready:
             self._prepare()
         if self._is_held:
             np.copyto(self._held, self._ub, where=self._at_upper)
             np.copyto(self._held, self._lb, where=self._at_lower)
-        if self.problem.n_soft:  # BLAS refuses empty matrices
-            np.multiply(self._S, self._masked, self._W)
-            if self._is_held:
-                np.multiply(self._S.dot(self._held1), self._root, self._slope)
-            M = dsyrk(1.0, self._W_T, 1.0, self._D, 0, 1)
+        if self._has_rows:
+            np.multiply(self._S, self._roots, self._W)
+            M = dsyrk(1.0, self._W_T, 1.0, self._D_tied, 0, 1)
         else:
-            M = self._D.copy(order="F")
-        _, x1, info = dposv(M, self._last, 1, 1)
+            M = self._D_tied.copy("F")
+        _, x1, info = dposv(M, self._known, 1, 1)
         if info or x1[-1] != 1.0:
             return False
         self._x1[:] = x1
-        if self._is_held:
-            np.copyto(self._x, self._held, where=self._at_bound)
         return True
 
     def _verified(self) -> bool:
@@ -177,9 +172,10 @@ class BoxSolver(RowSolver):
         """D (x − c) + Σ wᵢ Sᵢᵀ (Sᵢ x̂), from the data; the rows' values on the way."""
         gradient = self._gradient
         self._S.dot(self._x1, self._rows)
-        np.multiply(self.problem.metric, self._x, gradient)
-        gradient += self._minus_pull
-        if self.problem.n_soft:
+        np.subtract(self._x, self._centre, gradient)
+        if not self._is_uniform:
+            gradient *= self._metric
+        if self._has_rows:
             push = np.multiply(self._weights, self._rows, self._push)
             dgemv(1.0, self._S_T, push, 1.0, self._gradient1, 0, 1, 0, 1, 0, 1)
         return gradient
@@ -192,19 +188,22 @@ class BoxSolver(RowSolver):
 
     def _size(self) -> float:
         """1 + ‖g‖∞, g the gradient at zero."""
-        return 1.0 + _size_of(self._S_T[:-1] @ (self._weights * self._S[:, -1]) + self._minus_pull)
+        p = self.problem
+        return 1.0 + _size_of((self._weights * self._S[:, -1]).dot(self._S[:, :-1]) - p.metric * p.centre)
 
     # ---- a wrong guess
     def _ask_daqp(self) -> Status:
         p, n = self.problem, self.problem.n
-        M = self._D
-        if p.n_soft:
+        self._D[n, :n] = self._minus_pull
+        if self._has_rows:
             np.multiply(self._S, self._roots, self._W)
-            M = dgemm(1.0, self._W_T, self._W_T, 1.0, self._D, 0, 1)
+            M = dgemm(_KAPPA, self._W_T, self._W_T, _KAPPA, self._D, 0, 1)
+        else:
+            M = _KAPPA * self._D
         H, g = M[:n, :n].copy("F"), M[n, :n].copy()
         np.maximum(p.lb, -_INFINITY, out=self._low)
         np.minimum(p.ub, _INFINITY, out=self._high)
-        if not isfinite(g.dot(g) + self._low.dot(self._high)):
+        if not isfinite(ddot(g, g) + ddot(self._low, self._high)):
             return Status.FAILED
         self.counts.fallback += 1
         x, _, flag, info = daqp.solve(H, g, self._A, self._high, self._low, self._sense, primal_tol=1e-10)
@@ -212,9 +211,9 @@ class BoxSolver(RowSolver):
         if flag <= 0:
             self.reset()
             return _STATUS.get(flag, Status.FAILED)
-        return self._accept(x, info["lam"])
+        return self._accept(x, info["lam"], 1.0 + _size_of(g))
 
-    def _accept(self, x: Vec, z: Vec) -> Status:
+    def _accept(self, x: Vec, z: Vec, size: float) -> Status:
         """Take DAQP's answer and its multipliers, if they are certified; what pushes is the next guess."""
         pins = (np.abs(z, self._part) > _ROUNDING * _size_of(z)).nonzero()[0]
         push = z[pins]
@@ -230,7 +229,6 @@ class BoxSolver(RowSolver):
         primal, dual = max(self._beyond_bounds(), 0.0), _size_of(self._slope_at_answer() + z)
         gap = float(dasum(push * np.where(push > 0.0, self._over[pins], self._under[pins]))) if len(pins) else 0.0
         unit = self.problem.unit
-        size = 1.0 if max(dual, gap) <= self.tolerance else self._size()
         self.certificate = Certificate(primal, dual * unit, gap * unit, size * unit, size * unit)
         sound = primal <= self.tolerance and dual <= self.tolerance * size and gap <= self.tolerance * size
         return Status.SOLVED if sound else Status.INACCURATE
@@ -238,7 +236,7 @@ class BoxSolver(RowSolver):
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         z_box = self._z_box
         if z_box is None:
-            z_box = np.where(self._at_bound, -self._gradient, 0.0)
+            z_box = np.where(self._free == 0.0, -self._gradient, 0.0)
         return np.zeros(0), np.zeros(0), z_box * self.problem.unit / self.problem.scale
 
     @property
