@@ -4,6 +4,7 @@ from __future__ import annotations
 
 FILE, SCALING = "wbc/methods/null_space_saturation.py", "wbc/methods/scaling.py"
 TESTS = "tests/methods/test_null_space_saturation.py"
+SLOPES = f"{TESTS}::test_a_start_on_a_limit_that_the_task_leaves_outwards_asks_for_scale_zero"
 
 MUTATIONS = [
     (FILE, "if not beyond.any():", "if beyond.any():", TESTS),  # the exit condition as printed
@@ -18,4 +19,13 @@ MUTATIONS = [
     (SCALING, "np.append(right, -task.drift) / self.unit", "np.append(right, task.drift) / self.unit", TESTS),
     (SCALING, "steps.onwards(found, push).size <= found.size + GAIN * steps.unit", "True", TESTS),
     (SCALING, "np.linalg.norm(high * missing - off)", "np.linalg.norm(high * missing + off)", TESTS),
+    # limits give way: by how much, at what price, and when that means that there is no scale
+    (SCALING, "np.maximum(slope, ACUTE), slope <= SETTLED", "np.ones_like(slope), slope <= SETTLED", SLOPES),
+    (SCALING, "np.maximum(slope, ACUTE), slope <= SETTLED", "np.maximum(slope, ACUTE), slope <= 1e-5", SLOPES),
+    (SCALING, "return found if self._within(found) else self._inside(found)", "return found", TESTS),
+    (SCALING, "return replace(found, feasible=False)", "return found", SLOPES),
+    (SCALING, "for push in (1e2, 1e3, 1e4, 1e5, 1e6):", "for push in (1e-2,):", TESTS),
+    (SCALING, "PRICES = (1e1, 1e2, 1e3, 1e4)", "PRICES = (1e-1,)", TESTS),
+    (SCALING, "np.maximum(point - self.high, self.low - point)", "np.maximum(point - self.high, point - self.low)",
+     TESTS),
 ]  # fmt: skip

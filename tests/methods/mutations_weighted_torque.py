@@ -6,6 +6,7 @@ EXACT = f"{TESTS}::test_the_torque_of_the_exercise_is_exact"
 LIMITED = f"{TESTS}::test_within_limits_the_optimum_meets_the_conditions_of_optimality"
 WRITTEN = f"{TESTS}::test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum"
 PROGRAM = f"{TESTS}::test_the_scale_is_that_of_a_linear_program"
+DEAR = "tests/methods/test_least_distance.py::test_the_scale_is_the_largest_however_dear_its_last_part_is"
 
 #: (file, old text, new text, test that must fail)
 MUTATIONS = [
@@ -36,8 +37,9 @@ MUTATIONS = [
     (TORQUE, "direction[: len(self.J)] = self.task_acceleration", "direction[:qp.n_eq] = qp.b",
      f"{TESTS}::test_equalities_and_drift_are_never_scaled"),
     (NEAREST, "A=padded[:n_eq], b=qp.b - direction,", "A=padded[:n_eq], b=qp.b,", PROGRAM),
-    (NEAREST, "steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)", "break",
-     "tests/methods/test_least_distance.py::test_the_scale_is_the_largest_however_dear_its_last_part_is"),
+    (NEAREST, "steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)", "break", DEAR),
+    (NEAREST, "found.x + LONG * onwards", "found.x + onwards", DEAR),
+    (NEAREST, "found = replace(steeper, x=exact.x) if exact.status.ok else steeper", "found = steeper", DEAR),
     # least distance
     (NEAREST, "force[kept] = answer.z / length", "force[kept] = answer.z * length",
      "tests/methods/test_least_distance.py::test_answer_and_multipliers_are_certified_in_the_units_of_the_problem"),

@@ -64,14 +64,14 @@ def test_rows_that_contradict_are_infeasible_on_every_solver(problem: Any, solve
 
 
 @pytest.mark.parametrize("solver", usable())
-@pytest.mark.parametrize("lever", [1.0, 1e-2, 1e-4])
+@pytest.mark.parametrize("lever", [1.0, 1e-2, 1e-4, 3e-6])
 def test_the_scale_is_the_largest_however_dear_its_last_part_is(solver: str, lever: float):
     """x₁ + ε x₂ = 2 s with x₁ ≤ ½, x₂ ≤ 1: s = (½ + ε) / 2, and the last part of it costs 1/ε."""
     lever = min(lever, 0.9)
     qp = QP(np.eye(2), np.zeros(2), A=[[1.0, lever]], b=[2.0], ub=[0.5, 1.0])
     found, scale = nearest_at_largest_scale(qp, np.array([2.0]), np.zeros(2), np.eye(2), size=2.0, solver=solver)
-    assert scale == pytest.approx((0.5 + lever) / 2, abs=1e-9)
-    np.testing.assert_allclose(found.x, [0.5, 1.0], atol=1e-5)
+    assert scale == pytest.approx((0.5 + lever) / 2, abs=1e-12)
+    np.testing.assert_allclose(found.x, [0.5, 1.0], atol=1e-9)
 
 
 def test_at_the_largest_scale_the_distance_is_the_least():

@@ -397,6 +397,22 @@ def test_a_target_out_of_reach_of_the_rows_asks_for_scale_zero():
         np.testing.assert_allclose(found.x, 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("slope", [1e-3, 1e-5, 1e-6, 1e-7])
+@pytest.mark.parametrize("solver", usable())
+def test_a_start_on_a_limit_that_the_task_leaves_outwards_asks_for_scale_zero(solver: str, slope: float):
+    """x = start + s rate with start₂ on its limit and rate₂ > 0, however small: only s = 0 is inside."""
+    start, rate, side = np.array([0.0, 1.0, 0.3]), np.array([1.0, slope, 0.4]), np.array([0.0, 1.0, 0.0])
+    J = np.array([[1.0, 2.0, 0.5], [-1.0, 0.5, 0.25], [0.5, 1.0, -2.0]])
+    on, beyond, inside = (
+        NullSpaceSaturation(J, J @ rate, lower=-1, upper=1, drift=-J @ (start + away * side)).solve(solver)
+        for away in (0.0, 1e-6, -0.5 * slope)
+    )
+    assert on.feasible and on.scale <= 1e-14 / slope
+    np.testing.assert_allclose(on.x, start, rtol=0, atol=1e-13 / slope)
+    assert not beyond.feasible
+    assert inside.scale == pytest.approx(0.5, abs=1e-14 / slope)
+
+
 def test_a_drift_out_of_reach_is_infeasible_unless_one_scale_meets_it():
     never = NullSpaceSaturation([[1.0, 0.0], [0.0, 0.0]], [1.0, 0.0], lower=-1, upper=1, drift=[0.0, 0.3])
     once = NullSpaceSaturation([[1.0, 0.0], [0.0, 0.0]], [1.0, 1.0], lower=-1, upper=1, drift=[0.0, 0.3])

@@ -41,9 +41,10 @@ ACCURATE = 1e-10
 ROUNDING = 1e-14
 #: A row that the equations leave less freedom than this (of its length) is settled by them.
 FIXED = 1e-8
-#: Slopes along the scale that are tried, and what the scale may still gain when one was steep enough.
+#: Slopes along the scale that are tried; when one was steep enough, the scale gains no more than this in a step of that
+#: length. Steps are long, so that a gain is more than what rounding leaves of the scale, and the last one is short.
 SLOPES = (1e1, 1e3, 1e5, 1e7)
-SETTLED = 1e-10
+SETTLED, LONG, SHORT = 1e-9, 1e5, 1e-3
 
 
 @final
@@ -101,6 +102,7 @@ def nearest_at_largest_scale(
 
     minimise ½ |root⁻¹(x − centre)|² + ½ size² (s − 1 − slope)² over (x, s): strictly convex, and exact as soon as the
     slope exceeds the multiplier of s ≤ s_max. Whether it does shows in a proximal step from the answer: it stays there.
+    Steep slopes are sums of large numbers; a short step from where they end takes away what those leave.
     """
     n, n_eq, _ = qp.shape
     padded = np.zeros((len(qp.matrix), n + 1))
@@ -113,18 +115,19 @@ def nearest_at_largest_scale(
     wide = np.zeros((n + 1, n + 1))
     wide[:n, :n] = root
     wide[n, n] = 1.0 / size
+    onwards = np.append(np.zeros(n), 1.0)
     found = nearest(scaled, np.append(centre, 1.0 + SLOPES[0]), wide, solver)
     for slope in SLOPES[1:]:
         if not found.status.ok or found.x[n] >= 1.0 - SETTLED:
             break
-        onwards = np.append(np.zeros(n), 1.0)
-        further = nearest(scaled, found.x + onwards, wide, solver)
+        further = nearest(scaled, found.x + LONG * onwards, wide, solver)
         if not further.status.ok or further.x[n] <= found.x[n] + SETTLED:
             break
         steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
-        if not steeper.status.ok or steeper.x[n] <= found.x[n]:
+        if not steeper.status.ok or steeper.x[n] <= found.x[n] + SETTLED:
             break  # what the step gained was rounding, and more of it comes with steeper slopes
-        found = steeper
+        exact = nearest(scaled, steeper.x + SHORT * onwards, wide, solver)
+        found = replace(steeper, x=exact.x) if exact.status.ok else steeper
     return replace(found, x=found.x[:n], z_box=found.z_box[:n]), float(np.clip(found.x[n], 0.0, 1.0))
 
 

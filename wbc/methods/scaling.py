@@ -28,8 +28,9 @@ PRICES = (1e1, 1e2, 1e3, 1e4)
 GAIN, ROUNDING = 1e-10, 1e-12
 #: The push of a step that only takes away what solvers leave of larger ones.
 SMALL = 1e-3
-#: Limits that all give way by more than this, in units of x, cannot be met.
-HOPELESS = 1e-2
+#: What equations leave of a limit of unit length: less than the first and they settle it, less than the second and it
+#: gives way by that, so that rounding in it stays rounding in the others.
+SETTLED, ACUTE = 1e-9, 1e-6
 #: Changes of the unit of x before the best so far is the answer.
 ROUNDS = 4
 
@@ -148,9 +149,10 @@ def _largest(steps: _ProximalSteps) -> Scaled:
 class _ProximalSteps:
     """Points (x, σ) of V x − σ direction = −drift, σ in [low, high], x in the box, nearest to others.
 
-    Every limit gives way by the same part w ≥ 0 of its size, at a price above its multiplier: a solver then has an
-    interior and an answer, also where one point or none is feasible, and w tells. Unknowns (x, σ, w), x and σ in
-    units of their own.
+    Every limit gives way by w ≥ 0, measured along the motions that the equations leave, at a price above its
+    multiplier: a solver then has an interior and an answer, also where one point or none is feasible. Unknowns (x, σ,
+    w), x and σ in units of their own. A limit that is nearly parallel to the equations gives way by little: its
+    ``slope`` is the length of what they leave of it.
     """
 
     def __init__(self, task: ScaledTask, box: Box, solver: str | Solver, *, kept: tuple[Mat, Vec], unit: float) -> None:
@@ -162,30 +164,24 @@ class _ProximalSteps:
         self.equal, self.factors = (equal, right), factors(equal)
         missing = self.factors.rest.T @ right
         self.consistent = float(np.linalg.norm(missing)) <= OUT_OF_RANGE * float(np.linalg.norm(right))
-        self.give = np.append(np.where(box.range > 0.0, np.clip(box.range / unit, 1e-2, 1.0), 1.0), 1.0)
+        self.size = np.append(np.where(box.range > 0.0, np.clip(box.range / unit, 1e-2, 1.0), 1.0), 1.0)
         self.low = np.append(box.lower, task.low) / self.unit
         self.high = np.append(box.upper, task.high) / self.unit
+        slope = np.linalg.norm(factors(equal[:, :-1]).null, axis=0)
+        self.slope, self.settled = np.maximum(slope, ACUTE), slope <= SETTLED
 
     def from_zero(self, push: float) -> Scaled:
         """The answer, if this push is enough; not feasible where the limits have to give way at any price."""
-        zero = Scaled(np.zeros(len(self.give) - 1), 0.0, self.consistent and not self._hopeless())
+        zero = Scaled(np.zeros(len(self.low) - 1), 0.0, self.consistent)
         if not zero.feasible:
             return zero
-        found, w = self._priced(zero, push)
-        return found if w <= SAME else self._inside(found)
+        found = self._priced(zero, push)[0]
+        return found if self._within(found) else self._inside(found)
 
-    def _hopeless(self) -> bool:
-        """Whether all limits have to give way by one long length: in their own units small ones would hide it."""
-        found, same = Scaled(np.zeros(len(self.give) - 1), 0.0, True), np.ones(len(self.give))
-        w = np.inf
-        for price in PRICES:
-            before = w
-            found, w = self._nearest(found, 0.0, price, same)
-            if w <= HOPELESS:
-                return False
-            if w >= (1.0 - 1e-6) * before:
-                return True
-        return False
+    def _within(self, found: Scaled) -> bool:
+        """Whether no limit gives way by more than counts as met."""
+        point = np.append(found.x, found.size) / self.unit
+        return float((self._beyond(point) / self.size).max()) <= SAME
 
     def _priced(self, centre: Scaled, push: float) -> tuple[Scaled, float]:
         """The nearest point at a price that leaves no w, or at the highest: a little w may buy much σ.
@@ -195,37 +191,42 @@ class _ProximalSteps:
         """
         found, w = centre, np.inf
         for price in PRICES:
+            before = w
             try:
-                found, w = self._nearest(centre, push, price, self.give)
+                found, w = self._nearest(centre, push, price)
                 if ROUNDING < w <= NEARLY:
-                    found, w = self._nearest(found, SMALL, price, self.give)
+                    found, w = self._nearest(found, SMALL, price)
             except SolverFailed:
-                if w > SAME:
+                if not self._within(found):
                     raise
                 break
-            if w <= ROUNDING:
+            if w <= ROUNDING or w >= (1.0 - 1e-6) * before:
                 break
-            if w > SAME and price == PRICES[0] and not self._inside(found).feasible:
+            if price == PRICES[0] and not self._within(found) and not self._inside(found).feasible:
                 break
         return found, w
 
     def _inside(self, found: Scaled) -> Scaled:
         """A point within the limits, in longer and longer steps that only make w smaller: any, not the best."""
+        w = np.inf
         for push in (1e2, 1e3, 1e4, 1e5, 1e6):
-            found, w = self._nearest(found, 0.0, push, self.give)
-            if w <= SAME:
+            before = w
+            found, w = self._nearest(found, 0.0, push)
+            if not self._within(found) and w <= NEARLY:
+                found, w = self._nearest(found, 0.0, SMALL)
+            if self._within(found):
                 return found
+            if w >= (1.0 - 1e-6) * before:
+                break
         return replace(found, feasible=False)
 
     def onwards(self, found: Scaled, push: float) -> Scaled:
         """One more step from a point within the limits; that point where no price keeps them from giving way."""
-        further, w = self._priced(found, push)
-        return further if w <= SAME else found
+        further = self._priced(found, push)[0]
+        return further if self._within(further) else found
 
-    def _nearest(self, centre: Scaled, push: float, price: float, give: Vec) -> tuple[Scaled, float]:
+    def _nearest(self, centre: Scaled, push: float, price: float) -> tuple[Scaled, float]:
         """The point nearest to ``centre`` pushed towards larger σ, and w, which costs ``price`` times what σ gains.
-
-        Limits give way by ``give`` (n + 1,) times w.
 
         Not a long push of w but its unit makes the price, so that no distance is large: it is w · price that is
         pushed, as much as σ is. Without a push of σ, w is pushed by ``price`` in its own unit.
@@ -233,28 +234,31 @@ class _ProximalSteps:
         start = np.append(centre.x, centre.size) / self.unit
         towards, unit = (np.append(start, -push), 1.0 / price) if push else (np.append(start, -price), 1.0)
         towards[-2] += push
-        (rows, low, high), units = self._limits(give), np.append(np.ones(len(start)), unit)
-        feasible = self._met(start, give)
-        x = projection(towards, self.equal, (rows * units, low, high), feasible / units, self.solver)
-        return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), self._beyond(x[:-1], give)
+        (rows, low, high), units = self._limits(), np.append(np.ones(len(start)), unit)
+        x = projection(towards, self.equal, (rows * units, low, high), self._met(start) / units, self.solver)
+        return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), self._way(x[:-1])
 
-    def _limits(self, give: Vec) -> tuple[Mat, Vec, Vec]:
-        """Rows of (x, σ, w), their lower and their upper ends."""
-        n, way = len(give), give[:, None]
+    def _limits(self) -> tuple[Mat, Vec, Vec]:
+        """Rows of (x, σ, w), their lower and their upper ends; not those that the equations settle."""
+        n, way = len(self.low), self.slope[:, None]
         one, none = np.eye(n), np.full(n, np.inf)
+        low, high = np.where(self.settled, -np.inf, self.low), np.where(self.settled, np.inf, self.high)
         return (
             np.block([[one, -way], [one, way], [np.zeros((1, n)), np.ones((1, 1))]]),
-            np.concatenate([-none, self.low, [0.0]]), np.concatenate([self.high, none, [np.inf]]),
+            np.concatenate([-none, low, [0.0]]), np.concatenate([high, none, [np.inf]]),
         )  # fmt: skip
 
-    def _met(self, start: Vec, give: Vec) -> Vec:
+    def _met(self, start: Vec) -> Vec:
         """The point on the equations nearest to this one, with the w that it takes there."""
         (equal, right), point = self.equal, np.append(start, 0.0)
         point += self.factors.inverse(right - equal @ point)
-        point[-1] = self._beyond(point[:-1], give)
+        point[-1] = self._way(point[:-1])
         return point
 
-    def _beyond(self, point: Vec, give: Vec) -> float:
+    def _way(self, point: Vec) -> float:
         """The w at which all limits give way enough for this (x, σ)."""
-        over = np.maximum(point - self.high, self.low - point)
-        return max(0.0, float((over / give).max()))
+        return float(np.where(self.settled, 0.0, self._beyond(point) / self.slope).max())
+
+    def _beyond(self, point: Vec) -> Vec:
+        """By how much (x, σ) is beyond its limits (n + 1,)."""
+        return np.maximum(0.0, np.maximum(point - self.high, self.low - point))
