@@ -48,10 +48,10 @@ class Frame(Tracking, Task):
         model.check_frame(self.frame)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target, e = state.frame(self.frame), self.reference(state.t), out.e
+        frame, target = state.frame(self.frame), self.reference(state.t)
         rotation, position = target.value
-        np.subtract(position, frame.position, e[:3])
-        e[3:] = rotation_error(rotation, frame.rotation)
+        np.subtract(position, frame.position, out.linear)
+        out.angular[:] = rotation_error(rotation, frame.rotation)
         out.J[:] = frame.jacobian()
         if state.drifts:
             out.drift[:] = frame.drift()

@@ -49,8 +49,8 @@ class RelativeFrame(Tracking, Task):
     def fill(self, state: RobotState, out: TaskRows) -> None:
         motion, target = relative_motion(state, self.frame, self.frame_of_reference), self.reference(state.t)
         rotation, position = target.value
-        out.e[:3] = position - motion.position
-        out.e[3:] = rotation_error(rotation, motion.rotation)
+        out.linear[:] = position - motion.position
+        out.angular[:] = rotation_error(rotation, motion.rotation)
         out.J[:], out.drift[:] = motion.J, motion.drift
         out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 

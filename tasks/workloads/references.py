@@ -34,7 +34,8 @@ class Track:
         self._ticks_per_second = 1.0 / dt
 
     def __call__(self, t: float) -> Any:
-        return self._entries[min(int(t * self._ticks_per_second + 0.5), self._last)]
+        k = int(t * self._ticks_per_second + 0.5)
+        return self._entries[k if k < self._last else self._last]
 
 
 def times(ticks: int, dt: float) -> Vec:

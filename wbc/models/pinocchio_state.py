@@ -52,6 +52,7 @@ class PinocchioState(RobotState):
         self.drifts = drifts
         self.t = 0.0
         self._q, self._v = np.array(model.q0), np.zeros(model.nv)
+        self._q_shape, self._v_shape = self._q.shape, self._v.shape
         self.q, self.v = _view(self._q, self._q), _view(self._v, self._v)
         self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
         self._zero = np.zeros(model.nv)
@@ -80,7 +81,7 @@ class PinocchioState(RobotState):
         """
         # Assignment would stretch a scalar. Attributes, not np.shape: this runs every tick.
         try:
-            fits = q.shape == self._q.shape and v.shape == self._v.shape
+            fits = q.shape == self._q_shape and v.shape == self._v_shape
         except AttributeError:
             fits = False
         if not fits:

@@ -95,7 +95,8 @@ class JointIntervals:
         self._wanted_above, self._wanted_below = self._wanted[:nj], self._wanted[nj:]
         self._back, self._room_before, self._value_now = np.zeros(2 * nj), np.zeros(shape), np.zeros(shape)
         self._opposite_back = self._back.reshape(shape)[::-1]
-        # Whether only velocities are limited, whether accelerations are, whether a joint is outside, whether jerks are.
+        # Whether only velocities are limited, whether accelerations are, whether a joint is outside (1) or none is near
+        # a position limit (−1), whether jerks are limited.
         self._flags = np.zeros(4, dtype=np.int64)
         self._jerk: JerkLimits | None = None
         self._derive()
@@ -103,7 +104,7 @@ class JointIntervals:
     @property
     def recovering(self) -> bool:
         """Whether a joint was outside its position limits when bounds were computed last."""
-        return bool(self._flags[2])
+        return bool(self._flags[2] > 0)
 
     def memory(self) -> tuple[Any, ...]:
         """Flags, constants and work of the formulas, for compiled code."""
@@ -192,7 +193,7 @@ class JointIntervals:
 
     def owner(self, joint: int, *, upper: bool) -> str:
         """Which law gave a bound that was computed last, for reports."""
-        if self._only_velocity:
+        if self._only_velocity or self._flags[2] < 0:
             return self._owners["velocity"]
         at = joint if upper else joint + len(self.joint_names)
         if self._narrowed.reshape(-1)[at]:
@@ -280,8 +281,7 @@ class JointIntervals:
             np.subtract(self._clear_above, q, self._room_above)
             np.add(self._clear_below, q, self._room_below)
             if room.item(room.argmin()) >= 0.0:
-                self._wanted[:], upper[:], lower[:] = self._v, self._fastest_above, self._fastest_below
-                self._flags[2] = False
+                upper[:], lower[:], self._flags[2] = self._fastest_above, self._fastest_below, -1
                 return
         self._plain[:] = q
         np.negative(q, self._mirrored)

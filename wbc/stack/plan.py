@@ -69,6 +69,8 @@ class Plan:
         soft = [writer.barrier for writer in _of(self._writers, SoftLawWriter)]
         self._barriers: list[BarrierWriter] = [*_of(self._writers, BarrierWriter), *_of(soft, BarrierWriter)]
         self.joint_bound_rows = self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
+        if self.intervals is not None:
+            self._bound_joints = self.intervals.velocity if level.order == 1 else self.intervals.acceleration
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
         #: Of each task on the joints: its share of the cost of each joint, and what it wants there.
@@ -300,7 +302,7 @@ class Plan:
             self._fill_rows(state)
             bounded = self.intervals is None
         if not bounded:
-            self._fill_joint_bounds(state)
+            self._bound_joints(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
         if self._has_components and self.level.dynamics:
             self.problem.ub[self._normal] = self.normal_limits[self._pressing] / self.problem.scale[self._normal]
         for writer in self._writers:
@@ -345,13 +347,6 @@ class Plan:
             if self.extra_inertia is not None:
                 self._T_a += self.extra_inertia
 
-    def _fill_joint_bounds(self, state: RobotState) -> None:
-        assert self.intervals is not None
-        if self.level.order == 1:
-            self.intervals.velocity(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
-        else:
-            self.intervals.acceleration(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
-
     # ---- what others read
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
@@ -360,7 +355,7 @@ class Plan:
         """
         if self.intervals is None:
             return None
-        self._fill_joint_bounds(state)
+        self._bound_joints(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
         return self._joint_lower.copy(), self._joint_upper.copy()
 
     @property

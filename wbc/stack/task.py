@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class TaskRows:
     """Where a kinematic task writes: views into the plan's own memory, ``dim`` rows.
 
-    e (dim,)          error, target − actual
+    e (dim,)          error, target − actual; of a pose ``linear`` is e[:3] and ``angular`` e[3:]
     J (dim, nv)       Jacobian of the actual value
     drift (dim,)      J̇ v; read at the acceleration level only
     rate_ref (dim,)   velocity of the target, zero unless written
@@ -33,14 +33,24 @@ class TaskRows:
     Assign with ``out.e[:] = …``: the arrays stay, their contents change.
     """
 
-    __slots__ = ("J", "acc_ref", "drift", "e", "ed", "rate_ref")
+    __slots__ = ("J", "_e", "acc_ref", "angular", "drift", "ed", "linear", "rate_ref")
 
     J: Mat
-    e: Vec
+    linear: Vec
+    angular: Vec
     ed: Vec
     drift: Vec
     rate_ref: Vec
     acc_ref: Vec
+
+    @property
+    def e(self) -> Vec:
+        """The error."""
+        return self._e
+
+    @e.setter
+    def e(self, e: Vec) -> None:
+        self._e, self.linear, self.angular = e, e[:3], e[3:]
 
 
 class LinearRows:
@@ -383,9 +393,12 @@ def vector_target(dim: int) -> Callable[[str, Any, bool], Vec]:
     """The converter of a :class:`Target` whose values are vectors (dim,)."""
 
     def convert(name: str, value: Any, strict: bool) -> Vec:
-        vector = checks.array(name, value, (dim,)) if strict else np.asarray(value, dtype=np.float64)
-        if vector.shape != (dim,):
-            raise InvalidInput(f"{name} must have shape ({dim},), not {vector.shape}")
+        if strict:
+            return checks.array(name, value, shape)
+        vector = value if type(value) is np.ndarray else np.asarray(value, dtype=np.float64)
+        if vector.shape != shape:
+            raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
         return vector
 
+    shape = (dim,)
     return convert
