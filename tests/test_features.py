@@ -26,7 +26,7 @@ DOCUMENT, DATA = ROOT / "docs" / "features.md", ROOT / "docs" / "features.toml"
 PEERS = {"tsid": "TSID", "pink": "Pink", "mink": "mink", "placo": "PlaCo", "opensot": "OpenSoT"}
 #: Columns of levels: what a member serves is found by compiling it in a stack.
 LEVELS = {"velocity level": "v", "acceleration level": "a", "inverse dynamics": "τ"}
-ANSWERS = ("yes", "partly", "no", "not")  # not checked
+ANSWERS = ("yes", "partly", "no")
 INTRODUCTION = """# What there is, beside other libraries
 
 Every task, limit, contact, component and hierarchy there is here, with the levels it serves (v velocities, a

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations, pairwise
-from math import inf
-from typing import TYPE_CHECKING, final
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotState
+from wbc.models.model import RobotModel, RobotState
 from wbc.stack.schedule import Schedule
 from wbc.types import Vec
 
@@ -34,13 +34,19 @@ class ContactSchedule(Schedule):
     make, by ``ramp`` k [N per ms and kg of the robot's mass m], and next to nothing is left when the contact is let go.
     A robot that cannot stand on the others then falls: shift its weight first.
 
+    While the load of some contact is so bounded below the robot's weight, and while one is open, no normal force moves
+    by more than ``force_rate`` r m per ms from the one commanded last, r in N per ms and kg too (``inf``: as the tasks
+    ask): an impact of one foot is no jump on the others. Where that contradicts the laws it gives way before all else
+    (:class:`~wbc.control.ladder.Recovery`). Robots that stand may change their forces as fast as a push asks for.
+
     ``touching``: says of a name whether a sensor feels the ground. With it a contact is made when it touches, ``early``
     seconds before its time at the earliest and as late as it comes; until then it is open.
 
     Signals, in the order of ``names``: ``contacts`` (n,), 1 where one holds, and ``limits`` (n,) [N].
 
     Raises:
-        InvalidInput: an empty timeline, times that do not increase or are outside the period, a ramp that is not > 0.
+        InvalidInput: an empty timeline, times that do not increase or are outside the period, a ramp or force rate that
+            is not > 0.
         UnknownContact: a name the stack has not, when a controller is made.
 
     Example:
@@ -53,12 +59,16 @@ class ContactSchedule(Schedule):
 
     def __init__(
         self, timeline: Sequence[tuple[float, Iterable[str]]], *, period: float | None = None, ramp: float = 0.03,
-        touching: Callable[[str], bool] | None = None, early: float = 0.05, name: str | None = None,
+        force_rate: float = 0.05, touching: Callable[[str], bool] | None = None, early: float = 0.05,
+        name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name=name)
         self.period = None if period is None else checks.number(f"{self.name}.period", period, low=0.0, strict=True)
         starts, sets = self._read(timeline)
         self.ramp = checks.number(f"{self.name}.ramp", ramp, low=0.0, strict=True)
+        if not force_rate > 0.0:
+            raise InvalidInput(f"{self.name}.force_rate is {force_rate!r}; it must be > 0")
+        self.force_rate = float(force_rate)
         self.touching = touching
         self.early = checks.number(f"{self.name}.early", early, low=0.0)
         self.names = tuple(sorted(frozenset().union(*sets)))
@@ -142,7 +152,10 @@ class ContactSchedule(Schedule):
             self._next_change = min((a if a > t + _SAME else b for a, b in following), default=inf)
         return self._held
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+    def prepare(self, model: RobotModel) -> None:
+        self._weight = model.mass * float(np.linalg.norm(model.gravity))
+
+    def before(self, state: RobotState, last: Any, plan: Plan) -> None:
         if not len(self._places):
             self._places = np.array([plan.places[name] for name in self.names], dtype=np.intp)
         step, first, t = 1e3 * self.ramp * plan.model.mass, FIRST_STEP * plan.dt, state.t
@@ -151,6 +164,18 @@ class ContactSchedule(Schedule):
         ):  # they are few: faster than arrays
             self._limits[i] = step * max(min(t - made, until - plan.dt - t), first)
         plan.normal_limits[self._places] = self._limits
+        plan.normal_floors[self._places] = -inf
+        if last is not None and self._limits.min() < self._weight:
+            self._bound_rate(last.f, plan)
+
+    def _bound_rate(self, former: Any, plan: Plan) -> None:
+        """No further from what was commanded last than a tick allows, where that had an answer."""
+        most = 1e3 * self.force_rate * plan.model.mass * plan.dt
+        for name, place in zip(self.names, self._places, strict=True):
+            force = float(former[name][2])
+            if isfinite(force):
+                limit = plan.normal_limits[place] = min(plan.normal_limits[place], force + most)
+                plan.normal_floors[place] = min(force - most, limit)
 
     def reset(self, state: RobotState) -> None:
         self._held, self._next_change = frozenset(), -inf

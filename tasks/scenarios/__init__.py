@@ -12,6 +12,7 @@ from tasks.scenarios.humanoid_joint_loss import HumanoidJointLoss
 from tasks.scenarios.humanoid_stand import HumanoidStand
 from tasks.scenarios.humanoid_step import HumanoidStep
 from tasks.scenarios.pg_step import PgStep
+from tasks.scenarios.position_drives import PositionControl
 from tasks.scenarios.pr_fault import PrFault
 from tasks.scenarios.pr_torque import PrTorque
 from tasks.scenarios.quadruped_actuator_weak import QuadrupedActuatorWeak
@@ -27,5 +28,6 @@ SCENARIOS = {
         QuadrupedStand(), QuadrupedTrotInPlace(), DualArm(), ArmReach(), PgStep(), ArmPayload(), ArmActuatorLoss(),
         ArmCollision(),
         FaultStatistics(), FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(), ReachStrict(),
+        PositionControl(),
     )
 }  # fmt: skip

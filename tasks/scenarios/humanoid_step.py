@@ -29,9 +29,8 @@ GAITS: Mapping[str, Gait] = {
     "g1": Gait(length=0.05, lift=0.03, shift=1.6, swing=0.8, inset=0.0),
     "humanoid": Gait(length=0.08, lift=0.04, shift=1.2, swing=0.8, inset=0.01),
 }
-#: What a good walk keeps to: CoM error, rms [m]; placement and slip of a foot [m]; step of the torques at a change of
-#: plan [N m]; step of a contact's normal force [N per ms and kg of body mass].
-COM_RMS, PLACEMENT, SLIP, PLAN_STEP, FORCE_STEP = 2e-3, 1e-3, 2e-3, 1.0, 0.05
+#: What a good walk keeps to: CoM error, rms [m]; placement and slip of a foot [m].
+COM_RMS, PLACEMENT, SLIP = 2e-3, 1e-3, 2e-3
 #: How long after it is down a foot's place is looked at, and what an impact does to the torques is looked for [s].
 PLACED, IMPACT = 0.1, 0.02
 
@@ -129,8 +128,7 @@ def judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> S
         Check("CoM error, rms", com["rms"], COM_RMS, com["rms"] < COM_RMS, "m"),
         Check("placement of a foot", placement, PLACEMENT, placement < PLACEMENT, "m"),
         Check("slip of a foot while it stands", slip, SLIP, slip < SLIP, "m"),
-        Check("step of the torques at a change of plan", plan_step, PLAN_STEP, plan_step <= PLAN_STEP, "N m"),
-        Check("step of a normal force", force_step, FORCE_STEP, force_step <= FORCE_STEP, "N/ms/kg"),
+        *judge.step_checks(plan_step, force_step),
         *judge.common_checks(run, violations),
     ]
     return ScenarioResult(

@@ -15,6 +15,9 @@ from wbc.types import Vec
 
 #: What a limit may be exceeded by before it counts as broken, in its own unit.
 TOLERANCE = 1e-6
+#: What a good change of contacts keeps to: step of the torques between two plans in one state [N m]; step of a normal
+#: force [N per ms and kg of body mass].
+PLAN_STEP, FORCE_STEP = 1.0, 0.05
 
 
 def away_from(t: Vec, disturbed: Sequence[float], *, after: float = 1.0) -> NDArray[np.bool_]:
@@ -57,6 +60,15 @@ def force_step(run: Run) -> float:
     """Largest change of a commanded normal force [N/ms]."""
     changes = [np.abs(np.diff(run[f"f.{contact}"][:, 2])).max(initial=0.0) for contact in run.meta["contacts"]]
     return 1e-3 * float(max(changes)) / float(run.meta["dt"])
+
+
+def step_checks(plan_step: float, force_step: float) -> list[Check]:
+    """Whether contacts are changed smoothly: torques [N m] and normal forces [N/ms/kg]."""
+    most = FORCE_STEP + TOLERANCE
+    return [
+        Check("step of the torques at a change of plan", plan_step, PLAN_STEP, plan_step <= PLAN_STEP, "N m"),
+        Check("step of a normal force", force_step, FORCE_STEP, force_step <= most, "N/ms/kg"),
+    ]
 
 
 def torque_step(run: Run, times: Iterable[float], *, within: float) -> float:

@@ -146,15 +146,16 @@ def _judged(run: wbc.Run, robot: PinocchioModel, trot: Sequence[Swing], duration
     drift = float(np.linalg.norm(place - place[0], axis=1).max())
     stances = ContactSchedule(timeline(list(names), trot))
     slip = max(judge.stance_slip(run, names[frame], stances.holds(frame)) for frame in names)
+    plan_step, force_step = float(np.abs(run["signal.PlanStep.tau"]).max()), judge.force_step(run) / robot.mass
     figures = {
         "steps": steps,
         "fell": bool(run.meta["fallen"]),
         "drift_m": drift,
         "com_rms_m": tracking["CenterOfMass"]["rms"],
         "tilt_max_rad": next(value["max"] for name, value in tracking.items() if name.startswith("Orientation")),
-        "plan_torque_step_Nm": float(np.abs(run["signal.PlanStep.tau"]).max()),
+        "plan_torque_step_Nm": plan_step,
         "impact_torque_step_Nm": judge.torque_step(run, [swing.down for swing in trot], within=0.02),
-        "normal_force_step_N_per_ms_kg": judge.force_step(run) / robot.mass,
+        "normal_force_step_N_per_ms_kg": force_step,
         "slip_m": slip,
         "certified_share": judge.certified_share(run),
     }
@@ -163,6 +164,7 @@ def _judged(run: wbc.Run, robot: PinocchioModel, trot: Sequence[Swing], duration
         Check("pairs of feet up and down again", steps, len(trot), steps == len(trot), ""),
         Check("drift of the base", drift, DRIFT, drift < DRIFT, "m"),
         Check("slip of a foot while it stands", slip, SLIP, slip < SLIP, "m"),
+        *judge.step_checks(plan_step, force_step),
         *judge.common_checks(run, violations),
     ]
     return ScenarioResult(

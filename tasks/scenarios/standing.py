@@ -26,6 +26,7 @@ from wbc import checks
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.disturbance import Push
+from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
@@ -105,10 +106,12 @@ def joint_laws(robot: PinocchioModel) -> list[Constraint]:
     ]
 
 
-def standing_plant(robot: PinocchioModel, stance: Stance, contacts: Sequence[Contact]) -> MujocoPlant:
+def standing_plant(
+    robot: PinocchioModel, stance: Stance, contacts: Sequence[Contact], *, drives: PositionDrives | None = None
+) -> MujocoPlant:
     """Physics with the robot standing at rest on its feet, in its reference configuration."""
     friction = max(foot.friction for foot in robot.feet.values())
-    plant = MujocoPlant(robot, contacts=contacts, friction=friction, sole_geometry=stance.geometry)
+    plant = MujocoPlant(robot, contacts=contacts, friction=friction, sole_geometry=stance.geometry, drives=drives)
     plant.reset(plant.settled(robot.q0))
     return plant
 

@@ -39,14 +39,14 @@ BODY = """
         <joint name="hip_pitch" axis="0 1 0.2" pos="0.01 0.02 0.03" range="-90 90" frictionloss="0.4"/>
         <geom type="capsule" fromto="0 0 0 0 0.1 -0.3" size="0.03" density="800"/>
         <body name="shank" pos="0 0.1 -0.3" quat="0.9 0.1 0.2 0.3">
-          <joint name="knee" axis="1 0 0"/>
+          <joint name="knee" axis="1 0 0" ref="25"/>
           <inertial pos="0.01 0 -0.1" mass="0.7" fullinertia="0.01 0.012 0.008 0.001 0.002 -0.001"/>
           <geom type="cylinder" size="0.02 0.1" contype="0" conaffinity="0"/>
           <site name="toe" pos="0 0.02 -0.25" euler="5 0 90"/>
         </body>
       </body>
       <body name="rail" pos="-0.2 0 0">
-        <joint name="slider" type="slide" axis="1 1 0" pos="0.05 0 0" range="-0.2 0.3"/>
+        <joint name="slider" type="slide" axis="1 1 0" pos="0.05 0 0" range="-0.2 0.3" ref="0.12"/>
         <geom type="sphere" size="0.05" pos="0 0 0.1"/>
         <body name="tool" pos="0 0 0.2"><geom size=".02"/></body>
       </body>
@@ -174,7 +174,15 @@ def test_a_free_joint_is_a_floating_base_that_starts_where_the_file_says(both):
 
 def test_equal_joints_are_gears(both):
     (gear,) = mimic_joints(both[0])
-    assert (gear.joint, gear.ratios, gear.offset) == ("knee", {"hip_pitch": -2.0}, 0.1)
+    assert (gear.joint, gear.ratios) == ("knee", {"hip_pitch": -2.0})
+    assert gear.offset == pytest.approx(0.1 + np.radians(25.0)), "MuJoCo counts from where the file draws the joint"
+
+
+def test_a_robot_starts_where_its_file_draws_it(both):
+    robot, physics = both
+    drawn = dict(zip(robot.joint_names, robot.q0[robot.nq - robot.nj :], strict=True))
+    assert drawn == {name: physics.qpos0[physics.jnt(name).qposadr[0]] for name in robot.joint_names}
+    assert drawn["knee"] == pytest.approx(np.radians(25.0)) and drawn["slider"] == 0.12
 
 
 def test_a_capsule_is_a_cylinder_with_two_balls_and_what_does_not_collide_is_only_seen(both):
@@ -224,10 +232,20 @@ REFUSED = {
     ),
     "a ball joint": (simple(joint='type="ball"'), "joint 'hinge' is a ball"),
     "a spring": (simple(joint='stiffness="3"'), "joint 'hinge' has a spring"),
-    "a reference position": (simple(joint='ref="0.2"'), "joint 'hinge' has a reference position"),
+    "a rotor of a cord": (
+        simple(more='<tendon><fixed armature="0.1"><joint joint="hinge" coef="1"/></fixed></tendon>'),
+        "<fixed> is a tendon with an armature",
+    ),
+    "a rotor of what flies": (
+        '<mujoco><worldbody><body name="b"><joint type="free" armature="1"/><geom size="1"/><body><joint/>'
+        '<geom size="1"/></body></body></worldbody></mujoco>',
+        "the free joint of body 'b' has an armature",
+    ),
     "gravity compensation": (simple(body='<body name="b" gravcomp="1"/>'), "body 'b' has gravcomp"),
     "an ellipsoid": (simple(body='<geom type="ellipsoid" size=".1 .2 .3"/>'), "type ellipsoid, which is not supported"),
-    "another file": (simple(more='<include file="/etc/passwd"/>'), "<include> is not supported"),
+    "a file that is not there": (simple(more='<include file="more.xml"/>'), "<include> 'more.xml' does not exist"),
+    "a file without a name": (simple(more="<include/>"), "an <include> has a file and nothing inside"),
+    "itself": (simple(more='<include file="robot.xml"/>'), "<include> 'robot.xml' is there twice"),
     "a plugin": (simple(more='<extension><plugin plugin="x"/></extension>'), "is not supported"),
     "a copy a million times": (simple(body='<replicate count="1000000"><site/></replicate>'), "<replicate> is not"),
     "a section nobody knows": (simple(more="<wings/>"), "<wings> is not supported"),
@@ -262,6 +280,63 @@ def test_a_mesh_elsewhere_is_refused(tmp_path, file):
     path.write_text(simple(more=f'<asset><mesh name="m" file="{file}"/></asset>'))
     with pytest.raises(PathRefused):
         wbc.load(path)
+
+
+@pytest.mark.parametrize("file", ["../secret.xml", "/etc/passwd", "a/../../secret.xml", "http://host/a.xml"])
+def test_a_file_elsewhere_is_not_included(tmp_path, file):
+    path = tmp_path / "home" / "robot.xml"
+    path.parent.mkdir()
+    (tmp_path / "secret.xml").write_text("<x><option/></x>")
+    path.write_text(simple(more=f'<include file="{file}"/>'))
+    with pytest.raises(PathRefused):
+        wbc.load(path)
+
+
+#: A scene includes a robot, which includes what stands beside it; a mesh is looked for from the scene.
+SCENE = {
+    "scene.xml": '<mujoco model="scene"><include file="parts/robot.xml"/><worldbody><light/></worldbody></mujoco>',
+    "parts/robot.xml": '<mujoco><include file="defaults.xml"/><worldbody><body name="link"><joint name="hinge"/>'
+    '<geom size=".1"/><include file="parts/arm.xml"/></body></worldbody></mujoco>',
+    "parts/defaults.xml": '<mujocoinclude><default><joint armature="0.3"/></default></mujocoinclude>',
+    "parts/arm.xml": '<any><body name="arm" pos="1 0 0"><joint name="elbow" axis="0 1 0"/><geom size=".2"/></body>'
+    "</any>",
+}
+
+
+def written(folder: Path, files: dict[str, str]) -> Path:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    return folder / next(iter(files))
+
+
+def test_a_robot_in_several_files_is_what_mujoco_makes_of_them(tmp_path):
+    path = written(tmp_path, SCENE)
+    robot = wbc.load(path)
+    assert (robot.joint_names, robot.armature.tolist()) == (("hinge", "elbow"), [0.3, 0.3])
+    compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parts/defaults.xml": "<x/>"}, "<include> 'defaults.xml' holds nothing"),
+        ({"parts/defaults.xml": '<x><include file="arm.xml"/></x>'}, "<include> 'parts/arm.xml' is there twice"),
+        ({"parts/arm.xml": "<!DOCTYPE x><x/>"}, "document type"),
+        ({"parts/arm.xml": "<x>" + "<body>" * 48 + "</body>" * 48 + "</x>"}, "nested more than 50 deep"),
+    ],
+)
+def test_what_cannot_be_included_is_said(tmp_path, change, message):
+    path = written(tmp_path, SCENE | change)
+    with pytest.raises(ModelError) as refusal:
+        wbc.load(path)
+    assert message in str(refusal.value)
+
+
+def test_a_site_named_as_its_body_is_another_frame(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(simple(body='<site name="link" pos="0 0 1"/>'))
+    assert {"link", "link_site"} <= set(wbc.load(path).frame_names)
 
 
 def test_what_is_left_out_is_said(tmp_path):

@@ -6,6 +6,8 @@ SAYS, MODES = "tests/tasks/test_contact_schedule.py::test_", "tests/stack/test_p
 MOVES, PRESSES = "tests/tasks/test_trajectories.py::test_", "tests/tasks/test_internal_force.py::test_"
 FOLLOWS = f"{SAYS}at_every_tick_the_set_is_that_of_the_timeline"
 RAMPS = f"{SAYS}the_normal_force_of_a_contact_comes_and_goes_no_faster_than_the_ramp"
+RATES = f"{SAYS}while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate"
+STANDS = f"{SAYS}a_robot_that_stands_may_change_its_forces_as_fast_as_it_has_to"
 FEELS = f"{SAYS}with_a_sensor_a_contact_is_made_when_it_touches_and_broken_when_the_timeline_says"
 TOGETHER = f"{SAYS}feet_that_land_together_may_touch_one_after_the_other_without_surprise"
 STARTS = f"{SAYS}a_run_that_starts_again_starts_on_its_feet"
@@ -28,6 +30,10 @@ MUTATIONS = [
     (SCHEDULE, "make - self.early <= t + _SAME and self.touching(name)", "make - self.early <= t + _SAME", FEELS),
     (SCHEDULE, "self._held, self._next_change = frozenset(), -inf", "pass", STARTS),
     (SCHEDULE, "for k in range(len(new) + 1):", "for k in range(1):", TOGETHER),
+    (SCHEDULE, "plan.normal_floors[place] = min(force - most, limit)", "pass", RATES),
+    (SCHEDULE, "min(plan.normal_limits[place], force + most)", "plan.normal_limits[place]", RATES),
+    (SCHEDULE, "self._limits.min() < self._weight", "True", STANDS),
+    (PLAN, "if self._is_scheduled:", "if False:", RATES),
     # a plan for each set
     (PLANS, "mode.plan.take_over(self.present.plan, state)", "pass", MADE),
     (PLANS, "mode.solver.start_from(self.present.solver)", "pass", GUESS),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 import wbc
@@ -91,10 +91,10 @@ def test_feet_that_land_together_may_touch_one_after_the_other_without_surprise(
     assert len(ContactSchedule(timeline).contact_sets()) == 2
 
 
-def controller(schedule: ContactSchedule) -> wbc.Controller:
+def controller(schedule: ContactSchedule, **options: Any) -> wbc.Controller:
     stack = standing(QUADRUPED)
     stack = Stack(stack.levels, subject_to=stack.subject_to, contacts=stack.contacts, components=[schedule])
-    return wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
+    return wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics(), **options)
 
 
 @given(st.floats(0.01, 0.1), st.sampled_from(FEET))
@@ -115,6 +115,62 @@ def test_the_normal_force_of_a_contact_comes_and_goes_no_faster_than_the_ramp(ra
     assert (np.array(forces) <= np.array(limits) + 1e-7).all()
 
 
+def jolted(schedule: ContactSchedule, seed: int, **options: Any) -> tuple[wbc.Controller, np.ndarray]:
+    """Normal forces (ticks, feet) of a robot whose base gets another velocity in every tick, and one foot goes."""
+    loop, rng = controller(schedule, **options), np.random.default_rng(seed)
+    forces = []
+    for k in range(80):
+        v = np.zeros(QUADRUPED.nv)
+        v[:6] = 0.05 * rng.normal(size=6)
+        command = loop.tick(DT * k, QUADRUPED.q0, v)
+        assert command.status.ok
+        forces.append([command.f[foot][2] for foot in FEET])
+    return loop, np.array(forces)
+
+
+def keep_to_the_force_rate(seed: int, rate: float, **options: Any) -> None:
+    timeline = [(0.0, FEET), (0.04, FEET[1:]), (0.07, FEET)]
+    most = 1e3 * rate * QUADRUPED.mass * DT
+    loop, forces = jolted(ContactSchedule(timeline, ramp=rate, force_rate=rate), seed, **options)
+    assert np.abs(np.diff(forces, axis=0)).max() <= most + 1e-6
+    assert not loop.ladder.rungs
+    _, free = jolted(ContactSchedule(timeline, ramp=rate, force_rate=np.inf), seed)
+    assert np.abs(np.diff(free, axis=0)).max() > most, "without the bound they would"
+
+
+@given(seed=st.integers(0, 2**32 - 1), rate=st.floats(0.02, 0.2))
+@settings(max_examples=5, phases=[Phase.generate])  # nothing to learn from shrinking states
+def test_while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate(seed: int, rate: float) -> None:
+    keep_to_the_force_rate(seed, rate)
+
+
+def test_nor_does_one_in_compiled_ticks() -> None:
+    pytest.importorskip("numba", reason="the extra `fast`")
+    keep_to_the_force_rate(0, 0.05, fast=True)
+
+
+def test_a_robot_that_stands_may_change_its_forces_as_fast_as_it_has_to() -> None:
+    with_rate, without = (
+        jolted(ContactSchedule([(0.0, FEET), (10.0, FEET[1:])], force_rate=rate), seed=0)[1] for rate in (0.05, np.inf)
+    )
+    np.testing.assert_array_equal(with_rate, without)
+
+
+def test_force_rates_give_way_before_all_else_and_say_so() -> None:
+    """From standing to falling in one tick: with torques that small, no force can be kept where it was."""
+    loop = controller(ContactSchedule([(0.0, FEET), (0.04, FEET[1:])]))
+    rest = np.zeros(QUADRUPED.nv)
+    for k in range(20):
+        assert loop.tick(DT * k, QUADRUPED.q0, rest).status.ok
+    before = loop.last
+    assert before is not None
+    for bound, least in zip(loop.plan.torque_bounds, (-0.5, 0.5), strict=True):
+        bound[:] = least
+    command = loop.tick(DT * 20, QUADRUPED.q0, rest)
+    assert command.rung == "relaxed" and command.certificate.ok
+    assert loop.why.startswith("gave way: force[") and np.abs(command.tau).max() <= 0.5 + 1e-6
+
+
 def test_a_run_that_starts_again_starts_on_its_feet() -> None:
     schedule = ContactSchedule([(0.0, FEET), (0.01, FEET[1:])])
     loop, rest = controller(schedule), np.zeros(QUADRUPED.nv)
@@ -133,6 +189,8 @@ def test_a_run_that_starts_again_starts_on_its_feet() -> None:
         (lambda: ContactSchedule([(0.0, "left")]), "has the text 'left'; give a list of names"),
         (lambda: ContactSchedule([(0.0, ["a"]), (1.0, [])], period=1.0), r"outside its period, \[0, 1\) s"),
         (lambda: ContactSchedule([(0.0, ["a"])], ramp=0.0), "ramp is 0"),
+        (lambda: ContactSchedule([(0.0, ["a"])], force_rate=0.0), "force_rate is 0"),
+        (lambda: ContactSchedule([(0.0, ["a"])], force_rate=np.nan), "force_rate is nan"),
         (lambda: ContactSchedule([(np.nan, ["a"])]), r"timeline\[0\] time is nan"),
     ],
 )

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from wbc.control.controller import Controller
 
 #: What may give way, in the order in which it does.
-GIVES = ("laws", "contacts", "barriers", "joint limits")
+GIVES = ("force rates", "laws", "contacts", "barriers", "joint limits")
 
 _NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
 #: No acceleration, force or torque is larger.
@@ -63,9 +63,10 @@ class Recovery:
     Args:
         hold_ticks: how many failed ticks in a row may be answered by a closed form or the last certified command
             before the robot is braked.
-        gives: what may give way where the laws contradict each other, in this order: "laws" (exact tasks and linear
-            constraints), "contacts" (their motion), "barriers", "joint limits" (position, velocity, acceleration).
-            Torque limits, friction and the dynamics never do. () for nothing.
+        gives: what may give way where the laws contradict each other, in this order: "force rates" (bounds of a
+            schedule on normal forces), "laws" (exact tasks and linear constraints), "contacts" (their motion),
+            "barriers", "joint limits" (position, velocity, acceleration). Torque limits, friction and the dynamics
+            never do. () for nothing.
         resume_after: solved ticks in a row that end a stop.
         budget: time [s] after which no further solver is asked in a tick; None for no limit.
 
@@ -309,6 +310,7 @@ def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:
         ("contacts", {f"contact[{contact.short_name}]" for contact in layout.contacts}),
     ]
     m = len(qp.lower)
+    yield "force rates", [m + i for i in plan.pressed() if np.isfinite(qp.lb[i])]
     for kind, names in owners:
         yield kind, [i for i in range(m) if qp.rows[i].owner in names]
     yield "joint limits", [] if plan.intervals is None else [*range(m + model.nb, m + model.nv)]

@@ -36,8 +36,9 @@ def load(
     files) or six velocities ("floating", the default for robots with legs and for an MJCF body with a free joint).
 
     MJCF (root element ``<mujoco>``) is compiled by MuJoCo, the extra ``sim``, after the checks that URDF passes: trees
-    of hinges and slides with at most one free joint; bodies and named sites are frames, armature is part of M, equal
-    joints are mimic joints. Options, keyframes and what stands still in the world are not the robot's and not read.
+    of hinges and slides with at most one free joint; bodies and named sites are frames (a site named as a body is
+    ``<name>_site``), armature is part of M, equal joints are mimic joints. Files that it includes are looked for where
+    meshes are. Options, keyframes and what stands still in the world are not the robot's and not read.
 
     ``packages`` are further folders that
     ``package://`` and ``../`` in a file may lead to; meshes are taken from the file's own folder, its ROS package and
@@ -109,7 +110,7 @@ def read_description(path: str | Path, *, packages: Iterable[str | Path] = ()) -
 
 def _stance(robot: PinocchioModel, entry: Entry, folder: Path) -> Vec:
     """The reference configuration: the feet on the ground, or the base where the file with the stance puts it."""
-    stance = dict(entry.stance)
+    stance = {joint.name: joint.reference for joint in robot.urdf.joints if joint.reference} | dict(entry.stance)
     base: list[float] = []
     if entry.pose is not None:
         file, state = entry.pose

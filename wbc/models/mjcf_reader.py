@@ -17,6 +17,7 @@ import numpy as np
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
+from wbc.models.mjcf_include import write_out
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
@@ -33,10 +34,11 @@ def read_mjcf(root: Element, path: Path, *, packages: Iterable[str | Path] = ())
     Raises:
         ModelError: MuJoCo is not installed or refuses the file, or it has what a tree of hinges and slides has not;
             named.
-        PathRefused: a mesh outside the folders.
+        PathRefused: a mesh, or a file that is included, outside the folders.
     """
     folders = Folders.around(path.parent, packages)
     name = root.get("model", path.stem)
+    write_out(root, path, folders)
     source = MjcfSource(root, folders)
     try:
         mj = import_mujoco()
@@ -119,7 +121,10 @@ class _Translation:
         inertial = self._inertial(body)
         if self._is_free(body):
             if m.dof_armature[m.body_dofadr[body]]:
-                raise ModelError(f"the free joint of body {name!r} has an armature, which is not supported")
+                raise ModelError(
+                    f"the free joint of body {name!r} has an armature: what flies has no rotor; write <freejoint/>, "
+                    "which takes nothing from defaults"
+                )
             self.links.append(Link(name, inertial))
             return
         parent = WORLD if m.body_parentid[body] == 0 else self.body(m.body_parentid[body])
@@ -128,7 +133,7 @@ class _Translation:
         anchor = np.zeros(3)
         for joint in joints:
             step = m.jnt_pos[joint] - anchor
-            origin = Origin(_triple(np.array(here.xyz) + here.rotation @ step), here.rpy)
+            origin = self._at_zero(joint, np.array(here.xyz) + here.rotation @ step, here.rotation)
             anchor = m.jnt_pos[joint]
             last = joint == joints[-1]
             child = name if last and not anchor.any() else f"{name}/{self.joint(joint)}"
@@ -140,9 +145,21 @@ class _Translation:
             at = Origin(_triple(-anchor)) if joints else here
             self.joints.append(Joint(f"{name}_mount", "fixed", parent, name, at))
 
+    def _at_zero(self, joint: int, position: Vec, R: Mat) -> Origin:
+        """Where the joint is at its position zero: the file draws it at its reference position."""
+        m = self.m
+        back = -float(m.qpos0[m.jnt_qposadr[joint]])
+        if m.jnt_type[joint] == self.mj.mjtJoint.mjJNT_SLIDE:
+            return _origin(position + back * R @ m.jnt_axis[joint], R)
+        turn = np.zeros(4)
+        self.mj.mju_axisAngle2Quat(turn, m.jnt_axis[joint], back)
+        return _origin(position, R @ self._matrix(turn))
+
     def _add_site(self, site: int) -> None:
         m = self.m
         name, origin = str(m.site(site).name), _origin(m.site_pos[site], self._matrix(m.site_quat[site]))
+        if any(link.name == name for link in self.links):  # bodies and sites may share a name, links may not
+            name += "_site"
         self.links.append(Link(name))
         self.joints.append(Joint(f"{name}_site", "fixed", self.body(m.site_bodyid[site]), name, origin))
 
@@ -163,8 +180,6 @@ class _Translation:
             raise ModelError(f"joint {name!r} is a ball; joints may be hinge, slide and one free joint")
         if m.jnt_stiffness[joint]:
             raise ModelError(f"joint {name!r} has a spring (stiffness), which is not supported")
-        if m.qpos0[m.jnt_qposadr[joint]]:
-            raise ModelError(f"joint {name!r} has a reference position (ref) that is not 0, which is not supported")
         lower, upper = map(float, m.jnt_range[joint]) if limited else (-inf, inf)
         kind: JointKind = "prismatic" if slides else "revolute" if limited else "continuous"
         dof = m.jnt_dofadr[joint]
@@ -175,6 +190,7 @@ class _Translation:
             name, kind, parent, child, origin, _triple(m.jnt_axis[joint]), lower, upper,
             effort=self._effort(joint), damping=float(m.dof_damping[dof]), friction=float(m.dof_frictionloss[dof]),
             armature=float(m.dof_armature[dof]), mimics=mimics, mimic_ratio=ratio, mimic_offset=offset,
+            reference=float(m.qpos0[m.jnt_qposadr[joint]]),
         )  # fmt: skip
 
     def _effort(self, joint: int) -> float:
@@ -207,15 +223,16 @@ class _Translation:
         )
 
     def _mimics(self) -> dict[int, tuple[str, float, float]]:
-        """Equalities q₁ = c₀ + c₁ q₂; MuJoCo's further powers have no gear."""
+        """Equalities q₁ − r₁ = c₀ + c₁ (q₂ − r₂), r the reference positions; MuJoCo's further powers have no gear."""
         m, found = self.m, {}
         for equality in range(m.neq):
             powers = m.eq_data[equality, :5]
             if not powers[1] or powers[2:].any():
                 self.left_out.append(f"equality <joint> {m.eq(equality).name!r} is left out: it is not a gear")
             elif m.eq_active0[equality]:
-                leader = self.joint(m.eq_obj2id[equality])
-                found[int(m.eq_obj1id[equality])] = (leader, float(powers[1]), float(powers[0]))
+                joint, leader = int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])
+                r_1, r_2 = m.qpos0[m.jnt_qposadr[[joint, leader]]]
+                found[joint] = (self.joint(leader), float(powers[1]), float(powers[0] + r_1 - powers[1] * r_2))
         return found
 
     # ---- shapes

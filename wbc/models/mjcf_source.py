@@ -18,8 +18,9 @@ from wbc.models.folders import Folders
 #: Sections that describe a robot, and those that describe a simulation or a scene.
 _ROBOT = {"compiler", "default", "asset", "worldbody", "actuator", "equality", "tendon"}
 _SCENE = {"option", "size", "visual", "statistic", "custom", "sensor", "keyframe", "contact"}
-#: What brings in other files or code, multiplies elements, or is not made of rigid bodies.
-_REFUSED = ("include", "attach", "replicate", "composite", "flexcomp", "plugin", "extension", "deformable")
+#: What brings in other models or code, multiplies elements, or is not made of rigid bodies.
+_REFUSED = ("attach", "replicate", "composite", "flexcomp", "plugin", "extension", "deformable")
+_TENDONS = ("tendon", "spatial", "fixed")
 _NOT_A_NUMBER = re.compile(r"(?:^|[\s+-])(?:nan|inf|infinity)(?:$|[\s(])", re.IGNORECASE)
 _FILE_FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 _ASSET_FILES = ("file", "name", "class", "scale", "inertia", "maxhullvert")
@@ -52,6 +53,8 @@ class MjcfSource:
             for key, value in element.attrib.items():
                 if _NOT_A_NUMBER.search(value):
                     raise ModelError(f"{key} of {_called(element)} is {value[:60]!r}; numbers must be finite")
+            if element.tag in _TENDONS and element.get("armature", "").strip(" 0."):
+                raise ModelError(f"{_called(element)} is a tendon with an armature, which is not supported")
             if element.get("mass", "").strip().startswith("-"):
                 raise ModelError(f"the mass of {_called(element)} is {element.get('mass')!r}; it must not be negative")
         for section in list(self.root):
@@ -122,6 +125,10 @@ class MjcfSource:
                     assets.remove(mesh)
         for parent in list(self.root.iter()):
             for geom in parent.findall("geom"):
+                if "hfield" in geom.attrib:
+                    self.left_out.append(f"{_called(geom)}, a height field, is left out")
+                    parent.remove(geom)
+                    continue
                 name = geom.get("mesh")
                 if name is None or name in self.meshes:
                     continue

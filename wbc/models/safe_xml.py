@@ -17,7 +17,7 @@ _CHUNK = 1 << 16
 
 
 def read_xml(path: Path, *roots: str) -> Element:
-    """The root element of an XML file, which must be called one of ``roots``.
+    """The root element of an XML file, which must be called one of ``roots``, where any are given.
 
     Raises:
         ModelError: no such file, not a plain file, too large, not UTF-8, not well formed, with a document type or
@@ -37,7 +37,7 @@ def read_xml(path: Path, *roots: str) -> Element:
     except UnicodeDecodeError as cause:
         raise ModelError(f"the file is not UTF-8 text: byte {cause.start} is {content[cause.start]:#04x}") from None
     found = parse_xml(text)
-    if found.tag not in roots:
+    if roots and found.tag not in roots:
         allowed = " or ".join(f"<{root}>" for root in roots)
         raise ModelError(f"the file begins with <{str(found.tag)[:40]}>; it must be {allowed}{_advice(found.tag)}")
     return found

@@ -51,7 +51,7 @@ class Joint:
 
     Limits in rad or m, per s, N m or N; ±inf: none. They are the file's own, even where they make no sense. A joint
     that ``mimics`` another is meant to be at mimic_ratio · other + mimic_offset. ``armature`` is the inertia of a rotor
-    [kg m², kg], which MJCF has and URDF has no word for.
+    [kg m², kg], ``reference`` the position in which a file draws the joint; MJCF has them, URDF has no word for either.
     """
 
     name: str
@@ -70,6 +70,7 @@ class Joint:
     mimic_ratio: float = 1.0
     mimic_offset: float = 0.0
     armature: float = 0.0
+    reference: float = 0.0
 
     @property
     def moves(self) -> bool:

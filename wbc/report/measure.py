@@ -128,6 +128,12 @@ def has_torques(run: Run) -> bool:
     return "tau" in run.columns and bool(np.isfinite(run.columns["tau"]).any())
 
 
+def torques(run: Run) -> Vec | None:
+    """Torques (N, nj): those that drives gave, or else those that were commanded; None where there were none."""
+    tau = run.columns.get("plant.tau", run.columns.get("tau"))
+    return None if tau is None or not np.isfinite(tau).any() else np.asarray(tau, dtype=np.float64)
+
+
 def use(run: Run) -> dict[str, Vec]:
     """Share of each limit in use (N, nj): torque |τ|/τ_max, velocity |v|/v_max, position |q − centre|/half range.
 
@@ -135,8 +141,9 @@ def use(run: Run) -> dict[str, Vec]:
     """
     bound, (q, v) = limits(run), joint_state(run)
     result = {}
-    if has_torques(run):
-        result["torque"] = np.abs(run.columns["tau"]) / _positive(bound["tau_max"])
+    tau = torques(run)
+    if tau is not None:
+        result["torque"] = np.abs(tau) / _positive(bound["tau_max"])
     result["velocity"] = np.abs(v) / _positive(bound["v_max"])
     bounded = np.isfinite(bound["q_min"]) & np.isfinite(bound["q_max"])
     low, high = (np.where(bounded, bound[name], 0.0) for name in ("q_min", "q_max"))
@@ -148,15 +155,16 @@ def use(run: Run) -> dict[str, Vec]:
 def violations(run: Run) -> dict[str, tuple[float, str]]:
     """{kind: (worst, unit)}: by how much torque, velocity, position and contact cone were exceeded, 0 if never.
 
-    Position and velocity are the true state's, torque and wrench the command's.
+    Position and velocity are the true state's, wrench and torque the command's, or the torque that drives gave.
     """
     bound, (q, v) = limits(run), joint_state(run)
     found = {
         "joint velocity": (_excess(np.abs(v) - bound["v_max"]), "rad/s"),
         "joint position": (_excess(np.maximum(q - bound["q_max"], bound["q_min"] - q)), "rad"),
     }
-    if has_torques(run):
-        found["torque"] = (_excess(np.abs(run.columns["tau"]) - bound["tau_max"]), "N m")
+    tau = torques(run)
+    if tau is not None:
+        found["torque"] = (_excess(np.abs(tau) - bound["tau_max"]), "N m")
     cones = []
     for name, contact in run.meta.get("contacts", {}).items():
         cone = np.array(contact.get("cone") or [], dtype=np.float64)

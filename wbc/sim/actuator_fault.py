@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, NotSupported
 from wbc.sim.disturbance import Disturbance, Effect
 from wbc.sim.plant import Drive, Plant
 from wbc.types import Vec
@@ -60,6 +60,8 @@ class ActuatorFault(Disturbance):
         return tau - float(np.clip(self.effectiveness * tau, -self.ceiling, self.ceiling)) + self.bias
 
     def begin(self, plant: Plant) -> Effect:
+        if plant.takes == "position":
+            raise NotSupported(f"{self}: drives that follow positions make their torques themselves")
         return _Failing(self, plant)
 
     def __str__(self) -> str:
@@ -89,4 +91,4 @@ class _Delivered:
     """A command whose torques arrive otherwise."""
 
     def __init__(self, tau: Vec, command: Drive) -> None:
-        self.tau, self.a, self.v = tau, command.a, command.v
+        self.tau, self.a, self.v, self.q = tau, command.a, command.v, command.q

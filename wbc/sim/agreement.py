@@ -28,7 +28,8 @@ def check_agreement(model: PinocchioModel, physics: Any, bridge: Bridge) -> dict
     """The largest relative difference of each quantity, over a few random states.
 
     On a fixed base the links bolted to the world are left out of the mass: they never move, and models do not count
-    them. Contacts, stops, actuator limits, friction and the armature of settings are off: they are the plant's own.
+    them. Contacts, stops, drives, limits of actuators, friction and the armature of settings are off: they are the
+    plant's own.
 
     Raises:
         SimulationError: one of them is larger than 1e-8.
@@ -71,6 +72,8 @@ def _without_extras(mj: Any, physics: Any) -> Any:
     bare.opt.disableflags |= off.mjDSBL_CONSTRAINT | off.mjDSBL_CLAMPCTRL
     bare.dof_armature[:] = 0.0
     bare.dof_damping[:] = 0.0
+    bare.actuator_biasprm[:] = 0.0  # drives are motors here
+    bare.actuator_forcelimited[:] = 0
     return bare
 
 

@@ -69,8 +69,13 @@ class Bridge:
         return q, v
 
     def write_torques(self, data: Any, tau: Vec) -> None:
-        """Command tau (nj,) to the actuators, which clip it to their limits."""
+        """Command (nj,) to the actuators: torques, which they clip to their limits, or what drives make them of."""
         data.ctrl[self._actuators] = tau
+
+    def read_torques(self, data: Any) -> Vec:
+        """Torques (nj,) that the actuators gave last."""
+        torques: Vec = data.qfrc_actuator[self._v].copy()
+        return torques
 
     def velocity_index(self, joint: int) -> int:
         """Where the velocity of a joint of the model stands in ``data.qvel``."""

@@ -15,6 +15,7 @@ import numpy as np
 from wbc.errors import SimulationError, UnknownFrame
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.urdf import Urdf
+from wbc.sim.drives import PositionDrives
 from wbc.sim.engine import PhysicsSettings, mujoco
 from wbc.sim.footprint import SOLE_HALF_THICKNESS, Footprint
 from wbc.sim.lumping import acceptable, lumped, restore
@@ -37,6 +38,7 @@ def build_model(
     timestep: float,
     floor: float,
     joined: Sequence[Weld] = (),
+    drives: PositionDrives | None = None,
 ) -> Any:
     """The compiled ``mujoco.MjModel``; each foot is a geometry group named ``<contact>/<k>``.
 
@@ -58,6 +60,8 @@ def build_model(
     _set_options(mj, spec.option, settings, timestep)
     _add_floor_and_feet(mj, spec, feet, settings, floor)
     _set_joints(mj, spec, robot, settings)
+    if drives is not None:
+        _set_drives(mj, spec, robot, drives)
     add_welds(spec, joined, settings)
     try:
         physics = spec.compile()
@@ -144,3 +148,13 @@ def _set_joints(mj: Any, spec: Any, robot: PinocchioModel, settings: PhysicsSett
         motor.gear = (effort > 0) * np.eye(1, 6)[0]  # a joint without torque is passive: whatever is commanded, nothing
         motor.ctrllimited = 0 < effort < _ENDLESS
         motor.ctrlrange = [-effort, effort] if motor.ctrllimited else [0.0, 0.0]
+
+
+def _set_drives(mj: Any, spec: Any, robot: PinocchioModel, drives: PositionDrives) -> None:
+    """Motors become drives: force = control − K q − D q̇ is cut, not the control, which is then K q* + D q̇* + τ*."""
+    stiffness, damping = drives.gains(robot)
+    for motor, k, d in zip(spec.actuators, stiffness, damping, strict=True):
+        motor.biastype = mj.mjtBias.mjBIAS_AFFINE
+        motor.biasprm = [0.0, -k, -d, *[0.0] * (len(motor.biasprm) - 3)]
+        motor.forcelimited, motor.forcerange = motor.ctrllimited, np.array(motor.ctrlrange)
+        motor.ctrllimited, motor.ctrlrange = False, [0.0, 0.0]

@@ -15,6 +15,7 @@ from wbc.sim.agreement import check_agreement
 from wbc.sim.bridge import Bridge
 from wbc.sim.build import build_model
 from wbc.sim.contact_truth import ContactTruth
+from wbc.sim.drives import PositionDrives
 from wbc.sim.engine import PhysicsSettings, mujoco
 from wbc.sim.footprint import footprints
 from wbc.sim.plant import Drive, Plant, finite, whole
@@ -36,7 +37,7 @@ SOLE_GEOMETRIES = ("box", "spheres")
 
 @final
 class MujocoPlant(Plant):
-    """A torque-controlled robot in MuJoCo.
+    """A robot in MuJoCo, its joints driven by torques or by drives that follow positions.
 
     Built from the robot's own URDF and compared with the model before the first step: total mass, inertia matrix,
     bias and free acceleration at random states. Each contact of ``contacts`` (a stack's) becomes a foot on a flat
@@ -52,10 +53,11 @@ class MujocoPlant(Plant):
         settings: how the engine is set.
         sole_geometry: "box", or "spheres": the balls of the robot's description, or one at each corner.
         floor: its height [m].
+        drives: what follows the positions that are commanded; None: torques are what is commanded.
 
     Raises:
         SimulationError: mujoco is not installed, cannot build the robot, or is not the same robot as the model.
-        InvalidInput: a robot that is not from a URDF, or an argument out of range.
+        InvalidInput: a robot that is not from a URDF, an argument out of range, drives for another robot.
         UnknownFrame: a contact on a frame that is not a link.
 
     Example:
@@ -78,6 +80,7 @@ class MujocoPlant(Plant):
         settings: PhysicsSettings | None = None,
         sole_geometry: str = "box",
         floor: float = 0.0,
+        drives: PositionDrives | None = None,
     ) -> None:
         if not isinstance(robot, PinocchioModel):
             raise InvalidInput(
@@ -90,6 +93,10 @@ class MujocoPlant(Plant):
         self.physics_settings = settings or PhysicsSettings()
         self.sole_geometry = sole_geometry
         self.floor = checks.number("floor", floor)
+        self.drives = drives
+        if drives is not None:
+            self.takes = "position"
+            self._stiffness, self._damping_gain = drives.gains(robot)
         contacts = list(contacts)
         on_floor = [contact for contact in contacts if contact.carrier is None]
         self.feet = footprints(on_floor, robot, friction=friction, balls=sole_geometry == "spheres")
@@ -97,7 +104,7 @@ class MujocoPlant(Plant):
         self._mj = mujoco()
         self.physics = build_model(
             robot, self.feet, self.physics_settings, timestep=self.dt / self.substeps, floor=self.floor,
-            joined=self.joined,
+            joined=self.joined, drives=drives,
         )  # fmt: skip
         self._bridge = Bridge(robot, self.physics)
         self.agreement = check_agreement(robot, self.physics, self._bridge)
@@ -177,7 +184,7 @@ class MujocoPlant(Plant):
     # ---- one step
     def _advance(self, command: Drive) -> tuple[Vec, Vec]:
         mj, physics, data = self._mj, self.physics, self.data
-        self._bridge.write_torques(data, finite("command.tau", command.tau, self.t))
+        self._bridge.write_torques(data, self._controls(command))
         data.xfrc_applied[:] = 0.0
         for body, force in self._pushes:
             data.xfrc_applied[body, :3] += force
@@ -188,6 +195,17 @@ class MujocoPlant(Plant):
             mj.mj_step(physics, data)
             self._contacts.add(data, physics.opt.timestep, 1.0 / self.substeps)
         return self._bridge.read(data)
+
+    def _controls(self, command: Drive) -> Vec:
+        """What the actuators get (nj,): torques, or what makes drives follow (:func:`wbc.sim.build.build_model`)."""
+        if self.drives is None:
+            return finite("command.tau", command.tau, self.t)
+        model = self.model
+        q, v = finite("command.q", command.q, self.t), finite("command.v", command.v, self.t)
+        controls: Vec = self._stiffness * q[model.nq - model.nj :] + self._damping_gain * v[model.nb :]
+        if self.drives.feed_forward and not np.isnan(command.tau).all():
+            controls += finite("command.tau", command.tau, self.t)
+        return controls
 
     def push(self, frame: str, force: Vec) -> None:
         force = checks.array("force", force, (3,))
@@ -221,7 +239,8 @@ class MujocoPlant(Plant):
 
     def truth(self) -> Mapping[str, Vec | float]:
         """``plant.f.<contact>`` (6,), ``plant.slip.<contact>`` (2,) and ``plant.penetration.<contact>`` of the step; of
-        a weld ``plant.f.<contact>`` (3,), the force alone, in the carrier's axes."""
+        a weld ``plant.f.<contact>`` (3,), the force alone, in the carrier's axes; of drives their torques at its end,
+        ``plant.tau`` (nj,)."""
         columns: dict[str, Vec | float] = {}
         for i, foot in enumerate(self.feet):
             columns[f"plant.f.{foot.name}"] = self._contacts.wrench[i]
@@ -229,6 +248,8 @@ class MujocoPlant(Plant):
             columns[f"plant.penetration.{foot.name}"] = float(self._contacts.penetration[i])
         for name, force in weld_forces(self.physics, self.data, self.joined).items():
             columns[f"plant.f.{name}"] = force
+        if self.drives is not None:
+            columns["plant.tau"] = self._bridge.read_torques(self.data)
         return columns
 
     def settings(self) -> dict[str, Any]:
@@ -240,6 +261,7 @@ class MujocoPlant(Plant):
             "sole_geometry": self.sole_geometry,
             "floor": self.floor,
             "friction": {foot.name: foot.friction for foot in self.feet},
+            "drives": None if self.drives is None else self.drives.as_dict(self.model),
             "agreement with the model": self.agreement,
         }
 

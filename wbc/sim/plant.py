@@ -30,12 +30,17 @@ class Drive(Protocol):
     def v(self) -> Vec:
         """Velocities (nv,) [rad/s, m/s]."""
 
+    @property
+    def q(self) -> Vec:
+        """Configuration (nq,) at the end of the tick."""
+
 
 class Plant(ABC):
     """A robot that moves: a true state (t, q, v), and ``step``, which lets it move for ``dt`` seconds.
 
     ``q`` and ``v`` are ordered as :mod:`wbc.types` says and are read-only; every step makes new ones. Time is
-    start + k dt, so it does not drift. ``takes`` is what of a command moves it: "velocity", "acceleration", "torque".
+    start + k dt, so it does not drift. ``takes`` is what of a command moves it: "velocity", "acceleration", "torque" or
+    "position", which every level decides.
     """
 
     takes: str = "torque"

@@ -14,6 +14,7 @@ from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.control.explain import reproducer
 from wbc.control.recorder import Recorder, Run
+from wbc.control.setpoint import Setpoint
 from wbc.errors import InvalidInput, SimulationError
 from wbc.sim.disturbance import Disturbance, Effect, SensorNoise
 from wbc.sim.footprint import Rectangular
@@ -25,7 +26,7 @@ from wbc.types import Status, Vec
 
 
 def simulate(
-    controller: Controller,
+    controller: Controller | Setpoint,
     plant: Plant,
     *,
     duration: float,
@@ -38,10 +39,12 @@ def simulate(
 ) -> Run:
     """Let ``controller`` drive ``plant`` from its present state for ``duration`` seconds.
 
-    The controller starts anew; the plant does not: ``plant.reset(q, v)`` is yours to call. Ticks are timed one by one
-    with one BLAS thread. ``before_tick(t)`` runs first in each tick and may assign targets and weights.
-    ``progress(done)`` is called with a number in [0, 1], a hundred times. With ``recorder`` False only ``t``,
-    ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop knows, and wins.
+    The controller starts anew; the plant does not: ``plant.reset(q, v)`` is yours to call. A controller decides from
+    the measured state in every tick; a :class:`~wbc.Setpoint` in its place says from which (``run.meta["feedback"]``,
+    "measured" or "commanded"). Ticks are timed one by one with one BLAS thread. ``before_tick(t)`` runs first in each
+    tick and may assign targets and weights. ``progress(done)`` is called with a number in [0, 1], a hundred times. With
+    ``recorder`` False only ``t``, ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop
+    knows, and wins.
 
     Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP.
 
@@ -51,7 +54,8 @@ def simulate(
     ``run.meta["ended"]`` says which ("complete" otherwise).
 
     Raises:
-        InvalidInput: different periods or joints of controller and plant, or a duration shorter than one tick.
+        InvalidInput: different periods or joints of controller and plant, or a duration shorter than one tick; a
+            setpoint that is commanded to a plant that takes torques, which are those of the setpoint.
         UnknownFrame, NotSupported: a disturbance this plant cannot have.
 
     Example:
@@ -66,7 +70,15 @@ def simulate(
         >>> run.rows, run.meta["ended"]
         (100, 'complete')
     """
+    driver = controller
+    controller = driver.controller if isinstance(driver, Setpoint) else driver
     ticks = _ticks(controller, plant, duration)
+    feedback = driver.feedback if isinstance(driver, Setpoint) else "measured"
+    if feedback == "commanded" and plant.takes == "torque":
+        raise InvalidInput(
+            f"{type(plant).__name__} takes torques, and those of a setpoint with feedback='commanded' do not depend on "
+            "the robot: give it drives that follow positions, or feedback='measured'"
+        )
     present = guests()
     disturbances = [*disturbances, *(disturbance for guest in present for disturbance in guest.disturbances)]
     effects = [disturbance.begin(plant) for disturbance in disturbances]
@@ -76,12 +88,12 @@ def simulate(
     ended = "complete"
     failure: dict[str, Any] | None = None
     failed = None
-    controller.reset()
+    driver.reset()
     with threadpool_limits(1):
         for k in range(ticks):
             if progress is not None and k % every == 0:
                 progress(k / ticks)
-            row, problem = _tick(controller, plant, effects, before_tick, columns)
+            row, problem = _tick(driver, plant, effects, before_tick, columns)
             record.append(row)
             if failure is None and not controller.status.ok:
                 failure = {"t": row["t"], "why": controller.explain()}
@@ -91,19 +103,21 @@ def simulate(
             if problem is not None:
                 ended = problem
                 break
+            controller.compile_waiting()
             if stop_when_fallen and plant.fallen:
                 ended = f"fallen at t = {plant.t:.3f} s"
                 break
     if progress is not None:
         progress(1.0)
     about = _about(controller, plant, disturbances, duration)
+    about["feedback"] = feedback
     run = record.run({**about, "ended": ended, "fallen": plant.fallen, "failure": failure, **(meta or {})})
     run.failed = failed
     return run
 
 
 def _tick(
-    controller: Controller,
+    driver: Controller | Setpoint,
     plant: Plant,
     effects: list[Effect],
     before_tick: Callable[[float], None] | None,
@@ -118,7 +132,7 @@ def _tick(
         effect.push(t)
         q, v = effect.measure(q, v)
     start = perf_counter_ns()
-    command = controller.tick(t, q, v)
+    command = driver.tick(t, q, v)
     microseconds = (perf_counter_ns() - start) * 1e-3
     row = columns.row(t, q, v, command, microseconds)
     delivered: Any = command
@@ -129,7 +143,6 @@ def _tick(
     except SimulationError as error:
         return row, str(error)
     columns.add_truth(row)
-    controller.compile_waiting()
     return row, None
 
 
@@ -170,6 +183,8 @@ class _Columns(_FewColumns):
             "plant.v": plant.v,
             "push": plant.pushed,
         }
+        if plant.takes == "position":
+            row["q_cmd"] = command.q
         if self._order == 2:
             row["a"] = command.a
         if self._dynamics:
@@ -198,7 +213,7 @@ def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
     if controller.model.joint_names != plant.model.joint_names or controller.model.nb != plant.model.nb:
         raise InvalidInput(f"the controller drives {controller.model.name}, the plant is {plant.model.name}")
     level = controller.level
-    if plant.takes not in level.carries:
+    if plant.takes not in level.carries | {"position"}:
         raise InvalidInput(
             f"{type(plant).__name__} takes {plant.takes}s, which the {level.name} does not decide; "
             f"use IntegratorPlant(robot, level='{'velocity' if level.order == 1 else 'acceleration'}')"

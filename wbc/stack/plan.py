@@ -23,6 +23,7 @@ from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
+from wbc.stack.schedule import Schedule
 from wbc.stack.stack import Stack
 from wbc.stack.task import Objective, Task
 from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
@@ -39,8 +40,9 @@ class Plan:
     Components may write into ``torque_bounds`` (lower, upper), (nj,) each, and ``extra_bias`` (nv,), a generalised
     force added to h, before the plan is filled, and may ``replace`` bounds on position, velocity and acceleration in
     ``intervals`` (None where the stack has none). ``normal_limits`` (contacts,) [N], in the order of the whole stack's
-    contacts, bounds their normal forces from above; it is inf until a component writes into it. ``actuators`` says what
-    motors make of a command. ``extra_inertia`` (nv, nv), or None, is added to M.
+    contacts, bounds their normal forces from above, in a stack with a schedule ``normal_floors`` from below; they are
+    ±inf until a component writes into them. ``actuators`` says what motors make of a command. ``extra_inertia``
+    (nv, nv), or None, is added to M.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Plan:
         self.motion = MotionRows(level.order, p.G[motion, :nv], self._column[motion], model.nj, len(layout.on_joints))
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
         self._has_components = bool(stack.components)
+        self._is_scheduled = any(isinstance(component, Schedule) for component in stack.components)
         self._share(like)
 
         self._give_views()
@@ -94,13 +97,14 @@ class Plan:
             order = {contact.name: i for i, contact in enumerate(contacts)}
             self.places = {key: order[name] for key, name in keys(contacts)}
             self.extra_bias = np.zeros(model.nv)
-            self.normal_limits = np.full(len(contacts), np.inf)
+            self.normal_limits, self.normal_floors = np.full((2, len(contacts)), [[np.inf], [-np.inf]])
             self.intervals = JointIntervals.compose(limits, model, self.dt) if limits else None
             self.actuators = Actuators(model.nj)
             self.anchors = [Anchor(np.eye(3), np.zeros(3)) for _ in contacts]
         else:
             self.places = like.places
-            self.extra_bias, self.normal_limits = like.extra_bias, like.normal_limits
+            self.extra_bias = like.extra_bias
+            self.normal_limits, self.normal_floors = like.normal_limits, like.normal_floors
             self.intervals, self.actuators = like.intervals, like.actuators
             self.anchors = [like.anchors[self.places[contact.name]] for contact in contacts]
         self._place = np.array([self.places[contact.name] for contact in contacts], dtype=np.intp)
@@ -277,6 +281,7 @@ class Plan:
         if self.intervals is not None:
             self.intervals.reset()
         self.normal_limits.fill(np.inf)
+        self.normal_floors.fill(-np.inf)
         for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
             _make(contact, anchor, state)
 
@@ -304,7 +309,10 @@ class Plan:
         if not bounded:
             self._bound_joints(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
         if self._has_components and self.level.dynamics:
-            self.problem.ub[self._normal] = self.normal_limits[self._pressing] / self.problem.scale[self._normal]
+            p, scale = self.problem, self.problem.scale[self._normal]
+            p.ub[self._normal] = self.normal_limits[self._pressing] / scale
+            if self._is_scheduled:
+                p.lb[self._normal] = self.normal_floors[self._pressing] / scale
         for writer in self._writers:
             writer.fill(state)
 
@@ -399,6 +407,10 @@ class Plan:
             if 0 <= at < barrier.dim and barrier.codes is not None:
                 return barrier.about(at)
         return ""
+
+    def pressed(self) -> list[int]:
+        """The unknowns that are normal forces."""
+        return [int(i) for i in self._normal] if self.level.dynamics else []
 
     def bound_owner(self, unknown: int, *, upper: bool) -> str:
         """Which law gives an unknown the bound it has now."""

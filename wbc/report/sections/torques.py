@@ -11,11 +11,11 @@ from wbc.sim.scenario import ScenarioResult
 def section(result: ScenarioResult) -> Section | None:
     """Share of the torque limit over time and per joint."""
     run = result.run
-    share = measure.use(run).get("torque")
-    if share is None or not share.size:
+    share, tau = measure.use(run).get("torque"), measure.torques(run)
+    if share is None or tau is None or not share.size:
         return None
     caption = "Share of the torque limit: the hardest worked joints over time, and largest and rms of every joint."
     bound = measure.limits(run)["tau_max"]
     units = ["N m" if unit == "rad" else "N" for unit in run.meta.get("joint_units", [])]
-    table = use_table(run, run.columns["tau"], share, bound, units, kind="torque")
+    table = use_table(run, tau, share, bound, units, kind="torque")
     return Section("Torques against limits", [use_figure(run, share, "torques", "|τ| / τ_max", caption), table])
