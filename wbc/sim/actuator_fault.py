@@ -91,4 +91,16 @@ class _Delivered:
     """A command whose torques arrive otherwise."""
 
     def __init__(self, tau: Vec, command: Drive) -> None:
-        self.tau, self.a, self.v, self.q = tau, command.a, command.v, command.q
+        self.tau, self._command = tau, command
+
+    @property
+    def a(self) -> Vec:
+        return self._command.a
+
+    @property
+    def v(self) -> Vec:
+        return self._command.v
+
+    @property
+    def q(self) -> Vec:
+        return self._command.q
