@@ -146,24 +146,24 @@ class BoxSolver(RowSolver):
             M = dsyrk(1.0, self._W_T, 1.0, self._D_tied, 0, 1)
         else:
             M = self._D_tied.copy("F")
-        _, x1, info = dposv(M, self._known, 1, 1)
-        if info or x1[-1] != 1.0:
-            return False
-        self._x1[:] = x1
-        return True
+        self._x1[:] = self._known
+        _, x1, info = dposv(M, self._x1, 1, 1, 1)  # in place
+        return bool(info == 0 and x1[-1] == 1.0)
 
     def _verified(self) -> bool:
         """Bounds, and the gradient: zero where free, against its bound where held. NaN is neither."""
-        gradient, wrong, tolerance, unit = self._slope_at_answer(), 0.0, self.tolerance, self.problem.unit
+        gradient, tolerance, unit = self._slope_at_answer(), self.tolerance, self.problem.unit
         self._z_box = None
-        if self._is_held:
+        if not self._is_held:
+            dual = _size_of(gradient)
+        else:
             pull = np.multiply(gradient, self._sides, self._part)
             wrong = pull[pull.argmax()]
             if wrong > tolerance:  # where both sides are one, it may pull either way
                 pull[self._lb == self._ub] = 0.0
                 wrong = pull[pull.argmax()]
-            gradient = np.multiply(gradient, self._free, self._part)
-        primal, dual = max(self._beyond_bounds(), 0.0), max(_size_of(gradient), float(wrong))
+            dual = max(_size_of(np.multiply(gradient, self._free, self._part)), float(wrong))
+        primal = max(self._beyond_bounds(), 0.0)
         size = 1.0 if dual <= tolerance else self._size()
         self.certificate = Certificate(primal, dual * unit, 0.0, size * unit, size * unit)
         return primal <= tolerance and dual <= tolerance * size
@@ -194,7 +194,7 @@ class BoxSolver(RowSolver):
     # ---- a wrong guess
     def _ask_daqp(self) -> Status:
         p, n = self.problem, self.problem.n
-        self._D[n, :n] = self._minus_pull
+        self._x1[n], self._D[n, :n] = 1.0, self._minus_pull
         if self._has_rows:
             np.multiply(self._S, self._roots, self._W)
             M = dgemm(_KAPPA, self._W_T, self._W_T, _KAPPA, self._D, 0, 1)
