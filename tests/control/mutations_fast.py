@@ -18,6 +18,7 @@ MUTATIONS = [
     (DUAL, "change[row] = value[item] - (upper", "change[row] = value[item] + (upper", SOLVERS),
     (DUAL, "wrong[q] = 0.0 if lower[item] == upper[item] else pull * side[q]", "wrong[q] = -pull * side[q]", SOLVERS),
     (BOX, "held[c] = -1.0", "held[c] = 1.0", SOLVERS),
+    ("wbc/stack/tracking.py", "Tracking.assignments += 1", "pass", FAST),
     ("wbc/qp/rows/pivoting.py", "under[new] >= over[new], -1.0, 1.0", "under[new] >= over[new], 1.0, -1.0",
      "tests/qp/rows/test_row_solvers.py"),
 ]  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio
@@ -39,6 +39,8 @@ class Tracking(Objective):
     convert: Convert
     #: Size of the target's rate and acceleration where it is not the task's ``dim``.
     target_dim: int | None = None
+    #: Counts the targets assigned to any task: one look says that all are those of the tick before.
+    assignments: ClassVar[int] = 0
     _given: Any = None
     _reference: Target
 
@@ -58,6 +60,7 @@ class Tracking(Objective):
             value = value.copy()
             value.flags.writeable = False
         self._given = value
+        Tracking.assignments += 1
 
     def reference(self, t: float) -> Target:
         """The target at time t [s]."""

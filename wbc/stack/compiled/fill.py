@@ -14,6 +14,7 @@ from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
 from wbc.stack.contact import Contact
 from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.stack.task import Target
+from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ class CompiledFill:
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
         self._calls: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
         self._followers: list[_Follower] = []
+        self._moving: list[_Follower] = []
+        self._assignments = -1
         self._items = items = _Items(state, model.nv)
         self._motion = motion
         first = layout.motion_row
@@ -72,8 +75,14 @@ class CompiledFill:
             self._motion.clear()
             for call, out in self._calls:
                 call(state, *out)
-        for follower in self._followers:
-            follower.follow(t)
+        if Tracking.assignments != self._assignments:
+            self._assignments = Tracking.assignments
+            for follower in self._followers:
+                follower.follow(t)
+            self._moving = [follower for follower in self._followers if follower.moves]
+        else:
+            for follower in self._moving:
+                follower.follow(t)
         fill(self._memory.addresses)
 
 
@@ -81,11 +90,13 @@ class CompiledFill:
 class _Follower:
     """Where a task's target goes, and the views for its rates."""
 
-    __slots__ = ("_had_rates", "_out", "_parts", "_reference", "_seen")
+    __slots__ = ("_had_rates", "_out", "_parts", "_reference", "_seen", "moves")
 
     def __init__(self, task: Any, rows: FrameRows | JointRows, memory: Vec, out: Any) -> None:
         self._reference: Callable[[float], Target] = task.reference
         self._seen: Target | None = None
+        #: Whether the target seen last is a function of time.
+        self.moves = True
         self._had_rates = True
         self._out = out
         self._parts: tuple[Vec, ...]
@@ -104,9 +115,9 @@ class _Follower:
     def follow(self, t: float) -> None:
         """Copy the target of time t, where it may be another one than before."""
         target = self._reference(t)
-        if target is self._seen and not target.moves:
+        if target is self._seen and not self.moves:
             return
-        self._seen = target
+        self._seen, self.moves = target, target.moves
         if len(self._parts) == 1:
             self._parts[0][:] = target.value
         else:
