@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 from tasks import CenterOfMass, JointVelocityLimits, Orientation, Posture, Sole, TorqueLimits
 from tasks.workloads.quality import SoleSupport, angle, distance, tracking_of_accelerations
-from tasks.workloads.references import Track, sway, times, with_derivatives
+from tasks.workloads.references import sway, times
 from tasks.workloads.robots import TALOS, MadeRobot
 from tasks.workloads.workload import Problem, Record, Workload
 from wbc.stack.formulation import InverseDynamics
@@ -34,7 +34,7 @@ class HumanoidInverseDynamics(Workload):
         upright = made.placement(_TORSO).rotation
         stack = Stack(
             [
-                CenterOfMass(target=Track(self.dt, with_derivatives(com)), kp=100.0),
+                CenterOfMass(target=com.track(self.dt), kp=100.0),
                 Orientation(_TORSO, target=upright, kp=100.0, weight=0.1),
                 Posture(made.q0, kp=10.0, weight=1e-3),
             ],

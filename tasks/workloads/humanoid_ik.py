@@ -51,7 +51,7 @@ class HumanoidInverseKinematics(Workload):
         stack = Stack(
             [
                 *stand,
-                CenterOfMass(target=Track(self.dt, list(com)), rate=deadbeat, weight=10.0),
+                CenterOfMass(target=Track(self.dt, com), rate=deadbeat, weight=10.0),
                 *reach,
                 Posture(made.q0, rate=deadbeat, weight=1e-4),
             ],

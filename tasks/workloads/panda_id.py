@@ -36,10 +36,9 @@ class PandaInverseDynamics(Workload):
         still = np.zeros((ticks, 3))
         poses = [pin.SE3(start.rotation, position) for position in path.position]
         rates, accelerations = np.hstack([path.rate, still]), np.hstack([path.acceleration, still])
-        entries = list(zip(poses, rates, accelerations, strict=True))
         stack = Stack(
             [
-                Frame(_TOOL, target=Track(self.dt, entries), kp=400.0),
+                Frame(_TOOL, target=Track(self.dt, poses, (rates, accelerations)), kp=400.0),
                 Posture(made.q0, kp=10.0, weight=1e-3),
             ],
             subject_to=[TorqueLimits(), JointVelocityLimits()],

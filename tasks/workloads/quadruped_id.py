@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 from tasks import CenterOfMass, JointVelocityLimits, Orientation, Point, Posture, TorqueLimits
 from tasks.workloads.quality import PointSupport, angle, distance, tracking_of_accelerations
-from tasks.workloads.references import Track, sway, times, with_derivatives
+from tasks.workloads.references import sway, times
 from tasks.workloads.robots import GO2, MadeRobot
 from tasks.workloads.workload import Problem, Record, Workload
 from wbc.stack.formulation import InverseDynamics
@@ -33,7 +33,7 @@ class QuadrupedInverseDynamics(Workload):
         upright = made.placement(_BASE).rotation
         stack = Stack(
             [
-                CenterOfMass(target=Track(self.dt, with_derivatives(com)), kp=100.0),
+                CenterOfMass(target=com.track(self.dt), kp=100.0),
                 Orientation(_BASE, target=upright, kp=100.0),
                 Posture(made.q0, kp=10.0, weight=1e-4),
             ],

@@ -20,6 +20,10 @@ class Motion:
     rate: Vec
     acceleration: Vec
 
+    def track(self, dt: float) -> Track:
+        """The target of a task that reads position, rate and acceleration."""
+        return Track(dt, self.position, (self.rate, self.acceleration))
+
     def moved(self, offset: Vec) -> Motion:
         """The same motion elsewhere: ``offset`` (3,) or (ticks, 3) is added to the position, and only to it."""
         return Motion(self.position + offset, self.rate, self.acceleration)
@@ -27,15 +31,22 @@ class Motion:
 
 @final
 class Track:
-    """A target as a function of time that looks up the entry of the tick: made before the run, read in it."""
+    """A target as a function of time that looks up the entry of the tick: made before the run, read in it.
 
-    def __init__(self, dt: float, entries: Sequence[Any]) -> None:
-        self._entries, self._last = entries, len(entries) - 1
+    With ``derivatives`` (rates, accelerations), a row for each tick as in ``values``, it gives all three.
+    """
+
+    def __init__(self, dt: float, values: Sequence[Any] | Vec, derivatives: tuple[Vec, Vec] | None = None) -> None:
+        self._values, self._derivatives, self._last = values, derivatives, len(values) - 1
         self._ticks_per_second = 1.0 / dt
 
     def __call__(self, t: float) -> Any:
         k = int(t * self._ticks_per_second + 0.5)
-        return self._entries[k if k < self._last else self._last]
+        k = k if k < self._last else self._last
+        if self._derivatives is None:
+            return self._values[k]
+        rates, accelerations = self._derivatives
+        return self._values[k], rates[k], accelerations[k]
 
 
 def times(ticks: int, dt: float) -> Vec:
@@ -86,8 +97,3 @@ def sway(
 def step(t: Vec, time: float, offset: Sequence[float]) -> Vec:
     """``offset`` (3,) from ``time`` on, zero before: (ticks, 3)."""
     return np.where((t >= time)[:, None], np.asarray(offset, dtype=np.float64), 0.0)
-
-
-def with_derivatives(motion: Motion) -> list[tuple[Vec, Vec, Vec]]:
-    """The entries of a :class:`Track` for a task that reads position, rate and acceleration."""
-    return list(zip(motion.position, motion.rate, motion.acceleration, strict=True))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks.workloads.references import Track, ramp, step, sway, times, with_derivatives
+from tasks.workloads.references import Track, ramp, step, sway, times
 
 moments = st.floats(0.01, 3.0)
 
@@ -48,6 +48,6 @@ def test_a_track_answers_with_the_entry_of_the_tick(k: int, dt: float):
 
 def test_a_track_of_a_motion_gives_position_rate_and_acceleration():
     motion = sway(times(10, 0.01), [0.1, 0.1, 0.1], [1.0, 1.0, 1.0])
-    position, rate, acceleration = Track(0.01, with_derivatives(motion))(0.07)
+    position, rate, acceleration = motion.track(0.01)(0.07)
     assert (position == motion.position[7]).all() and (rate == motion.rate[7]).all()
     assert (acceleration == motion.acceleration[7]).all()

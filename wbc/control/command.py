@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -64,7 +65,7 @@ class Command:
         v: Vec | None = None,
         a: Vec | None = None,
         tau: Vec | None = None,
-        forces: Vec | None = None,
+        forces: Vec | Callable[[], Vec] | None = None,
     ) -> None:
         self._controller, self._serial = controller, controller.serial
         self.status, self.rung, self.certificate = status, rung, certificate
@@ -108,13 +109,15 @@ class Command:
     @property
     def forces(self) -> Vec | None:
         """All contact forces (nf,) in the order of the stack's contacts; None where the level decides none."""
+        if callable(self._forces):  # brought to newtons when they are asked for
+            self._forces = self._forces()
         return self._forces
 
     @property
     def f(self) -> Forces:
         """Wrench of each contact, by its name or frame; NaN where none was decided."""
         if self._f is None:
-            self._f = self._controller.split_forces(self._forces)
+            self._f = self._controller.split_forces(self.forces)
         return self._f
 
     @property

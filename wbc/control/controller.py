@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -193,12 +194,11 @@ class Controller:
                         return f"{name}[{sound.argmin()}] is {vector[sound.argmin()]:g}"
             return f"the base's quaternion q[3:7] has norm {np.linalg.norm(q[3:7] / 1e200) * 1e200:g}"
         if self._has_quaternion:
-            quaternion = q[3:7]
-            square = float(quaternion.dot(quaternion))
+            square = ddot(q, q, 4, 3, 1, 3)  # of q[3:7]
             if not -1e-12 < square - 1.0 < 1e-12:
                 if abs(square - 1.0) > 2e-3:
                     return f"the base's quaternion q[3:7] has norm {square**0.5:g}"
-                quaternion /= square**0.5
+                q[3:7] /= square**0.5
         return ""
 
     def _decide(self, t: float, q: Vec, v: Vec) -> Command:
@@ -273,9 +273,6 @@ class Controller:
         """The command that the answer in the plan's memory means."""
         plan, proof = self.plan, self._answered.certificate if proof is None else proof
         parts, value = plan.layout, plan.problem.value.copy()
-        if parts.nf:
-            forces = value[parts.force_items]
-            forces *= plan.problem.scale[parts.force_items]  # in newtons
         value.setflags(write=False)
         motion = value[parts.motion_items]
         if self.level.order == 1:
@@ -284,10 +281,8 @@ class Controller:
             command = Command(self, status, rung, proof, q=q, v_before=v, a=motion)
         else:
             tau = plan.actuators.command(value[parts.torque_items])
-            command = Command(
-                self, status, rung, proof, q=q, v_before=v, a=motion, tau=tau,
-                forces=self.mode.all_forces(value[parts.force_items]),
-            )  # fmt: skip
+            forces = partial(self.mode.all_forces, value, plan.force_scale)
+            command = Command(self, status, rung, proof, q=q, v_before=v, a=motion, tau=tau, forces=forces)
         return command
 
     # ---- what others read

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Self, final
 
 import numpy as np
+from scipy.linalg.blas import ddot
 
 from wbc import checks
 from wbc.errors import InvalidInput
@@ -233,6 +234,7 @@ class JointIntervals:
         self._clear_above, self._clear_below = (q - v * dt) if self._is_simple else q
         self._fastest_above, self._fastest_below = v[0].copy(), -v[1]
         self._least_above, self._most_below = -B[0], B[1]
+        self._surely_slow = float(v.min()) ** 2
         self._narrowed = np.zeros(B.shape, dtype=bool)
         if not np.isfinite(jerk).any():
             self._jerk = None
@@ -270,9 +272,10 @@ class JointIntervals:
         """The same where nothing but velocities is limited."""
         np.multiply(v, self._per_dt, self._plain)
         np.subtract(self._highest_v_per_dt, self._plain, upper)
-        np.maximum(upper, self._least_above, out=upper)
         np.subtract(self._lowest_v_per_dt, self._plain, lower)
-        np.minimum(lower, self._most_below, out=lower)
+        if not ddot(v, v) <= self._surely_slow:  # a joint may be too fast to be slow enough at once
+            np.maximum(upper, self._least_above, out=upper)
+            np.minimum(lower, self._most_below, out=lower)
 
     def velocity(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
         """Write bounds (nj,) on the joint velocities of the next tick; v is read with acceleration limits only."""

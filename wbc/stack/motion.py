@@ -27,15 +27,19 @@ class MotionRows:
         self.order, self.J, self._right = order, J, right
         m, n = len(J), len(J) + n_joint_tasks * nj
         self._m = m
-        self.e = np.full(n, np.nan)
-        self.drift = np.full(n, np.nan)
-        self.rate_ref, self.acc_ref = np.zeros(n), np.zeros(n)
-        self.drift[m:] = 0.0
-        self.kp, self.kd, self.rate = np.zeros(n), np.zeros(n), np.zeros(n)
-        self.wanted = np.zeros(n)
+        # What is wanted is a sum of four terms, each a gain times what stands in one row of a block.
+        written = np.zeros((5, n))
+        self._references, self._terms = written[:2], written[1:]
+        self.rate_ref, self.acc_ref, self.e, self._ed, self.drift = written
+        self.e.fill(np.nan)
+        self.drift[:m] = np.nan
+        self._gains, self._weighted, self._ones = np.ones((4, n)), np.zeros((4, n)), np.ones(4)
+        self.kp, self.kd = self._gains[1:3]
+        self._gains[1:3], self._gains[3] = 0.0, -1.0
+        self.rate, self.wanted = np.zeros(n), np.zeros(n)
         self.own_ed = np.full(n, np.nan)
         self.writes_ed: Any = None
-        self._Jv, self._ed, self._part = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._Jv = np.zeros(n)
         self._Jv_rows, self._wanted_rows = self._Jv[:m], self.wanted[:m]
         self._Jv_joints = self._Jv[m:].reshape(n_joint_tasks, nj)
         self._has_joints = n_joint_tasks > 0
@@ -78,9 +82,7 @@ class MotionRows:
 
     def clear(self) -> None:
         """References that a task does not write are zero, in every tick."""
-        self.rate_ref.fill(0.0)
-        if self.order == 2:
-            self.acc_ref.fill(0.0)
+        self._references.fill(0.0)
 
     def check_written(self, first: int, dim: int, name: str) -> None:
         """After a first fill on poisoned memory: everything needed must have been written.
@@ -115,16 +117,12 @@ class MotionRows:
             np.multiply(self.rate, self.e, wanted)
             wanted += self.rate_ref
         else:
-            np.dot(self.J, v, out=self._Jv_rows)
+            np.dot(self.J, v, self._Jv_rows)
             if self._has_joints:
                 self._Jv_joints[:] = v_joints
-            ed, part = self._ed, self._part
-            np.subtract(self.rate_ref, self._Jv, ed)
+            np.subtract(self.rate_ref, self._Jv, self._ed)
             if self.writes_ed is not None:
-                np.copyto(ed, self.own_ed, where=self.writes_ed)
-            np.multiply(self.kp, self.e, wanted)
-            np.multiply(self.kd, ed, part)
-            wanted += part
-            wanted += self.acc_ref
-            wanted -= self.drift
+                np.copyto(self._ed, self.own_ed, where=self.writes_ed)
+            np.multiply(self._gains, self._terms, self._weighted)
+            np.dot(self._ones, self._weighted, wanted)
         np.negative(self._wanted_rows, self._right)

@@ -82,6 +82,8 @@ class Plan:
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
+        #: What a unit of each force (nf,) in the problem is [N, N m]; a new array where it changes.
+        self.force_scale = np.ones(layout.nf)
         self._read_weights()
         above = [layout.slack] if layout.slack else []
         p.levels = [[self._wish(task) for task in tasks] for tasks in (*above, *stack.levels)]
@@ -130,7 +132,11 @@ class Plan:
         nv, nf = model.nv, layout.nf
         self._T_a, self._T_f, self._T_h = p.G[:nv, :nv], p.G[:nv, nv : nv + nf], self._column[:nv]
         contacts = slice(layout.contact_row, layout.n_rows)
-        self._J_contacts_T = p.G[contacts, :nv].T
+        # Whole rows of contacts, one behind the other: scaled they are the columns of forces.
+        self._contact_rows = p.G[contacts].reshape(-1)
+        self._force_factors = np.zeros(self._contact_rows.shape)
+        self._scaled_rows = np.zeros(self._contact_rows.shape)
+        self._scaled_J_T = self._scaled_rows.reshape(nf, p.n + 1)[:, :nv].T
         presses = [
             (column + contact.wrench_axes.index(2), place)
             for contact, column, place in zip(layout.contacts, layout.force_columns, self._place, strict=True)
@@ -255,7 +261,8 @@ class Plan:
         if layout.nf:
             forces = self._force_weights + eps
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
-            self._force_scale_negative = -p.scale[nv : nv + layout.nf]
+            self.force_scale = p.scale[nv : nv + layout.nf].copy()
+            self._force_factors[:] = np.repeat(-p.scale[nv : nv + layout.nf], p.n + 1)
             self._write_cones()
         for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
             p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
@@ -346,10 +353,11 @@ class Plan:
 
     def _fill_dynamics(self, state: RobotState) -> None:
         """τ̂ = M a + h − Jᵀ f, base rows first: one row of G each."""
-        np.copyto(self._T_a, state.M)
+        self._T_a[:] = state.M
         self._T_h[:] = state.h
         if self.layout.nf:
-            np.multiply(self._J_contacts_T, self._force_scale_negative, self._T_f)
+            np.multiply(self._contact_rows, self._force_factors, self._scaled_rows)
+            self._T_f[:] = self._scaled_J_T
         if self._has_components:
             self._T_h += self.extra_bias
             if self.extra_inertia is not None:

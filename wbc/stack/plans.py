@@ -40,14 +40,15 @@ class Mode:
         #: The solver that is asked where ``solver`` fails, made when it is needed.
         self.second: RowSolver | None = None
 
-    def all_forces(self, forces: Vec) -> Vec:
-        """Forces of the plan's contacts as those of all contacts (nf,), zero where there is no contact."""
-        if self._places is None:
-            return forces
-        result = np.zeros(self._nf)
-        result[self._places] = forces
-        result.flags.writeable = False
-        return result
+    def all_forces(self, value: Vec, scale: Vec) -> Vec:
+        """Forces [N, N m] of all contacts (nf,) that ``value`` means, zero where there is no contact."""
+        forces: Vec = value[self.plan.layout.force_items] * scale
+        if self._places is not None:
+            result = np.zeros(self._nf)
+            result[self._places] = forces
+            forces = result
+        forces.flags.writeable = False
+        return forces
 
 
 @final

@@ -47,7 +47,7 @@ _LITTLE = 1e-4
 class _Views:
     """Everything whose size depends on the number k of occupied slots, cut once for each k."""
 
-    __slots__ = ("E", "E_T", "Ed", "Eu_T", "Ey_T", "G", "bounded", "compliance", "lam", "lam_slots", "lam_soft",
+    __slots__ = ("E", "E_T", "Ed", "Eu_T", "Ey_T", "G_T", "bounded", "compliance", "lam", "lam_slots", "lam_soft",
                  "lower", "over", "rows", "slots", "slots_right", "soft", "soft_to_slots", "under", "upper", "value",
                  "value_slots")  # fmt: skip
 
@@ -60,7 +60,7 @@ class _Views:
         self.compliance: Mat = np.zeros((m, m), order="F")
         self.lam = np.zeros(m)
         self.lam_soft, self.lam_slots = self.lam[: p.n_soft], self.lam[m - k :]
-        self.G = p.G[:last]
+        self.G_T = p.G[:last].T
         self.slots = p.G[p.n_rows : p.n_rows + k]
         self.slots_right = self.slots[:, p.n]
         items, soft = p.first_row + last, p.item(first)
@@ -86,7 +86,7 @@ class DualSolver(RowSolver):
         self._views: dict[int, _Views] = {}
         self._u, self._y, self._y1 = p.value[: p.n_u], p.value[p.n_u : p.n], p.value[p.n_u : p.n + 1]
         # B in the order LAPACK wants, solved in place: [B_u | B_y b] becomes [· | X].
-        self._B = np.zeros((p.n_u, p.n + 1), order="F")
+        self._base_rows, self._B = p.G[: p.n_u], np.zeros((p.n_u, p.n + 1), order="F")
         self._Bu, self._X, self._Xy = self._B[:, : p.n_u], self._B[:, p.n_u :], self._B[:, p.n_u : p.n]
         self._free_root = np.ones(p.n_y)  # 1/√D
         self._root = np.ones(p.n_y)  # the same, 0 at pins
@@ -173,7 +173,7 @@ class DualSolver(RowSolver):
         if self._weak:
             return self._give_up()
         if p.n_u:
-            self._B[:] = p.G[: p.n_u]
+            self._B[:] = self._base_rows
             if dposv(self._Bu, self._X, 1, 1, 1)[2]:
                 return self._give_up()
         self._place()
@@ -213,7 +213,7 @@ class DualSolver(RowSolver):
             if info:
                 return int(info)
             self._pull(now.lam)
-        np.dot(now.G, p.x1, now.rows)
+        self._read_rows()
         return 0
 
     def _pull(self, lam: Vec) -> None:
@@ -225,6 +225,11 @@ class DualSolver(RowSolver):
         if self.problem.n_u:
             dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
 
+    def _read_rows(self) -> None:
+        """All rows, G x̂, into the vector of values."""
+        now = self._now
+        dgemv(1.0, now.G_T, self.problem.x1, 0.0, now.rows, 0, 1, 0, 1, 1, 1)
+
     def _refined(self) -> bool:
         """Where little is missing, once more with the residual: forces of long chains lose digits. Then verify."""
         p, now = self.problem, self._now
@@ -235,7 +240,7 @@ class DualSolver(RowSolver):
         change = -dpotrs(self._factor, residual)[0]
         now.lam += change
         self._pull(change)
-        np.dot(now.G, p.x1, now.rows)
+        self._read_rows()
         return self._verify()
 
     def _verify(self) -> bool:
