@@ -25,6 +25,7 @@ from tasks.components.measured_wrench import MeasuredWrench as MeasuredWrench
 from tasks.components.momentum_observer import MomentumObserver as MomentumObserver
 from tasks.components.reactions import Brake as Brake
 from tasks.components.reactions import Cap as Cap
+from tasks.components.reactions import Carry as Carry
 from tasks.components.reactions import Compensate as Compensate
 from tasks.components.reactions import Comply as Comply
 from tasks.components.reactions import Derate as Derate

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 
+from tasks.components.load import Load, LoadFit
 from tasks.components.momentum_observer import MomentumObserver
+from wbc.models.model import RobotState
 from wbc.types import Vec
 
 #: What can be wrong: of an actuator, or with the robot's surroundings.
 ACTUATOR = ("total", "partial", "bias", "saturation")
-KINDS = (*ACTUATOR, "external")
+KINDS = (*ACTUATOR, "external", "payload")
 #: A share lost above this is a total loss: what is left is no motor to build on.
 TOTAL = 0.8
 #: Shares between these are a loss of effectiveness; others are no actuator's doing, or a bias.
@@ -23,6 +26,8 @@ KNOWN = 0.1
 LONGEST, LASTING = 20, 50
 #: A share known better by less than this changes nothing.
 AS_GOOD = 0.02
+#: A joint without torque misses none. One that still misses this share of what it did before is pushed.
+STILL_MISSING = 0.5
 
 
 @final
@@ -31,13 +36,16 @@ class Diagnosis:
     """One decision. ``joint`` is the one that misses most of its threshold, of an external force the last one that
     feels it.
 
-    kind        "total", "partial", "bias", "saturation" of an actuator, or "external": several joints miss torque
+    kind        "total", "partial", "bias", "saturation" of an actuator; "external": several joints miss torque, or one
+                that has none; "payload": what they miss is the weight and inertia of one body in a hand
     share       of a total or partial loss: what is lost of the command, 0 to 1
     offset      of a bias: what is missing whatever the command [N m, N]
     ceiling     of a saturation: the most that still arrives [N m, N]
     missing     (nj,) mean missing torques since the alarm [N m, N]
     alarmed, t  times of the alarm and of the decision [s]
     repeated    how often this joint had been diagnosed before
+    load        of a payload: its mass and centre
+    instead_of  joints whose motors were diagnosed before, and are sound after all
     """
 
     kind: str
@@ -50,6 +58,8 @@ class Diagnosis:
     offset: float = 0.0
     ceiling: float = np.inf
     repeated: int = 0
+    load: Load | None = None
+    instead_of: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         what = {
@@ -58,6 +68,7 @@ class Diagnosis:
             "bias": f"bias of {self.offset:.3g}",
             "saturation": f"saturates at {self.ceiling:.3g}",
             "external": "external force, felt up to here",
+            "payload": f"payload of {self.load.mass:.3g} kg in {self.load.frame}" if self.load else "payload",
         }[self.kind]
         return f"{self.t:.3f} s: {self.joint_name}: {what} (alarm at {self.alarmed:.3f} s)"
 
@@ -101,7 +112,12 @@ class Diagnoser:
     its threshold as any other. At its first decision a joint has lost a share; when it is
     decided on again, the law is taken that fits all commands since the first alarm best: a share, a bias or a ceiling.
     The third alarm is a total loss. A share out of range has to last for ``LASTING`` ticks, to be called a bias.
-    ``recheck`` [s] after an alarm's decision it is looked at once more, with all that was seen since.
+    ``recheck`` [s] after an alarm's decision it is looked at once more, with all that was seen since: a joint that was
+    called dead, is sent nothing and still misses torque is pushed, and its motor sound.
+
+    From an alarm on it is also tried whether a load in one of ``hands`` explains everything that sound joints miss
+    (:class:`~tasks.components.load.LoadFit`). Where one does, once for each hand, what was said of motors meanwhile is
+    taken back.
 
     ``noise`` (nj,): standard deviation of one tick's missing torques [N m, N]. ``lockout`` [s]: after a decision other
     joints are not judged for so long, since everything moves; the same joint is, after ``settle`` [s].
@@ -109,7 +125,7 @@ class Diagnoser:
 
     def __init__(
         self, names: tuple[str, ...], *, noise: Vec, lockout: float, settle: float, recheck: float,
-        dominance: float, start: float,
+        dominance: float, start: float, hands: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self._names, self.noise = names, noise
         self._lockout, self._settle, self._recheck = lockout, settle, recheck
@@ -121,45 +137,61 @@ class Diagnoser:
         self._standing: dict[int, Diagnosis] = {}
         self._check: dict[int, float] = {}  # when the standing decision is looked at again
         self._recent: _Sums | None = None
+        self._since_total: dict[int, _Sums] = {}
         self._joint, self._alarmed = -1, 0.0
+        self._hands, self._fits = list(hands), list[LoadFit]()
+        self._weighed_from, self._suspects = 0.0, set[int]()
 
     def ignore(self, joint: int) -> None:
-        """Never judge this joint again."""
+        """Raise no alarm of this joint again; the last decision on it is still looked at once more."""
         self._from[joint] = np.inf
+
+    def settle(self, joint: int) -> None:
+        """The last decision on this joint is final."""
         self._check.pop(joint, None)
+        self._since_total.pop(joint, None)
 
     def leave(self, diagnosis: Diagnosis) -> None:
         """Nothing was done about it: its alarm, and others that ring now, say nothing new until they have fallen."""
         self._left[:] = True
         if diagnosis.kind in ACTUATOR:
             self._repeated[diagnosis.joint] = 0
-            self._check.pop(diagnosis.joint, None)
+            self.settle(diagnosis.joint)
             self._from[diagnosis.joint] = diagnosis.t + self._settle
 
-    def tick(self, t: float, observer: MomentumObserver) -> Diagnosis | None:
+    def tick(self, state: RobotState, observer: MomentumObserver) -> Diagnosis | None:
         """One tick later. The decision, at the tick when it falls."""
-        command, known = observer.command, observer.known
+        t, command, known = state.t, observer.command, observer.known
         total = observer.missing + known
-        for sums in self._since_first.values():
+        for sums in (*self._since_first.values(), *self._since_total.values()):
             sums.add(command, total)
+        for fit in self._fits:
+            fit.add(state, observer.dt, total, observer.rows)
         if self._recent is not None:
             self._recent.add(command, total)
             return self._decided(t, observer, known)
-        self._look_for_an_alarm(t, observer)
-        due = [i for i, when in self._check.items() if t >= when] if self._recent is None else []
-        return self._checked(t, due[0]) if due else None
+        if self._alarm_begins(t, observer):
+            return None
+        for i in [i for i, when in self._check.items() if t >= when]:
+            return self._checked(t, i, observer)
+        return self._weighed(t, observer)
 
-    def _look_for_an_alarm(self, t: float, observer: MomentumObserver) -> None:
+    def _alarm_begins(self, t: float, observer: MomentumObserver) -> bool:
         alarm = observer.alarm
         self._left &= alarm
         ready = alarm & ~self._left & (t >= self._from)
         if not ready.any():
-            return
+            return False
         size = np.where(ready, np.abs(observer.residual) / observer.threshold, -1.0)
         self._joint, self._alarmed = int(size.argmax()), t
         self._recent = _Sums(len(self._names))
         if not self._repeated[self._joint]:
             self._since_first[self._joint] = _Sums(len(self._names))
+        if self._hands and not self._fits:
+            sound = np.array([i not in self._standing for i in range(len(self._names))])
+            self._fits = [LoadFit(hand, observer.threshold, sound) for hand in self._hands]
+            self._weighed_from, self._suspects = t, set()
+        return True
 
     def _decided(self, t: float, observer: MomentumObserver, known: Vec) -> Diagnosis | None:
         """What an alarm means, once its sums say it."""
@@ -171,6 +203,8 @@ class Diagnoser:
             return None
         if unknown[i] < 0.5 * observer.threshold[i]:
             self._recent = None  # it was noise
+            if self._weighed_from == self._alarmed:
+                self._fits.clear()
             return None
         # To others a joint's own fault does nothing, but what it starts to move shows what is wrong with the masses.
         sizes = unknown / observer.threshold
@@ -192,10 +226,19 @@ class Diagnoser:
         clearly = misfits["partial"] - misfits[best] > 10.0 * self.noise[i] ** 2 + 0.1 * misfits["partial"]
         return best if clearly else "partial"
 
-    def _checked(self, t: float, i: int) -> Diagnosis | None:
+    def _checked(self, t: float, i: int, observer: MomentumObserver) -> Diagnosis | None:
         """The last decision on a joint again, with all that was seen since its first alarm; None where it stands."""
-        del self._check[i]
-        standing = self._standing[i]
+        standing, since = self._standing[i], self._since_total.get(i)
+        self.settle(i)
+        if standing.kind == "total":
+            if since is None or not since.ticks or since.uu[i] > 0.0:  # nothing was done: it is asked for torque
+                return None
+            missing = since.m / since.ticks
+            if abs(missing[i]) < max(STILL_MISSING * abs(standing.missing[i]), observer.threshold[i]):
+                return None
+            pushed = replace(standing, kind="external", t=t, missing=missing, share=0.0, instead_of=(i,))
+            self._acquit(t, (i,))
+            return pushed
         better = self._read(t, self._law(i), i, self._since_first[i])
         if better.kind == standing.kind and abs(better.share - standing.share) < AS_GOOD:
             return None
@@ -214,10 +257,38 @@ class Diagnoser:
         i = decided.joint
         if decided.kind in ACTUATOR:
             self._standing[i] = decided
+            self._suspects.add(i)
             self._from[i] = decided.t + self._settle
             if decided.kind == "total":
                 self.ignore(i)
+                self._since_total[i] = _Sums(len(self._names))
+                self._check[i] = decided.t + self._recheck
         return decided
+
+    def _acquit(self, t: float, joints: Sequence[int]) -> None:
+        """These motors are sound after all."""
+        for i in joints:
+            self.settle(i)
+            self._standing.pop(i, None)
+            self._repeated[i] = 0
+            self._from[i] = t + self._lockout
+
+    def _weighed(self, t: float, observer: MomentumObserver) -> Diagnosis | None:
+        """The load that explains all that is missing since the alarm, once one does."""
+        self._fits = [fit for fit in self._fits if not fit.over]
+        for fit in self._fits:
+            load = fit.load()
+            if load is not None:
+                self._fits, suspects = [], tuple(sorted(self._suspects))
+                self._hands.remove(load.frame)
+                self._acquit(t, suspects)
+                self._from = np.maximum(self._from, t + self._settle)
+                i = int((np.abs(observer.residual) / observer.threshold).argmax())
+                return Diagnosis(
+                    "payload", i, self._names[i], self._weighed_from, t, observer.missing, load=load,
+                    instead_of=suspects,
+                )  # fmt: skip
+        return None
 
     def _read(self, t: float, kind: str, i: int, sums: _Sums) -> Diagnosis:
         """The constant of a law, from the sums."""

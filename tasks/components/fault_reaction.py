@@ -10,7 +10,7 @@ import numpy as np
 
 from tasks.components.diagnosis import KINDS, Diagnoser, Diagnosis
 from tasks.components.momentum_observer import MomentumObserver
-from tasks.components.reactions import Cap, Derate, Reaction, Release
+from tasks.components.reactions import QUANTITIES, Cap, Derate, Reaction, Release
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
@@ -67,10 +67,14 @@ class FaultReaction(Component):
         noise: standard deviation (nj,) of what one tick's missing torques show without a fault
             (``Thresholds.noise``), a number, or 0: decisions wait until it no longer matters.
         start: no diagnosis before this time after the first tick [s].
+        hands: frames that may pick something up: a load in one of them is told from a push once the robot has moved.
         lockout, settle: after a decision no other joint is judged for ``lockout`` [s], the same one for ``settle`` [s].
         dominance: how many times as far beyond its threshold a joint is as any other, if it is its own fault; less
             where wrong masses show in joints that the fault sets moving.
         recheck: so long after a decision it is made again with all that was seen since [s].
+
+    Where a later diagnosis says that a motor is sound after all (``instead_of``), or that a payload is what was taken
+    for a push, everything is taken back, and what was decided on other motors done again; a brake stays set.
 
     :attr:`limits` is a task to be put among the stack's: it keeps joints that were released within their limits, as a
     wish. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
@@ -95,7 +99,7 @@ class FaultReaction(Component):
     def __init__(
         self, observer: MomentumObserver, *, table: Sequence[When] = TABLE, noise: Any = 0.0, start: float = 0.5,
         lockout: float = 0.5, settle: float = 0.02, recheck: float = 0.1,
-        dominance: float = 10.0, name: str | None = None,
+        dominance: float = 10.0, hands: Sequence[str] = (), name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name=name)
         if not isinstance(observer, MomentumObserver):
@@ -104,7 +108,7 @@ class FaultReaction(Component):
             if not isinstance(line, When):
                 raise InvalidInput(f"{self.name}.table[{i}] is {line!r}; it must be When(kind, reactions)")
         self.observer, self.table = observer, tuple(table)
-        self.noise = noise
+        self.noise, self.hands = noise, tuple(hands)
         self._times = {
             what: checks.number(f"{self.name}.{what}", value, low=0.0)
             for what, value in (
@@ -117,7 +121,8 @@ class FaultReaction(Component):
         }
         #: The task that keeps released joints within their limits, as a wish.
         self.limits = _ReleasedLimits(name=f"{self.name} limits")
-        self._before: list[tuple[Objective, dict[str, Any]]] = []
+        self._before: _Before | None = None
+        self._standing: list[tuple[Diagnosis, tuple[Reaction, ...]]] = []
         self.events: list[tuple[Diagnosis, tuple[Reaction, ...]]] = []
 
     def prepare(self, model: RobotModel) -> None:
@@ -125,15 +130,16 @@ class FaultReaction(Component):
         self._noise = checks.array(f"{self.name}.noise", np.full(model.nj, noise) if noise.ndim == 0 else noise,
                                    (model.nj,))  # fmt: skip
         self.limits.prepare(model)
+        for hand in self.hands:
+            model.check_frame(hand)
         self._names, self._share = model.joint_names, np.ones(model.nj)
         self._last = (0.0, -1.0)
 
     def reset(self, state: RobotState) -> None:
-        for task, settings in self._before:
-            for what, value in settings.items():
-                setattr(task, what, value)
-        self._before.clear()
-        self.events = []
+        if self._before is not None:
+            self._before.restore_tasks()
+        self._before = None
+        self.events, self._standing = [], []
         self._diagnoser: Diagnoser | None = None
         self._share[:], self._last = 1.0, (0.0, -1.0)
         self.limits.release(())
@@ -144,16 +150,40 @@ class FaultReaction(Component):
         assert self._diagnoser is not None
         self._last = (0.0, -1.0)
         self.limits.watch(state)
-        diagnosis = self._diagnoser.tick(state.t, self.observer)
-        if diagnosis is None:
-            return
+        diagnosis = self._diagnoser.tick(state, self.observer)
+        if diagnosis is not None:
+            self._react(diagnosis, state, plan)
+        if any(decided.load is not None for decided, _ in self._standing):
+            plan.extra_inertia = None  # what the last tick added
+        for decided, reactions in self._standing:
+            for reaction in reactions:
+                reaction.hold(decided, state, plan)
+
+    def _react(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
         line = next((line for line in self.table if line.holds(diagnosis)), None)
         reactions = () if line is None else tuple(line.reactions)
-        if reactions and not self._before:
-            self._before = [(task, _settings(task)) for task in plan.stack.tasks]
+        if self._before is None:
+            self._before = _Before(plan)
+        if diagnosis.instead_of or diagnosis.kind == "payload":
+            self._take_back(diagnosis, state, plan)
         for reaction in reactions:
             reaction.apply(diagnosis, state, plan)
+        if reactions:
+            self._standing.append((diagnosis, reactions))
         self._remember(diagnosis, reactions, plan)
+
+    def _take_back(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+        """Undo all, then do again what was decided on motors that are not acquitted, and on loads."""
+        assert self._before is not None
+        self._before.restore(plan)
+        self._standing = [
+            (decided, reactions) for decided, reactions in self._standing
+            if decided.kind != "external" and decided.joint not in diagnosis.instead_of
+        ]  # fmt: skip
+        for decided, reactions in self._standing:
+            for reaction in reactions:
+                if not reaction.final:
+                    reaction.apply(decided, state, plan)
 
     def _begin(self, state: RobotState, plan: Plan) -> None:
         components = plan.stack.components
@@ -165,22 +195,28 @@ class FaultReaction(Component):
             for reaction in line.reactions:
                 reaction.prepare(plan)
         self._diagnoser = Diagnoser(
-            self._names, noise=self._noise, **self._times | {"start": state.t + self._times["start"]}
-        )
+            self._names, noise=self._noise, hands=self.hands,
+            **self._times | {"start": state.t + self._times["start"]},
+        )  # fmt: skip
 
     def _remember(self, diagnosis: Diagnosis, reactions: tuple[Reaction, ...], plan: Plan) -> None:
         assert self._diagnoser is not None
         self.events.append((diagnosis, reactions))
         self._share[:] = plan.actuators.share
         self._last = (1.0 + KINDS.index(diagnosis.kind), float(diagnosis.joint))
-        if reactions:
+        if any(reaction.final for reaction in reactions):
+            self._diagnoser.settle(diagnosis.joint)
+        if reactions and diagnosis.kind == "payload":
+            for joint in range(len(self._names)):
+                self.observer.restart(joint)
+        elif reactions:
             self.observer.restart(diagnosis.joint)
         else:
             self._diagnoser.leave(diagnosis)
-        dead = np.flatnonzero(self._share == 0.0)
+        dead = tuple(int(joint) for joint in np.flatnonzero(self._share == 0.0))
         for joint in dead:
-            self._diagnoser.ignore(int(joint))
-        self.limits.release(tuple(int(joint) for joint in dead))
+            self._diagnoser.ignore(joint)
+        self.limits.release(dead)
 
     def signals(self) -> Mapping[str, Vec | float]:
         return {"kind": self._last[0], "joint": self._last[1], "share": self._share}
@@ -228,6 +264,30 @@ class _ReleasedLimits(Task):
         q, limits = state.q_joints, self._limits
         out.e[:] = np.clip(q, limits.q_min, limits.q_max) - q
         out.rate_ref[:], out.acc_ref[:] = 0.0, 0.0
+
+
+@final
+class _Before:
+    """What reactions may change, as it was before the first of them."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._tasks = [(task, _settings(task)) for task in plan.stack.tasks]
+        self._torque = [bound.copy() for bound in plan.torque_bounds]
+        self._motion = {} if plan.intervals is None else {what: plan.intervals.bounds(what) for what in QUANTITIES}
+
+    def restore_tasks(self) -> None:
+        for task, settings in self._tasks:
+            for what, value in settings.items():
+                setattr(task, what, value)
+
+    def restore(self, plan: Plan) -> None:
+        self.restore_tasks()
+        plan.actuators.reset()
+        for bound, before in zip(plan.torque_bounds, self._torque, strict=True):
+            bound[:] = before
+        for quantity, bounds in self._motion.items():
+            assert plan.intervals is not None, "it had bounds before"
+            plan.intervals.replace(quantity, *bounds)
 
 
 def _settings(task: Objective) -> dict[str, Any]:

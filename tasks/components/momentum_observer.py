@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.components.load import Load, LoadRegressor
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import MomentumResidual
@@ -108,17 +109,20 @@ class MomentumObserver(Component):
         self._command, self._known = np.zeros(nj), np.zeros(nj)
         self._sent, self._beta = np.zeros(model.nv), np.zeros(model.nv)
         self._rows = np.eye(model.nv) if model.nb else None
-        self._t = 0.0
+        self._t, self.dt = 0.0, 0.0
+        self._carried: dict[str, tuple[LoadRegressor, Vec]] = {}
 
     def reset(self, state: RobotState) -> None:
         self._r[:], self._alarm[:], self._ticks_above[:] = 0.0, False, 0
         self._observer: MomentumResidual | None = None
+        self._carried.clear()
 
     # ---- the tick
     def before(self, state: RobotState, last: object, plan: Plan) -> None:
         p, beta = state.M @ state.v, self._beta_of(state)
         if self._observer is None:
             self._refuse(plan)
+        inertial = [(regressor.step(state, plan.dt, weight=False), load) for regressor, load in self._carried.values()]
         if self._observer is None or abs(state.t - self._t - plan.dt) > 0.5 * plan.dt:
             gain = np.concatenate([np.full(self._model.nb, self.base_gain), self.gain])
             self._observer = MomentumResidual(gain=gain, dt=plan.dt, scheme="exact")
@@ -126,10 +130,13 @@ class MomentumObserver(Component):
             self._r[:], self._missing[:] = 0.0, 0.0
         else:
             known = self._sent + self._measured_force()
+            for Y, load in inertial:
+                if Y is not None:
+                    known -= Y @ load
             self._r[:] = self._observer.update(p, 0.5 * (self._beta + beta), known, self._relative_to_base(state))
             self._missing[:] = self._observer.missing
         self._judge()
-        self._t, self._beta, self._plan = state.t, beta, plan
+        self._t, self.dt, self._beta, self._plan = state.t, plan.dt, beta, plan
         frames = {} if self.wrenches is None else self.wrenches()
         self._jacobians = {frame: np.array(state.frame(frame).jacobian()) for frame in frames}
 
@@ -203,6 +210,15 @@ class MomentumObserver(Component):
     def push(self) -> Vec:
         """Wrench (6,) [N, N m] in the base's axes that pushes the base beyond what is known; (0,) on a fixed base."""
         return -self._r[: self._model.nb]
+
+    @property
+    def rows(self) -> Mat | None:
+        """T (nv, nv) by which missing forces are made those of joints on a base that floats; None on a fixed one."""
+        return self._rows
+
+    def carry(self, load: Load) -> None:
+        """What this load's inertia takes is missing no longer; its weight is for who adds it to ``plan.extra_bias``."""
+        self._carried[load.frame] = LoadRegressor(load.frame), load.parameters
 
     @property
     def alarm(self) -> NDArray[np.bool_]:

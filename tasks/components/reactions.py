@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
 from tasks.components.diagnosis import Diagnosis
+from tasks.components.momentum_observer import MomentumObserver
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.models.model import RobotState
@@ -21,15 +22,23 @@ if TYPE_CHECKING:
 
 #: What is never given to a joint that lost a share, however large the share seems: commands are divided by the rest.
 LEAST_LEFT = 0.05
+#: What of a joint's motion may be bounded.
+QUANTITIES = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
 class Reaction(ABC):
     """Settings. ``apply`` changes bounds, motors, weights or targets of the plan before it is filled; sizes never."""
 
+    #: Whether it cannot be undone: no second look is taken at a diagnosis that was answered by it.
+    final: ClassVar[bool] = False
+
     @abstractmethod
     def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
         """Do it, from this tick on."""
+
+    def hold(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+        """What has to be done in every tick while the diagnosis stands; mostly nothing."""
 
     def prepare(self, plan: Plan) -> None:
         """Refuse, before the first tick, what ``apply`` could not do.
@@ -103,6 +112,7 @@ class Brake(Reaction):
     """
 
     set: Callable[[str], None]
+    final: ClassVar[bool] = True
 
     def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
         i = diagnosis.joint
@@ -119,6 +129,28 @@ class Brake(Reaction):
     def prepare(self, plan: Plan) -> None:
         if plan.intervals is None:
             raise NotSupported("Brake holds a joint by limits on its motion, and the stack has none")
+
+
+@final
+@dataclass(frozen=True)
+class Carry(Reaction):
+    """The load found counts from now on: its weight and its inertia are terms of the dynamics, as if the model had it.
+
+    ``observer``, the one of the diagnosis, then takes it out of what is missing, so that faults and pushes are seen as
+    before.
+    """
+
+    observer: MomentumObserver
+
+    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+        if diagnosis.load is not None:
+            self.observer.carry(diagnosis.load)
+
+    def hold(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+        if diagnosis.load is not None:
+            plan.extra_bias += diagnosis.load.weight(state)
+            known = plan.extra_inertia
+            plan.extra_inertia = diagnosis.load.inertia(state) + (0.0 if known is None else known)
 
 
 @final
@@ -197,7 +229,7 @@ class Stop(Reaction):
 def lift_limits(plan: Plan, joint: int) -> None:
     """No bounds on position, velocity and acceleration of one joint any more, until the controller starts again."""
     if plan.intervals is not None:
-        for quantity in ("position", "velocity", "acceleration"):
+        for quantity in QUANTITIES:
             low, high = plan.intervals.bounds(quantity)
             low[joint], high[joint] = -np.inf, np.inf
             plan.intervals.replace(quantity, low, high)

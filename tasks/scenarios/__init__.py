@@ -5,6 +5,7 @@ from tasks.scenarios.arm_collision import ArmCollision
 from tasks.scenarios.arm_payload import ArmPayload
 from tasks.scenarios.arm_reach import ArmReach
 from tasks.scenarios.collision_dodge import CollisionDodge
+from tasks.scenarios.diagnosis_statistics import DiagnosisStatistics
 from tasks.scenarios.dual_arm import DualArm
 from tasks.scenarios.fault_statistics import FaultStatistics
 from tasks.scenarios.four_p_adaptive import FourPAdaptive
@@ -26,8 +27,7 @@ SCENARIOS = {
     for scenario in (
         HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(), HumanoidStand(), HumanoidStep(),
         QuadrupedStand(), QuadrupedTrotInPlace(), DualArm(), ArmReach(), PgStep(), ArmPayload(), ArmActuatorLoss(),
-        ArmCollision(),
-        FaultStatistics(), FourPAdaptive(), PrTorque(), PrFault(), CollisionDodge(), ReachStrict(),
-        PositionControl(),
+        ArmCollision(), FaultStatistics(), DiagnosisStatistics(), FourPAdaptive(), PrTorque(), PrFault(),
+        CollisionDodge(), ReachStrict(), PositionControl(),
     )
 }  # fmt: skip

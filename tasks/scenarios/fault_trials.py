@@ -21,8 +21,12 @@ from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
-#: Gain of the observer [1/s]; ticks in a row above the threshold that raise an alarm.
-GAIN, PERSISTENCE = 100.0, 2
+#: Gain of the observer [1/s] with noise, which grows with it, and without, where nothing speaks against a large one;
+#: ticks in a row above the threshold that raise an alarm.
+GAIN, CLEAN_GAIN, PERSISTENCE = 100.0, 1000.0, 2
+#: Least threshold where sensors have no noise and masses are right [N m]: three times what physics and the observer's
+#: midpoint rule leave on these robots.
+CLEAN_FLOOR = 0.1
 #: How clearly a joint must stand out: a fault throws a robot whose masses are not known well.
 DOMINANCE = 3.0
 #: Seconds of a run without a fault that thresholds are learnt from, and of its start that are left out.
@@ -47,7 +51,7 @@ class Stand:
     """Who stands and how: robot, stance, gains other than the usual ones, and how well the controller knows it all.
 
     ``masses``: by how much, as a share, each link's mass may be wrong in the controller; ``noise``: whether sensors
-    have it; ``floor`` [N m] of the thresholds; ``seed`` decides masses and noise.
+    have it; ``floor`` [N m] of the thresholds where something is wrong; ``seed`` decides masses and noise.
     """
 
     name: str
@@ -58,6 +62,16 @@ class Stand:
     masses: float = 0.0
     seed: int = 0
     solver: str = "pdas"
+
+    @property
+    def gain(self) -> float:
+        """K of the observer [1/s]."""
+        return GAIN if self.noise else CLEAN_GAIN
+
+    @property
+    def least_threshold(self) -> float:
+        """[N m]."""
+        return self.floor if self.noise or self.masses else CLEAN_FLOOR
 
     def robot(self) -> PinocchioModel:
         """The robot as it is."""
@@ -131,10 +145,10 @@ def trial(
 
     Without ``react`` the same stack runs with the observer alone.
     """
-    observer = MomentumObserver(gain=GAIN, threshold=known.value, persistence=PERSISTENCE, release=0.5)
+    observer = MomentumObserver(gain=stand.gain, threshold=known.value, persistence=PERSISTENCE, release=0.5)
     reaction = FaultReaction(observer, noise=known.noise if stand.noise else 0.0, table=table, dominance=DOMINANCE)
     components = [observer, reaction] if react else [observer]
-    run, plant = _simulated(
+    run, plant = simulated(
         stand, components, [reaction.limits] if react else [], duration=fault.start + after,
         disturbances=[fault, *stand.sensors(stand.seed)], meta=meta,
     )  # fmt: skip
@@ -144,16 +158,17 @@ def trial(
 
 def learnt(stand: Stand) -> Thresholds:
     """Thresholds from a run without a fault, with other noise than the trials'."""
-    observer = MomentumObserver(gain=GAIN)
-    run, _ = _simulated(stand, [observer], [], duration=LEARNING, disturbances=stand.sensors(stand.seed + 1000))
+    observer = MomentumObserver(gain=stand.gain)
+    run, _ = simulated(stand, [observer], [], duration=LEARNING, disturbances=stand.sensors(stand.seed + 1000))
     residual = run["signal.MomentumObserver.residual"][run["t"] > STARTING]
-    return Thresholds.learnt(residual, gain=GAIN, dt=float(run.meta["dt"]), floor=stand.floor)
+    return Thresholds.learnt(residual, gain=stand.gain, dt=float(run.meta["dt"]), floor=stand.least_threshold)
 
 
-def _simulated(
+def simulated(
     stand: Stand, components: Sequence[Any], tasks: Sequence[Any], *, duration: float,
     disturbances: Sequence[Disturbance], meta: Mapping[str, Any] | None = None,
 ) -> tuple[wbc.Run, MujocoPlant]:  # fmt: skip
+    """The robot stands and sways with these components, tasks beside the usual ones, and disturbances."""
     robot, believed = stand.robot(), stand.believed()
     usual = standing_stack(believed, stand.stance)
     _vary(usual, stand.gains)

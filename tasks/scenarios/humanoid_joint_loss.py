@@ -23,8 +23,8 @@ FLOOR: Mapping[str, float] = {"g1": 0.5, "talos": 1.0, "humanoid": 0.5}
 GAINS: Gains = {"CenterOfMass": {"kp": 100.0}, "Posture": {"kp": 10.0, "weight": 1e-3}}
 #: Where sensors have no noise. The stiffer usual gains hold Talos longer, but no better, without an answer.
 CLEAN_GAINS: Mapping[str, Gains] = {"g1": {}, "talos": GAINS, "humanoid": GAINS}
-#: From the fault to the answer, without noise [s]: an ankle that carries next to nothing shows its loss later.
-SOON: Mapping[str, float] = {"g1": 4e-3, "talos": 15e-3, "humanoid": 4e-3}
+#: From the fault to the answer, without noise and with [s].
+SOON, LATER = 4e-3, 10e-3
 FIRST, BETWEEN = 2.2, 0.3
 
 
@@ -91,7 +91,7 @@ class HumanoidJointLoss(Scenario):
         stance.robot(name).joint(joint)
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint), [FIRST + BETWEEN * k for k in range(count)],
-            lambda without, answered: _demand(without, answered, rough, SOON[name]),
+            lambda without, answered: _demand(without, answered, rough),
             table=_calming(stance.sway) if parameters["calm"] in (("true", "auto") if rough else ("true",)) else TABLE,
             variants=variants(stance.upright) if parameters["variants"] else {},
             lost=[ActuatorFault(joint=other) for other in LOST[name]] if parameters["variants"] else [],
@@ -106,7 +106,7 @@ def _calming(sway: tuple[float, float, float]) -> Sequence[When]:
     return [When("total", [Release(), rest]), *TABLE[1:]]
 
 
-def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool, soon: float) -> list[Check]:
+def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool) -> list[Check]:
     n, spare = len(answered), 1 if len(answered) >= 8 else 0
     lost, kept = sum(not o.kept for o in without), sum(o.stands for o in answered)
     standing = [o.rms for o in answered if o.stands]
@@ -117,5 +117,5 @@ def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool
               f"of {n}"),
         Check("with it, it stands", float(kept), float(enough), kept >= enough, f"of {n}"),
         Check("CoM error of those that stand, rms", rms, bound, rms < bound, "m"),
-        *fault_scenario.found_in_time(answered, 10e-3 if rough else soon),
+        *fault_scenario.found_in_time(answered, LATER if rough else SOON),
     ]  # fmt: skip

@@ -70,6 +70,13 @@ def test_parameters_that_make_no_sense_are_refused() -> None:
 
 
 @pytest.mark.physics
+@pytest.mark.deep
+@pytest.mark.parametrize("rough", [[], ["noise=true", "masses=0.1"]], ids=["clean", "noise and wrong masses"])
+def test_what_happens_to_our_arm_is_taken_for_what_it_is(rough: list[str]) -> None:
+    assert not failed(run("diagnosis-statistics", "robot=arm", "cases=36", *rough))
+
+
+@pytest.mark.physics
 def test_clear_faults_of_our_arm_are_found_and_laid_to_the_right_joint() -> None:
     result = run("fault-statistics", "robot=arm", "faults=12", "nominal=0", "learning=4")
     figures = result.figures

@@ -7,6 +7,8 @@ CLOSED_FORM = "tests/tasks/test_projected_gradient.py::test_without_active_limit
 TARGETS = "tests/tasks/test_targets.py"
 WRENCH = "tests/tasks/test_measured_wrench.py"
 SEES, ADAPTS = "tests/tasks/test_momentum_observer.py", "tests/tasks/test_slotine_li.py"
+LOAD, LOADS = "tasks/components/load.py", "tests/tasks/test_load.py"
+REACTION, REACTIONS = "tasks/components/fault_reaction.py", "tasks/components/reactions.py"
 DIAGNOSIS, REACTS = "tasks/components/diagnosis.py", "tests/tasks/test_fault_reaction.py"
 BODIES, REGRESSOR = "tests/methods/test_pseudo_inertia.py", "tests/models/test_inertial_regressor.py"
 ARMS = "tests/tasks/test_slotine_li_arms.py"
@@ -44,6 +46,58 @@ MUTATIONS = [
     ("tasks/components/reactions.py", "1.0 - diagnosis.share", "diagnosis.share", REACTS),
     ("tasks/components/reactions.py", "offset=diagnosis.offset", "offset=-diagnosis.offset", REACTS),
     ("tasks/components/reactions.py", "low[i] = high[i] = 0.0", "pass", REACTS),
+    (
+        DIAGNOSIS,
+        "abs(missing[i]) < max(",
+        "abs(missing[i]) > max(",
+        f"{REACTS}::test_a_dead_motor_stays_dead_when_it_is_looked_at_again",
+    ),
+    (DIAGNOSIS, "or since.uu[i] > 0.0", "", f"{REACTS}::test_other_reactions_change_the_tasks_they_speak_of"),
+    (
+        REACTION,
+        "self._before.restore(plan)",
+        "self._before.restore_tasks()",
+        f"{REACTS}::test_a_push_on_one_joint_that_looks_like_a_dead_motor_is_told_from_one",
+    ),
+    (
+        REACTION,
+        "decided.joint not in diagnosis.instead_of",
+        "False",
+        f"{REACTS}::test_what_is_taken_back_for_one_motor_stays_for_another",
+    ),
+    # loads
+    (
+        LOAD,
+        "J[:3] - np.cross",
+        "J[:3] + np.cross",
+        f"{LOADS}::test_weight_and_inertia_are_the_difference_that_the_load_makes",
+    ),
+    (
+        LOAD,
+        "rest[3:, 1:] = np.cross(v, turning.T).T",
+        "pass",
+        f"{LOADS}::test_the_regressor_is_what_inverse_dynamics_asks_for_the_load",
+    ),
+    (
+        LOAD,
+        "np.cross(R.T, v).T",
+        "np.cross(v, R.T).T",
+        f"{LOADS}::test_the_regressor_is_what_inverse_dynamics_asks_for_the_load",
+    ),
+    (LOAD, "not mass > 0.0 or", "", f"{LOADS}::test_what_is_no_load_is_not_called_one"),
+    (LOAD, "or constant < CLEARLY**2 * left", "", f"{LOADS}::test_what_is_no_load_is_not_called_one"),
+    (
+        REACTIONS,
+        "plan.extra_bias += diagnosis.load.weight(state)",
+        "pass",
+        f"{LOADS}::test_a_load_that_was_taken_for_a_push_is_recognised_and_carried",
+    ),
+    (
+        OBSERVER,
+        "known -= Y @ load",
+        "known += Y @ load",
+        f"{LOADS}::test_a_load_that_was_taken_for_a_push_is_recognised_and_carried",
+    ),
     ("wbc/stack/actuators.py", "(tau + self._offset)", "(tau - self._offset)", "tests/stack/test_actuators.py"),
     # the adaptive law
     (ADAPTIVE, "self._kp / self._kd", "self._kd / self._kp", LAW),

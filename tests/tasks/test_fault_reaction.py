@@ -130,6 +130,54 @@ def test_the_share_lost_is_known_from_the_first_tick_after_the_alarm(lost: float
     assert diagnosis.t - FAULT < 4.5e-3
 
 
+def test_a_push_on_one_joint_that_looks_like_a_dead_motor_is_told_from_one() -> None:
+    """It goes on when the motor is sent nothing: the motor is sound, and everything is as before."""
+    sound, _ = driven(TABLE, duration=FAULT, effectiveness=1.0)
+    push = 0.95 * float(sound["tau"][-1, 1])
+    run, reaction = driven(TABLE, duration=0.8, effectiveness=1.0, bias=push)
+    (first, released), (second, done) = reaction.events[:2]
+    assert (first.kind, second.kind, second.instead_of) == ("total", "external", (1,))
+    assert [type(r) for r in released] == [Release] and not done
+    assert second.t - first.t == pytest.approx(0.1, abs=2e-3)
+    before, after = round(first.t * 1e3), round(second.t * 1e3)
+    assert not run["tau"][before:after, 1].any()
+    assert (run["signal.FaultReaction.share"][after:] == 1.0).all()
+    assert np.abs(run["tau"][after:, 1]).min() > 0.0, "its motor is asked again"
+
+
+def test_a_dead_motor_stays_dead_when_it_is_looked_at_again() -> None:
+    _, reaction = driven(TABLE, duration=1.1)
+    assert [d.kind for d, _ in reaction.events] == ["total"]
+
+
+def test_what_is_taken_back_for_one_motor_stays_for_another() -> None:
+    """A weak elbow is still asked for more after the shoulder's motor was acquitted."""
+    elbow = ARM.joint_names[3]
+    sound, _ = driven(TABLE, duration=FAULT, effectiveness=1.0)
+    push = 0.95 * float(sound["tau"][-1, 1])
+    observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2, release=0.5)
+    reaction = FaultReaction(observer, table=TABLE, start=0.0, lockout=0.1)
+    posture = Posture(Sinusoid(ARM.q0, amplitude=0.3, frequency=0.5))
+    stack = wbc.Stack([posture, reaction.limits], subject_to=[TorqueLimits(), JointPositionLimits()],
+                      components=[observer, reaction])  # fmt: skip
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    plant = ForwardDynamicsPlant(ARM)
+    plant.reset(ARM.q0)
+    faults = [ActuatorFault(joint=elbow, effectiveness=0.5, start=0.1),
+              ActuatorFault(joint=SHOULDER, effectiveness=1.0, bias=push, start=FAULT)]  # fmt: skip
+    run = simulate(controller, plant, duration=0.8, disturbances=faults)
+    decided = [(d.kind, d.joint_name) for d, _ in reaction.events]
+    assert decided[0] == ("partial", elbow) and ("total", SHOULDER) in decided
+    acquitted = next(d for d, _ in reaction.events if d.instead_of)
+    after = round(acquitted.t * 1e3)
+    share = run["signal.FaultReaction.share"]
+    assert share[after - 1, 1] == 0.0 and share[after, 1] == 1.0
+    np.testing.assert_allclose(share[after - 1 : after + 1, 3], 0.5, atol=0.02)
+    limits = controller.plan.torque_bounds
+    assert limits[1][1] == ARM.limits.tau_max[1]
+    assert limits[1][3] == pytest.approx(0.5 * ARM.limits.tau_max[3], rel=0.05)
+
+
 def test_with_noise_it_waits_until_the_share_is_known() -> None:
     run, reaction = driven(TABLE, noise=0.01, effectiveness=0.5)
     diagnosis, _ = reaction.events[0]

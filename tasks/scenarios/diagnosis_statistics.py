@@ -1,0 +1,281 @@
+"""What is wrong with an arm: faults of motors, pushes and loads are drawn, and what each is taken for is counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+import wbc
+from tasks import (
+    Cap,
+    Carry,
+    Compensate,
+    Derate,
+    FaultReaction,
+    JointPositionLimits,
+    MomentumObserver,
+    Posture,
+    Release,
+    Sinusoid,
+    Thresholds,
+    TorqueLimits,
+    When,
+)
+from tasks.components.diagnosis import ACTUATOR, Diagnosis
+from tasks.scenarios.arm_collision import jacobian, moved_links
+from tasks.scenarios.arm_reach import TOOLS
+from wbc import checks
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report.document import Section, Table, Text
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.types import Vec
+
+GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
+#: Seconds without a fault that thresholds come from; after a fault that are watched.
+LEARNING, WATCHED = 10.0, 2.0
+#: What has to be recognised misses this many thresholds of some joint.
+CLEAR = 3.0
+TRUTHS = (*ACTUATOR, "push", "payload")
+#: What it may be taken for; "another motor" is a loss laid to the wrong joint.
+NAMED = (*ACTUATOR, "another motor", "external", "payload", "nothing")
+NOISE = {"position": 5e-5, "velocity": 0.01}
+
+
+@final
+@dataclass(frozen=True)
+class Case:
+    """One trial: what it was, how clear, what it was called first, and what it was held for in the end."""
+
+    truth: str
+    size: float
+    first: str
+    final: str
+    mass_error: float = np.nan
+
+    @property
+    def accused(self) -> tuple[bool, bool]:
+        """Whether a sound motor was blamed, first and in the end."""
+        blamed = "another motor" if self.truth in ACTUATOR else (*ACTUATOR, "another motor")
+        return self.first in blamed, self.final in blamed
+
+
+@final
+class DiagnosisStatistics(Scenario):
+    """An arm waves, and ``cases`` times something drawn by ``seed`` happens to it: a motor fails totally, partly, by a
+    bias or a ceiling; something pushes one of its links for 0.2 to 1.5 s; or its hand picks up a load. The answer is
+    that of each diagnosis. Sensors have noise with ``noise``, the controller's masses are wrong by up to ``masses``.
+
+    ``robot``: panda (needs example-robot-data) or arm.
+    """
+
+    name: ClassVar[str] = "diagnosis-statistics"
+    summary: ClassVar[str] = "failing motors, pushes and loads drawn at random: what each is taken for"
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "robot": "panda", "cases": 240, "noise": False, "masses": 0.0, "seed": 0,
+    }  # fmt: skip
+    plants = ("mujoco",)
+
+    def run(
+        self,
+        parameters: Mapping[str, Any],
+        *,
+        solver: str,
+        hierarchy: str,
+        duration: float,
+        plant: str,
+        progress: Progress,
+    ) -> ScenarioResult:
+        del hierarchy, plant, duration  # there is one of each; the cases say how long it takes
+        robot = wbc.load(parameters["robot"])
+        count = int(checks.number("parameter 'cases'", parameters["cases"], low=1))
+        masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
+        waving = Waving(robot, masses, NOISE if parameters["noise"] else {}, solver, parameters["seed"])
+        progress(0.0, "learning thresholds")
+        waving.learn()
+        cases = []
+        for k in range(count):
+            progress(k / count, f"case {k + 1} of {count}: {TRUTHS[k % len(TRUTHS)]}")
+            case, run = waving.case(TRUTHS[k % len(TRUTHS)])
+            cases.append(case)
+        return _judged(robot, run, parameters, cases, waving.threshold)
+
+
+@final
+class Waving:
+    """The arm, its controller and what is drawn."""
+
+    def __init__(
+        self, robot: PinocchioModel, masses: float, noise: Mapping[str, float], solver: str, seed: int
+    ) -> None:
+        self.random, self.robot, self.noise, self.solver = np.random.default_rng(seed), robot, noise, solver
+        links = len(robot.pinocchio.inertias) - 1
+        self.believed = robot.with_masses(1.0 + self.random.uniform(-masses, masses, links)) if masses else robot
+        self.hand = TOOLS.get(robot.name.lower(), robot.frame_names[-1])
+        self.plant = MujocoPlant(robot)
+        self.threshold: Vec = np.zeros(robot.nj)
+        self.noise_of_a_tick: Vec = np.zeros(robot.nj)
+
+    def run(self, duration: float, disturbances: Sequence[Disturbance], *, react: bool) -> tuple[wbc.Run, list[Any]]:
+        """The wave, with a new controller; the record and the events."""
+        robot = self.robot
+        observer = MomentumObserver(
+            gain=GAIN, threshold=self.threshold if react else np.inf, persistence=PERSISTENCE, release=0.5
+        )
+        table = [
+            When("total", [Release()]), When("partial", [Derate()]), When("bias", [Compensate()]),
+            When("saturation", [Cap()]), When("payload", [Carry(observer)]),
+        ]  # fmt: skip
+        reaction = FaultReaction(observer, table=table, noise=self.noise_of_a_tick, start=0.2, hands=[self.hand])
+        wave = Sinusoid(robot.q0, amplitude=0.3, frequency=np.linspace(0.3, 0.6, robot.nj))
+        stack = wbc.Stack(
+            [Posture(wave, kp=100), reaction.limits], subject_to=[TorqueLimits(), JointPositionLimits()],
+            components=[observer, reaction],
+        )  # fmt: skip
+        controller = wbc.Controller(self.believed, stack, level=wbc.InverseDynamics(), solver=self.solver, dt=1e-3)
+        self.plant.reset(robot.q0)
+        sensors = [SensorNoise(**self.noise, seed=int(self.random.integers(2**31)))] if self.noise else []
+        return simulate(controller, self.plant, duration=duration, disturbances=[*disturbances, *sensors]), [
+            diagnosis for diagnosis, _ in reaction.events
+        ]
+
+    def learn(self) -> None:
+        """Thresholds, from a run without a fault."""
+        self.calm, _ = self.run(LEARNING, [], react=False)
+        known = Thresholds.learnt(self.calm["signal.MomentumObserver.residual"][300:], gain=GAIN, dt=1e-3, floor=FLOOR)
+        self.threshold = known.value
+        self.noise_of_a_tick = known.noise if self.noise else np.zeros(self.robot.nj)
+
+    def case(self, truth: str) -> tuple[Case, wbc.Run]:
+        """One trial of this kind."""
+        start = round(float(self.random.uniform(0.5, 1.5)), 3)
+        joint = int(self.random.integers(self.robot.nj))
+        at = round(start / 1e-3)
+        disturbance, missing = self._drawn(truth, start, joint, self.calm["plant.q"][at], self.calm["tau"][at])
+        run, events = self.run(start + WATCHED, [disturbance], react=True)
+        after = [d for d in events if d.t >= start]
+        held = [_called(d, joint) for d in standing(after)]
+        loads = [d.load.mass for d in after if d.load is not None]
+        size = float((np.abs(missing) / self.threshold).max())
+        return Case(
+            truth, size, _called(after[0], joint) if after else "nothing", held[0] if held else "nothing",
+            abs(loads[0] - disturbance.mass) if loads and isinstance(disturbance, Payload) else np.nan,
+        ), run  # fmt: skip
+
+    def _drawn(self, truth: str, start: float, joint: int, q: Vec, tau: Vec) -> tuple[Disturbance, Vec]:
+        """What happens, and what it makes each joint miss at first (nj,) [N m]."""
+        random, robot = self.random, self.robot
+        if truth == "push":
+            link = moved_links(robot)[joint]
+            force = random.normal(size=3)
+            force *= float(random.uniform(5.0, 60.0)) / np.linalg.norm(force)
+            lasts = float(random.uniform(0.2, 1.5))
+            return Push(link, tuple(force), start, lasts), jacobian(robot, link, q).T @ force
+        if truth == "payload":
+            load = Payload(self.hand, mass=float(random.uniform(0.3, 3.0)), start=start)
+            state = robot.state()
+            state.update(0.0, q, np.zeros(robot.nv))
+            return load, load.mass * state.frame(self.hand).jacobian()[:3].T @ robot.gravity
+        left, bias, ceiling = 1.0, 0.0, np.inf
+        if truth == "bias":
+            most = min(20.0 * float(self.threshold[joint]), 0.5 * float(robot.limits.tau_max[joint]))
+            bias = float(random.uniform(0.3, 1.0) * random.choice([-1.0, 1.0])) * most
+        elif truth == "saturation":
+            ceiling = float(random.uniform(0.3, 0.8)) * abs(float(tau[joint]))
+        else:
+            left = 0.0 if truth == "total" else float(random.uniform(0.25, 0.75))
+        fault = ActuatorFault(
+            joint=robot.joint_names[joint], effectiveness=left, bias=bias, ceiling=ceiling, start=start
+        )
+        missing = np.zeros(robot.nj)
+        missing[joint] = fault.missing(start, float(tau[joint]))
+        return fault, missing
+
+
+def standing(events: Sequence[Diagnosis]) -> list[Diagnosis]:
+    """Of diagnoses, those that were not taken back: a payload before a motor before a push."""
+    motors: dict[int, Diagnosis] = {}
+    others: list[Diagnosis] = []
+    for d in events:
+        for joint in d.instead_of:
+            motors.pop(joint, None)
+        if d.kind in ACTUATOR:
+            motors[d.joint] = d
+        else:
+            others.append(d)
+    loads = [d for d in others if d.kind == "payload"]
+    return [*loads, *motors.values(), *(d for d in others if d.kind != "payload")]
+
+
+def _called(diagnosis: Diagnosis, joint: int) -> str:
+    if diagnosis.kind in ACTUATOR and diagnosis.joint != joint:
+        return "another motor"
+    return diagnosis.kind
+
+
+def _judged(
+    robot: PinocchioModel, run: wbc.Run, parameters: Mapping[str, Any], cases: Sequence[Case], threshold: Vec
+) -> ScenarioResult:
+    clear = [case for case in cases if case.size >= CLEAR]
+    table = {
+        truth: {named: sum(c.truth == truth and c.final == named for c in clear) for named in NAMED} for truth in TRUTHS
+    }
+    motors = [c for c in clear if c.truth in ACTUATOR]
+    pushes, loads = ([c for c in clear if c.truth == truth] for truth in ("push", "payload"))
+
+    def share(chosen: Sequence[Case], good: Any) -> float:
+        return sum(bool(good(c)) for c in chosen) / len(chosen) if chosen else 1.0
+
+    figures: dict[str, Any] = {
+        "cases": len(cases), "clear": len(clear), "held_for": table,
+        "motor_found": share(motors, lambda c: c.first in ACTUATOR),
+        "payload_recognised": share(loads, lambda c: c.final == "payload"),
+        "mass_error_kg": max((c.mass_error for c in loads if np.isfinite(c.mass_error)), default=np.nan),
+        "push_called_payload": share(pushes, lambda c: c.final == "payload"),
+        "motor_called_payload": share(motors, lambda c: c.final == "payload"),
+        "push_blamed_on_a_motor_first": share(pushes, lambda c: c.accused[0]),
+        "push_blamed_on_a_motor_in_the_end": share(pushes, lambda c: c.accused[1]),
+    }  # fmt: skip
+    verdict = [
+        Check("failing motors named at once", figures["motor_found"], 0.95, figures["motor_found"] >= 0.95, "share"),
+        Check("loads recognised", figures["payload_recognised"], 0.9, figures["payload_recognised"] >= 0.9, "share"),
+        Check("pushes called a load", figures["push_called_payload"], 0.05, figures["push_called_payload"] <= 0.05),
+        Check("motors called a load", figures["motor_called_payload"], 0.02, figures["motor_called_payload"] <= 0.02),
+        Check("pushes blamed on a motor in the end", figures["push_blamed_on_a_motor_in_the_end"], 0.1,
+              figures["push_blamed_on_a_motor_in_the_end"] <= 0.1),
+    ]  # fmt: skip
+    run = wbc.Run(run.columns, {**run.meta, "scenario": DiagnosisStatistics.name, "parameters": dict(parameters)})
+    return ScenarioResult(
+        run=run, ok=all(check.ok for check in verdict), violations={}, tracking={}, verdict=verdict,
+        figures=figures, robot=robot, sections=[lambda result: _section(robot, clear, table, threshold)],
+    )  # fmt: skip
+
+
+def _section(
+    robot: PinocchioModel, clear: Sequence[Case], table: Mapping[str, Mapping[str, int]], threshold: Vec
+) -> Section:
+    held = Table(
+        ("what it was", *NAMED), [(truth, *row.values()) for truth, row in table.items()],
+        f"What each case that misses {CLEAR:g} thresholds or more was held for after {WATCHED:g} s.",
+    )  # fmt: skip
+    first = Table(
+        ("what it was", *NAMED),
+        [(t, *(sum(c.truth == t and c.first == named for c in clear) for named in NAMED)) for t in TRUTHS],
+        "The first decision, within some milliseconds of the alarm.",
+    )  # fmt: skip
+    thresholds = Table(
+        ("joint", "threshold [N m]"), list(zip(robot.joint_names, threshold.tolist(), strict=True)), folded=True
+    )
+    text = Text(
+        "A push that turns one joint alone looks like a failing motor at first. A motor called dead is sent nothing: "
+        "if its joint still misses torque, something pushes it, and the motor is taken back into service. A load shows "
+        "as the weight and inertia of one body in the hand, over half a second in which the arm moves. A ceiling "
+        "and a share are the same until the command has changed; so are a bias and a push on one joint that lasts."
+    )
+    return Section("What was taken for what", [text, held, first, thresholds])
