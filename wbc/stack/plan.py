@@ -79,6 +79,7 @@ class Plan:
         #: Of each task on the joints: its share of the cost of each joint, and what it wants there.
         self.shares = np.zeros(joint_wanted.shape)
         self._pulls = list(zip(self.shares, joint_wanted, strict=True))
+        self._further_pulls = self._pulls[1:]
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
@@ -346,7 +347,7 @@ class Plan:
         if self._pulls:
             share, wanted = self._pulls[0]
             np.multiply(share, wanted, self._centre_joints)
-            for share, wanted in self._pulls[1:]:
+            for share, wanted in self._further_pulls:
                 self._centre_joints += share * wanted
         if self.level.dynamics:
             self._fill_dynamics(state)

@@ -11,6 +11,7 @@ MUTATIONS = [
      f"{TESTS}::test_bounds_that_change_in_every_tick_are_not_guessed_until_they_stand_still"),
     (BOX, "self._changes < _RESTLESS and ", "",
      f"{TESTS}::test_bounds_that_change_in_every_tick_are_not_guessed_until_they_stand_still"),
+    (BOX, "self._weight / _KAPPA", "1.0 / _KAPPA", f"{TESTS}::test_bounds_alone_are_answered_by_the_box_solver"),
     (BOX, "gradient *= self._metric", "pass", f"{TESTS}::test_bounds_alone_are_answered_by_the_box_solver"),
     (BOX, "np.subtract(self._lb, self._x, self._under)", "pass",
      f"{TESTS}::test_bounds_that_come_and_go_are_found_and_forgotten"),

@@ -89,14 +89,18 @@ def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits
     np.testing.assert_array_equal(once, p.x)
 
 
-@given(seed=st.integers(0, 10**6))
-def test_bounds_alone_are_answered_by_the_box_solver(seed: int) -> None:
-    p = row_problem(seed, n_u=0, n_range=0, n_law=0, tight=0.3)
+@given(seed=st.integers(0, 10**6), n_soft=st.sampled_from([0, 1, 4]), even=st.booleans())
+def test_bounds_alone_are_answered_by_the_box_solver(seed: int, n_soft: int, even: bool) -> None:
+    p = row_problem(seed, n_u=0, n_range=0, n_law=0, n_soft=n_soft, tight=0.3)
+    if even:
+        p.weights[:], p.metric[:] = 3.0, 1.0
     box = BoxSolver(p)
-    assert box.solve() is Status.SOLVED
-    qp = p.empty_qp()
-    p.write_qp(qp)
-    assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
+    for _ in range(2):
+        assert box.solve() is Status.SOLVED
+        qp = p.empty_qp()
+        p.write_qp(qp)
+        assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
+    assert box.counts.first > 0
 
 
 @given(seed=st.integers(0, 10**6))

@@ -68,7 +68,9 @@ class BoxSolver(RowSolver):
         self._A, self._sense = np.zeros((0, n)), np.zeros(n, np.int32)
         self._low, self._high = np.zeros(n), np.zeros(n)
         self._x, self._x1, self._lb, self._ub = p.x, p.x1, p.lb, p.ub
-        self._metric, self._centre, self._is_uniform = p.metric, p.centre, False
+        self._metric, self._centre = p.metric, p.centre
+        # Whether the metric is 1 everywhere, and whether all rows weigh the same: then there is less to multiply.
+        self._is_uniform = self._is_even = False
         self._has_rows = m > 0  # BLAS refuses empty matrices
         self._beyond, self._part = np.zeros(2 * n), np.zeros(n)
         self._over, self._under = self._beyond[:n], self._beyond[n:]
@@ -108,6 +110,8 @@ class BoxSolver(RowSolver):
     def _read_weights(self) -> None:
         p = self.problem
         np.divide(p.weights, p.unit, out=self._weights)
+        self._is_even = self._has_rows and bool((self._weights == self._weights[0]).all())
+        self._weight = float(self._weights[0]) if self._is_even else 1.0
         self._roots[:] = np.sqrt(self._weights)[:, None] / _ROOT
         np.divide(p.metric, -_KAPPA, out=self._minus_metric)
         np.fill_diagonal(self._D[:-1, :-1], -self._minus_metric)
@@ -141,11 +145,13 @@ class BoxSolver(RowSolver):
         if self._is_held:
             np.copyto(self._held, self._ub, where=self._at_upper)
             np.copyto(self._held, self._lb, where=self._at_lower)
-        if self._has_rows:
+        if not self._has_rows:
+            M = self._D_tied.copy("F")
+        elif self._is_even:
+            M = dsyrk(self._weight / _KAPPA, self._S_T, 1.0, self._D_tied, 0, 1)
+        else:
             np.multiply(self._S, self._roots, self._W)
             M = dsyrk(1.0, self._W_T, 1.0, self._D_tied, 0, 1)
-        else:
-            M = self._D_tied.copy("F")
         self._x1[:] = self._known
         _, x1, info = dposv(M, self._x1, 1, 1, 1)  # in place
         return bool(info == 0 and x1[-1] == 1.0)
@@ -176,8 +182,8 @@ class BoxSolver(RowSolver):
         if not self._is_uniform:
             gradient *= self._metric
         if self._has_rows:
-            push = np.multiply(self._weights, self._rows, self._push)
-            dgemv(1.0, self._S_T, push, 1.0, self._gradient1, 0, 1, 0, 1, 0, 1)
+            push = self._rows if self._is_even else np.multiply(self._weights, self._rows, self._push)
+            dgemv(self._weight, self._S_T, push, 1.0, self._gradient1, 0, 1, 0, 1, 0, 1)
         return gradient
 
     def _beyond_bounds(self) -> float:
