@@ -9,7 +9,7 @@ MUTATIONS = [
      f"{TESTS}::test_unknowns_whose_bounds_are_one_may_be_pulled_either_way_and_are_guessed"),
     (BOX, "self._D_tied[items, items] = ", "_ = ",
      f"{TESTS}::test_bounds_that_change_in_every_tick_are_not_guessed_until_they_stand_still"),
-    (BOX, "self._changes < _RESTLESS and ", "",
+    (BOX, "self._changes < RESTLESS and ", "",
      f"{TESTS}::test_bounds_that_change_in_every_tick_are_not_guessed_until_they_stand_still"),
     (BOX, "self._weight / _KAPPA", "1.0 / _KAPPA", f"{TESTS}::test_bounds_alone_are_answered_by_the_box_solver"),
     (BOX, "gradient *= self._metric", "pass", f"{TESTS}::test_bounds_alone_are_answered_by_the_box_solver"),

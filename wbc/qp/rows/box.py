@@ -41,7 +41,7 @@ _INFINITY = 1e30
 # Multipliers below this share of the largest are rounding.
 _ROUNDING = 1e-12
 # Changes of the working set in a row after which it is not guessed until it stands still.
-_RESTLESS = 2
+RESTLESS = 2
 # κ and its root: far above any cost, far below where numbers end.
 _KAPPA, _ROOT = 2.0**200, 2.0**100
 
@@ -67,6 +67,7 @@ class BoxSolver(RowSolver):
         self._minus_metric, self._minus_pull = np.zeros(n), self._D_tied[n, :n]
         self._A, self._sense = np.zeros((0, n)), np.zeros(n, np.int32)
         self._low, self._high = np.zeros(n), np.zeros(n)
+        self._lowest, self._highest = np.full(n, -_INFINITY), np.full(n, _INFINITY)
         self._x, self._x1, self._lb, self._ub = p.x, p.x1, p.lb, p.ub
         self._metric, self._centre = p.metric, p.centre
         # Whether the metric is 1 everywhere, and whether all rows weigh the same: then there is less to multiply.
@@ -122,7 +123,7 @@ class BoxSolver(RowSolver):
     def solve(self) -> Status:
         self._read()
         self.iterations = 1
-        if self._changes < _RESTLESS and self._guessed() and self._verified():
+        if self._changes < RESTLESS and self._guessed() and self._verified():
             self._changes = 0
             self.counts.first += 1
             return Status.SOLVED
@@ -199,7 +200,7 @@ class BoxSolver(RowSolver):
 
     # ---- a wrong guess
     def _ask_daqp(self) -> Status:
-        p, n = self.problem, self.problem.n
+        n = self.problem.n
         self._x1[n], self._D[n, :n] = 1.0, self._minus_pull
         if self._has_rows:
             np.multiply(self._S, self._roots, self._W)
@@ -207,8 +208,8 @@ class BoxSolver(RowSolver):
         else:
             M = _KAPPA * self._D
         H, g = M[:n, :n].copy("F"), M[n, :n].copy()
-        np.maximum(p.lb, -_INFINITY, out=self._low)
-        np.minimum(p.ub, _INFINITY, out=self._high)
+        np.maximum(self._lb, self._lowest, out=self._low)
+        np.minimum(self._ub, self._highest, out=self._high)
         if not isfinite(ddot(g, g) + ddot(self._low, self._high)):
             return Status.FAILED
         self.counts.fallback += 1
@@ -233,7 +234,8 @@ class BoxSolver(RowSolver):
         self._x[:] = x
         self._z_box = z
         primal, dual = max(self._beyond_bounds(), 0.0), _size_of(self._slope_at_answer() + z)
-        gap = float(dasum(push * np.where(push > 0.0, self._over[pins], self._under[pins]))) if len(pins) else 0.0
+        pushed = pins + (side < 0.0) * len(z)  # among [over, under]
+        gap = float(dasum(push * self._beyond[pushed])) if len(pins) else 0.0
         unit = self.problem.unit
         self.certificate = Certificate(primal, dual * unit, gap * unit, size * unit, size * unit)
         sound = primal <= self.tolerance and dual <= self.tolerance * size and gap <= self.tolerance * size

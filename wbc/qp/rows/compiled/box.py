@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.compiled import Memory
 from wbc.qp.certificate import Certificate
-from wbc.qp.rows.box import BoxSolver
+from wbc.qp.rows.box import RESTLESS, BoxSolver
 from wbc.qp.rows.compiled.box_kernel import solve_box
 from wbc.qp.rows.compiled.dual_kernel import GIVE_UP, REPAIRED
 from wbc.qp.rows.problem import RowProblem
@@ -37,17 +37,19 @@ class CompiledBoxSolver(RowSolver):
             np.zeros((m, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), self._gradient,
             sizes, self._proof,
         )  # fmt: skip
-        self._version, self._delegated = -1, False
+        self._version, self._delegated, self._changes = -1, False, 0
 
     def solve(self) -> Status:
         p = self.problem
         if p.version != self._version:
             np.divide(p.weights, p.unit, out=self._weights)
             self._version = p.version
-        code = solve_box(self._memory.addresses, p.unit, self.tolerance)
+        restless = self._changes >= RESTLESS
+        code = GIVE_UP if restless else solve_box(self._memory.addresses, p.unit, self.tolerance)
         self._delegated = code == GIVE_UP
         if self._delegated:
             return self._delegate()
+        self._changes = 0
         if code == REPAIRED:
             self.counts.repaired += 1
         else:
@@ -62,11 +64,14 @@ class CompiledBoxSolver(RowSolver):
         status = reference.solve_afresh()
         self.counts.fallback += 1
         self.certificate, self.iterations = reference.certificate, reference.iterations
+        before, changes = self._held.tobytes(), self._changes + 1
         self.guess(*reference.working_set())
+        self._changes = changes if self._held.tobytes() != before else 0
         return status
 
     def reset(self) -> None:
         self._held.fill(0.0)
+        self._changes = 0
         self.reference.reset()
 
     def working_set(self) -> tuple[Index, Vec]:
@@ -76,6 +81,7 @@ class CompiledBoxSolver(RowSolver):
     def guess(self, items: Index, side: Vec) -> None:
         self._held.fill(0.0)
         self._held[items] = side
+        self._changes = 0
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         if self._delegated:
