@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -172,6 +173,22 @@ def test_the_order_of_joints_does_not_matter(step: ProjectedGradientStep, random
     if step.closed_form().feasible:
         scale = np.abs(step.v_task).max() + unit(step) * np.abs(step.v_null).max()
         np.testing.assert_allclose(other.closed_form().v, step.closed_form().v[order], atol=1e-8 * scale)
+
+
+@pytest.mark.parametrize("condition", [1e0, 1e3, 1e6])
+def test_a_task_velocity_on_a_limit_is_on_it_however_its_joints_are_ordered(condition: float):
+    """J# ṙ is known to rounding times the condition of J: a joint that it puts on a limit does not leave by that."""
+    rng = np.random.default_rng(4)
+    U, V = (np.linalg.qr(rng.normal(size=(k, k)))[0] for k in (3, 4))
+    J = (U * [1.0, condition**-0.5, 1.0 / condition]) @ V[:3]
+    v = V[:3].T @ [0.6, -0.4, 0.5]
+    outwards = V[3] * np.sign(V[3, 0] * v[0])
+    limit = np.where(np.arange(4) == 0, np.abs(v[0]), 3.0)
+    for order in map(list, permutations(range(4))):
+        step = ProjectedGradientStep.from_gradient(
+            J[:, order], J @ v, outwards[order], v_min=-limit[order], v_max=limit[order], alpha_max=1e6
+        )
+        assert step.closed_form().alpha == 0.0 and step.solve().alpha == pytest.approx(0.0, abs=1e-9)
 
 
 @given(FROM_GRADIENT, st.data())

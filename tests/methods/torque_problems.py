@@ -71,7 +71,7 @@ def problems(
     tau = task.closed_form().tau
     if np.isnan(tau).any():
         tau = task.tau_0
-    room = np.abs(tau) * rng.uniform(0.6, 2.0, size) + 1e-2 * np.abs(tau).max() * rng.uniform(size=size)
+    room = np.abs(tau) * rng.uniform(0.5, 1.5, size) + 1e-2 * np.abs(tau).max() * rng.uniform(size=size)
     lower, upper = (np.where(rng.uniform(size=size) < 0.6, side * room, side * np.inf) for side in (-1.0, 1.0))
     return WeightedTorque(M, n_bias, J, wanted, **options, tau_min=lower, tau_max=upper)
 

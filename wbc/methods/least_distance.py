@@ -8,7 +8,8 @@ all numbers a solver sees are about one, whatever the units, and it needs nothin
 accuracy of 1e-9 means nine digits, also of a solver that stops at absolute residuals. Interior-point and splitting
 methods stop beside the answer; the rows they found active are solved once more as equations, and the certificate says
 whether that is better. Where neither will do, the equations are eliminated and what is left is posed again in its own
-size, which also shows how far from each other rows are that nearly agree.
+size, which also shows how far from each other rows are that nearly agree. That no point meets all rows is no solver's
+word: it is proven (:func:`wbc.qp.conflict.least_violation`), and where there is no proof there is a point.
 
 A task that is out of reach is scaled: the largest scale first, then the least distance. Both come from one strictly
 convex problem whose slope along the scale is steep enough (an exact penalty).
@@ -26,6 +27,7 @@ import numpy as np
 
 from wbc.methods.least_norm import least_norm
 from wbc.qp.certificate import Certificate
+from wbc.qp.conflict import least_violation
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
@@ -185,7 +187,7 @@ class _NormalForm:
         return QP(np.eye(n), np.zeros(n), A=self.E, b=self.e / unit, C=self.F, cl=self.low / unit, cu=self.high / unit)
 
     def solve(self, solver: Solver) -> Solution:
-        """The answer of the first look if its certificate is good, or of the second."""
+        """The answer of the first look if its certificate is good, or of the second; INFEASIBLE where it is proven."""
         first = self._look(solver)
         if first.status.ok and first.certificate.within(ACCURATE):
             return first
@@ -197,25 +199,30 @@ class _NormalForm:
         low, high = (self.low - at - width) / length, (self.high - at + width) / length
         n = len(self.free)
         rest = _NormalForm(np.zeros((0, n)), np.zeros(0), np.eye(n), rows / length[:, None], low, high)
-        second = rest._at_rest() or rest._look(solver)
+        if rest.violation > CONSISTENT * self.size:
+            return replace(first, status=Status.INFEASIBLE)
+        second = rest._at_rest() or rest._look(solver, feasible=True)
         if not second.status.ok:
-            return first if first.status.ok and second.status is not Status.INFEASIBLE else second
+            return first if first.status.ok else replace(second, status=Status.FAILED)
         u, z = start + second.x @ self.free, second.z / length
         return replace(second, x=u, y=-self.E @ (u + z @ self.F), z=z)
 
-    def _look(self, solver: Solver) -> Solution:
+    @property
+    def violation(self) -> float:
+        """By how much rows must at least give way: more than rounding, and a plane is between them, whoever looks."""
+        return float(np.abs(least_violation(self.F, self.low, self.high)[1]).max(initial=0.0))
+
+    def _look(self, solver: Solver, *, feasible: bool = False) -> Solution:
         size = self.size
-        answer = least_norm(self.qp(size), solver)
+        answer = least_norm(self.qp(size), solver, feasible=feasible)
         return replace(answer, x=size * answer.x, y=size * answer.y, z=size * answer.z)
 
     def _at_rest(self) -> Solution | None:
         """u = 0, where no row is against it or there is nothing to move."""
         n, m = len(self.free), len(self.low)
-        against = bool((self.low > 0.0).any() or (self.high < 0.0).any())
-        if against and n:
+        if n and ((self.low > 0.0).any() or (self.high < 0.0).any()):
             return None
-        status = Status.INFEASIBLE if against else Status.SOLVED
-        return Solution(status, np.zeros(n), np.zeros(0), np.zeros(m), np.zeros(n), Certificate(0.0, 0.0, 0.0))
+        return Solution(Status.SOLVED, np.zeros(n), np.zeros(0), np.zeros(m), np.zeros(n), Certificate(0.0, 0.0, 0.0))
 
 
 def _lengths(rows: Mat) -> Vec:

@@ -62,11 +62,15 @@ class Step:
 @final
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Where v_task and v_null come from: J (m, n), the task velocity ṙ (m,) and the gradient ∇H (n,)."""
+    """Where v_task and v_null come from: J (m, n), the task velocity ṙ (m,) and the gradient ∇H (n,).
+
+    ``condition`` of J says how sharp they are: v_task is known to rounding times that.
+    """
 
     J: Mat
     task_velocity: Vec
     gradient: Vec
+    condition: float
 
 
 @final
@@ -138,7 +142,7 @@ class ProjectedGradientStep(Method):
         found = factors(J)
         return cls(
             found.inverse(task_velocity), found.projected(gradient), v_min=v_min, v_max=v_max, alpha_max=alpha_max,
-            origin=Projection(J, task_velocity, gradient),
+            origin=Projection(J, task_velocity, gradient, found.condition),
         )  # fmt: skip
 
     # ---- what both ways share
@@ -163,6 +167,8 @@ class ProjectedGradientStep(Method):
     def _room(self) -> tuple[Vec, Vec]:
         """From v_task down to v_min and up to v_max (n,); zero where a joint is at its limit."""
         rounding = ROUNDING * self._size
+        if self.origin is not None:
+            rounding += np.finfo(float).eps * self.origin.condition * np.linalg.norm(self.v_task)
         down, up = self.v_min - self.v_task, self.v_max - self.v_task
         return np.where(np.abs(down) <= rounding, 0.0, down), np.where(np.abs(up) <= rounding, 0.0, up)
 

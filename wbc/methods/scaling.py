@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from wbc.errors import SolverFailed
 from wbc.methods.projection import projection
 from wbc.methods.shared import factors
+from wbc.qp.conflict import least_violation
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
 
 Mask = NDArray[np.bool_]
 
-#: Limits that must give way by more than this part of their size cannot be met; below the second number it may be
+#: Limits that must give way by more than this part of their size cannot be met; a w below the second number may be
 #: what a solver left of a large distance.
 SAME, NEARLY = 5e-9, 1e-5
 #: A part of a target or drift, relative to the whole, that counts as out of the range of J.
@@ -150,9 +151,12 @@ class _ProximalSteps:
     """Points (x, σ) of V x − σ direction = −drift, σ in [low, high], x in the box, nearest to others.
 
     Every limit gives way by w ≥ 0, measured along the motions that the equations leave, at a price above its
-    multiplier: a solver then has an interior and an answer, also where one point or none is feasible. Unknowns (x, σ,
-    w), x and σ in units of their own. A limit that is nearly parallel to the equations gives way by little: its
-    ``slope`` is the length of what they leave of it.
+    multiplier: a solver then has an interior and an answer, also where one point is feasible. Unknowns (x, σ, w), x and
+    σ in units of their own. A limit that is nearly parallel to the equations gives way by little: its ``slope`` is the
+    length of what they leave of it.
+
+    ``inside``: the point that violates limits least; not feasible where that is more than counts as met, which is a
+    proof (:func:`wbc.qp.conflict.least_violation`) and no solver's word.
     """
 
     def __init__(self, task: ScaledTask, box: Box, solver: str | Solver, *, kept: tuple[Mat, Vec], unit: float) -> None:
@@ -163,27 +167,32 @@ class _ProximalSteps:
         equal[len(rows) :, n] = -task.direction
         self.equal, self.factors = (equal, right), factors(equal)
         missing = self.factors.rest.T @ right
-        self.consistent = float(np.linalg.norm(missing)) <= OUT_OF_RANGE * float(np.linalg.norm(right))
+        consistent = float(np.linalg.norm(missing)) <= OUT_OF_RANGE * float(np.linalg.norm(right))
         self.size = np.append(np.where(box.range > 0.0, np.clip(box.range / unit, 1e-2, 1.0), 1.0), 1.0)
         self.low = np.append(box.lower, task.low) / self.unit
         self.high = np.append(box.upper, task.high) / self.unit
-        slope = np.linalg.norm(factors(equal[:, :-1]).null, axis=0)
+        without_w = factors(equal[:, :-1])
+        slope = np.linalg.norm(without_w.null, axis=0)
         self.slope, self.settled = np.maximum(slope, ACUTE), slope <= SETTLED
+        at = without_w.inverse(right)
+        free = np.where(self.settled, 0.0, without_w.null).T
+        point = at + free @ least_violation(free, self.low - at, self.high - at)[0]
+        inside = Scaled(unit * point[:-1], unit * float(point[-1]), True)
+        self.inside = replace(inside, feasible=consistent and self._within(inside))
 
     def from_zero(self, push: float) -> Scaled:
-        """The answer, if this push is enough; not feasible where the limits have to give way at any price."""
-        zero = Scaled(np.zeros(len(self.low) - 1), 0.0, self.consistent)
-        if not zero.feasible:
-            return zero
-        found = self._priced(zero, push)[0]
-        return found if self._within(found) else self._inside(found)
+        """The answer, if this push is enough; not feasible where no point is within the limits."""
+        if not self.inside.feasible:
+            return self.inside
+        found = self._priced(Scaled(np.zeros(len(self.low) - 1), 0.0, True), push)
+        return found if self._within(found) else self.inside
 
     def _within(self, found: Scaled) -> bool:
         """Whether no limit gives way by more than counts as met."""
         point = np.append(found.x, found.size) / self.unit
         return float((self._beyond(point) / self.size).max()) <= SAME
 
-    def _priced(self, centre: Scaled, push: float) -> tuple[Scaled, float]:
+    def _priced(self, centre: Scaled, push: float) -> Scaled:
         """The nearest point at a price that leaves no w, or at the highest: a little w may buy much σ.
 
         At a higher price limits meet at more acute angles; where that is too much for the solver, a w that counts as
@@ -202,39 +211,23 @@ class _ProximalSteps:
                 break
             if w <= ROUNDING or w >= (1.0 - 1e-6) * before:
                 break
-            if price == PRICES[0] and not self._within(found) and not self._inside(found).feasible:
-                break
-        return found, w
-
-    def _inside(self, found: Scaled) -> Scaled:
-        """A point within the limits, in longer and longer steps that only make w smaller: any, not the best."""
-        w = np.inf
-        for push in (1e2, 1e3, 1e4, 1e5, 1e6):
-            before = w
-            found, w = self._nearest(found, 0.0, push)
-            if not self._within(found) and w <= NEARLY:
-                found, w = self._nearest(found, 0.0, SMALL)
-            if self._within(found):
-                return found
-            if w >= (1.0 - 1e-6) * before:
-                break
-        return replace(found, feasible=False)
+        return found
 
     def onwards(self, found: Scaled, push: float) -> Scaled:
         """One more step from a point within the limits; that point where no price keeps them from giving way."""
-        further = self._priced(found, push)[0]
+        further = self._priced(found, push)
         return further if self._within(further) else found
 
     def _nearest(self, centre: Scaled, push: float, price: float) -> tuple[Scaled, float]:
         """The point nearest to ``centre`` pushed towards larger σ, and w, which costs ``price`` times what σ gains.
 
         Not a long push of w but its unit makes the price, so that no distance is large: it is w · price that is
-        pushed, as much as σ is. Without a push of σ, w is pushed by ``price`` in its own unit.
+        pushed, as much as σ is.
         """
         start = np.append(centre.x, centre.size) / self.unit
-        towards, unit = (np.append(start, -push), 1.0 / price) if push else (np.append(start, -price), 1.0)
+        towards = np.append(start, -push)
         towards[-2] += push
-        (rows, low, high), units = self._limits(), np.append(np.ones(len(start)), unit)
+        (rows, low, high), units = self._limits(), np.append(np.ones(len(start)), 1.0 / price)
         x = projection(towards, self.equal, (rows * units, low, high), self._met(start) / units, self.solver)
         return Scaled(self.unit * x[:-2], self.unit * float(x[-2]), True), self._way(x[:-1])
 

@@ -62,6 +62,11 @@ class Factors(NamedTuple):
     rest: Mat
     null: Mat
 
+    @property
+    def condition(self) -> float:
+        """The largest value beside the smallest."""
+        return float(self.values[0] / self.values[-1]) if len(self.values) else 1.0
+
     def solve(self, b: Vec) -> Vec:
         """The right side of V x that belongs to A x = b."""
         result: Vec = (self.U.T @ b) / self.values
@@ -78,8 +83,7 @@ class Factors(NamedTuple):
         A row space is known to rounding times the condition of A, and no better.
         """
         result: Vec = x - self.V.T @ (self.V @ x)
-        condition = self.values[0] / self.values[-1] if len(self.values) else 1.0
-        noise = 1e-14 * condition * np.abs(x).max(initial=0.0)
+        noise = 1e-14 * self.condition * np.abs(x).max(initial=0.0)
         result[np.abs(result) <= noise] = 0.0
         return result
 

@@ -165,7 +165,7 @@ class _System:
 
     def elastic(self, rows: Index) -> Vec | None:
         """s of the least squares, zero on all other rows; None where these rows can be met."""
-        s = _least_squares(self.R[rows], self.lower[rows], self.upper[rows])
+        _, s = least_violation(self.R[rows], self.lower[rows], self.upper[rows])
         values = np.where(s > 0.0, self.upper[rows], self.lower[rows])[s != 0.0]
         if np.abs(s).max(initial=0.0) <= _ROUNDING + _RELATIVE * np.abs(values).max(initial=0.0):
             return None
@@ -268,10 +268,21 @@ def _solutions(E: Mat, e: Vec) -> tuple[Vec, Mat]:
     return at, Q[:, rank:]
 
 
-def _least_squares(R: Mat, lower: Vec, upper: Vec) -> Vec:
-    """s = R x − clip(R x) where it is least: Newton's method, each step to the least value on its line.
+def least_violation(R: Mat, lower: Vec, upper: Vec) -> tuple[Vec, Vec]:
+    """x (n,) and s = R x − clip(R x, lower, upper) (m,) where ½ ‖s‖² is least; s = 0 where the rows can be met.
 
-    From x = 0: rows that all but depend on each other send x far away, where digits are lost.
+    There Rᵀs = 0, and s ≠ 0 is Farkas's proof that they cannot: s · R x = 0 for every x, but −‖s‖² or less for those
+    that meet the rows. Rows have norm 1, or less.
+
+    Newton's method, each step to the least value on its line, from x = 0: rows that all but depend on each other send
+    x far away, where digits are lost.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.qp.conflict import least_violation
+        >>> x, s = least_violation(np.array([[1.0], [1.0]]), np.array([1.0, -9.0]), np.array([9.0, -1.0]))
+        >>> bool(abs(x[0]) < 1e-12), s.round(9)
+        (True, array([-1.,  1.]))
     """
     x = np.zeros(R.shape[1])
     value = R @ x
@@ -287,7 +298,7 @@ def _least_squares(R: Mat, lower: Vec, upper: Vec) -> Vec:
         x = x + _lowest(value, R @ step, lower, upper) * step
         value = R @ x
         s = value - np.clip(value, lower, upper)
-    return s
+    return x, s
 
 
 def _lowest(value: Vec, change: Vec, lower: Vec, upper: Vec) -> float:
