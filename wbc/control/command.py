@@ -65,7 +65,7 @@ class Command:
         v: Vec | None = None,
         a: Vec | None = None,
         tau: Vec | None = None,
-        forces: Vec | Callable[[], Vec] | None = None,
+        forces: Vec | tuple[Callable[[Vec, Vec], Vec], Vec, Vec] | None = None,
     ) -> None:
         self._controller, self._serial = controller, controller.serial
         self.status, self.rung, self.certificate = status, rung, certificate
@@ -109,8 +109,9 @@ class Command:
     @property
     def forces(self) -> Vec | None:
         """All contact forces (nf,) in the order of the stack's contacts; None where the level decides none."""
-        if callable(self._forces):  # brought to newtons when they are asked for
-            self._forces = self._forces()
+        if isinstance(self._forces, tuple):  # brought to newtons when they are asked for
+            in_newtons, value, scale = self._forces
+            self._forces = in_newtons(value, scale)
         return self._forces
 
     @property

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -281,7 +280,7 @@ class Controller:
             command = Command(self, status, rung, proof, q=q, v_before=v, a=motion)
         else:
             tau = plan.actuators.command(value[parts.torque_items])
-            forces = partial(self.mode.all_forces, value, plan.force_scale)
+            forces = self.mode.all_forces, value, plan.force_scale
             command = Command(self, status, rung, proof, q=q, v_before=v, a=motion, tau=tau, forces=forces)
         return command
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, final
 
 import numpy as np
+from scipy.linalg.blas import dgemv
 
 from wbc.errors import InvalidInput
 from wbc.stack.contact import Contact, ContactRows
@@ -124,5 +125,5 @@ class MotionRows:
             if self.writes_ed is not None:
                 np.copyto(self._ed, self.own_ed, where=self.writes_ed)
             np.multiply(self._gains, self._terms, self._weighted)
-            np.dot(self._ones, self._weighted, wanted)
+            dgemv(1.0, self._weighted.T, self._ones, 0.0, wanted, 0, 1, 0, 1, 0, 1)  # the sum of the rows, in place
         np.negative(self._wanted_rows, self._right)

@@ -85,6 +85,7 @@ class DualSolver(RowSolver):
         p = problem
         self._views: dict[int, _Views] = {}
         self._u, self._y, self._y1 = p.value[: p.n_u], p.value[p.n_u : p.n], p.value[p.n_u : p.n + 1]
+        self._bounds = p.bounds.reshape(-1)
         # B in the order LAPACK wants, solved in place: [B_u | B_y b] becomes [· | X].
         self._base_rows, self._B = p.G[: p.n_u], np.zeros((p.n_u, p.n + 1), order="F")
         self._Bu, self._X, self._Xy = self._B[:, : p.n_u], self._B[:, p.n_u :], self._B[:, p.n_u : p.n]
@@ -126,7 +127,7 @@ class DualSolver(RowSolver):
         self._items, self._side = items, side
         self._slot_rows, self._slot_side = items[:k] - p.first_row, side[:k]
         self._pins, self._pin_side = items[k:] - p.n_u, side[k:]
-        # Where the bound of each stands in ``p.bounds``, read as one vector.
+        # Where the bound of each stands among all lower and then all upper ones.
         bounds = items + (side > 0) * len(p.value)
         self._slot_bounds, self._pin_bounds = bounds[:k], bounds[k:]
         if k not in self._views:
@@ -159,10 +160,10 @@ class DualSolver(RowSolver):
         p, now = self.problem, self._now
         self._y[:] = p.centre
         if self._pinned:
-            self._y[self._pins] = p.bounds.take(self._pin_bounds)
+            self._y[self._pins] = self._bounds[self._pin_bounds]
         if len(self._slot_rows):
             p.G.take(self._slot_rows, 0, now.slots, "clip")
-            now.slots_right -= p.bounds.take(self._slot_bounds)
+            now.slots_right -= self._bounds[self._slot_bounds]
 
     # ---- one tick
     def solve(self) -> Status:
