@@ -105,7 +105,7 @@ class JointIntervals:
     @property
     def recovering(self) -> bool:
         """Whether a joint was outside its position limits when bounds were computed last."""
-        return bool(self._flags[2] > 0)
+        return self._flags.item(2) > 0
 
     def memory(self) -> tuple[Any, ...]:
         """Flags, constants and work of the formulas, for compiled code."""
