@@ -114,6 +114,8 @@ class MotionRows:
     def lower(self, v: Vec, v_joints: Vec) -> None:
         """From errors to wanted velocities or accelerations, for all rows at once."""
         wanted = self.wanted
+        if not len(wanted):  # BLAS refuses empty vectors
+            return
         if self.order == 1:
             np.multiply(self.rate, self.e, wanted)
             wanted += self.rate_ref
