@@ -8,7 +8,7 @@ from typing import Any
 from wbc.report.document import Item, Section, Table, formatted
 from wbc.sim.scenario import ScenarioResult
 
-CONTROLLER = ("scenario", "robot", "level", "hierarchy", "solver", "dt", "duration", "seed")
+CONTROLLER = ("scenario", "robot", "level", "hierarchy", "solver", "feedback", "dt", "duration", "seed")
 
 
 def section(result: ScenarioResult) -> Section:
