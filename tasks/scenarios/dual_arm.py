@@ -17,7 +17,8 @@ from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.standing import held_by_damping, joint_laws, standing_plant
 from wbc import checks
 from wbc.errors import UnknownRobot
-from wbc.report import measure
+from wbc.report import measure, style
+from wbc.report.document import Section
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
@@ -121,8 +122,30 @@ def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], wished: Any, durat
     ]  # fmt: skip
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
-        verdict=verdict, figures=figures, robot=robot,
+        verdict=verdict, figures=figures, robot=robot, sections=[lambda result: _section(result, wished)],
     )  # fmt: skip
+
+
+def _section(result: ScenarioResult, wished: Vec) -> Section:
+    """The force along the bar, as a section of the report."""
+    run, t = result.run, measure.times(result.run)
+    size = float(np.linalg.norm(wished[-1]))
+    along = wished[-1] / size if size else np.eye(3)[0]
+    with style.Canvas(2, 1, height=4.6) as canvas:
+        squeeze, miss = canvas.axes
+        for label, forces, colour in (
+            ("in physics", run["plant.f.bar"], style.ORANGE), ("commanded", run["f.bar"][:, :3], style.BLUE),
+            ("to be", wished, style.INK),
+        ):  # fmt: skip
+            style.curve(squeeze, t, forces @ along, color=colour, label=label, linewidth=1.0)
+        style.over_time(squeeze, run, "Force along the bar", "force [N]")
+        style.legend(squeeze)
+        error = np.linalg.norm(run["plant.f.bar"] - wished, axis=1)
+        style.curve(miss, t, 1e3 * error, color=style.ORANGE, label="in physics, from what it is to be")
+        style.over_time(miss, run, "Error of the force", "error [mN]")
+        style.legend(miss)
+        caption = "What the left hand presses on the right through the bar, which is a weld and is not drawn below."
+        return Section("The bar", [canvas.figure("bar", caption)])
 
 
 def _grip_error(run: wbc.Run, robot: Any, hands: tuple[str, str]) -> float:

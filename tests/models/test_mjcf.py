@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import mimic_joints
+from tests.models.mjcf_oracle import compare
 from wbc.errors import ModelError, PathRefused
 from wbc.models.geometry import Cylinder, Mesh, Sphere
 from wbc.sim.mujoco_ import MujocoPlant
@@ -85,41 +86,6 @@ def both(request, tmp_path_factory):
     """The robot, and MuJoCo's own reading of the same file."""
     physics = mujoco.MjModel.from_xml_string(request.param)
     return loaded(tmp_path_factory.mktemp("mjcf"), request.param), physics
-
-
-def compare(robot, physics, seed, tolerance=1e-12):
-    """M, bias and frames at a random state, against the engine; positions and velocities are written by joint name."""
-    random = np.random.default_rng(seed)
-    q, v = robot.random_configuration(random), random.standard_normal(robot.nv)
-    state, data, nb = robot.state(), mujoco.MjData(physics), robot.nb
-    state.update(0.0, q, v)
-    dof = [physics.jnt(name).dofadr[0] for name in robot.joint_names]
-    X, drift = np.zeros((robot.nv, robot.nv)), np.zeros(robot.nv)
-    X[dof, range(nb, robot.nv)] = 1.0
-    for name, position in zip(robot.joint_names, q[robot.nq - robot.nj :], strict=True):
-        data.qpos[physics.jnt(name).qposadr[0]] = position
-    if nb:
-        data.qpos[:3], data.qpos[3:7] = q[:3], q[[6, 3, 4, 5]]
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, data.qpos[3:7].copy())
-        R = R.reshape(3, 3)
-        X[:3, :3], X[3:6, 3:6] = R, np.eye(3)
-        drift[:3] = R @ np.cross(v[3:6], v[:3])
-    data.qvel[:] = X @ v
-    mujoco.mj_forward(physics, data)
-    M = np.zeros((robot.nv, robot.nv))
-    mujoco.mj_fullM(physics, data, M)
-    scale = np.abs(M).max()
-    np.testing.assert_allclose(state.M, X.T @ M @ X, atol=tolerance * scale)
-    bias = X.T @ (data.qfrc_bias + M @ drift)
-    np.testing.assert_allclose(state.h, bias, atol=tolerance * (1 + np.abs(bias).max()))
-    for kind, places, axes in (("body", data.xpos, data.xmat), ("site", data.site_xpos, data.site_xmat)):
-        for i in range(getattr(physics, f"n{kind}")):
-            name = getattr(physics, kind)(i).name
-            if name in robot.frame_names and name != "world":
-                frame = state.frame(name)
-                np.testing.assert_allclose(frame.position, places[i], atol=tolerance)
-                np.testing.assert_allclose(frame.rotation, axes[i].reshape(3, 3), atol=tolerance)
 
 
 @settings(max_examples=20)
@@ -231,7 +197,6 @@ REFUSED = {
         "the mass of <inertial> is '-1'",
     ),
     "a ball joint": (simple(joint='type="ball"'), "joint 'hinge' is a ball"),
-    "a spring": (simple(joint='stiffness="3"'), "joint 'hinge' has a spring"),
     "a rotor of a cord": (
         simple(more='<tendon><fixed armature="0.1"><joint joint="hinge" coef="1"/></fixed></tendon>'),
         "<fixed> is a tendon with an armature",
@@ -333,6 +298,18 @@ def test_what_cannot_be_included_is_said(tmp_path, change, message):
     assert message in str(refusal.value)
 
 
+def test_things_that_lie_about_are_not_the_robot(tmp_path):
+    path = tmp_path / "scene.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="cube" pos="1 0 1"><freejoint/><geom size=".1"/></body><body name="link">'
+        '<joint name="hinge" axis="1 0 0"/><geom size=".1" pos="0 0 1"/></body></worldbody></mujoco>'
+    )
+    with pytest.warns(UserWarning, match="body 'cube', which is free and has no joints, is left out"):
+        robot = wbc.load(path)
+    assert (robot.base, robot.joint_names) == ("fixed", ("hinge",))
+    compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)
+
+
 def test_a_site_named_as_its_body_is_another_frame(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(simple(body='<site name="link" pos="0 0 1"/>'))
@@ -345,10 +322,11 @@ def test_what_is_left_out_is_said(tmp_path):
         '<actuator><motor name="winch" tendon="cord"/></actuator>'
     )
     path = tmp_path / "robot.xml"
-    path.write_text(simple(more=more))
+    path.write_text(simple(joint='stiffness="3"', more=more))
     with pytest.warns(UserWarning) as said:
         wbc.load(path)
     text = str(said[0].message)
+    assert "the spring (stiffness) of joint 'hinge' is left out" in text
     assert "tendon 'cord' is left out" in text
     assert "actuator 'winch' is left out: it moves no joint" in text
 

@@ -37,12 +37,12 @@ def load(
 
     MJCF (root element ``<mujoco>``) is compiled by MuJoCo, the extra ``sim``, after the checks that URDF passes: trees
     of hinges and slides with at most one free joint; bodies and named sites are frames (a site named as a body is
-    ``<name>_site``), armature is part of M, equal joints are mimic joints. Files that it includes are looked for where
-    meshes are. Options, keyframes and what stands still in the world are not the robot's and not read.
+    ``<name>_site``), armature is part of M, equal joints are mimic joints. Springs, tendons and closed loops are left
+    out with a warning. Options, keyframes and what stands still or lies about in the world are not the robot's.
 
-    ``packages`` are further folders that
-    ``package://`` and ``../`` in a file may lead to; meshes are taken from the file's own folder, its ROS package and
-    these, never from elsewhere. Meshes that are missing, limits that make no sense and mimic joints are warned about.
+    ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
+    file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
+    are missing, limits that make no sense and mimic joints are warned about.
 
     Raises:
         UnknownRobot: no such name and no such file; with the names that are near.

@@ -66,7 +66,7 @@ class _Translation:
 
     def robot(self, name: str, path: Path) -> Urdf:
         m = self.m
-        roots = self._roots()
+        roots = self._without_things(self._roots())
         free = [body for body in roots if self._is_free(body)]
         if free and len(roots) > 1:
             names = ", ".join(repr(self.body(body)) for body in roots)
@@ -106,6 +106,16 @@ class _Translation:
         """Children of the world with something that moves; the others are furniture."""
         m = self.m
         return sorted({int(m.body_rootid[body]) for body in range(1, m.nbody) if m.body_dofnum[body]})
+
+    def _without_things(self, roots: list[int]) -> list[int]:
+        """Those with joints, where there are any; a body that is free and has none is a thing beside the robot."""
+        m = self.m
+        joints = {root: int((m.body_rootid[m.jnt_bodyid] == root).sum()) for root in roots}
+        things = [root for root in roots if self._is_free(root) and joints[root] == 1]
+        if len(things) == len(roots):
+            return roots
+        self.left_out += [f"body {self.body(body)!r}, which is free and has no joints, is left out" for body in things]
+        return [root for root in roots if root not in things]
 
     def _is_free(self, body: int) -> bool:
         m = self.m
@@ -179,7 +189,7 @@ class _Translation:
         if not slides and m.jnt_type[joint] != kinds.mjJNT_HINGE:
             raise ModelError(f"joint {name!r} is a ball; joints may be hinge, slide and one free joint")
         if m.jnt_stiffness[joint]:
-            raise ModelError(f"joint {name!r} has a spring (stiffness), which is not supported")
+            self.left_out.append(f"the spring (stiffness) of joint {name!r} is left out")
         lower, upper = map(float, m.jnt_range[joint]) if limited else (-inf, inf)
         kind: JointKind = "prismatic" if slides else "revolute" if limited else "continuous"
         dof = m.jnt_dofadr[joint]

@@ -43,7 +43,8 @@ def _figure(run: Run, names: list[str]) -> Figure:
             normal, ratio, *rest = canvas.axes[columns * i : columns * (i + 1)]
             _curves(normal, run, name, "normal")
             style.over_time(normal, run, name, "normal force [N]")
-            normal.set_ylim(bottom=min(0.0, normal.get_ylim()[0]))
+            low, high = min(0.0, normal.get_ylim()[0]), normal.get_ylim()[1]
+            normal.set_ylim(low, high + 0.06 * (high - low))  # a constant force is not the frame of the picture
             _curves(ratio, run, name, "ratio")
             style.over_time(ratio, run, "", "tangential / normal")
             style.legend(ratio)
