@@ -1,19 +1,19 @@
-"""Stages in the dual form: one Cholesky of the number of rows for each, and the base is eliminated once for all.
+"""Stages in the dual form: one Cholesky of the number of rows while all can be met, and the base is eliminated.
 
-With u eliminated, and E the rows of stage k, of the stages above it, the laws and the active rows (see
-:mod:`wbc.qp.rows.dual`, whose notation this is), a step from y₀ is
+With u eliminated, and E the rows of the last stage, of the stages above it, the laws and the active rows (see
+:mod:`wbc.qp.rows.dual`, whose notation this is), a step from the centre y₀ is
 
     (E D⁻¹ Eᵀ + C) λ = −(E y₀ + e) ,      y = y₀ + D⁻¹ Eᵀ λ
 
-The last stage starts at the centre, and C is the compliance of its own rows. A stage above it is ½ Σ wᵢ rᵢ² alone, of
-which the metric may only choose among equals: C = δ κ w_max / wᵢ makes the step a proximal one, and some steps, each
-from where the last one ended, come to the least squares by a factor of δ each (Rockafellar, SIAM J. Control and
-Optimization 14(5), 1976). Rows that hold have C = 0 but for a trace that decides between equal multipliers where rows
-depend on each other, as they must where a stage was not met: its gradient is a combination of what held it back. What
-the trace leaves of them is taken away by steps in which nothing pulls.
+where C is the compliance of the last stage's own rows. Rows that hold have C = 0 but for a trace that decides between
+equal multipliers where rows depend on each other; what it leaves of them is taken away by steps in which nothing pulls.
 
-The working set is guessed, verified and repaired as in the dual form. What pushed while a stage above was decided stays
-held, and may push either way from then on; else a lower stage could leave the set where the stage above is best.
+A stage above the last is least squares in what the rows above it leave (:mod:`wbc.qp.lexicographic.rest`): of the
+metric only a share of 1e-12 of the steepest row is added, so that the answer is one point. The same holds for all
+stages below one that was not met. What pushed while a stage was decided stays held, and may push either way from then
+on; else a lower stage could leave the set where the stage above is best.
+
+The working set of each stage is that of the last tick, verified and repaired by block principal pivoting.
 """
 
 from __future__ import annotations
@@ -25,44 +25,37 @@ from scipy.linalg.blas import dgemm, dgemv, dsyrk
 from scipy.linalg.lapack import dposv, dpotrf, dpotrs
 
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.asked import Box, Rows, Wished, ask_daqp
-from wbc.qp.lexicographic.rest import Rest, is_met, multipliers
+from wbc.qp.lexicographic.asked import Answer, Box, Rows, Wished, ask_daqp
+from wbc.qp.lexicographic.rest import Asked, Rest, multipliers
 from wbc.qp.lexicographic.stages import MET, StagedProblem
 from wbc.qp.lexicographic.way import Way
 from wbc.qp.rows.pivoting import Pivoting
 from wbc.qp.solver import Counts
 from wbc.types import Index, Mat, Status, Vec
 
-#: The trace on rows that hold, as a share of the diagonal; and δ.
-_TRACE, _DELTA = 1e-11, 1e-6
+#: The trace on rows that hold, as a share of the diagonal; and ε where DAQP is asked for a point to begin with.
+_TRACE, _COARSE = 1e-11, 1e-6
 #: Steps that bring rows that hold within tolerance.
 _CLEANING = 4
-#: Multipliers below this share of the largest are rounding: in the last stage, and above it; above the third one push.
-_ROUNDING, _NOTHING, _PUSHES = 1e-12, 1e-9, 1e-8
-#: What an answer of DAQP may be off by, and what a stage above may lose by it, as a share of its cost.
-_ENOUGH, _LITTLE = 1e-7, 1e-5
+#: Multipliers below this share of the largest are rounding.
+_ROUNDING = 1e-12
+#: What an answer may be off by, and what a stage above may lose by it.
+_ENOUGH, _LITTLE = 1e-7, 1e-6
 #: A soft row of weight zero: so compliant that it pushes on nothing.
-_FREE = 1e30
+_FREE, _LIGHT = 1e30, 1e-15
 _NONE: Index = np.zeros(0, np.intp)
 _NOBODY: Vec = np.zeros(0)
 
 
 @final
 class DualStages(Way):
-    """Guess and verify on the rows, stage by stage, ``tries`` times a step before DAQP is asked.
-
-    A stage above the last takes steps until its residual changes by less than ``precision``, as a share of it, or is
-    met; at most ``steps``. ``exact``: it goes on to the least squares themselves, however flat they are.
-    """
+    """Guess and verify, stage by stage, ``tries`` times before DAQP or a descent finds the answer."""
 
     form = "dual"
 
-    def __init__(
-        self, staged: StagedProblem, *, tolerance: float, tries: int, steps: int, precision: float, exact: bool
-    ) -> None:
+    def __init__(self, staged: StagedProblem, *, tolerance: float, tries: int) -> None:
         self.staged, self.tolerance, self.tries = staged, tolerance, tries
         self._pivoting = Pivoting()
-        self.steps, self.precision, self.exact = steps, precision, exact
         self.counts, self.iterations = Counts(), 0
         self.problem = p = staged.problem
         self._first, self._m = p.soft.start, p.n_soft + p.n_law
@@ -77,15 +70,14 @@ class DualStages(Way):
         self._bounded = p.item(self._first)
         self._over, self._under = np.zeros(self._bounded), np.zeros(self._bounded)
         self._version = -1
-        self._rest: Rest | None = None  # what is left below a stage that was not met
-        self._sharp: Rest | None = None  # the space in which a stage was made exact
-        self._least: list[tuple[slice, Vec, Vec]] = []  # such stages: columns, weights and residual
+        self._rest: Rest | None = None  # what is left below a stage that was not met, or is not known to be
+        self._unmet: list[tuple[slice, Vec, Vec]] = []  # such stages: columns, weights and residual
         self._lam = self._wrong = self._give = self._side = self._pinned_at = _NOBODY
         self._items = self._pins = self._slots = _NONE
         self._is_pin = np.zeros(0, bool)
         self._primal = self._off = self._rounding = 0.0
         self._why = Status.FAILED
-        self._k = self._column = self._wished = 0
+        self._column = self._wished = 0
         self.begin_over()
 
     def begin_over(self) -> None:
@@ -97,7 +89,7 @@ class DualStages(Way):
         p, m = self.problem, self._m
         if p.version != self._version:
             self._read_weights()
-        self._rest, self._sharp, self._least = None, None, []
+        self._rest, self._unmet = None, []
         if p.n_u:
             self._B[:] = p.G[: p.n_u]
             if dposv(self._Bu, self._X, 1, 1, 1)[2]:
@@ -111,9 +103,9 @@ class DualStages(Way):
         self._root[:] = self._free_root
         self._root[self._pins] = 0.0
         self._compliance = np.divide(p.unit, p.weights, out=np.full(p.n_soft, _FREE), where=p.weights > 0)
-        self._lightness = [
-            np.divide(weights.max(initial=0.0), weights, out=np.full(len(weights), _FREE), where=weights > 0)
-            for weights in self.staged.weights
+        self._weigh = [
+            *(np.sqrt(weights / (weights.max(initial=0.0) or 1.0)) for weights in self.staged.weights[:-1]),
+            np.sqrt(p.weights / p.unit),
         ]
         self._version = p.version
 
@@ -124,50 +116,20 @@ class DualStages(Way):
         return reduced
 
     def solve(self, k: int) -> Status:
-        p, own = self.problem, self.staged.rows[k]
-        self._k, self._last = k, k == len(self.staged.stages) - 1
+        own = self.staged.rows[k]
+        self._last = k == len(self.staged.stages) - 1
         self._column, self._wished = own.start - self._first, own.stop - own.start
-        self._start, self._sharp = p.centre, None
-        if self._last:
-            self._give = self._compliance
-        else:
-            E = self._Er[:-1, self._column : self._column + self._wished] * self._free_root[:, None]
-            steepest = float(np.einsum("ij,ij->j", E, E).max(initial=0.0))
-            self._give = _DELTA * (steepest or 1.0) * self._lightness[k]
-        if self._rest is not None:
-            return self._solve_rest(self._rest)
+        if not self._last or self._rest is not None:
+            return self._solve_least(k)
+        self._give = self._compliance
         self._work_on(*self._memory[k])
-        before = _NOBODY
-        for step in range(1 if self._last else self.steps):
-            if step:
-                self._start = self._y.copy()
-            if not self._guess() and not self._ask():
-                return self._why
-            now = self._missing[: self._wished].copy()
-            if step and _largest(now - before) <= self.precision * (MET + _largest(now)):
-                break
-            if not step:
-                self._memory[k] = self._items, self._side
-            before = now
-        if self.exact and not self._last:
-            self._sharpen()
+        if not self._guess() and not self._ask():
+            return self._why
+        self._memory[k] = self._items, self._side
         return Status.SOLVED
 
-    def _sharpen(self) -> None:
-        """From near the least squares to them, however little they gain by it."""
-        rest = self._rest
-        if rest is None:
-            rest = self._rest_of(self._values_now())
-            rest.narrow(self._Er[:-1, self._column + self._wished : self._m], _NONE, self._Er[:-1, :0], met=True)
-        else:
-            rest.stay(self._y, self._values_now())
-        own = self._Er[:, self._column : self._column + self._wished]
-        self._y[:] = rest.least(own[:-1], own[:-1].T @ rest.y + own[-1], self._give)
-        self._values()
-        self._sharp = rest
-
     def _guess(self) -> bool:
-        """One step, with the working set repaired until it is right; False where that takes too many tries."""
+        """The last stage, with the working set repaired until it is right; False where that takes too many tries."""
         self._pivoting.restart()
         for attempt in range(self.tries):
             self.iterations += 1
@@ -220,7 +182,7 @@ class DualStages(Way):
     # ---- the linear system
     def _decide(self) -> bool:
         """y and λ for the working set; False where there is none."""
-        self._y[:] = self._start
+        self._y[:] = self.problem.centre
         if len(self._pins):
             self._y[self._pins] = self._pinned_at
         self._lam = _NOBODY
@@ -233,9 +195,7 @@ class DualStages(Way):
         for _ in range(_CLEANING):
             if self._off <= 0.1 * self.tolerance:
                 break
-            change = self._step(self._unbalanced)
-            if self._last:
-                self._lam = self._lam + change
+            self._lam = self._lam + self._step(self._unbalanced)
             self._values()
             self._off = _largest(self._balance())
         return True
@@ -273,12 +233,10 @@ class DualStages(Way):
         self._missing = p.value[p.first_row + self._first + self._column : p.first_row + rows]
 
     def _balance(self) -> Vec:
-        """What is missing of the rows of the system: of those that hold, and of the last stage's own with C λ."""
+        """What is missing of the rows of the system, with C λ."""
         missing = self._unbalanced = self._missing.copy()
         wished = self._wished
-        if not self._last:
-            missing[:wished] = 0.0
-        elif wished:
+        if wished:
             missing[:wished] += self._give * self._lam[:wished]
         return missing
 
@@ -301,7 +259,7 @@ class DualStages(Way):
         forces[~self._is_pin] = -self._lam[len(self._lam) - len(self._slots) :]
         pins = self._pins
         if len(pins):
-            pull = self.problem.metric[pins] * (self._start[pins] - self._y[pins])
+            pull = self.problem.metric[pins] * (self.problem.centre[pins] - self._y[pins])
             if len(self._lam):
                 pull += self._Ek[pins] @ self._lam
             forces[self._is_pin] = pull
@@ -314,8 +272,7 @@ class DualStages(Way):
             return _NOBODY, 0.0
         wrong = -self._forces() * self._side
         wrong[p.lower[items] == p.upper[items]] = 0.0  # one value: it may push either way
-        share = _ROUNDING if self._last else _NOTHING
-        return wrong, share * max(_largest(self._lam), _largest(wrong))
+        return wrong, _ROUNDING * max(_largest(self._lam), _largest(wrong))
 
     def _repair(self) -> bool:
         """Exchange what is wrong by block principal pivoting. False: nothing to exchange."""
@@ -331,27 +288,12 @@ class DualStages(Way):
 
     # ---- when guessing does not end
     def _ask(self) -> bool:
-        """DAQP's answer to this step, sharpened by a solve of our own with its active set."""
-        self.counts.fallback += 1
-        p, n_u, wished = self.problem, self.problem.n_u, self._wished
-        ranges, unknowns = slice(p.item(p.range.start), self._bounded), slice(n_u, p.n)
-        behind, wish = (self._Er[:, columns].T for columns in (
-            slice(self._column + wished, self._m), slice(self._column, self._column + wished)
-        ))  # fmt: skip
-        rows, zero = np.concatenate([self._reduced(p.G[p.range]).T, behind]), np.zeros(len(behind))
-        bounded = Rows(
-            rows[:, :-1], rows[:, -1], np.append(p.lower[ranges], zero), np.append(p.upper[ranges], zero), len(zero)
-        )
-        box = Box(p.lower[unknowns], p.upper[unknowns], self._free_root, self._start)
-        asked = ask_daqp(Wished(wish[:, :-1], wish[:, -1], self._give), bounded, box)
-        self.iterations += asked.iterations
-        self._why = asked.status
+        """DAQP's answer to the last stage, sharpened by a solve of our own with its active set."""
+        p, wished = self.problem, self._wished
+        asked = self._daqp()
         if not asked.status.ok:
             return False
-        side = np.zeros(self._bounded)
-        side[unknowns], side[ranges] = np.sign(asked.bounds), np.sign(asked.rows[: p.n_range])
-        items = np.flatnonzero(side)
-        self._work_on(items, side[items])
+        self._work_on(*self._active_in(asked))
         if self._decide() and self._verify():
             return True
         self._y[:] = asked.y
@@ -363,89 +305,121 @@ class DualStages(Way):
         self._why = Status.SOLVED if self._primal <= _ENOUGH else Status.INACCURATE
         return self._why.ok
 
-    # ---- on to the next stage
-    def hold(self, k: int) -> Vec:
-        rows = self.staged.rows[k]
-        pushing, values = self._pushing(), self._values_now()
-        residual = self.staged.hold(k)
-        own = slice(rows.start - self._first, rows.stop - self._first)
-        self._Er[-1, own] -= residual
-        met, holds = is_met(residual), self._Er[:-1, :0]
-        if not met:
-            self._least.append((own, self.staged.weights[k], residual))
-            if self._rest is None:
-                self._rest, holds = self._rest_of(values), self._Er[:-1, own.stop : self._m]
-        if self._rest is not None:
-            self._rest.stay(self._y, values)
-            self._rest.narrow(holds, _NONE if met else pushing, self._Er[:-1, own], met=met)
-        return residual
-
-    def _rest_of(self, values: Vec) -> Rest:
-        """The whole space, from the present point."""
-        p = self.problem
-        ranges = slice(p.item(p.range.start), self._bounded)
-        low, high = (np.concatenate([side[ranges], side[p.n_u : p.n]]) for side in (p.lower, p.upper))
-        rest = Rest(self._reduced(p.G[p.range])[:-1], low, high, self._free_root)
-        rest.stay(self._y, values)
-        return rest
-
-    def _values_now(self) -> Vec:
-        """Values of what Rest counts: range rows, then the unknowns y."""
-        p = self.problem
-        return np.concatenate([p.value[p.item(p.range.start) : self._bounded], self._y])
-
-    def _pushing(self) -> Index:
-        """What held this stage back, as Rest counts: range rows, then bounds on y."""
-        rest = self._sharp or self._rest
-        if rest is not None:
-            return rest.pushing(_largest(self._missing[: self._wished] / self._give))
-        if not len(self._items):
-            return _NONE
-        items = self._items[self._forces() * self._side > _PUSHES * _largest(self._lam)]
-        p = self.problem
-        is_pin = items < p.n
-        return np.where(is_pin, items - p.n_u + p.n_range, items - p.item(p.range.start))
-
-    def _solve_rest(self, rest: Rest) -> Status:
-        """The same in what is left free."""
-        p, wished = self.problem, self._wished
-        self._work_on(_NONE, np.zeros(0))
-        own = self._Er[:, self._column : self._column + wished]
-        at = own[:-1].T @ rest.y + own[-1]
-        steps = 1 if self._last else self.steps
-        asked = rest.minimise(own[:-1], at, self._give, p.centre, steps=steps, precision=self.precision)
+    def _daqp(self) -> Answer:
+        """The stage as DAQP answers it, from the centre."""
+        self.counts.fallback += 1
+        p, n_u, wished = self.problem, self.problem.n_u, self._wished
+        ranges, unknowns = slice(p.item(p.range.start), self._bounded), slice(n_u, p.n)
+        behind, wish = (self._Er[:, columns].T for columns in (
+            slice(self._column + wished, self._m), slice(self._column, self._column + wished)
+        ))  # fmt: skip
+        rows, zero = np.concatenate([self._reduced(p.G[p.range]).T, behind]), np.zeros(len(behind))
+        bounded = Rows(
+            rows[:, :-1], rows[:, -1], np.append(p.lower[ranges], zero), np.append(p.upper[ranges], zero), len(zero)
+        )
+        box = Box(p.lower[unknowns], p.upper[unknowns], self._free_root, p.centre)
+        asked = ask_daqp(Wished(wish[:, :-1], wish[:, -1], self._give), bounded, box)
         self.iterations += asked.iterations
-        if not asked.status.ok:
-            return asked.status
-        self._y[:] = asked.y
-        self._values()
-        missing = self._missing.copy()
-        missing[: self._wished] = 0.0
-        for columns, _, _ in self._least:
-            missing[columns.start - self._column : columns.stop - self._column] = 0.0
-        self._lam, self._off = np.zeros(self._stop - self._column), _largest(missing)
-        self._verify()
-        if self.exact and not self._last:
-            self._sharpen()
-        if self._primal > _ENOUGH or self._excess() > _LITTLE:
+        self._why = asked.status
+        return asked
+
+    def _active_in(self, asked: Answer) -> tuple[Index, Vec]:
+        """Items at a bound in an answer of DAQP, and on which side."""
+        p, side = self.problem, np.zeros(self._bounded)
+        side[p.n_u : p.n] = np.sign(asked.bounds)
+        side[p.item(p.range.start) :] = np.sign(asked.rows[: p.n_range])
+        items = np.flatnonzero(side)
+        return items, side[items]
+
+    # ---- least squares in what is left free
+    def _solve_least(self, k: int) -> Status:
+        p, rest, inside = self.problem, self._rest, self._rest is not None
+        self._work_on_none()
+        own = self._Er[:, self._column : self._column + self._wished]
+        guess = self._numbers(*self._memory[k])
+        asked = Asked(own[:-1], own[-1], self._weigh[k], p.centre, self._last, *guess)
+        if rest is None:
+            rest = self._open()
+        before = rest.iterations, rest.fallbacks
+        status, y = rest.least(asked, inside=inside)
+        self.iterations += rest.iterations - before[0]
+        self.counts.fallback += rest.fallbacks - before[1]
+        if not status.ok:
+            return status
+        if not self._is_there(y):
+            return Status.INACCURATE if inside else Status.INFEASIBLE
+        if self._excess() > _LITTLE:
             return Status.INACCURATE
+        self._rest = rest
+        self._memory[k] = self._items_of(rest.rows), rest.side
+        self._lam = np.zeros(self._stop - self._column)
         if self._last:  # what held a stage back may push either way in the last problem: there it is one value
             kept = self._items_of(rest.kept)
             p.lower[kept] = p.upper[kept] = p.value[kept]
         return Status.SOLVED
+
+    def _open(self) -> Rest:
+        """The space in which the laws and all stages above hold."""
+        p = self.problem
+        ranges = slice(p.item(p.range.start), self._bounded)
+        low, high = (np.concatenate([side[ranges], side[p.n_u : p.n]]) for side in (p.lower, p.upper))
+        rest = Rest(self._reduced(p.G[p.range])[:-1], low, high, self._free_root,
+                    tolerance=self.tolerance, tries=self.tries)  # fmt: skip
+        firm = self._Er[:, self._column + self._wished : self._m]
+        rest.open(firm[:-1], firm[-1], p.centre)
+        rest.stay(rest.y, self._values_at(rest.y))
+        return rest
+
+    def _values_at(self, y: Vec) -> Vec:
+        """Values at y of what Rest counts: range rows, then the unknowns y."""
+        p = self.problem
+        self._y[:] = y
+        self._values()
+        return np.concatenate([p.value[p.item(p.range.start) : self._bounded], y])
+
+    def _is_there(self, y: Vec) -> bool:
+        """Go to y: whether all holds there that must."""
+        self._y[:] = y
+        self._values()
+        missing = self._missing.copy()
+        missing[: self._wished] = 0.0
+        for columns, _, _ in self._unmet:
+            missing[columns.start - self._column : columns.stop - self._column] = 0.0
+        self._off = _largest(missing)
+        self._verify()
+        return self._primal <= _ENOUGH
+
+    # ---- on to the next stage
+    def hold(self, k: int) -> Vec:
+        rows, rest = self.staged.rows[k], self._rest
+        assert rest is not None  # all stages above the last are solved there
+        residual = self.staged.hold(k)
+        own = slice(rows.start - self._first, rows.stop - self._first)
+        self._Er[-1, own] -= residual
+        if _largest(residual) > MET:
+            self._unmet.append((own, self.staged.weights[k], residual))
+        p = self.problem
+        rest.stay(self._y, np.concatenate([p.value[p.item(p.range.start) : self._bounded], self._y]))
+        rest.narrow(self._Er[:-1, own], residual)
+        return residual
 
     def _items_of(self, numbers: Index) -> Index:
         """Items of what Rest counts: range rows, then bounds on y."""
         p = self.problem
         return np.where(numbers < p.n_range, numbers + p.item(p.range.start), numbers - p.n_range + p.n_u)
 
+    def _numbers(self, items: Index, side: Vec) -> tuple[Index, Vec]:
+        """Items as Rest counts them, with their sides."""
+        p = self.problem
+        return np.where(items < p.n, items - p.n_u + p.n_range, items - p.item(p.range.start)), side
+
     def _excess(self) -> float:
-        """By how much stages that were not met are above their least, as a share of it."""
+        """By how much stages that were not met are above their least √Σ w r², as a share of it and 1."""
         worst = 0.0
-        for columns, weights, residual in self._least:
+        for columns, weights, residual in self._unmet:
             now = residual + self._missing[columns.start - self._column : columns.stop - self._column]
-            before = (weights * residual).dot(residual)
-            worst = max(worst, float((weights * now).dot(now) / before) - 1.0)
+            before = float((weights * residual).dot(residual)) ** 0.5
+            worst = max(worst, (float((weights * now).dot(now)) ** 0.5 - before) / (before + 1.0))
         return worst
 
     # ---- what explain() and the reports ask for
@@ -461,7 +435,7 @@ class DualStages(Way):
         rest, p = self._rest, self.problem
         if rest is None:
             return self._items, self._side
-        numbers = np.union1d(rest.kept, np.flatnonzero(rest.forces))
+        numbers = np.union1d(rest.kept, rest.rows)
         items = self._items_of(numbers)
         return items, np.where(p.upper[items] - p.value[items] <= p.value[items] - p.lower[items], 1.0, -1.0)
 

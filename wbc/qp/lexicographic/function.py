@@ -86,9 +86,7 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec, solver: Solv
     equal = lo == hi
     rows, stages = _row_problem(A, lo, hi, ends)
     rows.lb[:n], rows.ub[:n] = low, high
-    ranked = LexicographicSolver(
-        rows, [*stages, []], way_for(solver, steps=5, precision=1e-9, exact=True), budget=4 * len(stages) + 4
-    )
+    ranked = LexicographicSolver(rows, [*stages, []], way_for(solver), budget=4 * len(stages) + 4)
     start = perf_counter()
     status = ranked.solve()
     elapsed = perf_counter() - start

@@ -1,4 +1,4 @@
-"""What is left free below a stage that was not met: a smaller space, in which everything above holds by construction.
+"""What is left free below rows that hold: a smaller space, in which everything above holds by construction.
 
 Once a stage is least but not zero, the rows that hold depend on one another: what held it back, the laws and its own
 rows. Equations of that kind are as thin as rounding. So they are not kept as equations: with Ẽ = √D⁻¹ E their columns,
@@ -6,113 +6,172 @@ a basis Q of the complement of their span (QR with pivoting) gives all points th
 
     y = y* + √D⁻¹ Q z ,      ½ (y − c)ᵀ D (y − c) = ½ ‖z − z_c‖² + const ,   z_c = Qᵀ √D (c − y*)
 
-Laws, stages that were met and what pushed are taken out first; of the stage itself only what is then still free. The
-stages below are QPs in z with nothing but inequalities, and each of them narrows the space further.
+Laws, stages that were met and what pushed are taken out first; of a stage itself only what is then still free. From the
+first stage that cannot be met, all are least squares in z within nothing but inequalities, and each narrows the space.
 """
 
 from __future__ import annotations
 
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
-from scipy.linalg.lapack import dgeqp3, dormqr
+from scipy.linalg.blas import dgemm
+from scipy.linalg.lapack import dgeqp3, dormqr, dtrtrs
 
-from wbc.qp.lexicographic.asked import Answer, Box, Rows, Wished, ask_daqp
-from wbc.qp.lexicographic.exact import least_squares_within
+from wbc.qp.lexicographic.asked import Box, Rows, Wished, ask_daqp
+from wbc.qp.lexicographic.least import Cost, Held, Within
 from wbc.qp.lexicographic.stages import MET
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
 from wbc.types import Index, Mat, Status, Vec
 
-#: Lengths, of columns of unit length, that count as nothing: beside rows that must hold, and beside a stage's own.
-_DEPENDENT, _OWN = 1e-10, 1e-6
-#: Multipliers above this share of the largest push.
-_PUSHES = 1e-8
+#: The length, of columns of unit length, that counts as nothing beside others: in general, and of the rows of a stage
+#: with a residual. Across that those matter in the second order only, and no model is as exact.
+_DEPENDENT, _OWN = 1e-10, 1e-7
+#: Residuals up to this are too small to say what they are orthogonal to.
+_SLIGHT = 1e-3
+#: A stage's own rows count from their lengths where its space begins, or from this share of the whole length.
+_BARELY = 1e-4
+#: ε of a stage above the last, as a share of the steepest row's curvature.
+_DELTA = 1e-14
+#: The same where DAQP is asked for a point to begin with: the next one where it finds none.
+_COARSE = 1e-8, 1e-5, 1e-2
+#: What such a point may be beyond a bound.
+_ENOUGH = 1e-7
+_NONE: Index = np.zeros(0, np.intp)
+
+
+class Asked(NamedTuple):
+    """½ Σ (weighᵢ rᵢ)² + ½ ε ‖y − centre‖²_D with r = ownᵀ y + right, own (n_y, m), right and weigh (m,).
+
+    ``last``: ε = 1. Else it is next to nothing, and all r within a hundredth of ``MET`` are as good as least. ``rows``
+    and ``side``: what is guessed to be held.
+    """
+
+    own: Mat
+    right: Vec
+    weigh: Vec
+    centre: Vec
+    last: bool
+    rows: Index
+    side: Vec
 
 
 @final
 class Rest:
-    """The space that is left. ``rows`` (n_y, m) are the gradients of the bounded rows, those of the bounds on y behind.
+    """The space that is left. ``rows`` (n_y, m) are the gradients of the bounded rows; the bounds on y come behind.
 
-    ``values``, ``low`` and ``high`` (m,) say where they are and what they may be; ``root`` (n_y,) is √D⁻¹.
+    ``low`` and ``high`` (m + n_y,) say what they may be; ``root`` (n_y,) is √D⁻¹.
     """
 
-    def __init__(self, rows: Mat, low: Vec, high: Vec, root: Vec) -> None:
-        self._rows = np.concatenate([rows * root[:, None], np.diag(root)], axis=1)
+    def __init__(self, rows: Mat, low: Vec, high: Vec, root: Vec, *, tolerance: float, tries: int) -> None:
         self._low, self._high, self._root = low, high, root
-        self.basis: Mat = np.eye(len(root))
+        self._tolerance, self._tries = tolerance, tries
+        self._rows: Mat = rows * root[:, None]
+        self._length = np.concatenate([_lengths(self._rows), root])
         self.y = self.values = np.zeros(0)
         #: Rows and bounds that held a stage back, and stay.
-        self.kept: Index = np.zeros(0, np.intp)
-        #: What each row and bound pushed with in the last answer, positive down from an upper side.
-        self.forces = np.zeros(len(low))
+        self.kept = _NONE
+        #: What is held at a bound in the last answer besides, on which side, and what it pushes with, down from above.
+        self.rows, self.side, self.force, self._holds = _NONE, np.zeros(0), np.zeros(0), _NONE
+        #: All guesses and iterations, and how often the answer had to be searched for.
+        self.iterations = self.fallbacks = 0
+
+    def open(self, firm: Mat, right: Vec, centre: Vec) -> None:
+        """Begin at the point nearest to the centre where firmᵀ y + right = 0, and go on only where that holds."""
+        scaled = firm * self._root[:, None]
+        length = _lengths(scaled)
+        self.basis, nearest = _complement(scaled / length, -(right + centre @ firm) / length)
+        self.y = centre + self._root * nearest
+        self._follow()
 
     def stay(self, y: Vec, values: Vec) -> None:
         """From here on the space begins at y, where the bounded rows and bounds have these values."""
-        self.y, self.values = y.copy(), values.copy()
+        self.y, self.values = y.copy(), values
 
-    def narrow(self, holds: Mat, pushing: Index, own: Mat, *, met: bool) -> None:
-        """Keep to what holds, to what pushed and to a stage's ``own`` rows: gradients (n_y, ·) each."""
-        self.kept = np.union1d(self.kept, pushing)
-        firm = np.concatenate([holds * self._root[:, None], self._rows[:, pushing]], axis=1)
-        mine = own * self._root[:, None]
-        if met:
-            firm = np.concatenate([firm, mine], axis=1)
-        self.basis = _complement(self.basis, firm, _DEPENDENT)
-        if not met:
-            self.basis = _complement(self.basis, mine, _OWN)
-        self._free = self.basis.T @ self._rows
+    def narrow(self, own: Mat, residual: Vec) -> None:
+        """Keep to what pushed in the last answer, and to a stage's ``own`` rows, gradients (n_y, m).
 
-    def minimise(self, own: Mat, at: Vec, give: Vec, centre: Vec, *, steps: int, precision: float) -> Answer:
-        """½ ‖z − z_c‖² + ½ Σ rᵢ²/giveᵢ with r = ownᵀ (y − y*) + at; every step after the first from where it ended."""
-        low, high = self._room()
-        d = self.basis.shape[1]
-        nothing, free = np.zeros(0), np.full(d, np.inf)
-        self.forces = np.zeros(len(low))
-        if not d:
-            return Answer(Status.SOLVED, self.y, nothing, nothing, 0)
-        wish = Wished((self.basis.T @ (own * self._root[:, None])).T, at, give)
-        rows = Rows(self._free.T, np.zeros(len(low)), low, high, 0)
-        z, iterations = self.basis.T @ ((centre - self.y) / self._root), 0
-        for _ in range(steps):
-            asked = ask_daqp(wish, rows, Box(-free, free, np.ones(d), z))
-            iterations += asked.iterations
-            if not asked.status.ok:
-                return asked._replace(iterations=iterations)
-            moved, left = wish.A @ (asked.y - z), wish.A @ asked.y + at
-            z = asked.y
-            if np.abs(moved).max(initial=0.0) <= precision * (MET + np.abs(left).max(initial=0.0)):
-                break
-        self.forces = asked.rows
-        return Answer(Status.SOLVED, self.y + self._root * (self.basis @ z), asked.rows, nothing, iterations)
+        In what is left beside the rows that pushed, Σ wᵢ rᵢ ownᵢ = 0: the condition for the least. As an equation this
+        combination would be nothing but rounding, so own rows are counted coarsely where there is a residual.
+        """
+        scaled = own * self._root[:, None]
+        mine = self.basis.T @ scaled
+        mine /= np.maximum(_lengths(mine), _BARELY * _lengths(scaled))
+        missed = bool(np.abs(residual).max(initial=0.0) > _SLIGHT)
+        if missed and len(self._holds):
+            self.kept = np.union1d(self.kept, self._holds)
+            held = self._free[:, self._holds]
+            mine = self._keep(held / _lengths(held)).T @ mine
+        self._keep(mine, _OWN if missed else _DEPENDENT)
+        self._follow()
 
-    def least(self, own: Mat, at: Vec, give: Vec) -> Vec:
-        """y of the least squares ½ Σ rᵢ²/giveᵢ themselves."""
-        low, high = self._room()
-        weigh = np.sqrt(1.0 / give)
-        W = (self.basis.T @ (own * self._root[:, None])).T * weigh[:, None]
-        z, self.forces = least_squares_within(W, at * weigh, self._free.T, low, high)
-        y: Vec = self.y + self._root * (self.basis @ z)
-        return y
+    def _keep(self, columns: Mat, tolerance: float = _DEPENDENT) -> Mat:
+        left, _ = _complement(columns, np.zeros(columns.shape[1]), tolerance)
+        self.basis = self.basis @ left
+        return left
 
-    def _room(self) -> tuple[Vec, Vec]:
-        """How far each row and bound may still go, down and up."""
-        low, high = np.minimum(self._low - self.values, 0.0), np.maximum(self._high - self.values, 0.0)
+    def _follow(self) -> None:
+        """The rows in the coordinates z, and which of them nothing moves any more."""
+        moved = dgemm(1.0, self.basis, self._rows, trans_a=1) if self.basis.size else self.basis.T @ self._rows
+        self._free = np.concatenate([moved, self.basis.T * self._root], axis=1)
+        self._fixed = _lengths(self._free, least=0.0) <= _DEPENDENT * self._length
+
+    def least(self, asked: Asked, *, inside: bool) -> tuple[Status, Vec]:
+        """y of the least cost within all rows; ``inside`` says that they hold where the space begins."""
+        low, high = self._low - self.values, self._high - self.values
         low[self.kept], high[self.kept] = -np.inf, np.inf
-        return low, high
+        if inside:
+            np.minimum(low, 0.0, out=low)
+            np.maximum(high, 0.0, out=high)
+        own, right, weigh, centre, last, rows, side = asked
+        scaled = own * (self._root[:, None] * weigh)
+        free = self.basis.T @ scaled
+        length = _lengths(free, least=0.0)
+        free[:, length <= _DEPENDENT * _lengths(scaled)] = 0.0
+        steepest = float((free * free).sum(axis=0).max(initial=0.0)) or 1.0
+        eps, enough = (1.0, -1.0) if last else (_DELTA * steepest, 1e-2 * MET)
+        cost = Cost(free.T, (self.y @ own + right) * weigh, eps, ((centre - self.y) / self._root) @ self.basis, enough)
+        within = Within(self._free, low, high, fixed=self._fixed, tolerance=self._tolerance)
+        held, status = within.guess(cost, rows, side, tries=self._tries), Status.SOLVED
+        if held is None:
+            held, status = self._search(within, cost, steepest, inside=inside)
+        self.iterations += within.iterations
+        if held is None:
+            return status, self.y
+        self.rows, self.side, self.force, self._holds = held.rows, held.side, held.force, held.holds
+        return Status.SOLVED, self.y + self._root * (self.basis @ held.z)
 
-    def pushing(self, pull: float) -> Index:
-        """Which rows and bounds pushed in the last answer, ``pull`` being the size of what they pushed against."""
-        largest = max(pull, float(np.abs(self.forces).max(initial=0.0)))
-        return np.flatnonzero(np.abs(self.forces) > _PUSHES * largest)
+    def _search(self, within: Within, cost: Cost, steepest: float, *, inside: bool) -> tuple[Held | None, Status]:
+        """DAQP's answer where ε is larger, and the way down from there."""
+        self.fallbacks += 1
+        d, m = within.A.shape
+        free, rows = np.full(d, np.inf), Rows(within.A.T, np.zeros(m), within.low, within.high, 0)
+        status = Status.INACCURATE
+        for share in _COARSE:
+            wish = Wished(cost.W, cost.a, np.full(len(cost.a), max(cost.eps, share * steepest)))
+            found = ask_daqp(wish, rows, Box(-free, free, np.ones(d), cost.centre))
+            self.iterations += found.iterations
+            if not found.status.ok:
+                status = found.status
+            elif within.beyond(found.y) <= _ENOUGH:
+                pushing = np.flatnonzero(found.rows)
+                side = np.sign(found.rows[pushing])
+                held = within.guess(cost, pushing, side, tries=self._tries)
+                held = held or within.descend(cost, pushing, side, found.y)
+                if held is not None:
+                    return held, Status.SOLVED
+        return within.descend(cost, _NONE, np.zeros(0), np.zeros(d)) if inside else None, status
 
 
 def multipliers(p: RowProblem, rest: Rest) -> tuple[Vec, Vec, Vec]:
-    """y, z and z_box of the last stage: of what is left DAQP's, of what holds those that make it stationary."""
+    """y, z and z_box of the last stage: of what is left those found, of what holds those that make it stationary."""
     qp = QP.empty(p.qp_shape)
     p.write_qp(qp)
+    found_force = np.zeros(p.n_range + p.n_y)
+    found_force[rest.rows] = p.unit * rest.force
     force = np.zeros(p.n_range + p.n)
-    force[: p.n_range], force[p.n_range + p.n_u :] = np.split(p.unit * rest.forces, [p.n_range])
+    force[: p.n_range], force[p.n_range + p.n_u :] = np.split(found_force, [p.n_range])
     force[p.n_range :] /= p.scale
     kept = rest.kept + np.where(rest.kept < p.n_range, 0, p.n_u)
     force[kept] = 0.0
@@ -126,24 +185,22 @@ def multipliers(p: RowProblem, rest: Rest) -> tuple[Vec, Vec, Vec]:
     return found[: qp.n_eq], force[: p.n_range], force[p.n_range :]
 
 
-def _complement(basis: Mat, columns: Mat, tolerance: float) -> Mat:
-    """A basis of what is left of the span of ``basis`` (n, d) beside these columns (n, m)."""
-    d, m = basis.shape[1], columns.shape[1]
-    if not d or not m:
-        return basis
-    length = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    inside = basis.T @ (columns / np.where(length > 0.0, length, 1.0))
-    qr, _, tau, _, _ = dgeqp3(inside)
+def _lengths(columns: Mat, *, least: float = 1e-300) -> Vec:
+    """Length of each column, and no less than ``least``."""
+    lengths: Vec = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), least)
+    return lengths
+
+
+def _complement(columns: Mat, right: Vec, tolerance: float = _DEPENDENT) -> tuple[Mat, Vec]:
+    """An orthonormal basis of what is orthogonal to these columns (n, m); the shortest x with columnsᵀ x = right."""
+    n, m = columns.shape
+    if not n or not m:
+        return np.eye(n), np.zeros(n)
+    qr, order, tau, _, _ = dgeqp3(columns)
     rank = int((np.abs(np.diagonal(qr)) > tolerance).sum())
-    left = np.zeros((d, d - rank), order="F")
-    left[rank:] = np.eye(d - rank)
-    if d == rank:
-        return basis[:, :0]
-    turned, _, _ = dormqr("L", "N", qr[:, : len(tau)], tau, left, 64 * d, overwrite_c=1)
-    smaller: Mat = basis @ turned
-    return smaller
-
-
-def is_met(residual: Vec) -> bool:
-    """Whether nothing worth speaking of is left."""
-    return float(np.abs(residual).max(initial=0.0)) <= MET
+    turned = np.zeros((n, 1 + n - rank), order="F")
+    if rank:
+        turned[:rank, 0] = dtrtrs(qr[:rank, :rank], right[order[:rank] - 1], trans=1)[0]
+    turned[range(rank, n), range(1, 1 + n - rank)] = 1.0
+    turned, _, _ = dormqr("L", "N", qr[:, : len(tau)], tau, turned, 64 * n, overwrite_c=1)
+    return turned[:, 1:], turned[:, 0]

@@ -152,22 +152,15 @@ class LexicographicSolver(RowSolver):
         self.way.guess(np.where(items < self.problem.n, items, items + self._more), side)
 
 
-def way_for(
-    solver: Solver, *, steps: int = 2, precision: float = 1e-4, exact: bool = False
-) -> Callable[[StagedProblem], Way]:
-    """The way that a solver takes: the default works on the rows where their cost is real, any other on QPs.
-
-    ``steps`` and ``precision`` say when a stage above the last is settled, ``exact`` that it is made exact whatever it
-    takes; the defaults are for a control loop.
-    """
+def way_for(solver: Solver) -> Callable[[StagedProblem], Way]:
+    """The way that a solver takes: the default works on the rows where their cost is real, any other on QPs."""
     from wbc.qp.lexicographic.dual import DualStages
     from wbc.qp.lexicographic.standard import StandardStages
     from wbc.qp.solvers.pdas import Pdas
 
     def way(staged: StagedProblem) -> Way:
         if isinstance(solver, Pdas) and has_real_cost(staged.problem):
-            return DualStages(staged, tolerance=solver.accuracy, tries=solver.tries,
-                              steps=steps, precision=precision, exact=exact)  # fmt: skip
+            return DualStages(staged, tolerance=solver.accuracy, tries=solver.tries)
         return StandardStages(staged, solver)
 
     return way

@@ -1,0 +1,116 @@
+"""Weak motors and wild goals: what strict priorities come to where torques, friction and joints are at their limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import CenterOfMass, JointVelocityLimits, Orientation, Position, Posture, TorqueLimits
+from tests.stack.conftest import feet
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.qp.problem import QP
+from wbc.qp.rows import RowProblem
+
+#: How much more than the cascade may be left of a level above the last, and of the last, beside 1 and what is left.
+MORE, MORE_OF_THE_LAST = 1e-5, 1e-4
+
+
+def wild(robot: PinocchioModel, rng: np.random.Generator) -> wbc.Stack:
+    """Two to four levels in random order, goals up to metres away, a part of the torque that there is."""
+    state = robot.state()
+    balance = [CenterOfMass(target=state.com + rng.normal(size=3) * rng.choice([0.02, 0.2, 1.0]), kp=100)]
+    if rng.random() < 0.6:
+        balance.append(Orientation(robot.frame_names[0], target=np.eye(3), kp=100))
+    levels = [balance]
+    for i in range(int(rng.integers(1, 3))):
+        frame = robot.frame_names[int(rng.integers(len(robot.frame_names)))]
+        away = rng.normal(size=3) * rng.choice([0.05, 0.5, 2.0])
+        levels.append([Position(frame, target=state.frame(frame).position + away, kp=100, name=f"goal {i}")])
+    levels = [levels[i] for i in rng.permutation(len(levels))]
+    weak = TorqueLimits(float(rng.choice([0.2, 0.35, 0.6])) * robot.limits.tau_max)
+    return wbc.Stack(
+        [*levels, [Posture(robot.q0, kp=50, weight=1e-2)]],
+        contacts=feet(robot), subject_to=[weak, JointVelocityLimits()],
+    )  # fmt: skip
+
+
+def least_squares(problem: RowProblem) -> list[tuple[np.ndarray, np.ndarray]]:
+    """‖A x − b‖ of each level: soft rows, and for the last one its metric too."""
+    levels = []
+    for wishes in problem.levels:
+        rows = [problem.G[wish.rows] * np.sqrt(wish.weights)[:, None] for wish in wishes if wish.rows is not None]
+        levels.append(np.concatenate(rows) if rows else np.zeros((0, problem.n + 1)))
+    metric = np.zeros((problem.n_y, problem.n + 1))
+    metric[:, problem.n_u : problem.n] = np.diag(np.sqrt(problem.metric))
+    metric[:, problem.n] = -np.sqrt(problem.metric) * problem.centre
+    levels[-1] = np.concatenate([levels[-1] / np.sqrt(problem.unit), metric])
+    return [(rows[:, : problem.n], -rows[:, problem.n]) for rows in levels]
+
+
+def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) -> list[float] | None:
+    """What is left of each level, solved one by one by an interior point method, r = A x − b among the unknowns."""
+    n, G = problem.n, problem.G
+    equal = np.concatenate([G[problem.base], G[problem.law]])
+    known, right, left = [equal[:, :n]], [-equal[:, n]], []
+    low, high = problem.range_bounds()
+    offset = G[problem.range, n]
+    for A, b in levels:
+        m, above = len(b), np.concatenate(known)
+        H = np.diag(np.append(np.full(n, 1e-12), np.ones(m)))
+        qp = QP(
+            H, np.zeros(n + m),
+            A=np.block([[above, np.zeros((len(above), m))], [A, -np.eye(m)]]), b=np.concatenate([*right, b]),
+            C=np.hstack([G[problem.range, :n], np.zeros((len(low), m))]), cl=low - offset, cu=high - offset,
+            lb=np.append(problem.lb, np.full(m, -np.inf)), ub=np.append(problem.ub, np.full(m, np.inf)),
+        )  # fmt: skip
+        answer = wbc.solve(qp, solver="clarabel")
+        if not answer.status.ok:
+            return None
+        x = answer.x[:n]
+        left.append(float(np.linalg.norm(A @ x - b)))
+        known.append(A)
+        right.append(A @ x)
+    return left
+
+
+def compare(robot: PinocchioModel, seed: int, ticks: int, every: int) -> int:
+    """Let a wild stack run, and set it against the cascade now and then; how often that had an answer."""
+    controller = wbc.Controller(robot, wild(robot, np.random.default_rng(seed)), level=wbc.InverseDynamics(),
+                                hierarchy=wbc.Strict())  # fmt: skip
+    q, v, compared = robot.q0, np.zeros(robot.nv), 0
+    for k in range(ticks):
+        command = controller.tick(1e-3 * k, q, v)
+        if command.status is wbc.Status.INFEASIBLE:
+            break  # the joints are too fast for motors this weak
+        assert command.status.ok and command.certificate.ok, (seed, k)
+        assert {level.how for level in command.levels} <= {"met", "least"}, (seed, k, command.levels)
+        problem = controller.plan.problem
+        levels = least_squares(problem)
+        known = cascade(problem, levels) if k % every == 0 else None
+        if known is not None:
+            compared += 1
+            mine = [float(np.linalg.norm(A @ problem.x - b)) for A, b in levels]
+            share = [MORE] * (len(mine) - 1) + [MORE_OF_THE_LAST]
+            differs = [
+                i for i, (a, b, s) in enumerate(zip(mine, known, share, strict=True)) if abs(a - b) > s * (1 + b)
+            ]
+            assert not differs or mine[differs[0]] < known[differs[0]], (seed, k, mine, known)
+        q, v = command.q, command.v
+    return compared
+
+
+def test_a_saturated_quadruped_keeps_its_ranks_as_exactly_as_the_cascade(quadruped: PinocchioModel) -> None:
+    assert sum(compare(quadruped, seed, ticks=6, every=5) for seed in range(12)) >= 18
+
+
+def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid: PinocchioModel) -> None:
+    assert sum(compare(humanoid, seed, ticks=4, every=3) for seed in range(12)) >= 6
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("block", range(5))
+@pytest.mark.parametrize("name", ["quadruped", "humanoid"])
+def test_hundreds_of_saturated_stacks_in_the_loop(name: str, block: int) -> None:
+    robot = wbc.load(name)
+    assert sum(compare(robot, seed, ticks=31, every=10) for seed in range(1000 + 30 * block, 1030 + 30 * block)) > 60
