@@ -49,9 +49,14 @@ def row_problem(seed: int, *, n_u: int = 3, n_y: int = 12, n_range: int = 8, n_s
     return p
 
 
-@given(seed=st.integers(0, 10**6), tight=st.sampled_from([10.0, 1.0, 0.1, 0.01]), n_u=st.sampled_from([0, 3]))
-def test_the_dual_form_gives_the_certified_answer_of_the_standard_form(seed: int, tight: float, n_u: int) -> None:
-    p = row_problem(seed, tight=tight, n_u=n_u)
+@given(
+    seed=st.integers(0, 10**6), tight=st.sampled_from([10.0, 1.0, 0.1, 0.01]), n_u=st.sampled_from([0, 3]),
+    n_soft=st.sampled_from([4, 30]),
+)  # fmt: skip
+def test_the_dual_form_gives_the_certified_answer_of_the_standard_form(
+    seed: int, tight: float, n_u: int, n_soft: int
+) -> None:
+    p = row_problem(seed, tight=tight, n_u=n_u, n_soft=n_soft)
     dual = DualSolver(p)
     assert dual.solve() is Status.SOLVED
     qp = p.empty_qp()
@@ -221,6 +226,11 @@ def test_the_dual_form_is_refused_where_the_cost_is_only_regularisation() -> Non
     p.scale[:] = 1.0
     p.metric[0] = 1e-9
     assert not fits_dual(p)
+
+
+@pytest.mark.parametrize(("n_y", "n_soft", "fits"), [(12, 4, True), (12, 60, True), (12, 200, False), (120, 110, True)])
+def test_the_dual_form_is_chosen_for_few_rows_or_few_products(n_y: int, n_soft: int, fits: bool) -> None:
+    assert fits_dual(row_problem(0, n_y=n_y, n_soft=n_soft)) is fits
 
 
 @pytest.mark.parametrize("name", ["daqp", "proxqp", "clarabel", "osqp", "pdas"])

@@ -39,6 +39,8 @@ _FREE = 1e30
 # answer a long way from the minimum where the cost is all but flat.
 _ROUNDING = 1e-12
 _NOTHING = np.zeros(0)
+# Products of numbers that take as long as making the standard form and handing it to DAQP does.
+_PAYS = 1e6
 # Violations up to this may be what the linear system lost, and not a wrong guess.
 _LITTLE = 1e-4
 
@@ -382,9 +384,11 @@ def write_compliance(problem: RowProblem, out: Vec) -> None:
 def fits_dual(problem: RowProblem) -> bool:
     """Whether the dual form is right and pays.
 
-    It needs fewer rows than unknowns, and on every unscaled y a cost well above the regularisation: the elimination
-    of u leaves the regularisation of u out, which is a relative error of regularisation / cost.
+    It pays with fewer rows than unknowns, and as long as its products stay below what making the standard form costs.
+    It needs on every unscaled y a cost well above the regularisation: the elimination of u leaves the regularisation
+    of u out, which is a relative error of regularisation / cost.
     """
     cost = problem.metric[problem.scale[problem.n_u :] == 1.0] * problem.unit
     rows = problem.n_soft + problem.n_law
-    return rows < problem.n_y and float(cost.min(initial=np.inf)) >= 1e3 * problem.regularisation
+    pays = rows < problem.n_y or rows**2 * (rows / 3.0 + problem.n_y) < _PAYS
+    return pays and float(cost.min(initial=np.inf)) >= 1e3 * problem.regularisation
