@@ -124,6 +124,7 @@ def test_what_is_no_load_is_not_called_one() -> None:
 
     assert fitted(push(0.0, 0.0, 20.0)) is None, "lifts"
     assert fitted(push(20.0, 0.0, 0.0)) is None, "pushes forward"
+    assert fitted(lambda state, Y: -Y @ load.parameters) is None, "puts down what the model has"
     assert fitted(one) is None, "one joint alone"
     assert fitted(lambda state, Y: Y @ load.parameters, moving=0.0) is None, "at rest nobody can tell"
     assert fitted(lambda state, Y: np.zeros(ARM.nj)) is None, "nothing is missing"
