@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from time import perf_counter_ns
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -18,7 +19,7 @@ from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Effect, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
-from wbc.types import Vec
+from wbc.types import Status, Vec
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].
@@ -27,6 +28,7 @@ LASTS, RECOVERY = 0.06, 0.5
 CLEAR = 3.0
 KINDS = ("total", "partial", "bias")
 SCALES = np.geomspace(0.2, 3.0, 40)
+STATUSES = tuple(Status)
 
 
 @final
@@ -113,8 +115,19 @@ class Arm:
     def step(self, effect: Effect | None = None) -> Vec:
         """One tick; the residual (nj,)."""
         plant = self.plant
-        command: Any = self.controller.tick(plant.t, *self.noise.measure(plant.q, plant.v))
-        self.rows.append({"t": plant.t, "status": 0, "tick_us": 0.0, "q": plant.q, "v": plant.v, "tau": command.tau})
+        measured, began = self.noise.measure(plant.q, plant.v), perf_counter_ns()
+        command: Any = self.controller.tick(plant.t, *measured)
+        took = 1e-3 * (perf_counter_ns() - began)
+        self.rows.append(
+            {
+                "t": plant.t,
+                "status": STATUSES.index(command.status),
+                "tick_us": took,
+                "q": plant.q,
+                "v": plant.v,
+                "tau": command.tau,
+            }
+        )
         del self.rows[:-2000]
         if effect is not None:
             effect.push(plant.t)
@@ -171,12 +184,13 @@ def _judged(
     clear = [t for t in trials if t.size >= CLEAR]
     detected = [t for t in clear if t.found >= 0]
     right = [t for t in detected if t.found == t.joint]
-    delays = np.array([t.delay for t in detected]) if detected else np.array([np.inf])
+    delays = [1e3 * t.delay for t in detected]
     ticks = sum(n for n, _ in windows)
     alarms = sum(peak > 1.0 for _, peak in windows)
     rates = {
         "detected": len(detected) / max(len(clear), 1), "isolated": len(right) / max(len(detected), 1),
-        "delay_median_ms": 1e3 * float(np.median(delays)), "delay_p99_ms": 1e3 * float(np.percentile(delays, 99)),
+        "delay_median_ms": float(np.median(delays)) if delays else np.inf,
+        "delay_p99_ms": float(np.percentile(delays, 99)) if delays else np.inf,
         "false_alarms_per_million": 1e6 * alarms / ticks,
     }  # fmt: skip
     figures = {
@@ -184,17 +198,21 @@ def _judged(
         "clear_Nm": {n: CLEAR * float(v) for n, v in zip(robot.joint_names, known.value, strict=True)},
     }  # fmt: skip
     verdict = [
-        Check(f"of faults of {CLEAR:g} thresholds and more: detected", rates["detected"], 0.99,
-              rates["detected"] >= 0.99, "share"),
-        Check("of those: laid to the right joint", rates["isolated"], 0.98, rates["isolated"] >= 0.98, "share"),
-        Check("median delay", 1e-3 * rates["delay_median_ms"], 0.02, rates["delay_median_ms"] <= 20.0, "s"),
-        Check(f"alarms without a fault, in {ticks} ticks", float(alarms), max(1e-6 * ticks, 0.0),
-              alarms <= max(1e-6 * ticks, 0.0)),
-    ]  # fmt: skip
+        Check(f"alarms without a fault, in {ticks} ticks", float(alarms), 1e-6 * ticks, alarms <= 1e-6 * ticks),
+    ]
+    if clear:  # a few faults may all be too small to be demanded
+        verdict = [
+            Check(f"of faults of {CLEAR:g} thresholds and more: detected", rates["detected"], 0.99,
+                  rates["detected"] >= 0.99, "share"),
+            Check("of those: laid to the right joint", rates["isolated"], 0.98, rates["isolated"] >= 0.98, "share"),
+            Check("median delay", 1e-3 * rates["delay_median_ms"], 0.02, rates["delay_median_ms"] <= 20.0, "s"),
+            *verdict,
+        ]  # fmt: skip
     columns = {name: np.array([row[name] for row in arm.rows]) for name in arm.rows[0]}
     meta = {
         "scenario": FaultStatistics.name, "parameters": dict(parameters), "robot": robot.name, "dt": 1e-3,
-        "joint_names": list(robot.joint_names), "joint_units": list(robot.joint_units), "statuses": ["SOLVED"],
+        "joint_names": list(robot.joint_names), "joint_units": list(robot.joint_units),
+        "statuses": [status.name for status in STATUSES],
         "limits": {k: getattr(robot.limits, k).tolist() for k in ("q_min", "q_max", "v_max", "tau_max")},
     }  # fmt: skip
     return ScenarioResult(
@@ -247,6 +265,7 @@ def _section(
     )  # fmt: skip
     text = Text(
         "Noise of 0.01 rad/s on joint velocities and of 0.05 mrad on positions; masses of the controller wrong. A "
-        "fault shows as missing torque alone: a dead motor that is asked for nothing is not seen, and harms nothing."
+        "fault shows as missing torque alone: a dead motor that is asked for nothing is not seen, and harms nothing. "
+        "Times, torques and velocities in this report are those of the last two seconds alone."
     )
     return Section("Faults found and missed", [text, figure, Table(columns, rows)])
