@@ -193,7 +193,7 @@ def _section(result: ScenarioResult, by: Mapping[str, Sequence[Seen]]) -> Sectio
         for answer, colour in zip(ANSWERS, (style.RED, style.ORANGE, style.BLUE), strict=True):
             run = by[answer][shown].run
             style.curve(first, measure.times(run), 1e3 * by[answer][shown].error, color=colour, label=answer)
-        first.set_yscale("log")
+        style.logarithmic(first, "y")
         residual = result.run["signal.MomentumObserver.residual"]
         joints = result.run.meta["joint_names"]
         near = (result.run["t"] > FAULT - 0.02) & (result.run["t"] < FAULT + 0.06)

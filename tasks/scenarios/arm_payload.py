@@ -210,13 +210,13 @@ def _section(result: ScenarioResult, runs: Mapping[Case, wbc.Run], errors: Mappi
         first, second, third = canvas.axes
         for (case, error), colour in zip(errors.items(), style.CYCLE, strict=False):
             style.curve(first, measure.times(runs[case]), 1e3 * error, color=colour, label=str(case))
-        first.set_yscale("log")
+        style.logarithmic(first, "y")
         first.set_ylim(0.01, 200.0)
         t, run = measure.times(result.run), result.run
         style.curve(second, t, run["signal.SlotineLi.a_hat"][:, -10], color=style.BLUE, label="mass of the last link")
         style.bound(second, result.figures["true_mass_of_last_link"], "true")
         style.curve(third, t, run["signal.SlotineLi.V"], color=style.BLUE, label="V")
-        third.set_yscale("log")
+        style.logarithmic(third, "y")
         for axes, title, label in (
             (first, "The tool's distance from its path", "error [mm]"), (second, "What is learnt", "mass [kg]"),
             (third, "V, with the true parameters", "V"),

@@ -60,14 +60,15 @@ def signals(result: ScenarioResult, pair: Pair, known: Thresholds) -> Section:
             style.bound(first, 1e3 * pair.answered.delay, "answer", vertical=True)
         first.set_xlabel("time since the fault [ms]")
         first.set_ylabel("residual / threshold")
-        first.set_title("Residuals about the fault")
+        first.set_title("Residuals")
+        first.margins(y=0.12)
         style.legend(first)
         for outcome, colour, label in (
             (pair.without, style.RED, "without an answer"), (pair.answered, style.BLUE, "with it"),
         ):  # fmt: skip
             style.curve(second, measure.times(outcome.run), 1e3 * outcome.error, color=colour, label=label)
         style.bound(second, start, "fault", vertical=True)
-        second.set_yscale("log")
+        style.logarithmic(second, "y")
         second.set_ylim(0.01, 1e3)
         style.over_time(second, answered, "Centre of mass", "true error [mm]")
         style.legend(second)

@@ -211,6 +211,8 @@ def _judged(
     columns = {name: np.array([row[name] for row in arm.rows]) for name in arm.rows[0]}
     meta = {
         "scenario": FaultStatistics.name, "parameters": dict(parameters), "robot": robot.name, "dt": 1e-3,
+        "level": arm.controller.level.name, "hierarchy": str(arm.controller.hierarchy),
+        "solver": arm.controller.solver.name,
         "joint_names": list(robot.joint_names), "joint_units": list(robot.joint_units),
         "statuses": [status.name for status in STATUSES],
         "limits": {k: getattr(robot.limits, k).tolist() for k in ("q_min", "q_max", "v_max", "tau_max")},
@@ -232,22 +234,22 @@ def _section(
             if len(some):
                 share = [float((some > c).mean()) for c in SCALES]
                 false = [1e6 * float((peaks > c).sum()) / ticks for c in SCALES]
-                label = f"{low:g} to {high:g} thresholds" if np.isfinite(high) else f"{low:g} thresholds and more"
+                label = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more"
                 first.plot(np.maximum(false, 0.5), share, color=colour, label=label, marker=".", markersize=3)
-        first.set_xscale("log")
+        style.logarithmic(first, "x")
         first.set_xlabel("alarms without a fault, per million ticks (0 drawn at 0.5)")
         first.set_ylabel("share detected")
-        first.set_title("Detection over false alarms")
-        style.legend(first)
+        first.legend(loc="lower right", title="missing, of thresholds")
         for kind, colour in zip(KINDS, style.CYCLE, strict=False):
             seen = [t for t in trials if t.kind == kind and np.isfinite(t.delay)]
             second.plot([t.size for t in seen], [1e3 * t.delay for t in seen], ".", color=colour, label=kind)
-        second.set_xscale("log")
+        style.logarithmic(second, "x")
         second.set_xlabel("missing torque / threshold")
         second.set_ylabel("delay [ms]")
-        second.set_title("How soon")
         style.legend(second)
-        figure = canvas.figure("roc", "Each point of a curve is another multiple of all thresholds, 0.2 to 3.")
+        figure = canvas.figure(
+            "roc", "Left: each point of a curve is another multiple of all thresholds, 0.2 to 3. Right: how soon."
+        )
     rows = []
     for i, name in enumerate(robot.joint_names):
         mine = [t for t in trials if t.joint == i]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -140,6 +140,31 @@ def curves(axes: Axes, t: Vec, values: Vec, labels: Iterable[str]) -> None:
 def legend(axes: Axes) -> None:
     """The legend on the line of the title, so that it never lies on a curve."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.01, 0.985), ncols=6, columnspacing=1.0, handletextpad=0.5)
+
+
+def logarithmic(axes: Axes, which: Literal["x", "y", "both"]) -> None:
+    """Logarithmic axes with powers of ten as one writes them, and nothing written between them."""
+    from matplotlib.ticker import NullFormatter
+
+    for letter, axis, scale in (("x", axes.xaxis, axes.set_xscale), ("y", axes.yaxis, axes.set_yscale)):
+        if which in (letter, "both"):
+            scale("log")
+            axis.set_major_formatter(lambda x, _: short(x))
+            axis.set_minor_formatter(NullFormatter())
+
+
+def short(value: float) -> str:
+    """A number as one writes it: 1e-6, not 1e-06.
+
+    Example:
+        >>> from wbc.report.style import short
+        >>> [short(x) for x in (1e-6, 0.001, 0.1, 20.0, 1e5)]
+        ['1e-6', '1e-3', '0.1', '20', '1e5']
+    """
+    if 1e-2 <= value < 1e4:
+        return f"{value:g}"
+    mantissa, _, exponent = f"{value:e}".partition("e")
+    return f"{float(mantissa):g}e{int(exponent)}"
 
 
 def over_time(axes: Axes, run: Run, title: str, label: str) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from wbc.report import style
 from wbc.report.document import Cell, Figure, Report, Section, Table, Text, percent
-from wbc.report.solvers.drawing import logarithmic
 from wbc.report.solvers.statistics import slope
+from wbc.report.style import logarithmic
 from wbc.types import Vec
 
 Row = dict[str, Any]

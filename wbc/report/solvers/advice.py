@@ -9,7 +9,6 @@ import numpy as np
 
 from wbc.report.document import percent
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import short
 from wbc.report.solvers.statistics import (
     PERIOD,
     TARGET,
@@ -21,6 +20,7 @@ from wbc.report.solvers.statistics import (
     percentiles,
     ratio,
 )
+from wbc.report.style import short
 
 
 @final

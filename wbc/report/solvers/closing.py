@@ -9,8 +9,9 @@ import numpy as np
 from wbc.report import style
 from wbc.report.document import Cell, Figure, Item, Section, Table, Text, percent
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import logarithmic, slug
+from wbc.report.solvers.drawing import slug
 from wbc.report.solvers.ranked import reached
+from wbc.report.style import logarithmic
 
 
 def section(data: Data) -> Section:

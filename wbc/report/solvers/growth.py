@@ -9,9 +9,10 @@ import numpy as np
 from wbc.report import style
 from wbc.report.document import Cell, Figure, Item, Section, Table, Text
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import logarithmic, look, side_legend
+from wbc.report.solvers.drawing import look, side_legend
 from wbc.report.solvers.problems import GROWTH
 from wbc.report.solvers.statistics import TARGET, slope
+from wbc.report.style import logarithmic
 from wbc.types import Vec
 
 #: What grows along an axis, in the table's letters.

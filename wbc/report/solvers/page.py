@@ -10,8 +10,8 @@ from wbc.report.document import Cell, Item, Report, Section, Table, Text, percen
 from wbc.report.solvers import appendix, closing, growth, robustness, solving
 from wbc.report.solvers.advice import Advice, advice, overall
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import short
 from wbc.report.solvers.statistics import TARGET, percentiles
+from wbc.report.style import short
 
 #: So many names of sets fit into a title.
 _FEW = 3

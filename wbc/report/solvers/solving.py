@@ -10,7 +10,7 @@ import numpy as np
 from wbc.report import style
 from wbc.report.document import Cell, Figure, Item, Section, Table, Text, percent
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import logarithmic, look, short, side_legend, slug
+from wbc.report.solvers.drawing import look, side_legend, slug
 from wbc.report.solvers.statistics import (
     PERIOD,
     TARGET,
@@ -24,6 +24,7 @@ from wbc.report.solvers.statistics import (
     tolerance_of,
     wins,
 )
+from wbc.report.style import logarithmic, short
 from wbc.types import Vec
 
 if TYPE_CHECKING:
