@@ -22,9 +22,9 @@ MUTATIONS = [
     # limits give way: by how much, at what price, and when that means that there is no scale
     (SCALING, "np.maximum(slope, ACUTE), slope <= SETTLED", "np.ones_like(slope), slope <= SETTLED", SLOPES),
     (SCALING, "np.maximum(slope, ACUTE), slope <= SETTLED", "np.maximum(slope, ACUTE), slope <= 1e-5", SLOPES),
-    (SCALING, "return found if self._within(found) else self._inside(found)", "return found", TESTS),
-    (SCALING, "return replace(found, feasible=False)", "return found", SLOPES),
-    (SCALING, "for push in (1e2, 1e3, 1e4, 1e5, 1e6):", "for push in (1e-2,):", TESTS),
+    (SCALING, "feasible=consistent and self._within(inside)", "feasible=consistent", SLOPES),
+    (SCALING, "feasible=consistent and self._within(inside)", "feasible=self._within(inside)", TESTS),
+    (SCALING, "least_violation(free, self.low - at, self.high - at)[0]", "np.zeros(free.shape[1])", TESTS),
     (SCALING, "PRICES = (1e1, 1e2, 1e3, 1e4)", "PRICES = (1e-1,)", TESTS),
     (SCALING, "np.maximum(point - self.high, self.low - point)", "np.maximum(point - self.high, point - self.low)",
      TESTS),

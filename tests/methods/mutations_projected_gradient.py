@@ -14,6 +14,7 @@ MUTATIONS = [
     (FILE, "ROUNDING * np.abs(self.v_null).max(initial=0.0)", "0.0 * np.abs(self.v_null).max(initial=0.0)", TESTS),
     (FILE, "np.vstack([np.column_stack([limited, -give]), np.column_stack([limited, give])])",
      "np.vstack([np.column_stack([limited, give]), np.column_stack([limited, -give])])", TESTS),
+    (FILE, "self.origin.condition * np.linalg.norm", "1.0 * np.linalg.norm", TESTS),
     (FILE, "-alpha * of.gradient", "alpha * of.gradient", TESTS),
     ("wbc/methods/shared.py", "x - self.V.T @ (self.V @ x)", "x + self.V.T @ (self.V @ x)", TESTS),
 ]  # fmt: skip

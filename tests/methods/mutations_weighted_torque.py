@@ -6,6 +6,10 @@ EXACT = f"{TESTS}::test_the_torque_of_the_exercise_is_exact"
 LIMITED = f"{TESTS}::test_within_limits_the_optimum_meets_the_conditions_of_optimality"
 WRITTEN = f"{TESTS}::test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum"
 PROGRAM = f"{TESTS}::test_the_scale_is_that_of_a_linear_program"
+PROVEN = (
+    "tests/methods/test_least_distance.py"
+    "::test_limits_that_leave_no_point_are_infeasible_and_those_that_leave_one_are_not"
+)
 DEAR = "tests/methods/test_least_distance.py::test_the_scale_is_the_largest_however_dear_its_last_part_is"
 
 #: (file, old text, new text, test that must fail)
@@ -41,6 +45,8 @@ MUTATIONS = [
     (NEAREST, "found.x + LONG * onwards", "found.x + onwards", DEAR),
     (NEAREST, "found = replace(steeper, x=exact.x) if exact.status.ok else steeper", "found = steeper", DEAR),
     # least distance
+    (NEAREST, "if rest.violation > CONSISTENT * self.size:", "if False:", PROVEN),
+    (NEAREST, "if rest.violation > CONSISTENT * self.size:", "if first.status is Status.INFEASIBLE:", PROVEN),
     (NEAREST, "force[kept] = answer.z / length", "force[kept] = answer.z * length",
      "tests/methods/test_least_distance.py::test_answer_and_multipliers_are_certified_in_the_units_of_the_problem"),
     (NEAREST, "x = centre + root @ answer.x", "x = centre + root.T @ answer.x", LIMITED),

@@ -64,6 +64,20 @@ def test_rows_that_contradict_are_infeasible_on_every_solver(problem: Any, solve
 
 
 @pytest.mark.parametrize("solver", usable())
+@pytest.mark.parametrize("gap", [1.0, 1e-3, 1e-6])
+def test_limits_that_leave_no_point_are_infeasible_and_those_that_leave_one_are_not(solver: str, gap: float):
+    """x₁ + x₂ + x₃ = 3 (1 + gap), x ≤ 1: a plane is between them; without the gap, x = (1, 1, 1) alone is inside."""
+
+    def found(gap: float) -> Any:
+        qp = QP(np.eye(3), np.zeros(3), A=np.ones((1, 3)), b=[3.0 * (1.0 + gap)], ub=[1.0, 1.0, 1.0])
+        return nearest(qp, np.zeros(3), np.diag([1.0, 10.0, 0.1]), solver)
+
+    assert found(gap).status is Status.INFEASIBLE and np.isnan(found(gap).x).all()
+    assert found(0.0).status is Status.SOLVED
+    np.testing.assert_allclose(found(0.0).x, 1.0, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", usable())
 @pytest.mark.parametrize("lever", [1.0, 1e-2, 1e-4, 3e-6])
 def test_the_scale_is_the_largest_however_dear_its_last_part_is(solver: str, lever: float):
     """x₁ + ε x₂ = 2 s with x₁ ≤ ½, x₂ ≤ 1: s = (½ + ε) / 2, and the last part of it costs 1/ε."""

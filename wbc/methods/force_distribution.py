@@ -30,8 +30,6 @@ from wbc.types import Mat, Vec
 
 #: Part of a wrench, relative to the whole, that may be out of the range of G.
 REACHED = 1e-9
-#: What multipliers push is known to 1e-14 of its terms: in nine digits, beside this part of them.
-ROUNDING = 1e-5
 
 
 @final
@@ -175,9 +173,11 @@ class ForceDistribution(Method):
         if not self.friction.size and not np.isfinite([self.f_min, self.f_max]).any():
             apart, terms = result.multipliers - reference.multipliers, np.abs(reference.multipliers)
             push = float(np.linalg.norm(root.T @ (self.G.T @ apart)))
-            # Numbers of this size are no sharper: where rows nearly depend on each other, multipliers are large.
-            rounding = ROUNDING * float(np.linalg.norm(np.abs(root.T) @ (np.abs(self.G.T) @ terms)))
-            found["multipliers"] = push / max(scale, rounding)
+            # Rows that nearly depend on each other have large multipliers, and a sum of k large terms is known to k ε
+            # of their sizes (Higham: Accuracy and stability of numerical algorithms, 2002, section 3.1).
+            sums = np.abs(root.T) @ (np.abs(self.G.T) @ terms)
+            rounding = sum(self.G.shape) * np.finfo(float).eps * float(np.linalg.norm(sums))
+            found["multipliers"] = max(0.0, push - rounding) / scale
         return found
 
 
