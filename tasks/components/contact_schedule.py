@@ -172,7 +172,8 @@ class ContactSchedule(Schedule):
         """No further from what was commanded last than a tick allows, where that had an answer."""
         most = 1e3 * self.force_rate * plan.model.mass * plan.dt
         for name, place in zip(self.names, self._places, strict=True):
-            force = float(former[name][2])
+            wrench = former[name]
+            force = float(wrench[2]) if len(wrench) > 2 else inf  # a part of the mechanism has no normal force
             if isfinite(force):
                 limit = plan.normal_limits[place] = min(plan.normal_limits[place], force + most)
                 plan.normal_floors[place] = min(force - most, limit)

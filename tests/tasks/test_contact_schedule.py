@@ -10,7 +10,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 import wbc
-from tasks import ContactSchedule
+from tasks import ContactSchedule, JointCoupling
 from tests.stack.conftest import standing
 from wbc.errors import InvalidInput, UnknownName
 from wbc.stack.stack import Stack
@@ -154,6 +154,17 @@ def test_a_robot_that_stands_may_change_its_forces_as_fast_as_it_has_to() -> Non
         jolted(ContactSchedule([(0.0, FEET), (10.0, FEET[1:])], force_rate=rate), seed=0)[1] for rate in (0.05, np.inf)
     )
     np.testing.assert_array_equal(with_rate, without)
+
+
+def test_a_schedule_may_name_a_part_of_the_mechanism_which_has_no_normal_force() -> None:
+    gear = JointCoupling(QUADRUPED.joint_names[0], to={QUADRUPED.joint_names[3]: 1.0}).with_reaction()
+    stack, everything = standing(QUADRUPED), [*FEET, gear.name]
+    schedule = ContactSchedule([(0.0, everything), (0.02, everything[1:])])
+    stack = Stack(
+        stack.levels, subject_to=stack.subject_to, contacts=[*stack.contacts, gear], components=[schedule]
+    )  # fmt: skip
+    loop, rest = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics()), np.zeros(QUADRUPED.nv)
+    assert all(loop.tick(DT * k, QUADRUPED.q0, rest).status.ok for k in range(30))
 
 
 def test_force_rates_give_way_before_all_else_and_say_so() -> None:
