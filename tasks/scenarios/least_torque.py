@@ -12,8 +12,9 @@ from wbc.models.model import RobotModel
 from wbc.stack.contact import Contact, ContactRows
 from wbc.types import Vec
 
-#: Weight of the joint's torque against the forces' norm, so high that no force spares it [1/(N m)²].
-MOST = 1e6
+#: Weight of the forces' norm against the joint's torque [m²]: so small that it costs no more than 1e-4 N m, and no
+#: smaller, for a problem with larger and smaller numbers in it is answered wrongly.
+LEAST = 1e-8
 
 
 def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: str) -> float:
@@ -36,7 +37,7 @@ def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: 
     most = np.where(np.arange(robot.nj) == i, np.inf, robot.limits.tau_max)
     own = torque_rows[i]
     qp = wbc.QP(
-        2.0 * (MOST * np.outer(own, own) + 1e-9 * np.eye(len(J))), 2.0 * MOST * g[i] * own,
+        2.0 * (np.outer(own, own) + LEAST * np.eye(len(J))), 2.0 * g[i] * own,
         A=J.T[:nb], b=state.g[:nb], C=np.vstack([K, torque_rows]),
         cl=np.concatenate([np.full(len(K), -np.inf), -most - g]), cu=np.concatenate([np.zeros(len(K)), most - g]),
     )  # fmt: skip

@@ -19,7 +19,7 @@ def drawn(seed: int) -> Vec:
     return SIZES * np.random.default_rng(seed).standard_normal(10)
 
 
-@settings(max_examples=20)
+@settings(max_examples=max(20, settings.default.max_examples // 2))
 @given(st.integers(0, 9999))
 def test_both_ways_agree_on_every_solver(seed: int) -> None:
     check_method(PseudoInertia(drawn(seed), length=0.2))

@@ -17,7 +17,7 @@ ARM = wbc.load("arm")
 REGRESSOR = InertialRegressor(ARM)
 
 
-@settings(max_examples=25)
+@settings(max_examples=max(25, settings.default.max_examples // 2))
 @given(st.integers(0, 9999))
 def test_it_is_recursive_newton_euler_of_arms_with_any_masses(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -28,7 +28,7 @@ def test_it_is_recursive_newton_euler_of_arms_with_any_masses(seed: int) -> None
     np.testing.assert_allclose(REGRESSOR(q, v, v, a) @ parameters, tau, atol=1e-10)
 
 
-@settings(max_examples=25)
+@settings(max_examples=max(25, settings.default.max_examples // 2))
 @given(st.integers(0, 9999))
 def test_polarised_coriolis_terms_are_those_with_which_M_dot_less_2_C_is_skew(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -46,7 +46,7 @@ def loaded(robot: PinocchioModel, load: Load) -> pin.Model:
 
 
 @ROBOTS
-@settings(max_examples=15)
+@settings(max_examples=max(15, settings.default.max_examples // 6))
 @given(seed=st.integers(0, 9999))
 def test_weight_and_inertia_are_the_difference_that_the_load_makes(robot: PinocchioModel, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -68,7 +68,7 @@ def along(robot: PinocchioModel, q: Vec, v: Vec, a: Vec, t: float) -> tuple[Vec,
 
 
 @ROBOTS
-@settings(max_examples=25)
+@settings(max_examples=max(25, settings.default.max_examples // 4))
 @given(seed=st.integers(0, 9999))
 def test_the_regressor_is_what_inverse_dynamics_asks_for_the_load(robot: PinocchioModel, seed: int) -> None:
     """From two states and no acceleration; up to m |c|² of inertia that it leaves out, and the length of a tick."""
@@ -103,7 +103,7 @@ def fitted(missing: object, *, ticks: int = 40 * BLOCK, moving: float = 1.0) -> 
     return found
 
 
-@settings(max_examples=10)
+@settings(max_examples=max(10, settings.default.max_examples // 20))
 @given(mass=st.floats(0.5, 4.0), x=st.floats(-0.1, 0.1), z=st.floats(-0.1, 0.1))
 def test_a_load_is_found_with_its_mass_and_its_centre(mass: float, x: float, z: float) -> None:
     load = Load("tool", mass, np.array([x, 0.02, z]))

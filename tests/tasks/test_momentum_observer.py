@@ -61,7 +61,7 @@ def test_the_residual_of_a_total_fault_is_that_of_the_source():
     assert slow["signal.MomentumObserver.residual"][100, 0] == pytest.approx(1.2959, abs=5e-5)
 
 
-@settings(max_examples=5)
+@settings(max_examples=max(5, settings.default.max_examples // 20))
 @given(seed=st.integers(0, 999), robot=st.sampled_from(ROBOTS))
 def test_it_is_the_same_for_every_robot_state_and_torque(seed: int, robot: RobotModel):
     """Property 58. A bias is missing of one joint; from where, how fast and with which torque does not matter."""

@@ -40,7 +40,7 @@ def residual(run: wbc.Run) -> Vec:
     return np.asarray(run["signal.MomentumObserver.residual"])
 
 
-@settings(max_examples=5)
+@settings(max_examples=max(5, settings.default.max_examples // 20))
 @given(seed=st.integers(0, 999))
 def test_a_tumbling_robot_misses_nothing(seed: int) -> None:
     run = flying(seed=seed)

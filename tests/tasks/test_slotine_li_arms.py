@@ -76,7 +76,7 @@ def test_V_falls_up_to_an_error_of_integration_that_falls_with_the_period() -> N
     assert rises[0] < 1e-3
 
 
-@settings(max_examples=5)
+@settings(max_examples=max(5, settings.default.max_examples // 50))
 @given(seed=st.integers(0, 999))
 def test_all_links_stay_bodies_whatever_is_learnt(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -87,7 +87,7 @@ def test_all_links_stay_bodies_whatever_is_learnt(seed: int) -> None:
         assert (law.a_hat[law.p_links :] >= 0.0).all()
 
 
-@settings(max_examples=20)
+@settings(max_examples=max(20, settings.default.max_examples // 10))
 @given(seed=st.integers(0, 9999))
 def test_the_projection_never_moves_away_from_any_body(seed: int) -> None:
     """Property 41: in its own metric, so that the Lyapunov function does not grow by it."""
