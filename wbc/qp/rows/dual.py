@@ -5,9 +5,10 @@ diagonal, so a soft row is a law that gives way: with compliance C = 1/w, laws a
 
     y = y₀ + D⁻¹ Eᵀ λ ,      (E D⁻¹ Eᵀ + C) λ = −(E y₀ + e)
 
-where E holds the soft rows, the laws and the active rows. y₀ is the centre. An active bound of a variable costs
-nothing: its entry of D⁻¹ becomes 0 and its y₀ the bound (a *pin*). An active row is copied into a *slot* behind the
-laws, so that E is one contiguous block of G.
+where E holds the soft rows, the laws and the active rows. y₀ is the centre. The right side is what the rows come to at
+y₀, and D⁻¹ Eᵀ λ is added in place: a refinement is the same step once more, from where the first one ended. An active
+bound of a variable costs nothing: its entry of D⁻¹ becomes 0 and its y₀ the bound (a *pin*). An active row is copied
+into a *slot* behind the laws, so that E is one contiguous block of G.
 
 The working set of the last tick is a guess. It is verified: one product G x̂ gives every row, one comparison the
 largest violation, and the multipliers their signs. A wrong guess is repaired by block principal pivoting (Júdice and
