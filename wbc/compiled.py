@@ -5,11 +5,15 @@ them costs more than what the kernel does. Addresses are safe here because the m
 :class:`Memory` keeps the arrays it has taken the addresses of.
 
 Nothing imports this module but code that is asked to be fast.
+
+A compiler that keeps machine code looks at the file of a kernel, not at the files of the kernels it has taken in:
+:func:`forget_stale` throws away what is older than any of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast, final
 
 import numpy as np
@@ -23,7 +27,7 @@ try:
 except ImportError:
     raise CompilerMissing from None
 
-__all__ = ["Memory", "carray", "floats", "integers", "kernel"]
+__all__ = ["Memory", "carray", "floats", "forget_stale", "integers", "kernel"]
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
 _FAST = {"reassoc", "nsz", "arcp", "contract"}
@@ -35,6 +39,20 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 def kernel(function: _F) -> _F:
     """Compile a function when it is first called; the machine code is kept on disk for the next time."""
     return cast(_F, numba.njit(cache=True, fastmath=_FAST, error_model="numpy")(function))
+
+
+def forget_stale(package: Path) -> None:
+    """Remove kept machine code that is older than the newest file of kernels in the folders ``compiled``."""
+    newest = max((source.stat().st_mtime_ns for source in package.rglob("compiled/*.py")), default=0)
+    for index in package.rglob("compiled/__pycache__/*.nbi"):
+        try:
+            if index.stat().st_mtime_ns < newest:
+                index.unlink()
+        except OSError:  # another process was first, or nothing may be written here
+            continue
+
+
+forget_stale(Path(__file__).parent)
 
 
 def _pointer(kind: Any) -> Callable[[Any, Any], Any]:

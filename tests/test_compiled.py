@@ -1,0 +1,37 @@
+"""Kept machine code is that of the sources as they are."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("numba", reason="extra fast is not installed")
+
+from wbc.compiled import forget_stale
+
+
+def file_of_age(path: Path, seconds: int) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
+    os.utime(path, (1e9 - seconds, 1e9 - seconds))
+    return path
+
+
+def test_machine_code_is_forgotten_where_a_kernel_that_it_may_have_taken_in_is_newer(tmp_path: Path):
+    file_of_age(tmp_path / "stack/compiled/fill.py", 40)
+    file_of_age(tmp_path / "qp/compiled/linear.py", 20)  # changed after what calls it was compiled
+    file_of_age(tmp_path / "qp/ordinary.py", 0)
+    before = file_of_age(tmp_path / "stack/compiled/__pycache__/fill.nbi", 30)
+    after = file_of_age(tmp_path / "qp/compiled/__pycache__/linear.nbi", 10)
+    forget_stale(tmp_path)
+    assert not before.exists() and after.exists()
+    forget_stale(tmp_path / "not there")
+
+
+def test_kernels_of_the_library_are_looked_at_when_compiled_code_is_first_asked_for():
+    import wbc
+
+    folders = {path.parent for path in Path(wbc.__file__).parent.rglob("*_kernel.py")}
+    assert folders and all(folder.name == "compiled" for folder in folders), "else forget_stale does not see them"
