@@ -55,6 +55,7 @@ def two_goals(seed: int, *, heavy: float = 1.0) -> wbc.Stack:
 # ---- strict
 @given(seed=SEEDS)
 def test_strict_priority_is_the_limit_of_weights_as_their_ratio_grows(seed: int) -> None:
+    """Property 24."""
     command, controller = tick(ARM, two_goals(seed), hierarchy=wbc.Strict())
     best = np.linalg.norm(residual(controller, "Position[tool]"))
     errors, distances = [], []
