@@ -36,12 +36,15 @@ Mask = NDArray[np.bool_]
 
 
 class Cost(NamedTuple):
-    """½ ‖W z + a‖² + ½ ε ‖z − c‖²; where all of W z + a is within ``enough`` of zero it is as good as least."""
+    """½ ‖W z + a‖² + ½ ε ‖z − c‖²; where all of W z + a is within ``enough`` of zero it is as good as least.
 
-    W: Mat
+    ``columns`` (d, m + 1) is [Wᵀ c], and ``size`` is ‖W‖.
+    """
+
+    columns: Mat
     a: Vec
     eps: float
-    centre: Vec
+    size: float
     enough: float
 
 
@@ -62,11 +65,11 @@ class Held(NamedTuple):
 
 @final
 class Within:
-    """The rows, their bounds, and which of them (mask ``fixed``) nothing in this space moves."""
+    """The rows, their bounds and lengths, and which of them (mask ``fixed``) nothing in this space moves."""
 
-    def __init__(self, A: Mat, low: Vec, high: Vec, *, fixed: Mask, tolerance: float) -> None:
-        self.A, self.low, self.high, self.fixed, self.tolerance = A, low, high, fixed, tolerance
-        self.length = np.sqrt(np.einsum("ij,ij->j", A, A))
+    def __init__(self, A: Mat, low: Vec, high: Vec, *, length: Vec, fixed: Mask, tolerance: float) -> None:
+        self.A, self.low, self.high, self.length = A, low, high, length
+        self.fixed, self.tolerance = fixed, tolerance
         self.iterations = 0
 
     def guess(self, cost: Cost, rows: Index, side: Vec, *, tries: int) -> Held | None:
@@ -146,49 +149,46 @@ class Within:
         return first, max(0.0, float(room[first])), float(np.sign(ahead[first]))
 
     def hold(self, cost: Cost, rows: Index, side: Vec) -> Held:
-        """The minimum with these rows held at their bounds, without those that depend on others."""
+        """The minimum with these rows held at their bounds, without those that depend on others.
+
+        Everything is done in the coordinates Qᵀ z: W and c are turned there once, and the answer is turned back.
+        """
         self.iterations += 1
-        if not len(rows):
-            z, _ = _minimum(cost, None, cost.centre)
-            return Held(z, rows, side, _NOTHING, _NOTHING, np.zeros(0, np.intp))
-        d = len(self.A)
-        length = self.length[rows]
-        qr, order, tau, _, _ = dgeqp3(self.A[:, rows] / length)
-        rank = int((np.abs(np.diagonal(qr)) > _DEPENDENT).sum())
-        order = order[:rank] - 1
-        rows, side, length = rows[order], side[order], length[order]
-        R, reflectors, tau = qr[:rank, :rank], qr[:, :rank], tau[:rank]
-        turned = np.zeros((d, 1 + d - rank), order="F")
-        turned[:rank, 0] = dtrtrs(R, np.where(side > 0.0, self.high[rows], self.low[rows]) / length, trans=1)[0]
-        turned[range(rank, d), range(1, 1 + d - rank)] = 1.0
-        turned = dormqr("L", "N", reflectors, tau, turned, 64 * d, overwrite_c=1)[0]
-        N = turned[:, 1:]
-        z, missing = _minimum(cost, N, turned[:, 0] + N @ (cost.centre @ N))
-        gradient = np.empty((d, 2), order="F")
-        np.dot(missing, cost.W, gradient[:, 0])
-        away = cost.eps * (z - cost.centre)
-        np.add(gradient[:, 0], away, gradient[:, 1])
-        turned = dormqr("L", "T", reflectors, tau, gradient, 64 * d)[0]
-        least, push = -dtrtrs(R, turned[:rank])[0].T
-        pull = float(np.linalg.norm(cost.W) * np.linalg.norm(missing))
-        holds = rows[np.abs(least) > _HOLDS * pull]
+        rank, turned = 0, cost.columns
+        if len(rows):
+            length = self.length[rows]
+            qr, order, tau, _, _ = dgeqp3(self.A.take(rows, 1) / length)
+            rank = int((np.abs(np.diagonal(qr)) > _DEPENDENT).sum())
+            order = order[:rank] - 1
+            rows, side, length = rows[order], side[order], length[order]
+        if not rank:
+            return Held(_least(cost, turned, 0, _NOTHING)[0], rows, side, _NOTHING, _NOTHING, rows)
+        R, reflectors, tau, work = qr[:rank, :rank], qr[:, :rank], tau[:rank], 64 * turned.shape[1]
+        turned = dormqr("L", "T", reflectors, tau, turned, work)[0]
+        low, high = self.low[rows], self.high[rows]
+        z, missing = _least(cost, turned, rank, dtrtrs(R, np.where(side > 0.0, high, low) / length, trans=1)[0])
+        gradient = np.empty((rank, 2), order="F")
+        np.dot(turned[:rank, :-1], missing, gradient[:, 0])
+        away = cost.eps * (z - turned[:, -1])
+        np.add(gradient[:, 0], away[:rank], gradient[:, 1])
+        least, push = -dtrtrs(R, gradient)[0].T
+        pull = cost.size * float(missing.dot(missing)) ** 0.5
         wrong = -push * side
-        rounding = _ROUNDING * (pull + float(np.linalg.norm(away)))
         met = bool(np.abs(missing).max(initial=0.0) <= cost.enough)
-        wrong[(wrong <= rounding) | met | (self.low[rows] == self.high[rows])] = 0.0
-        return Held(z, rows, side, push / length, wrong, holds)
+        wrong[(wrong <= _ROUNDING * (pull + float(away.dot(away)) ** 0.5)) | met | (low == high)] = 0.0
+        z = dormqr("L", "N", reflectors, tau, z[:, None], work)[0][:, 0]
+        return Held(z, rows, side, push / length, wrong, rows[np.abs(least) > _HOLDS * pull])
 
 
-def _minimum(cost: Cost, N: Mat | None, z: Vec) -> tuple[Vec, Vec]:
-    """The minimum from z, which is next to the centre, in the space of N, and W z + a there."""
-    W, a, eps, _, _ = cost
-    if not len(a):
-        return z, a
-    missing = W @ z + a
-    free = W if N is None else W @ N
-    if free.shape[1]:
-        U, size, V, _ = dgesdd(free, full_matrices=0)
-        move = ((missing @ U) * (size / (size * size + eps))) @ V
-        z = z - (move if N is None else N @ move)
-        missing = W @ z + a
+def _least(cost: Cost, turned: Mat, rank: int, held: Vec) -> tuple[Vec, Vec]:
+    """The minimum where the first ``rank`` coordinates are held, and W z + a there; ``turned`` is [Wᵀ c]."""
+    W, z = turned[:, :-1].T, turned[:, -1].copy()
+    z[:rank] = held
+    if not len(cost.a):
+        return z, cost.a
+    missing = W @ z + cost.a
+    if rank < len(z):
+        U, size, V, _ = dgesdd(W[:, rank:], full_matrices=0)
+        z[rank:] -= ((missing @ U) * (size / (size * size + cost.eps))) @ V
+        missing = W @ z + cost.a
     return z, missing

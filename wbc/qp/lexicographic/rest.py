@@ -102,7 +102,7 @@ class Rest:
         if missed and len(self._holds):
             self.kept = np.union1d(self.kept, self._holds)
             held = self._free[:, self._holds]
-            mine = self._keep(held / _lengths(held)).T @ mine
+            mine = self._keep(held / self._reach[self._holds]).T @ mine
         self._keep(mine, _OWN if missed else _DEPENDENT)
         self._follow()
 
@@ -115,7 +115,8 @@ class Rest:
         """The rows in the coordinates z, and which of them nothing moves any more."""
         moved = dgemm(1.0, self.basis, self._rows, trans_a=1) if self.basis.size else self.basis.T @ self._rows
         self._free = np.concatenate([moved, self.basis.T * self._root], axis=1)
-        self._fixed = _lengths(self._free, least=0.0) <= _DEPENDENT * self._length
+        self._reach = _lengths(self._free)
+        self._fixed = self._reach <= _DEPENDENT * self._length
 
     def least(self, asked: Asked, *, inside: bool) -> tuple[Status, Vec]:
         """y of the least cost within all rows; ``inside`` says that they hold where the space begins."""
@@ -131,8 +132,10 @@ class Rest:
         free[:, length <= _DEPENDENT * _lengths(scaled)] = 0.0
         steepest = float((free * free).sum(axis=0).max(initial=0.0)) or 1.0
         eps, enough = (1.0, -1.0) if last else (_DELTA * steepest, 1e-2 * MET)
-        cost = Cost(free.T, (self.y @ own + right) * weigh, eps, ((centre - self.y) / self._root) @ self.basis, enough)
-        within = Within(self._free, low, high, fixed=self._fixed, tolerance=self._tolerance)
+        columns = np.empty((len(free), len(weigh) + 1), order="F")
+        columns[:, :-1], columns[:, -1] = free, ((centre - self.y) / self._root) @ self.basis
+        cost = Cost(columns, (self.y @ own + right) * weigh, eps, float(np.linalg.norm(free)), enough)
+        within = Within(self._free, low, high, length=self._reach, fixed=self._fixed, tolerance=self._tolerance)
         held, status = within.guess(cost, rows, side, tries=self._tries), Status.SOLVED
         if held is None:
             held, status = self._search(within, cost, steepest, inside=inside)
@@ -149,8 +152,8 @@ class Rest:
         free, rows = np.full(d, np.inf), Rows(within.A.T, np.zeros(m), within.low, within.high, 0)
         status = Status.INACCURATE
         for share in _COARSE:
-            wish = Wished(cost.W, cost.a, np.full(len(cost.a), max(cost.eps, share * steepest)))
-            found = ask_daqp(wish, rows, Box(-free, free, np.ones(d), cost.centre))
+            wish = Wished(cost.columns[:, :-1].T, cost.a, np.full(len(cost.a), max(cost.eps, share * steepest)))
+            found = ask_daqp(wish, rows, Box(-free, free, np.ones(d), cost.columns[:, -1]))
             self.iterations += found.iterations
             if not found.status.ok:
                 status = found.status
@@ -201,6 +204,6 @@ def _complement(columns: Mat, right: Vec, tolerance: float = _DEPENDENT) -> tupl
     turned = np.zeros((n, 1 + n - rank), order="F")
     if rank:
         turned[:rank, 0] = dtrtrs(qr[:rank, :rank], right[order[:rank] - 1], trans=1)[0]
-    turned[range(rank, n), range(1, 1 + n - rank)] = 1.0
+    turned.reshape(-1, order="F")[n + rank :: n + 1] = 1.0
     turned, _, _ = dormqr("L", "N", qr[:, : len(tau)], tau, turned, 64 * n, overwrite_c=1)
     return turned[:, 1:], turned[:, 0]
