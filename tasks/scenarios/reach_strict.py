@@ -34,8 +34,8 @@ class ReachStrict(Scenario):
     """The target of a hand moves ``reach`` [m] ahead and as much to the side, out of reach, and stays there.
 
     There are two levels: balance (centre of mass and trunk), and below it hand and posture. The same stack runs once
-    strictly ranked and once with the same tasks added up by their weights; the record is of the hierarchy asked for,
-    the figures are of both. ``robot``: humanoid, talos or g1 (the last two need example-robot-data).
+    strictly ranked, once with the tasks added up by their weights and once scaled; the record is of the hierarchy asked
+    for, the figures are of all. ``robot``: humanoid, talos or g1 (the last two need example-robot-data).
     """
 
     name: ClassVar[str] = "reach-strict"
@@ -61,7 +61,7 @@ class ReachStrict(Scenario):
         stance = STANCES[name]
         robot = stance.robot(name)
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        names = [hierarchy, "weighted" if hierarchy != "weighted" else "strict"]
+        names = [hierarchy, *(name for name in HIERARCHIES if name != hierarchy)]
         runs, conditions = dict[str, Run](), dict[str, float]()
         for i, kind in enumerate(names):
             controller = wbc.Controller(
@@ -169,8 +169,8 @@ class _Costs:
             ])  # fmt: skip
         text = Text(
             "The same stack on the same robot. Strictly ranked, the hand gets what balance leaves it; added up by "
-            "weights, the two share the error that neither can avoid. The condition number is that of the Hessian of "
-            "the last QP in standard form."
+            "weights, the two share the error that neither can avoid; scaled, each goes its own way as far as it can. "
+            "The condition number is that of the Hessian of the last QP in standard form."
         )
         columns = [
             "hierarchy", "up [s]", "centre of mass, rms [mm]", "hand at the end [m]", "condition number",

@@ -33,8 +33,8 @@ from wbc.qp.rows.pivoting import Pivoting
 from wbc.qp.solver import Counts
 from wbc.types import Index, Mat, Status, Vec
 
-#: The trace on rows that hold, as a share of the diagonal; and ε where DAQP is asked for a point to begin with.
-_TRACE, _COARSE = 1e-11, 1e-6
+#: The trace on rows that hold, as a share of the diagonal.
+_TRACE = 1e-13
 #: Steps that bring rows that hold within tolerance.
 _CLEANING = 4
 #: Multipliers below this share of the largest are rounding.
@@ -42,7 +42,7 @@ _ROUNDING = 1e-12
 #: What an answer may be off by, and what a stage above may lose by it.
 _ENOUGH, _LITTLE = 1e-7, 1e-6
 #: A soft row of weight zero: so compliant that it pushes on nothing.
-_FREE, _LIGHT = 1e30, 1e-15
+_FREE = 1e30
 _NONE: Index = np.zeros(0, np.intp)
 _NOBODY: Vec = np.zeros(0)
 
