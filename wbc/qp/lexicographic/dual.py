@@ -40,7 +40,7 @@ _CLEANING = 4
 #: Multipliers below this share of the largest are rounding.
 _ROUNDING = 1e-12
 #: What an answer may be off by, and what a stage above may lose by it.
-_ENOUGH, _LITTLE = 1e-7, 1e-6
+_ENOUGH, _LITTLE = 1e-7, 1e-5
 #: A soft row of weight zero: so compliant that it pushes on nothing.
 _FREE = 1e30
 _NONE: Index = np.zeros(0, np.intp)
