@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog, lsq_linear, nnls
 
@@ -288,6 +288,7 @@ def along_x(q: np.ndarray, v: np.ndarray, wanted: float, limit: float) -> NullSp
 
 
 @given(angles, speeds, st.floats(0.5, 20.0), speeds, magnitudes(1e-3, 1.0))
+@example(angle=2.2250738585072014e-308, v=1.0, wanted=1.0, limit=1.0, dt=1.0)  # a lever that is hardly a number
 def test_at_rest_accelerations_are_scaled_like_velocities(angle, v, wanted, limit, dt):
     """Property 28: from rest, x dt are the velocities that have the limits dt times as large, at the same scale.
 

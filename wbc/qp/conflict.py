@@ -308,7 +308,7 @@ def _lowest(value: Vec, change: Vec, lower: Vec, upper: Vec) -> float:
         at = value + t * change
         return float((at - np.clip(at, lower, upper)).dot(change))
 
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         kinks = np.concatenate([(lower - value) / change, (upper - value) / change])
     kinks = np.unique(kinks[np.isfinite(kinks) & (kinks > 0.0)])
     low, high = 0, len(kinks)  # the number of kinks before the lowest point
