@@ -242,33 +242,44 @@ def _judged(
         "push_blamed_on_a_motor_first": share(pushes, lambda c: c.accused[0]),
         "push_blamed_on_a_motor_in_the_end": share(pushes, lambda c: c.accused[1]),
     }  # fmt: skip
+    demands = [
+        (motors, "failing motors named at once", "motor_found", 0.95, True),
+        (loads, "loads recognised", "payload_recognised", 0.9, True),
+        (pushes, "pushes called a load", "push_called_payload", 0.05, False),
+        (motors, "motors called a load", "motor_called_payload", 0.02, False),
+        (pushes, "pushes blamed on a motor in the end", "push_blamed_on_a_motor_in_the_end", 0.1, False),
+    ]  # fmt: skip
     verdict = [
-        Check("failing motors named at once", figures["motor_found"], 0.95, figures["motor_found"] >= 0.95, "share"),
-        Check("loads recognised", figures["payload_recognised"], 0.9, figures["payload_recognised"] >= 0.9, "share"),
-        Check("pushes called a load", figures["push_called_payload"], 0.05, figures["push_called_payload"] <= 0.05),
-        Check("motors called a load", figures["motor_called_payload"], 0.02, figures["motor_called_payload"] <= 0.02),
-        Check("pushes blamed on a motor in the end", figures["push_blamed_on_a_motor_in_the_end"], 0.1,
-              figures["push_blamed_on_a_motor_in_the_end"] <= 0.1),
+        Check(f"{text}, of {len(chosen)}", figures[key], bound,
+              figures[key] >= bound if more else figures[key] <= bound, "share")
+        for chosen, text, key, bound, more in demands if chosen
     ]  # fmt: skip
     run = wbc.Run(run.columns, {**run.meta, "scenario": DiagnosisStatistics.name, "parameters": dict(parameters)})
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations={}, tracking={}, verdict=verdict,
-        figures=figures, robot=robot, sections=[lambda result: _section(robot, clear, table, threshold)],
+        figures=figures, robot=robot, sections=[lambda result: _section(robot, cases, threshold)],
     )  # fmt: skip
 
 
-def _section(
-    robot: PinocchioModel, clear: Sequence[Case], table: Mapping[str, Mapping[str, int]], threshold: Vec
-) -> Section:
-    held = Table(
-        ("what it was", *NAMED), [(truth, *row.values()) for truth, row in table.items()],
-        f"What each case that misses {CLEAR:g} thresholds or more was held for after {WATCHED:g} s.",
-    )  # fmt: skip
-    first = Table(
-        ("what it was", *NAMED),
-        [(t, *(sum(c.truth == t and c.first == named for c in clear) for named in NAMED)) for t in TRUTHS],
-        "The first decision, within some milliseconds of the alarm.",
-    )  # fmt: skip
+def counted(cases: Sequence[Case], when: str) -> dict[str, dict[str, int]]:
+    """How often each truth was called what, "first" or "final"."""
+    return {
+        truth: {named: sum(c.truth == truth and getattr(c, when) == named for c in cases) for named in NAMED}
+        for truth in TRUTHS
+    }
+
+
+def _section(robot: PinocchioModel, cases: Sequence[Case], threshold: Vec) -> Section:
+    clear = [case for case in cases if case.size >= CLEAR]
+    small = [case for case in cases if case.size < CLEAR]
+
+    def table(chosen: Sequence[Case], when: str, caption: str) -> Table:
+        rows: list[tuple[str | int, ...]] = [(truth, *row.values()) for truth, row in counted(chosen, when).items()]
+        return Table(("what it was", *NAMED), rows, caption)
+
+    held = table(clear, "final", f"Held for {WATCHED:g} s later, of what misses {CLEAR:g} thresholds or more.")
+    first = table(clear, "first", "The first decision on these, within some milliseconds of the alarm.")
+    rest = table(small, "final", f"Held for {WATCHED:g} s later, of what misses less: nothing is demanded of it.")
     thresholds = Table(
         ("joint", "threshold [N m]"), list(zip(robot.joint_names, threshold.tolist(), strict=True)), folded=True
     )
@@ -278,4 +289,4 @@ def _section(
         "as the weight and inertia of one body in the hand, over half a second in which the arm moves. A ceiling "
         "and a share are the same until the command has changed; so are a bias and a push on one joint that lasts."
     )
-    return Section("What was taken for what", [text, held, first, thresholds])
+    return Section("What was taken for what", [text, held, first, rest, thresholds])
