@@ -17,7 +17,7 @@ from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResul
 
 JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
 #: What the answer does not mend: the waist carries the body alone, the big knee loses the balance on the way.
-LOST: Mapping[str, Sequence[str]] = {"g1": ["waist_pitch_joint"], "talos": ["leg_left_4_joint"], "humanoid": []}
+LOST: Mapping[str, Sequence[str]] = {"g1": ["waist_roll_joint"], "talos": ["leg_left_4_joint"], "humanoid": []}
 #: Least threshold with noise or wrong masses [N m].
 FLOOR: Mapping[str, float] = {"g1": 0.5, "talos": 1.0, "humanoid": 0.5}
 #: Gains that noise of the sensors allows: damping turns noise of the velocity into force.
