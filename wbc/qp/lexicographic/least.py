@@ -1,13 +1,13 @@
 """Least squares within bounded rows by a working set: exact however flat the cost is.
 
     minimise   ½ ‖W z + a‖² + ½ ε ‖z − c‖²        W (m, d), c (d,) the centre
-    subject to low ≤ Aᵀ z ≤ high                   A (d, r)
+    subject to low ≤ A z ≤ high                    A (r, d)
 
-With B the rows that are held at a bound b, B = Q₁ R (QR with pivoting) and N the rest of Q,
+With B the rows that are held at a bound b, Bᵀ = Q₁ R (QR with pivoting) and N the rest of Q,
 
     z₀ = Q₁ R⁻ᵀ b + N Nᵀ c ,      W N = U Σ Vᵀ ,      z = z₀ − N V Σ (Σ² + ε)⁻¹ Uᵀ (W z₀ + a)
 
-The products WᵀW and BᵀB are never made, so nothing is lost by squaring: ε may be as small as 1e-12 of the largest
+The products WᵀW and B Bᵀ are never made, so nothing is lost by squaring: ε may be as small as 1e-12 of the largest
 curvature. What the held rows push with is λ = −R⁻¹ Q₁ᵀ (Wᵀ(W z + a) + ε (z − c)).
 Source: Björck, Numerical Methods for Least Squares Problems, SIAM, 1996, 5.1 and 5.3.
 """
@@ -79,7 +79,7 @@ class Within:
         pivoting = Pivoting()
         for _ in range(tries):
             held = self.hold(cost, rows, side)
-            value = held.z @ self.A
+            value = self.A @ held.z
             over, under = value - self.high, self.low - value
             broken = np.maximum(over, under) > self.tolerance
             following = pivoting.exchanged(held.rows, held.side, held.wrong <= 0.0, broken, over=over, under=under)
@@ -98,7 +98,7 @@ class Within:
         circles: each bound is first put a little further out, by an amount of its own. None: too many changes.
         Source: Nocedal, Wright, Numerical Optimization, 16.5; Gill, Murray, Saunders, Wright, Math. Prog. 45, 1989.
         """
-        given, value = (self.low, self.high), start @ self.A
+        given, value = (self.low, self.high), self.A @ start
         bound = np.where(side > 0.0, self.high[rows], self.low[rows])
         fits = ~self.fixed[rows] & (np.abs(value[rows] - bound) <= self.tolerance)
         rows, side = rows[fits], side[fits]
@@ -133,12 +133,12 @@ class Within:
 
     def beyond(self, z: Vec) -> float:
         """How far the worst row is beyond its bounds at z."""
-        value = z @ self.A
+        value = self.A @ z
         return float(np.maximum(value - self.high, self.low - value).max(initial=0.0))
 
     def _stops(self, z: Vec, step: Vec, idle: Mask) -> tuple[int, float, float]:
         """Which row, but for idle ones, stops the way from z along the step, after which share of it, on which side."""
-        ahead, value = step @ self.A, z @ self.A
+        ahead, value = self.A @ step, self.A @ z
         idle = idle | (np.abs(ahead) <= _DEPENDENT * self.length * np.linalg.norm(step))
         if idle.all() or np.abs(step).max() <= _STILL * (1.0 + np.abs(z).max()):
             return 0, np.inf, 0.0
@@ -157,7 +157,7 @@ class Within:
         rank, turned = 0, cost.columns
         if len(rows):
             length = self.length[rows]
-            qr, order, tau, _, _ = dgeqp3(self.A.take(rows, 1) / length)
+            qr, order, tau, _, _ = dgeqp3((self.A.take(rows, 0) / length[:, None]).T, overwrite_a=1)
             rank = int((np.abs(np.diagonal(qr)) > _DEPENDENT).sum())
             order = order[:rank] - 1
             rows, side, length = rows[order], side[order], length[order]

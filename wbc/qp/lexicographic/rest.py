@@ -15,7 +15,6 @@ from __future__ import annotations
 from typing import NamedTuple, final
 
 import numpy as np
-from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dgeqp3, dormqr, dtrtrs
 
 from wbc.qp.lexicographic.asked import Box, Rows, Wished, ask_daqp
@@ -101,7 +100,7 @@ class Rest:
         missed = bool(np.abs(residual).max(initial=0.0) > _SLIGHT)
         if missed and len(self._holds):
             self.kept = np.union1d(self.kept, self._holds)
-            held = self._free[:, self._holds]
+            held = self._free[self._holds].T
             mine = self._keep(held / self._reach[self._holds]).T @ mine
         self._keep(mine, _OWN if missed else _DEPENDENT)
         self._follow()
@@ -113,9 +112,11 @@ class Rest:
 
     def _follow(self) -> None:
         """The rows in the coordinates z, and which of them nothing moves any more."""
-        moved = dgemm(1.0, self.basis, self._rows, trans_a=1) if self.basis.size else self.basis.T @ self._rows
-        self._free = np.concatenate([moved, self.basis.T * self._root], axis=1)
-        self._reach = _lengths(self._free)
+        m = self._rows.shape[1]
+        self._free: Mat = np.empty((m + len(self._root), self.basis.shape[1]))
+        np.dot(self._rows.T, self.basis, self._free[:m])
+        np.multiply(self.basis, self._root[:, None], self._free[m:])
+        self._reach = _lengths(self._free.T)
         self._fixed = self._reach <= _DEPENDENT * self._length
 
     def least(self, asked: Asked, *, inside: bool) -> tuple[Status, Vec]:
@@ -148,8 +149,8 @@ class Rest:
     def _search(self, within: Within, cost: Cost, steepest: float, *, inside: bool) -> tuple[Held | None, Status]:
         """DAQP's answer where ε is larger, and the way down from there."""
         self.fallbacks += 1
-        d, m = within.A.shape
-        free, rows = np.full(d, np.inf), Rows(within.A.T, np.zeros(m), within.low, within.high, 0)
+        m, d = within.A.shape
+        free, rows = np.full(d, np.inf), Rows(within.A, np.zeros(m), within.low, within.high, 0)
         status = Status.INACCURATE
         for share in _COARSE:
             wish = Wished(cost.columns[:, :-1].T, cost.a, np.full(len(cost.a), max(cost.eps, share * steepest)))
