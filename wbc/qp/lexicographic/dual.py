@@ -34,7 +34,7 @@ from wbc.qp.solver import Counts
 from wbc.types import Index, Mat, Status, Vec
 
 #: The trace on rows that hold, as a share of the diagonal.
-_TRACE = 1e-13
+_TRACE = 1e-14
 #: Steps that bring rows that hold within tolerance.
 _CLEANING = 4
 #: Multipliers below this share of the largest are rounding.
