@@ -106,7 +106,7 @@ class Rest:
         self._follow()
 
     def _keep(self, columns: Mat, tolerance: float = _DEPENDENT) -> Mat:
-        left, _ = _complement(columns, np.zeros(columns.shape[1]), tolerance)
+        left, _ = _complement(columns, None, tolerance)
         self.basis = self.basis @ left
         return left
 
@@ -129,13 +129,15 @@ class Rest:
         own, right, weigh, centre, last, rows, side = asked
         scaled = own * (self._root[:, None] * weigh)
         free = self.basis.T @ scaled
-        length = _lengths(free, least=0.0)
-        free[:, length <= _DEPENDENT * _lengths(scaled)] = 0.0
-        steepest = float((free * free).sum(axis=0).max(initial=0.0)) or 1.0
+        square = np.einsum("ij,ij->j", free, free)
+        still = square <= _DEPENDENT**2 * np.einsum("ij,ij->j", scaled, scaled)
+        if still.any():
+            free[:, still], square[still] = 0.0, 0.0
+        steepest = float(square.max(initial=0.0)) or 1.0
         eps, enough = (1.0, -1.0) if last else (_DELTA * steepest, 1e-2 * MET)
         columns = np.empty((len(free), len(weigh) + 1), order="F")
         columns[:, :-1], columns[:, -1] = free, ((centre - self.y) / self._root) @ self.basis
-        cost = Cost(columns, (self.y @ own + right) * weigh, eps, float(np.linalg.norm(free)), enough)
+        cost = Cost(columns, (self.y @ own + right) * weigh, eps, float(square.sum()) ** 0.5, enough)
         within = Within(self._free, low, high, length=self._reach, fixed=self._fixed, tolerance=self._tolerance)
         held, status = within.guess(cost, rows, side, tries=self._tries), Status.SOLVED
         if held is None:
@@ -195,7 +197,7 @@ def _lengths(columns: Mat, *, least: float = 1e-300) -> Vec:
     return lengths
 
 
-def _complement(columns: Mat, right: Vec, tolerance: float = _DEPENDENT) -> tuple[Mat, Vec]:
+def _complement(columns: Mat, right: Vec | None, tolerance: float = _DEPENDENT) -> tuple[Mat, Vec]:
     """An orthonormal basis of what is orthogonal to these columns (n, m); the shortest x with columnsᵀ x = right."""
     n, m = columns.shape
     if not n or not m:
@@ -203,7 +205,7 @@ def _complement(columns: Mat, right: Vec, tolerance: float = _DEPENDENT) -> tupl
     qr, order, tau, _, _ = dgeqp3(columns)
     rank = int((np.abs(np.diagonal(qr)) > tolerance).sum())
     turned = np.zeros((n, 1 + n - rank), order="F")
-    if rank:
+    if rank and right is not None:
         turned[:rank, 0] = dtrtrs(qr[:rank, :rank], right[order[:rank] - 1], trans=1)[0]
     turned.reshape(-1, order="F")[n + rank :: n + 1] = 1.0
     turned, _, _ = dormqr("L", "N", qr[:, : len(tau)], tau, turned, 64 * n, overwrite_c=1)
