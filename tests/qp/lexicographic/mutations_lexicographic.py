@@ -13,7 +13,7 @@ MUTATIONS = [
      "            np.copyto(column, wish.wanted)\n", STACKS),
     (STAGES, "p.lb[source.n :], p.ub[source.n :] = 0.0, 1.0", "p.lb[source.n :], p.ub[source.n :] = 0.0, 0.0", STACKS),
     (LEAST, "idle[rows] = True", "pass", SATURATED),
-    (LEAST, "size / (size * size + eps)", "size / (size * size + 1e6 * eps)", SATURATED),
+    (LEAST, "size / (size * size + cost.eps)", "size / (size * size + 1e6 * cost.eps)", SATURATED),
     (REST, "        self._keep(mine, _OWN if missed else _DEPENDENT)\n", "", ROWS),
     (REST, "for share in _COARSE:", "for share in ():", SATURATED),
     (DUAL, "p.lower[kept] = p.upper[kept] = p.value[kept]", "pass", ROWS),
