@@ -41,8 +41,7 @@ def sweep(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep that --out began.")] = False,
     repeat: Annotated[int | None, typer.Option(metavar="RUN", help="Do one run of --out again, print it.")] = None,
 ) -> None:
-    """Run a scenario many times with drawn parameters, disturbances, solvers and hierarchies; report how "
-    "it is spread."""
+    """Run a scenario many times with drawn parameters, disturbances, solvers, hierarchies; report how it spreads."""
     from wbc import sweep as sweeping
     from wbc.report.build import require_extras
     from wbc.report.folder import HTML
