@@ -64,7 +64,7 @@ class HumanoidJointLoss(Scenario):
         "variants": True,
     }  # fmt: skip
     plants = ("mujoco",)
-    duration = 6.0
+    duration = 8.0  # Talos takes up to 7 s to fall
 
     def run(
         self,
@@ -109,12 +109,12 @@ def _calming(sway: tuple[float, float, float]) -> Sequence[When]:
 
 def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool) -> list[Check]:
     n, spare = len(answered), 1 if len(answered) >= 8 else 0
-    lost, kept = sum(not o.kept for o in without), sum(o.stands for o in answered)
+    lost, kept = sum(not o.stands for o in without), sum(o.stands for o in answered)
     standing = [o.rms for o in answered if o.stands]
     rms, bound = max(standing, default=float("inf")), 10e-3 if rough else 2e-3
     enough = n - spare if rough else n
     return [
-        Check("without an answer it falls, or slides off its place", float(lost), float(n - spare), lost >= n - spare,
+        Check("without an answer it falls", float(lost), float(n - spare), lost >= n - spare,
               f"of {n}"),
         Check("with it, it stands", float(kept), float(enough), kept >= enough, f"of {n}"),
         Check("CoM error of those that stand, rms", rms, bound, rms < bound, "m"),
