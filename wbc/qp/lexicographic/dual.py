@@ -26,6 +26,7 @@ from scipy.linalg.lapack import dposv, dpotrf, dpotrs
 
 from wbc.qp.certificate import Certificate
 from wbc.qp.lexicographic.asked import Answer, Box, Rows, Wished, ask_daqp
+from wbc.qp.lexicographic.least import largest
 from wbc.qp.lexicographic.rest import Asked, Rest, multipliers
 from wbc.qp.lexicographic.stages import MET, StagedProblem
 from wbc.qp.lexicographic.way import Way
@@ -191,13 +192,13 @@ class DualStages(Way):
                 return False
             self._lam = self._step(dgemv(1.0, self._Ek, self._y1, 0.0, trans=1))
         self._values()
-        self._off = _largest(self._balance())
+        self._off = largest(self._balance())
         for _ in range(_CLEANING):
             if self._off <= 0.1 * self.tolerance:
                 break
             self._lam = self._lam + self._step(self._unbalanced)
             self._values()
-            self._off = _largest(self._balance())
+            self._off = largest(self._balance())
         return True
 
     def _factorise(self) -> bool:
@@ -272,7 +273,7 @@ class DualStages(Way):
             return _NOBODY, 0.0
         wrong = -self._forces() * self._side
         wrong[p.lower[items] == p.upper[items]] = 0.0  # one value: it may push either way
-        return wrong, _ROUNDING * max(_largest(self._lam), _largest(wrong))
+        return wrong, _ROUNDING * max(largest(self._lam), largest(wrong))
 
     def _repair(self) -> bool:
         """Exchange what is wrong by block principal pivoting. False: nothing to exchange."""
@@ -385,7 +386,7 @@ class DualStages(Way):
         missing[: self._wished] = 0.0
         for columns, _, _ in self._unmet:
             missing[columns.start - self._column : columns.stop - self._column] = 0.0
-        self._off = _largest(missing)
+        self._off = largest(missing)
         self._verify()
         return self._primal <= _ENOUGH
 
@@ -396,7 +397,7 @@ class DualStages(Way):
         residual = self.staged.hold(k)
         own = slice(rows.start - self._first, rows.stop - self._first)
         self._Er[-1, own] -= residual
-        if _largest(residual) > MET:
+        if largest(residual) > MET:
             self._unmet.append((own, self.staged.weights[k], residual))
         p = self.problem
         rest.stay(self._y, np.concatenate([p.value[p.item(p.range.start) : self._bounded], self._y]))
@@ -405,11 +406,15 @@ class DualStages(Way):
 
     def _items_of(self, numbers: Index) -> Index:
         """Items of what Rest counts: range rows, then bounds on y."""
+        if not len(numbers):
+            return _NONE
         p = self.problem
         return np.where(numbers < p.n_range, numbers + p.item(p.range.start), numbers - p.n_range + p.n_u)
 
     def _numbers(self, items: Index, side: Vec) -> tuple[Index, Vec]:
         """Items as Rest counts them, with their sides."""
+        if not len(items):
+            return items, side
         p = self.problem
         return np.where(items < p.n, items - p.n_u + p.n_range, items - p.item(p.range.start)), side
 
@@ -459,8 +464,3 @@ class DualStages(Way):
             force = p.unit * (E.T @ lam) - p.regularisation * self._u
             z_base = np.linalg.solve(p.G[: p.n_u, : p.n_u].T, force).astype(np.float64)
         return np.concatenate([z_base, z_law]), z, z_box
-
-
-def _largest(values: Vec) -> float:
-    """The largest magnitude; argmax and argmin cost a fifth of max and min, and find a NaN first."""
-    return max(float(values[values.argmax()]), -float(values[values.argmin()])) if len(values) else 0.0

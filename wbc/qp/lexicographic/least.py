@@ -74,8 +74,9 @@ class Within:
 
     def guess(self, cost: Cost, rows: Index, side: Vec, *, tries: int) -> Held | None:
         """The minimum with these rows held, or others that follow by block principal pivoting; None: not in time."""
-        fits = ~self.fixed[rows] & np.isfinite(np.where(side > 0.0, self.high[rows], self.low[rows]))
-        rows, side = rows[fits], side[fits]
+        if len(rows):
+            fits = ~self.fixed[rows] & np.isfinite(np.where(side > 0.0, self.high[rows], self.low[rows]))
+            rows, side = rows[fits], side[fits]
         pivoting = Pivoting()
         for _ in range(tries):
             held = self.hold(cost, rows, side)
@@ -158,7 +159,7 @@ class Within:
         if len(rows):
             length = self.length[rows]
             qr, order, tau, _, _ = dgeqp3((self.A.take(rows, 0) / length[:, None]).T, overwrite_a=1)
-            rank = int((np.abs(np.diagonal(qr)) > _DEPENDENT).sum())
+            rank = rank_of(qr, _DEPENDENT)
             order = order[:rank] - 1
             rows, side, length = rows[order], side[order], length[order]
         if not rank:
@@ -174,10 +175,20 @@ class Within:
         least, push = -dtrtrs(R, gradient)[0].T
         pull = cost.size * float(missing.dot(missing)) ** 0.5
         wrong = -push * side
-        met = bool(np.abs(missing).max(initial=0.0) <= cost.enough)
+        met = largest(missing) <= cost.enough
         wrong[(wrong <= _ROUNDING * (pull + float(away.dot(away)) ** 0.5)) | met | (low == high)] = 0.0
         z = dormqr("L", "N", reflectors, tau, z[:, None], work)[0][:, 0]
         return Held(z, rows, side, push / length, wrong, rows[np.abs(least) > _HOLDS * pull])
+
+
+def largest(values: Vec) -> float:
+    """The largest magnitude; argmax and argmin cost a fifth of max and min, and find a NaN first."""
+    return max(float(values[values.argmax()]), -float(values[values.argmin()])) if len(values) else 0.0
+
+
+def rank_of(qr: Mat, tolerance: float) -> int:
+    """How many columns of unit length a QR with pivoting finds to be more than this from those before."""
+    return int(np.count_nonzero(np.abs(qr.diagonal()) > tolerance))
 
 
 def _least(cost: Cost, turned: Mat, rank: int, held: Vec) -> tuple[Vec, Vec]:

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeqp3, dormqr, dtrtrs
 
 from wbc.qp.lexicographic.asked import Box, Rows, Wished, ask_daqp
-from wbc.qp.lexicographic.least import Cost, Held, Within
+from wbc.qp.lexicographic.least import Cost, Held, Within, largest, rank_of
 from wbc.qp.lexicographic.stages import MET
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
@@ -67,7 +67,7 @@ class Rest:
         self._low, self._high, self._root = low, high, root
         self._tolerance, self._tries = tolerance, tries
         self._rows: Mat = rows * root[:, None]
-        self._length = np.concatenate([_lengths(self._rows), root])
+        self._nothing = _DEPENDENT * np.concatenate([_lengths(self._rows), root])
         self.y = self.values = np.zeros(0)
         #: Rows and bounds that held a stage back, and stay.
         self.kept = _NONE
@@ -97,9 +97,9 @@ class Rest:
         scaled = own * self._root[:, None]
         mine = self.basis.T @ scaled
         mine /= np.maximum(_lengths(mine), _BARELY * _lengths(scaled))
-        missed = bool(np.abs(residual).max(initial=0.0) > _SLIGHT)
+        missed = largest(residual) > _SLIGHT
         if missed and len(self._holds):
-            self.kept = np.union1d(self.kept, self._holds)
+            self.kept = np.concatenate([self.kept, self._holds])  # apart: what is kept has no bounds and never holds
             held = self._free[self._holds].T
             mine = self._keep(held / self._reach[self._holds]).T @ mine
         self._keep(mine, _OWN if missed else _DEPENDENT)
@@ -117,7 +117,7 @@ class Rest:
         np.dot(self._rows.T, self.basis, self._free[:m])
         np.multiply(self.basis, self._root[:, None], self._free[m:])
         self._reach = _lengths(self._free.T)
-        self._fixed = self._reach <= _DEPENDENT * self._length
+        self._fixed = self._reach <= self._nothing
 
     def least(self, asked: Asked, *, inside: bool) -> tuple[Status, Vec]:
         """y of the least cost within all rows; ``inside`` says that they hold where the space begins."""
@@ -203,7 +203,7 @@ def _complement(columns: Mat, right: Vec | None, tolerance: float = _DEPENDENT) 
     if not n or not m:
         return np.eye(n), np.zeros(n)
     qr, order, tau, _, _ = dgeqp3(columns)
-    rank = int((np.abs(np.diagonal(qr)) > tolerance).sum())
+    rank = rank_of(qr, tolerance)
     turned = np.zeros((n, 1 + n - rank), order="F")
     if rank and right is not None:
         turned[:rank, 0] = dtrtrs(qr[:rank, :rank], right[order[:rank] - 1], trans=1)[0]
