@@ -12,10 +12,8 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
 
-#: How much more than the cascade may be left of a level above the last, and of the last, beside 1 and what is left.
+#: How much more than the least may be left of a level above the last, and of the last, beside 1 and what is left.
 MORE, MORE_OF_THE_LAST = 1e-5, 1e-4
-#: What interior points leave open.
-ROUNDING = 1e-8
 
 
 def wild(robot: PinocchioModel, rng: np.random.Generator) -> wbc.Stack:
@@ -50,8 +48,13 @@ def least_squares(problem: RowProblem) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(rows[:, : problem.n], -rows[:, problem.n]) for rows in levels]
 
 
-def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) -> list[float] | None:
-    """What is left of each level, solved one by one by an interior point method, r = A x − b among the unknowns."""
+def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) -> list[float]:
+    """The least that can be left of each level where those above come out as in the answer, r = A x − b an unknown.
+
+    Solved level by level by an interior point method, ∞ where it finds no answer. The first level has nothing above it,
+    so if none is beyond its least, each is that of the exact cascade. Where a level above were what the method itself
+    finds, 3e-9 of it that rounding leaves open can be worth 1e-5 of the level below.
+    """
     n, G = problem.n, problem.G
     equal = np.concatenate([G[problem.base], G[problem.law]])
     known, right, left = [equal[:, :n]], [-equal[:, n]], []
@@ -67,28 +70,21 @@ def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) ->
             lb=np.append(problem.lb, np.full(m, -np.inf)), ub=np.append(problem.ub, np.full(m, np.inf)),
         )  # fmt: skip
         answer = wbc.solve(qp, solver="clarabel")
-        if not answer.status.ok:
-            return None
-        x = answer.x[:n]
-        left.append(float(np.linalg.norm(A @ x - b)))
+        left.append(float(np.linalg.norm(A @ answer.x[:n] - b)) if answer.status.ok else np.inf)
         known.append(A)
-        right.append(A @ x)
+        right.append(A @ problem.x)
     return left
 
 
-def more(mine: list[float], known: list[float]) -> list[int]:
-    """At which levels more is left than after the cascade; where one of the two is better by a little more than the
-    other's rounding, levels below say nothing any more."""
-    for i, (got, best) in enumerate(zip(mine, known, strict=True)):
-        if got > best + (MORE if i < len(mine) - 1 else MORE_OF_THE_LAST) * (1.0 + best):
-            return [i]
-        if abs(got - best) > ROUNDING * (1.0 + best):
-            return []
-    return []
+def more(mine: list[float], least: list[float]) -> list[int]:
+    """At which levels more is left than the least."""
+    shares = [*[MORE] * (len(mine) - 1), MORE_OF_THE_LAST]
+    beyond = [got - best - share * (1.0 + best) for got, best, share in zip(mine, least, shares, strict=True)]
+    return [i for i, excess in enumerate(beyond) if excess > 0.0]
 
 
 def compare(robot: PinocchioModel, seed: int, ticks: int, every: int) -> int:
-    """Let a wild stack run, and set it against the cascade now and then; how often that had an answer."""
+    """Let a wild stack run, and set it against the cascade now and then; how many levels that tells."""
     controller = wbc.Controller(robot, wild(robot, np.random.default_rng(seed)), level=wbc.InverseDynamics(),
                                 hierarchy=wbc.Strict())  # fmt: skip
     q, v, compared = robot.q0, np.zeros(robot.nv), 0
@@ -100,9 +96,9 @@ def compare(robot: PinocchioModel, seed: int, ticks: int, every: int) -> int:
         assert {level.how for level in command.levels} <= {"met", "least"}, (seed, k, command.levels)
         problem = controller.plan.problem
         levels = least_squares(problem)
-        known = cascade(problem, levels) if k % every == 0 else None
-        if known is not None:
-            compared += 1
+        if k % every == 0:
+            known = cascade(problem, levels)
+            compared += int(np.isfinite(known).sum())
             mine = [float(np.linalg.norm(A @ problem.x - b)) for A, b in levels]
             assert not more(mine, known), (seed, k, mine, known)
         q, v = command.q, command.v
@@ -110,11 +106,11 @@ def compare(robot: PinocchioModel, seed: int, ticks: int, every: int) -> int:
 
 
 def test_a_saturated_quadruped_keeps_its_ranks_as_exactly_as_the_cascade(quadruped: PinocchioModel) -> None:
-    assert sum(compare(quadruped, seed, ticks=6, every=5) for seed in range(12)) >= 18
+    assert sum(compare(quadruped, seed, ticks=6, every=5) for seed in range(12)) >= 60
 
 
 def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid: PinocchioModel) -> None:
-    assert sum(compare(humanoid, seed, ticks=4, every=3) for seed in range(12)) >= 6
+    assert sum(compare(humanoid, seed, ticks=4, every=3) for seed in range(12)) >= 36
 
 
 @pytest.mark.deep
@@ -122,4 +118,4 @@ def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid
 @pytest.mark.parametrize("name", ["quadruped", "humanoid"])
 def test_hundreds_of_saturated_stacks_in_the_loop(name: str, block: int) -> None:
     robot = wbc.load(name)
-    assert sum(compare(robot, seed, ticks=31, every=10) for seed in range(1000 + 30 * block, 1030 + 30 * block)) > 30
+    assert sum(compare(robot, seed, ticks=31, every=10) for seed in range(1000 + 30 * block, 1030 + 30 * block)) > 150
