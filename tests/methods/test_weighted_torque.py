@@ -391,7 +391,10 @@ def test_the_scale_is_that_of_a_linear_program(task: WeightedTorque, solver: str
     known = np.concatenate([-task.drift, task.e]) + rows @ (task.n - task.tau_external)
     columns = np.column_stack([rows, -np.concatenate([task.task_acceleration, np.zeros(len(task.e))])])
     length = np.linalg.norm(columns, axis=1)
-    unit = np.append(np.full(len(task.n), np.abs(answer.tau).max() if answer.scale >= 0 else 1.0), 1.0)
+    # The simplex is given numbers near one, where it has a verdict: torques in units of the answer, or of the limits.
+    torques = [*answer.tau] if answer.scale >= 0 else [*task.tau_min, *task.tau_max]
+    size = max((abs(torque) for torque in torques if np.isfinite(torque)), default=1.0) or 1.0
+    unit = np.append(np.full(len(task.n), size), 1.0)
     bounds = [*zip(task.tau_min / unit[:-1], task.tau_max / unit[:-1], strict=True), (0.0, 1.0)]
     found = linprog(
         -np.eye(len(unit))[-1], A_eq=columns * unit / (length[:, None] * unit[0]), b_eq=known / length / unit[0],
