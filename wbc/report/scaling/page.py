@@ -83,7 +83,7 @@ def _figure(rows: Sequence[Row], names: Sequence[str], titles: dict[str, str]) -
                 axes.set_xticks(np.unique(sizes))
                 axes.yaxis.set_major_locator(_few())
             else:
-                axes.set_ylim(bottom=0.0)
+                axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])  # room for the legend
             axes.set_xlabel(titles[name])
             axes.set_ylabel("tick [µs]")
             axes.legend(loc="upper left", fontsize=7)
