@@ -451,3 +451,12 @@ def test_wrong_lists_of_tasks_are_named():
     for entry in (3, ([[1.0]],), ([[1.0]], [1.0], [0.0], [0.0])):
         with pytest.raises(InvalidInput, match=r"tasks\[1\] is .*; it must be \(J, target\) or"):
             NullSpaceSaturation.prioritised([([[1.0]], [1.0]), entry], lower=-1, upper=1)
+
+
+@pytest.mark.parametrize("solver", ["pdas", "daqp"])
+def test_a_task_that_the_one_above_has_decided_otherwise_has_no_scale_and_costs_it_nothing(solver: str):
+    J = np.eye(2, 3)
+    answer = NullSpaceSaturation.prioritised([(J, [1.0, 0.0]), (J, [0.0, 1.0])], lower=[-2.0] * 3, upper=[2.0] * 3)
+    found = answer.solve(solver)
+    assert found.scales == (1.0, None)
+    np.testing.assert_allclose(found.x, [1.0, 0.0, 0.0], atol=1e-12)
