@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.reliability.faults import Saboteur, Script
 from wbc.methods.least_distance import nearest, nearest_at_largest_scale
 from wbc.qp import QP, certificate
 from wbc.qp.solvers import usable
@@ -94,3 +95,8 @@ def test_at_the_largest_scale_the_distance_is_the_least():
     found, scale = nearest_at_largest_scale(qp, np.array([4.0]), np.array([0.0, 0.0, 7.0]), np.eye(3), size=3.0)
     assert scale == pytest.approx(0.5)
     np.testing.assert_allclose(found.x, [1.0, 1.0, 7.0], atol=1e-9)
+
+
+def test_a_solver_that_calls_everything_infeasible_has_failed_where_there_is_a_point():
+    qp = QP(np.eye(2), np.zeros(2), A=np.ones((1, 2)), b=[1.0], ub=[0.3, 1.0])
+    assert nearest(qp, np.zeros(2), np.eye(2), Saboteur(Script("infeasible"))).status is Status.FAILED
