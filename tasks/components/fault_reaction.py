@@ -153,8 +153,6 @@ class FaultReaction(Component):
         diagnosis = self._diagnoser.tick(state, self.observer)
         if diagnosis is not None:
             self._react(diagnosis, state, plan)
-        if any(decided.load is not None for decided, _ in self._standing):
-            plan.extra_inertia = None  # what the last tick added
         for decided, reactions in self._standing:
             for reaction in reactions:
                 reaction.hold(decided, state, plan)

@@ -171,7 +171,7 @@ class LoadFit:
         """The load that explains what was added so far; None: nothing is, or not yet."""
         if self.blocks < SHORTEST or self._ticks or not self._mm > 0.0:
             return None
-        N = self._N + FAINT * np.trace(self._N) * np.diag([1.0, *[1.0] * 3])
+        N = self._N + FAINT * np.trace(self._N) * np.eye(4)
         parameters = np.linalg.solve(N, self._c)
         left = max(self._mm - float(self._c @ parameters), 0.0)
         constant = max(self._mm - float(self._sum @ self._sum) / self.blocks, 0.0)

@@ -149,8 +149,7 @@ class Carry(Reaction):
     def hold(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
         if diagnosis.load is not None:
             plan.extra_bias += diagnosis.load.weight(state)
-            known = plan.extra_inertia
-            plan.extra_inertia = diagnosis.load.inertia(state) + (0.0 if known is None else known)
+            plan.add_inertia(diagnosis.load.inertia(state))
 
 
 @final

@@ -178,10 +178,9 @@ class SlotineLi(Component):
         M = arm.inertial.inertia(state.q, links)
         floor = self._numbers["estimate_floor"]
         if not np.linalg.eigvalsh(M)[0] >= floor:
-            plan.extra_inertia = None
             return False
         zero = np.zeros_like(state.v)
-        plan.extra_inertia = M - state.M
+        plan.add_inertia(M - state.M)
         plan.extra_bias += arm.inertial(state.q, state.v, state.v, zero) @ links - state.h
         return True
 

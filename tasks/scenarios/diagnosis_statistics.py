@@ -223,17 +223,14 @@ def _judged(
     robot: PinocchioModel, run: wbc.Run, parameters: Mapping[str, Any], cases: Sequence[Case], threshold: Vec
 ) -> ScenarioResult:
     clear = [case for case in cases if case.size >= CLEAR]
-    table = {
-        truth: {named: sum(c.truth == truth and c.final == named for c in clear) for named in NAMED} for truth in TRUTHS
-    }
     motors = [c for c in clear if c.truth in ACTUATOR]
     pushes, loads = ([c for c in clear if c.truth == truth] for truth in ("push", "payload"))
 
     def share(chosen: Sequence[Case], good: Any) -> float:
-        return sum(bool(good(c)) for c in chosen) / len(chosen) if chosen else 1.0
+        return sum(bool(good(c)) for c in chosen) / len(chosen) if chosen else np.nan
 
     figures: dict[str, Any] = {
-        "cases": len(cases), "clear": len(clear), "held_for": table,
+        "cases": len(cases), "clear": len(clear), "held_for": counted(clear, "final"),
         "motor_found": share(motors, lambda c: c.first in ACTUATOR),
         "payload_recognised": share(loads, lambda c: c.final == "payload"),
         "mass_error_kg": max((c.mass_error for c in loads if np.isfinite(c.mass_error)), default=np.nan),

@@ -212,6 +212,7 @@ class Controller:
         plan = self.plan
         if self.components:
             plan.extra_bias[:] = 0.0
+            plan.extra_inertia = None
             for component in self.components:
                 component.before(state, self.last, plan)
         plan.fill(state)

@@ -17,8 +17,9 @@ class Component(ABC):
     """An observer, an adaptive law, a schedule: it remembers between ticks.
 
     ``before`` may change targets, weights and bounds (``plan.torque_bounds``, ``plan.normal_limits``) and add to the
-    model's bias (``plan.extra_bias``, zero at the start of each tick), never sizes; ``after`` sees what was decided;
-    ``signals`` is what the recorder writes. Which contacts hold is said by a :class:`~wbc.stack.schedule.Schedule`.
+    model's bias (``plan.extra_bias``) and inertia (``plan.add_inertia``), which are its own again at the start of each
+    tick, never sizes; ``after`` sees what was decided; ``signals`` is what the recorder writes. Which contacts hold is
+    said by a :class:`~wbc.stack.schedule.Schedule`.
     """
 
     _name: str | None = None

@@ -41,8 +41,8 @@ class Plan:
     force added to h, before the plan is filled, and may ``replace`` bounds on position, velocity and acceleration in
     ``intervals`` (None where the stack has none). ``normal_limits`` (contacts,) [N], in the order of the whole stack's
     contacts, bounds their normal forces from above, in a stack with a schedule ``normal_floors`` from below; they are
-    ±inf until a component writes into them. ``actuators`` says what motors make of a command. ``extra_inertia``
-    (nv, nv), or None, is added to M.
+    ±inf until a component writes into them. ``actuators`` says what motors make of a command. ``add_inertia`` adds to M
+    for one tick.
     """
 
     def __init__(
@@ -301,6 +301,10 @@ class Plan:
         if self.level.dynamics:
             for bounds, before in zip(self.torque_bounds, former.torque_bounds, strict=True):
                 bounds[:] = before
+
+    def add_inertia(self, more: Mat) -> None:
+        """Add ``more`` (nv, nv) to M in this tick, to what other components add."""
+        self.extra_inertia = more if self.extra_inertia is None else self.extra_inertia + more
 
     def fill(self, state: RobotState) -> None:
         """Write every row of the problem for this state. The tick spends its time here."""

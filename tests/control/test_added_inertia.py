@@ -1,0 +1,43 @@
+"""What components add to the inertia holds for one tick, and from all of them together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import wbc
+from tasks import Posture
+from wbc.models.model import RobotState
+from wbc.stack.component import Component
+from wbc.stack.plan import Plan
+from wbc.types import Mat
+
+ARM = wbc.load("arm")
+
+
+class Heavier(Component):
+    """Adds the same to M at the times given."""
+
+    def __init__(self, more: float, ticks: tuple[int, ...]) -> None:
+        super().__init__(name=f"heavier by {more}")
+        self.more, self.ticks, self.tick = more * np.eye(ARM.nv), ticks, 0
+
+    def reset(self, state: RobotState) -> None:
+        self.tick = 0
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+        if self.tick in self.ticks:
+            plan.add_inertia(self.more)
+        self.tick += 1
+
+
+def inertia_of(plan: Plan) -> Mat:
+    rows = plan.problem.G[plan.layout.torque_row : plan.layout.torque_row + ARM.nv, : ARM.nv]
+    return np.array(rows)
+
+
+def test_what_two_components_add_is_added_up_and_gone_in_the_next_tick():
+    stack = wbc.Stack([Posture(ARM.q0)], components=[Heavier(1.0, (0, 1)), Heavier(0.5, (0,))])
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    for more in (1.5, 1.0, 0.0):
+        controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+        np.testing.assert_allclose(inertia_of(controller.plan), ARM.state().M + more * np.eye(ARM.nv), atol=1e-12)
