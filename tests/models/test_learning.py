@@ -95,10 +95,10 @@ def test_a_velocity_controller_computes_no_dynamics(monkeypatch: pytest.MonkeyPa
         (["position"], ["computeJointJacobians"]),
         (["jacobian", "com"], ["jacobianCenterOfMass"]),
         (["jacobian", "drift"], ["forwardKinematics", "computeJointJacobians"]),
-        (["M", "h", "drift"], ["crba", "nonLinearEffects", "forwardKinematics"]),
+        (["M", "h", "drift"], ["crba", "nonLinearEffects", "gravity", "accelerations"]),
         (
             ["M", "h", "drift", "com", "com_jacobian", "com_drift"],
-            ["crba", "nonLinearEffects", "centerOfMass", "jacobianCenterOfMass"],
+            ["crba", "nonLinearEffects", "gravity", "accelerations", "centerOfMass", "jacobianCenterOfMass"],
         ),
         (
             ["drift", "centroidal_map", "centroidal_drift"],

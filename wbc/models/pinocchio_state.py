@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.linalg.blas import dgemv
 
 from wbc.errors import InvalidInput
 from wbc.models.model import FrameState, RobotState
@@ -55,7 +56,7 @@ class PinocchioState(RobotState):
         self._q_shape, self._v_shape = self._q.shape, self._v.shape
         self.q, self.v = _view(self._q, self._q), _view(self._v, self._v)
         self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
-        self._zero = np.zeros(model.nv)
+        self._zero, self._gravity = np.zeros(model.nv), np.concatenate([model.gravity, np.zeros(3)])
         self._data = data = model.pinocchio.createData()
         self._M, self._com_jacobian = _view(data.M, data, model.nv, model.nv), _view(data.Jcom, data, 3, model.nv)
         self._h, self._g = _view(data.nle, data, model.nv), _view(data.g, data, model.nv)
@@ -70,7 +71,10 @@ class PinocchioState(RobotState):
 
     @property
     def calls(self) -> tuple[str, ...]:
-        """What an update computes, by the names of Pinocchio's functions: what has been read so far needs it."""
+        """What an update computes, by the names of Pinocchio's functions: what has been read so far needs it.
+
+        Beside them "gravity" completes h, and "accelerations" takes those at a = 0 from what nonLinearEffects found.
+        """
         return tuple(name for name, _ in self._plan())
 
     def update(self, t: float, q: Vec, v: Vec) -> None:
@@ -111,79 +115,69 @@ class PinocchioState(RobotState):
         """The ``pinocchio.Data``; what is in it depends on what has been read from the state."""
         return self._data
 
-    @property
+    @cached_property
     def joint_columns(self) -> Mat:
         """Spatial velocity (6, nv) about the world's origin that each velocity gives what its joint moves; with it the
         joints are placed, ``data.oMi``."""
-        if "kinematics" not in self._needs:
-            self._learn("kinematics")
+        self._learn("kinematics")
         return self._joint_columns
 
-    @property
+    @cached_property
     def M(self) -> Mat:
         """Inertia matrix (nv, nv) [kg, kg m²]."""
-        if "M" not in self._needs:
-            self._learn("M")
+        self._learn("M")
         return self._M
 
-    @property
+    @cached_property
     def h(self) -> Vec:
         """Bias C v + g (nv,) [N, N m]."""
-        if "h" not in self._needs:
-            self._learn("h")
+        self._learn("h")
         return self._h
 
-    @property
+    @cached_property
     def g(self) -> Vec:
         """Gravity torques (nv,) [N, N m]."""
-        if "g" not in self._needs:
-            self._learn("g")
+        self._learn("g")
         return self._g
 
-    @property
+    @cached_property
     def coriolis(self) -> Mat:
         """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ."""
-        if "coriolis" not in self._needs:
-            self._learn("coriolis")
+        self._learn("coriolis")
         return self._coriolis
 
-    @property
+    @cached_property
     def com(self) -> Vec:
         """Centre of mass in the world (3,) [m]."""
-        if "com" not in self._needs:
-            self._learn("com")
+        self._learn("com")
         return self._com
 
-    @property
+    @cached_property
     def com_jacobian(self) -> Mat:
         """Jacobian of the centre of mass (3, nv)."""
-        if "com" not in self._needs:
-            self._learn("com")
+        self._learn("com")
         return self._com_jacobian
 
-    @property
+    @cached_property
     def com_drift(self) -> Vec:
         """Acceleration of the centre of mass when a = 0 (3,) [m/s²]."""
-        if "com_drift" not in self._needs:
-            if not self.drifts:
-                return _NO_DRIFT[:3]
-            self._learn("com_drift")
+        if not self.drifts:
+            return _NO_DRIFT[:3]
+        self._learn("com_drift")
         return self._com_drift
 
-    @property
+    @cached_property
     def centroidal_map(self) -> Mat:
         """A_G (6, nv): linear momentum, then angular momentum about the centre of mass, world axes, per unit of v."""
-        if "centroidal_map" not in self._needs:
-            self._learn("centroidal_map")
+        self._learn("centroidal_map")
         return self._centroidal_map
 
-    @property
+    @cached_property
     def centroidal_drift(self) -> Vec:
         """Ȧ_G v (6,) [N, N m]: the rate of the centroidal momentum when a = 0."""
-        if "centroidal_drift" not in self._needs:
-            if not self.drifts:
-                return _NO_DRIFT
-            self._learn("centroidal_drift")
+        if not self.drifts:
+            return _NO_DRIFT
+        self._learn("centroidal_drift")
         return self._centroidal_drift
 
     def joint_memory(self, frame: str, offset: Vec | None = None) -> JointMemory:
@@ -208,6 +202,19 @@ class PinocchioState(RobotState):
         data = self._data
         return data.J, data.Jcom, self._com, self._com_drift, self.q_joints
 
+    @cached_property
+    def _weightless(self) -> Any:
+        """The robot without gravity. What holds it at a = 0 gives C v, by the accelerations that are the drifts: one
+        pass for both. Gravity is then added by the map of the linear momentum, h = C v − A_Gᵀ [γ, 0]."""
+        model = self.model.pinocchio.copy()
+        model.gravity = pin.Motion.Zero()
+        return model
+
+    @cached_property
+    def _add_gravity(self) -> Callable[[], object]:
+        momentum_map = self._data.Ag.reshape(6, -1)
+        return partial(dgemv, -1.0, momentum_map, self._gravity, 1.0, self._data.nle, 0, 1, 0, 1, 1, 1)
+
     def _learn(self, need: str) -> None:
         """Compute one thing more, now and in every later update.
 
@@ -225,29 +232,30 @@ class PinocchioState(RobotState):
         needs = self._needs
         plan: list[tuple[str, Callable[[], object]]] = []
 
-        def add(name: str, *arguments: object) -> None:
-            plan.append((name, partial(getattr(pin, name), model, data, *arguments)))
+        def add(name: str, *arguments: object, of: Any = model) -> None:
+            plan.append((name, partial(getattr(pin, name), of, data, *arguments)))
 
         placed = with_jacobians = False
         if "coriolis" in needs:
             add("computeCoriolisMatrix", q, v)
         if "centroidal_map" in needs:
             add("ccrba", q, v)
-        if "M" in needs:
-            add("crba", q, pin.Convention.WORLD)  # placements and joint Jacobians come with it
+        if {"M", "h"} & needs:
+            add("crba", q, pin.Convention.WORLD)  # placements, joint Jacobians and A_G come with it
             placed = with_jacobians = True
         if "h" in needs:
-            add("nonLinearEffects", q, v)
+            add("nonLinearEffects", q, v, of=self._weightless)
+            plan.append(("gravity", self._add_gravity))
+        if {"drift", "com_drift", "centroidal_drift"} & needs:
+            if "h" in needs:
+                plan.append(("accelerations", partial(setattr, data, "a", data.a_gf)))
+            else:
+                add("forwardKinematics", q, v, zero)
+            placed = True
         if "com_drift" in needs:
-            add("centerOfMass", q, v, zero)  # a forward kinematics too
-            placed = True
-        elif "drift" in needs:
-            add("forwardKinematics", q, v, zero)
-            placed = True
+            add("centerOfMass", pin.KinematicLevel.ACCELERATION, False)
         if "centroidal_drift" in needs:
-            moved = {"com_drift", "drift"} & needs
-            add("computeCentroidalMomentumTimeVariation", *(() if moved else (q, v, zero)))
-            placed = True
+            add("computeCentroidalMomentumTimeVariation")
         if "com" in needs:
             add("jacobianCenterOfMass", *(() if placed else (q,)), False)
         elif "kinematics" in needs and not with_jacobians:
