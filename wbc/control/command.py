@@ -53,13 +53,12 @@ class Command:
         "certificate", "levels", "rung", "status",
     )  # fmt: skip
 
-    def __init__(
+    def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
         self,
         controller: Controller,
         status: Status,
         rung: str,
         certificate: Certificate,
-        *,
         q: Vec,
         v_before: Vec,
         v: Vec | None = None,

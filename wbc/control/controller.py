@@ -276,14 +276,12 @@ class Controller:
         value.setflags(write=False)
         motion = value[parts.motion_items]
         if self.level.order == 1:
-            command = Command(self, status, rung, proof, q=q, v_before=v, v=motion)
-        elif not self.level.dynamics:
-            command = Command(self, status, rung, proof, q=q, v_before=v, a=motion)
-        else:
-            tau = plan.actuators.command(value[parts.torque_items])
-            forces = self.mode.all_forces, value, plan.force_scale
-            command = Command(self, status, rung, proof, q=q, v_before=v, a=motion, tau=tau, forces=forces)
-        return command
+            return Command(self, status, rung, proof, q, v, motion)
+        if not self.level.dynamics:
+            return Command(self, status, rung, proof, q, v, None, motion)
+        tau = plan.actuators.command(value[parts.torque_items])
+        forces = self.mode.all_forces, value, plan.force_scale
+        return Command(self, status, rung, proof, q, v, None, motion, tau, forces)
 
     # ---- what others read
     @property

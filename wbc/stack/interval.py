@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Self, final
 
 import numpy as np
-from scipy.linalg.blas import ddot
+from scipy.linalg.blas import daxpy, dcopy, ddot
 
 from wbc import checks
 from wbc.errors import InvalidInput
@@ -270,9 +270,10 @@ class JointIntervals:
 
     def _acceleration_by_velocity(self, v: Vec, lower: Vec, upper: Vec) -> None:
         """The same where nothing but velocities is limited."""
-        np.multiply(v, self._per_dt, self._plain)
-        np.subtract(self._highest_v_per_dt, self._plain, upper)
-        np.subtract(self._lowest_v_per_dt, self._plain, lower)
+        dcopy(self._highest_v_per_dt, upper)
+        dcopy(self._lowest_v_per_dt, lower)
+        daxpy(v, upper, len(v), -self._per_dt)
+        daxpy(v, lower, len(v), -self._per_dt)
         if not ddot(v, v) <= self._surely_slow:  # a joint may be too fast to be slow enough at once
             np.maximum(upper, self._least_above, out=upper)
             np.minimum(lower, self._most_below, out=lower)

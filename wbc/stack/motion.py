@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg.blas import dgemv
+from scipy.linalg.blas import daxpy, dcopy, dgemv
 
 from wbc.errors import InvalidInput
 from wbc.stack.contact import Contact, ContactRows
@@ -20,27 +20,28 @@ class MotionRows:
     Order 1 (velocities):     J v = ẏ_ref + rate e
     Order 2 (accelerations):  J a = ÿ_ref + kd ė + kp e − J̇ v,   ė = ẏ_ref − J v
 
-    ``J`` (m, nv) and ``right`` (m,) are views into the row array: J x − wanted = 0 is [J … −wanted]. Behind the m rows
-    stand the ``on_joints`` tasks, nj entries each, whose Jacobian is the identity and is never written.
+    ``rows`` (m, width) belong to the row array: J x − wanted = 0 is [J 0 −wanted], J (m, nv). Behind the m rows stand
+    the ``on_joints`` tasks, nj entries each, whose Jacobian is the identity and is never written.
     """
 
-    def __init__(self, order: int, J: Mat, right: Vec, nj: int, n_joint_tasks: int) -> None:
-        self.order, self.J, self._right = order, J, right
-        m, n = len(J), len(J) + n_joint_tasks * nj
+    def __init__(self, order: int, rows: Mat, nv: int, nj: int, n_joint_tasks: int) -> None:
+        self.order, self.J, self._right, self._rows_T = order, rows[:, :nv], rows[:, -1], rows.T
+        m, n = len(rows), len(rows) + n_joint_tasks * nj
         self._m = m
-        # What is wanted is a sum of four terms, each a gain times what stands in one row of a block.
-        written = np.zeros((5, n))
-        self._references, self._terms = written[:2], written[1:]
-        self.rate_ref, self.acc_ref, self.e, self._ed, self.drift = written
+        # What is wanted at order 2 is a sum of five terms, each a gain times what stands in one row of a block.
+        self._terms, self._gains, self._weighted = np.zeros((5, n)), np.zeros((5, n)), np.zeros((5, n))
+        self._weighted_T, self._ones = self._weighted.T, np.ones(5)
+        self._references = self._terms[:2]
+        self.rate_ref, self.acc_ref, self.e, self.drift, self._Jv = self._terms
+        self.kd, ones, self.kp, minus_ones, self._minus_kd = self._gains
+        ones[:], minus_ones[:] = 1.0, -1.0
         self.e.fill(np.nan)
         self.drift[:m] = np.nan
-        self._gains, self._weighted, self._ones = np.ones((4, n)), np.zeros((4, n)), np.ones(4)
-        self.kp, self.kd = self._gains[1:3]
-        self._gains[1:3], self._gains[3] = 0.0, -1.0
         self.rate, self.wanted = np.zeros(n), np.zeros(n)
         self.own_ed = np.full(n, np.nan)
         self.writes_ed: Any = None
-        self._Jv = np.zeros(n)
+        self._v0 = np.zeros(rows.shape[1])  # v, and zeros for what is no velocity
+        self._v = self._v0[:nv]
         self._Jv_rows, self._wanted_rows = self._Jv[:m], self.wanted[:m]
         self._Jv_joints = self._Jv[m:].reshape(n_joint_tasks, nj)
         self._has_joints = n_joint_tasks > 0
@@ -63,11 +64,7 @@ class MotionRows:
         Raises:
             InvalidInput: at the velocity level, a task with kp > 0, kd = 0 and no rate.
         """
-        rows = slice(first, first + task.dim)
-        self.kp[rows], self.kd[rows], rate = task.gains()
-        if self.order == 1 and np.isinf(rate).any():
-            raise InvalidInput(f"{task.name} has kd = 0, so kp / kd says nothing at the velocity level; give it a rate")
-        self.rate[rows] = rate
+        self._set_gains(slice(first, first + task.dim), task, "; give it a rate")
 
     def contact_rows(self, first: int, contact: Contact) -> ContactRows:
         """The views a contact writes into."""
@@ -76,10 +73,16 @@ class MotionRows:
         out.J, out.e, out.drift, out.ed = self.J[rows], self.e[rows], self.drift[rows], self.own_ed[rows]
         out.rate_ref, out.acc_ref = self.rate_ref[rows], self.acc_ref[rows]
         out.J[:] = np.nan
-        self.kp[rows], self.kd[rows], self.rate[rows] = contact.gains()
-        if self.order == 1 and np.isinf(self.rate[rows]).any():
-            raise InvalidInput(f"{contact.name} has kd = 0, so kp / kd says nothing at the velocity level")
+        self._set_gains(rows, contact, "")
         return out
+
+    def _set_gains(self, rows: slice, member: Task | Contact, advice: str) -> None:
+        self.kp[rows], self.kd[rows], self.rate[rows] = member.gains()
+        if self.order == 1 and np.isinf(self.rate[rows]).any():
+            raise InvalidInput(f"{member.name} has kd = 0, so kp / kd says nothing at the velocity level{advice}")
+        self._minus_kd[rows] = -self.kd[rows]
+        if self.writes_ed is not None:
+            self._minus_kd[self.writes_ed] = 0.0
 
     def clear(self) -> None:
         """References that a task does not write are zero, in every tick."""
@@ -110,22 +113,24 @@ class MotionRows:
         """Called once after all checks: remember which tasks write their own error rate."""
         writes = ~np.isnan(self.own_ed)
         self.writes_ed = writes if writes.any() else None
+        self._minus_kd[writes] = 0.0
 
     def lower(self, v: Vec, v_joints: Vec) -> None:
         """From errors to wanted velocities or accelerations, for all rows at once."""
-        wanted = self.wanted
-        if not len(wanted):  # BLAS refuses empty vectors
+        if not len(self.wanted):  # BLAS refuses what is empty
             return
         if self.order == 1:
-            np.multiply(self.rate, self.e, wanted)
-            wanted += self.rate_ref
+            np.multiply(self.rate, self.e, self.wanted)
+            daxpy(self.rate_ref, self.wanted)
         else:
-            np.dot(self.J, v, self._Jv_rows)
+            if self._m:
+                dcopy(v, self._v)
+                self._right.fill(0.0)  # 0 times what a bad tick has left there need not be 0
+                dgemv(1.0, self._rows_T, self._v0, 0.0, self._Jv_rows, 0, 1, 0, 1, 1, 1)
             if self._has_joints:
                 self._Jv_joints[:] = v_joints
-            np.subtract(self.rate_ref, self._Jv, self._ed)
-            if self.writes_ed is not None:
-                np.copyto(self._ed, self.own_ed, where=self.writes_ed)
+            if self.writes_ed is not None:  # kd ė as it is given, without J v
+                np.copyto(self.rate_ref, self.own_ed, where=self.writes_ed)
             np.multiply(self._gains, self._terms, self._weighted)
-            dgemv(1.0, self._weighted.T, self._ones, 0.0, wanted, 0, 1, 0, 1, 0, 1)  # the sum of the rows, in place
+            dgemv(1.0, self._weighted_T, self._ones, 0.0, self.wanted, 0, 1, 0, 1, 0, 1)  # the sum of the rows
         np.negative(self._wanted_rows, self._right)

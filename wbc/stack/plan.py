@@ -59,7 +59,7 @@ class Plan:
         nv, nb = model.nv, model.nb
         self._column = p.G[:, p.n]
         motion = slice(layout.motion_row, layout.n_rows)
-        self.motion = MotionRows(level.order, p.G[motion, :nv], self._column[motion], model.nj, len(layout.on_joints))
+        self.motion = MotionRows(level.order, p.G[motion], nv, model.nj, len(layout.on_joints))
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
         self._has_components = bool(stack.components)
         self._is_scheduled = any(isinstance(component, Schedule) for component in stack.components)

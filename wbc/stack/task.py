@@ -337,10 +337,10 @@ class Target:
     NaN that comes later is caught by the certificate. Rates and accelerations are (dim,).
     """
 
-    __slots__ = ("_convert", "_dim", "_function", "_name", "_still", "has_rates", "rate", "second", "value")
+    __slots__ = ("_convert", "_function", "_name", "_shape", "_still", "has_rates", "rate", "second", "value")
 
     def __init__(self, name: str, value: Any, dim: int, convert: Callable[[str, Any, bool], Any]) -> None:
-        self._name, self._dim, self._convert = name, dim, convert
+        self._name, self._shape, self._convert = name, (dim,), convert
         self._function: Callable[[float], Any] | None = None
         self.value: Any = None
         self._still = np.zeros(dim)
@@ -375,17 +375,18 @@ class Target:
         if len(result) != 3:
             raise InvalidInput(f"{self._name}(t) must give a value or (value, rate, acceleration)")
         value, rate, second = result
-        self.rate = self._vector("rate", rate, strict)
-        self.second = self._vector("acceleration", second, strict)
-        self.has_rates = True
+        if strict or not type(rate) is type(second) is np.ndarray or not rate.shape == second.shape == self._shape:
+            rate = self._vector("rate", rate, strict)
+            second = self._vector("acceleration", second, strict)
+        self.rate, self.second, self.has_rates = rate, second, True
         return value
 
     def _vector(self, what: str, value: Any, strict: bool) -> Vec:
         if strict:
-            return checks.array(f"{self._name} {what}", value, (self._dim,))
-        vector = value if type(value) is np.ndarray else np.asarray(value, float)
-        if vector.shape != (self._dim,):
-            raise InvalidInput(f"{self._name} {what} must have shape ({self._dim},), not {vector.shape}")
+            return checks.array(f"{self._name} {what}", value, self._shape)
+        vector = np.asarray(value, float)
+        if vector.shape != self._shape:
+            raise InvalidInput(f"{self._name} {what} must have shape {self._shape}, not {vector.shape}")
         return vector
 
 

@@ -178,11 +178,11 @@ class BoxSolver(RowSolver):
     def _slope_at_answer(self) -> Vec:
         """D (x − c) + Σ wᵢ Sᵢᵀ (Sᵢ x̂), from the data; the rows' values on the way."""
         gradient = self._gradient
-        self._S.dot(self._x1, self._rows)
         np.subtract(self._x, self._centre, gradient)
         if not self._is_uniform:
             gradient *= self._metric
         if self._has_rows:
+            dgemv(1.0, self._S_T, self._x1, 0.0, self._rows, 0, 1, 0, 1, 1, 1)
             push = self._rows if self._is_even else np.multiply(self._weights, self._rows, self._push)
             dgemv(self._weight, self._S_T, push, 1.0, self._gradient1, 0, 1, 0, 1, 0, 1)
         return gradient

@@ -24,7 +24,7 @@ from __future__ import annotations
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg.blas import dasum, dgemm, dgemv, dsyrk, idamax
+from scipy.linalg.blas import dasum, daxpy, dgemm, dgemv, dsyrk, idamax
 from scipy.linalg.lapack import dposv, dpotrs
 
 from wbc.qp.certificate import Certificate
@@ -50,9 +50,9 @@ _LITTLE = 1e-4
 class _Views:
     """Everything whose size depends on the number k of occupied slots, cut once for each k."""
 
-    __slots__ = ("E", "E_T", "Ed", "Eu_T", "Ey_T", "G_T", "bounded", "compliance", "lam", "lam_slots", "lam_soft",
-                 "lower", "over", "rows", "slots", "slots_right", "soft", "soft_to_slots", "under", "upper", "value",
-                 "value_slots")  # fmt: skip
+    __slots__ = ("E", "E_T", "Ed", "Eu_T", "Ey_T", "G_T", "beyond", "bounded", "compliance", "lam", "lam_slots",
+                 "lam_soft", "lower", "over", "rows", "slots", "slots_right", "soft", "soft_to_slots", "under", "upper",
+                 "value", "value_slots")  # fmt: skip
 
     def __init__(self, p: RowProblem, k: int) -> None:
         first, m = p.soft.start, p.n_soft + p.n_law + k
@@ -68,7 +68,8 @@ class _Views:
         self.slots_right = self.slots[:, p.n]
         items, soft = p.first_row + last, p.item(first)
         self.value, self.lower, self.upper = p.value[:items], p.lower[:items], p.upper[:items]
-        self.over, self.under = np.zeros(items), np.zeros(items)
+        self.beyond = np.zeros(2 * items)
+        self.over, self.under = self.beyond[:items], self.beyond[items:]
         self.bounded = np.zeros(items, dtype=bool)  # what may be held at a bound: y and the range rows
         self.bounded[p.n_u : p.n] = self.bounded[p.item(p.range.start) : soft] = True
         self.rows = p.value[p.first_row : items]
@@ -207,10 +208,13 @@ class DualSolver(RowSolver):
             dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)  # u = −X [y; 1]
         if len(now.E):  # BLAS refuses empty matrices
             self._Er = Er = dgemm(-1.0, self._Xy, now.Eu_T, 1.0, now.Ey_T, 1) if p.n_u else now.Ey_T
-            if self._uniform and p.n_u and not self._pinned:
+            self._Ed = now.Ed
+            if self._pinned or not self._uniform:
+                np.multiply(Er, self._root_column, now.Ed)
+            elif p.n_u:
                 self._Ed = Er
             else:
-                self._Ed = np.multiply(Er, self._root_column, now.Ed)
+                now.Ed[:] = Er  # in one piece, as BLAS wants it
             K = dsyrk(1.0, self._Ed, 1.0, now.compliance, 1)
             dgemv(-1.0, now.E_T, p.x1, 0.0, now.lam, 0, 1, 0, 1, 1, 1)  # the right side, in place
             self._factor, _, info = dposv(K, now.lam, 0, 1, 1)
@@ -249,22 +253,24 @@ class DualSolver(RowSolver):
 
     def _verify(self) -> bool:
         """All rows and bounds within tolerance in their own units, all multipliers of the right sign."""
-        p, now, soft, over, under = self.problem, self._now, self._now.soft, self._now.over, self._now.under
+        p, now, give = self.problem, self._now, self._give
         # A soft row gives way: at the solution of the linear system its residual and C λ add up to zero.
-        np.multiply(self._soft_compliance, now.lam_soft, self._give)
-        soft += self._give
-        np.subtract(now.value, now.upper, over)
-        np.subtract(now.lower, now.value, under)
-        soft -= self._give
-        above, below = float(over[over.argmax()]), float(under[under.argmax()])
-        self._primal = max(above, below)
+        if p.n_soft:  # BLAS refuses empty vectors
+            np.multiply(self._soft_compliance, now.lam_soft, give)
+            daxpy(give, now.soft)
+        np.subtract(now.value, now.upper, now.over)
+        np.subtract(now.lower, now.value, now.under)
+        if p.n_soft:
+            daxpy(give, now.soft, p.n_soft, -1.0)
+        beyond = now.beyond
+        self._primal = beyond.item(beyond.argmax())
         dual = gap = self._rounding = 0.0
         self._wrong = _NOTHING
         if len(self._items):
             dual = self._largest_wrong()
             if len(self._slot_rows):
                 gap = p.unit * float(dasum(now.lam_slots * now.value_slots))
-        if not (above <= self.tolerance and below <= self.tolerance and dual <= self._rounding):  # NaN is not
+        if not (self._primal <= self.tolerance and dual <= self._rounding):  # NaN is not
             return False
         self.certificate = Certificate(max(self._primal, 0.0), max(dual * p.unit, 0.0), gap)
         return True
