@@ -148,7 +148,7 @@ def sight(
         return Sight(bearing.y, rows, _NO_DRIFT, rate_ref, _NO_DRIFT)
     spin = pinocchio.skew(np.dot(turn, state.v))
     seen = direction.rate - np.dot(spin, direction.value)
-    second = direction.second - np.dot(pinocchio.skew(frame.drift()[3:]), direction.value)
+    second = direction.second - np.dot(pinocchio.skew(frame.angular_drift()), direction.value)
     second -= np.dot(spin, direction.rate + seen)
     acc_ref = np.dot(by_world, target.second) + bearing.curvature(np.dot(to_view, target.rate))
     together = np.dot(by_world, second) + bearing.curvature(np.dot(to_view, seen))

@@ -65,11 +65,11 @@ class Distance(Tracking, Task):
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         frame, target = state.frame(self.frame), self.reference(state.t)
-        J, drift = frame.jacobian()[:3], frame.drift()[:3]
+        J, drift = frame.jacobian()[:3], frame.linear_drift()
         if isinstance(self.to, str):
             other = state.frame(self.to)
             x = frame.position - other.position
-            J, drift = J - other.jacobian()[:3], drift - other.drift()[:3]
+            J, drift = J - other.jacobian()[:3], drift - other.linear_drift()
         else:
             x = frame.position - self.to
         r = float(np.sqrt(np.dot(x, x)))

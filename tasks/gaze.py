@@ -56,7 +56,7 @@ class Gaze(Tracking, Task):
         x, J = target.value - frame.position, frame.jacobian()[:3]
         alone = unit_motion(x, target.rate, target.second, self.nearest)
         velocity = target.rate - np.dot(J, state.v)
-        both = unit_motion(x, velocity, target.second - frame.drift()[:3], self.nearest)
+        both = unit_motion(x, velocity, target.second - frame.linear_drift(), self.nearest)
         seen = sight(state, frame, self._view, direction=both, target=alone, J=np.dot(both.by_velocity, -J))
         out.e[:], out.J[:], out.drift[:] = seen.e, seen.J, seen.drift
         out.rate_ref[:], out.acc_ref[:] = seen.rate_ref, seen.acc_ref

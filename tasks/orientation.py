@@ -46,7 +46,7 @@ class Orientation(Tracking, Task):
         frame, target = state.frame(self.frame), self.reference(state.t)
         out.J[:] = frame.jacobian()[3:]
         out.e[:] = rotation_error(target.value, frame.rotation)
-        out.drift[:] = frame.drift()[3:]
+        out.drift[:] = frame.angular_drift()
         if target.has_rates:
             out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
 

@@ -63,7 +63,7 @@ class Point(Contact):
         frame = state.frame(self.frame)
         if self._plain:
             out.J[:] = frame.jacobian()[:3]
-            out.drift[:] = frame.drift()[:3]
+            out.drift[:] = frame.linear_drift()
             np.subtract(anchor.position, frame.position, out.e)
             return
         out.J[:] = np.dot(self._rows, frame.jacobian())

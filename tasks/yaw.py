@@ -69,7 +69,7 @@ class Yaw(Tracking, Task):
         if state.drifts:
             spin = pinocchio.skew(np.dot(turn, state.v))
             rate = np.dot(spin, u)
-            second = np.dot(pinocchio.skew(frame.drift()[3:]), u) + np.dot(spin, rate)
+            second = np.dot(pinocchio.skew(frame.angular_drift()), u) + np.dot(spin, rate)
             yaw_rate = (x * rate[1] - y * rate[0]) / shadow
             out.drift[:] = (x * second[1] - y * second[0] - 2.0 * yaw_rate * (x * rate[0] + y * rate[1])) / shadow
 

@@ -51,7 +51,7 @@ class AxisConeLimit(Barrier):
         J = frame.jacobian()[3:]
         np.dot(turn, J, out.J[0])
         omega = J @ state.v
-        out.drift[0] = turn.dot(frame.drift()[3:]) + omega.dot(_cross(_cross(omega, b), d))
+        out.drift[0] = turn.dot(frame.angular_drift()) + omega.dot(_cross(_cross(omega, b), d))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

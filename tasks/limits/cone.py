@@ -62,7 +62,7 @@ class ConeLimit(Barrier):
         u = J @ state.v
         across = self._across @ u
         curvature = (across.dot(across) - beside.dot(u) ** 2) / r
-        out.drift[0] = gradient.dot(frame.drift()[:3]) - cos * curvature
+        out.drift[0] = gradient.dot(frame.linear_drift()) - cos * curvature
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -45,7 +45,7 @@ class HalfSpaceLimit(Barrier):
         frame, n = state.frame(self.frame), self.normal
         out.h[0] = n.dot(frame.position) - self.offset
         np.dot(n, frame.jacobian()[:3], out.J[0])
-        out.drift[0] = n.dot(frame.drift()[:3])
+        out.drift[0] = n.dot(frame.linear_drift())
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

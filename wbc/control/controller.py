@@ -37,6 +37,7 @@ from wbc.types import Status, Vec
 
 #: Squares of numbers beyond which no state can be: 1e8 m, rad, m/s or rad/s.
 _HUGE = 1e16
+_NUMBERS = np.dtype(np.float64)
 
 
 @final
@@ -173,7 +174,7 @@ class Controller:
             InvalidInput: q or v has another shape, or is not numbers.
         """
         try:
-            t, q, v = float(t), np.array(q, np.float64), np.array(v, np.float64)
+            t, q, v = float(t), np.array(q, _NUMBERS), np.array(v, _NUMBERS)
         except (TypeError, ValueError) as cause:
             raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of numbers: {cause}") from None
         if q.shape != self._q_shape or v.shape != self._v_shape:

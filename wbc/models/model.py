@@ -61,6 +61,14 @@ class FrameState(ABC):
     def drift(self) -> Vec:
         """(6,) J̇ v, world axes, classical."""
 
+    def linear_drift(self) -> Vec:
+        """(3,) the acceleration of the origin when a = 0: the first half of ``drift``."""
+        return self.drift()[:3]
+
+    def angular_drift(self) -> Vec:
+        """(3,) the angular acceleration when a = 0: the second half of ``drift``."""
+        return self.drift()[3:]
+
     @abstractmethod
     def jacobian_local(self) -> Mat:
         """(6, nv), the frame's axes."""

@@ -29,6 +29,7 @@ _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_A
 #: What a state without drifts says of them.
 _NO_DRIFT = np.full(6, np.nan)
 _NO_DRIFT.flags.writeable = False
+_NO_MOTION = pin.Motion(_NO_DRIFT)
 
 
 @final
@@ -310,16 +311,13 @@ class PinocchioFrame(FrameState):
         index = state.model.frames[name]
         model, data = state.model.pinocchio, state._data
         self.name = name
-        self._state = state
+        self._state, self._index = state, index
         self.placement = data.oMf[index]
         self.position = _view(self.placement.translation, data)
         self.rotation = _view(self.placement.rotation, data)
         columns = state.model.nv
         self._jacobian = _matrix(partial(pin.getFrameJacobian, model, data, index, _WORLD_AXES), columns)
         self._jacobian_local = _matrix(partial(pin.getFrameJacobian, model, data, index, _LOCAL), columns)
-        # With a = 0 in the kinematics an acceleration is the drift.
-        self._drift = partial(pin.getFrameClassicalAcceleration, model, data, index, _WORLD_AXES)
-        self._drift_local = partial(pin.getFrameAcceleration, model, data, index, _LOCAL)
 
     def jacobian(self) -> Mat:
         """(6, nv), world axes."""
@@ -327,11 +325,15 @@ class PinocchioFrame(FrameState):
 
     def drift(self) -> Vec:
         """(6,) J̇ v, world axes, classical."""
-        if "drift" not in self._state._needs:
-            if not self._state.drifts:
-                return _NO_DRIFT
-            self._state._learn("drift")
-        return self._drift().vector  # type: ignore[no-any-return]
+        return self._classical().vector  # type: ignore[no-any-return]
+
+    def linear_drift(self) -> Vec:
+        """(3,) the acceleration of the origin when a = 0."""
+        return self._classical().linear  # type: ignore[no-any-return]
+
+    def angular_drift(self) -> Vec:
+        """(3,) the angular acceleration when a = 0."""
+        return self._classical().angular  # type: ignore[no-any-return]
 
     def jacobian_local(self) -> Mat:
         """(6, nv), the frame's axes."""
@@ -339,11 +341,23 @@ class PinocchioFrame(FrameState):
 
     def drift_local(self) -> Vec:
         """(6,) J̇ v, the frame's axes, spatial."""
-        if "drift" not in self._state._needs:
-            if not self._state.drifts:
-                return _NO_DRIFT
-            self._state._learn("drift")
-        return self._drift_local().vector  # type: ignore[no-any-return]
+        return self._spatial().vector  # type: ignore[no-any-return]
+
+    @cached_property
+    def _classical(self) -> Callable[[], Any]:
+        return self._drifting(pin.getFrameClassicalAcceleration, _WORLD_AXES)
+
+    @cached_property
+    def _spatial(self) -> Callable[[], Any]:
+        return self._drifting(pin.getFrameAcceleration, _LOCAL)
+
+    def _drifting(self, acceleration: Callable[..., Any], axes: Any) -> Callable[[], Any]:
+        """An acceleration of the frame: with a = 0 in the kinematics, which the state learns to compute, the drift."""
+        state = self._state
+        if not state.drifts:
+            return lambda: _NO_MOTION
+        state._learn("drift")
+        return partial(acceleration, state.model.pinocchio, state._data, self._index, axes)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return PinocchioState.frame, (self._state, self.name)

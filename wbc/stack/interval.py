@@ -91,7 +91,7 @@ class JointIntervals:
         self._value, self._room, self._reach, self._wanted, self._free, self._bound = self._work.values()
         nj = shape[1]
         self._plain, self._mirrored = self._value[:nj], self._value[nj:]
-        self._room_above, self._room_below = self._room[:nj], self._room[nj:]
+        self._room_below = self._room[nj:]
         self._bound_above, self._bound_below = self._bound[:nj], self._bound[nj:]
         self._wanted_above, self._wanted_below = self._wanted[:nj], self._wanted[nj:]
         self._back, self._room_before, self._value_now = np.zeros(2 * nj), np.zeros(shape), np.zeros(shape)
@@ -231,7 +231,7 @@ class JointIntervals:
         self._highest_v_per_dt, self._lowest_v_per_dt = v[0] / dt, -v[1] / dt
         # Positions and velocities alone: beyond these positions a limit is nearer than a tick at full speed.
         self._is_simple = not (self._has_acceleration or np.isfinite(jerk).any()) and bool(np.isfinite(v).all())
-        self._clear_above, self._clear_below = (q - v * dt) if self._is_simple else q
+        self._clear = ((q - v * dt) if self._is_simple else q).reshape(-1)
         self._fastest_above, self._fastest_below = v[0].copy(), -v[1]
         self._least_above, self._most_below = -B[0], B[1]
         self._surely_slow = float(v.min()) ** 2
@@ -282,10 +282,13 @@ class JointIntervals:
         """Write bounds (nj,) on the joint velocities of the next tick; v is read with acceleration limits only."""
         if self._is_simple:
             room = self._room
-            np.subtract(self._clear_above, q, self._room_above)
-            np.add(self._clear_below, q, self._room_below)
+            dcopy(self._clear, room)
+            daxpy(q, room, len(q), -1.0)
+            daxpy(q, self._room_below)
             if room.item(room.argmin()) >= 0.0:
-                upper[:], lower[:], self._flags[2] = self._fastest_above, self._fastest_below, -1
+                dcopy(self._fastest_above, upper)
+                dcopy(self._fastest_below, lower)
+                self._flags[2] = -1
                 return
         self._plain[:] = q
         np.negative(q, self._mirrored)

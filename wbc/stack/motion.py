@@ -26,6 +26,7 @@ class MotionRows:
 
     def __init__(self, order: int, rows: Mat, nv: int, nj: int, n_joint_tasks: int) -> None:
         self.order, self.J, self._right, self._rows_T = order, rows[:, :nv], rows[:, -1], rows.T
+        self._flat, self._width = rows.reshape(-1), rows.shape[1]
         m, n = len(rows), len(rows) + n_joint_tasks * nj
         self._m = m
         # What is wanted at order 2 is a sum of five terms, each a gain times what stands in one row of a block.
@@ -42,7 +43,7 @@ class MotionRows:
         self.writes_ed: Any = None
         self._v0 = np.zeros(rows.shape[1])  # v, and zeros for what is no velocity
         self._v = self._v0[:nv]
-        self._Jv_rows, self._wanted_rows = self._Jv[:m], self.wanted[:m]
+        self._Jv_rows = self._Jv[:m]
         self._Jv_joints = self._Jv[m:].reshape(n_joint_tasks, nj)
         self._has_joints = n_joint_tasks > 0
 
@@ -119,13 +120,13 @@ class MotionRows:
         """From errors to wanted velocities or accelerations, for all rows at once."""
         if not len(self.wanted):  # BLAS refuses what is empty
             return
+        self._right.fill(0.0)  # also because 0 times what a bad tick has left there need not be 0
         if self.order == 1:
             np.multiply(self.rate, self.e, self.wanted)
             daxpy(self.rate_ref, self.wanted)
         else:
             if self._m:
                 dcopy(v, self._v)
-                self._right.fill(0.0)  # 0 times what a bad tick has left there need not be 0
                 dgemv(1.0, self._rows_T, self._v0, 0.0, self._Jv_rows, 0, 1, 0, 1, 1, 1)
             if self._has_joints:
                 self._Jv_joints[:] = v_joints
@@ -133,4 +134,5 @@ class MotionRows:
                 np.copyto(self.rate_ref, self.own_ed, where=self.writes_ed)
             np.multiply(self._gains, self._terms, self._weighted)
             dgemv(1.0, self._weighted_T, self._ones, 0.0, self.wanted, 0, 1, 0, 1, 0, 1)  # the sum of the rows
-        np.negative(self._wanted_rows, self._right)
+        if self._m:
+            daxpy(self.wanted, self._flat, self._m, -1.0, 0, 1, self._width - 1, self._width)

@@ -127,6 +127,8 @@ class Plan:
         behind = layout.n_rows - first
         for i, task in enumerate(layout.on_joints):
             self._fills.append((task.fill, (motion.task_rows(behind + i * self.model.nj, task),)))
+        self._task_fills = [(fill, *out) for fill, out in self._fills if len(out) == 1]
+        self._contact_fills = [(fill, *out) for fill, out in self._fills if len(out) == 2]
 
     def _prepare_dynamics(self) -> None:
         layout, p, model = self.layout, self.problem, self.model
@@ -345,8 +347,10 @@ class Plan:
 
     def _fill_rows(self, state: RobotState) -> None:
         self.motion.clear()
-        for fill, out in self._fills:
-            fill(state, *out)
+        for fill, out in self._task_fills:
+            fill(state, out)
+        for fill, anchor, out in self._contact_fills:
+            fill(state, anchor, out)
         self.motion.lower(state.v, state.v_joints)
         if self._pulls:
             share, wanted = self._pulls[0]

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio
+from scipy.linalg.blas import dgemm
 
 from wbc import checks
 from wbc.errors import InvalidInput
@@ -129,7 +130,7 @@ def joints_target(model: RobotModel, full: int) -> Convert:
 
 def rotation_error(target: Mat, actual: Mat) -> Vec:
     """log(target actualᵀ): the rotation vector [rad], world axes, that turns ``actual`` into ``target``."""
-    error: Vec = _log3(target.dot(actual.T))
+    error: Vec = _log3(dgemm(1.0, target, actual, 0.0, None, 0, 1))
     return error
 
 

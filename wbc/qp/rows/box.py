@@ -27,7 +27,7 @@ from typing import final
 
 import daqp
 import numpy as np
-from scipy.linalg.blas import dasum, ddot, dgemm, dgemv, dsyrk, idamax
+from scipy.linalg.blas import dasum, daxpy, dcopy, ddot, dgemm, dgemv, dsyrk, idamax
 from scipy.linalg.lapack import dposv
 
 from wbc.qp.certificate import Certificate
@@ -153,7 +153,7 @@ class BoxSolver(RowSolver):
         else:
             np.multiply(self._S, self._roots, self._W)
             M = dsyrk(1.0, self._W_T, 1.0, self._D_tied, 0, 1)
-        self._x1[:] = self._known
+        dcopy(self._known, self._x1)
         _, x1, info = dposv(M, self._x1, 1, 1, 1)  # in place
         return bool(info == 0 and x1[-1] == 1.0)
 
@@ -178,7 +178,8 @@ class BoxSolver(RowSolver):
     def _slope_at_answer(self) -> Vec:
         """D (x − c) + Σ wᵢ Sᵢᵀ (Sᵢ x̂), from the data; the rows' values on the way."""
         gradient = self._gradient
-        np.subtract(self._x, self._centre, gradient)
+        dcopy(self._x, gradient)
+        daxpy(self._centre, gradient, len(gradient), -1.0)
         if not self._is_uniform:
             gradient *= self._metric
         if self._has_rows:
@@ -189,8 +190,11 @@ class BoxSolver(RowSolver):
 
     def _beyond_bounds(self) -> float:
         """By how much the worst unknown is outside its bounds; below 0: inside."""
-        np.subtract(self._x, self._ub, self._over)
-        np.subtract(self._lb, self._x, self._under)
+        n = len(self._x)
+        dcopy(self._x, self._over)
+        daxpy(self._ub, self._over, n, -1.0)
+        dcopy(self._lb, self._under)
+        daxpy(self._x, self._under, n, -1.0)
         return float(self._beyond[self._beyond.argmax()])
 
     def _size(self) -> float:
