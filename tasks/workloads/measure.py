@@ -1,8 +1,8 @@
 """Running and timing a workload, and the row of figures that comes out.
 
 What is timed in a tick: from references and state in arrays (or in poses already made) to the answer in arrays. A
-second closed loop, driven by hand through the controller's own parts with clocks between them, says where the time
-goes; it does not disturb the first.
+second run over the same states, with clocks on the controller's parts, says where the time goes; it does not disturb
+the first.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ WARM_UP = 100
 _REPORT_EVERY = 250
 _COUNTED = 100
 _PARTS = ("update", "fill", "solve", "decode")
+_SOLVE = _PARTS.index("solve")
 
 
 def measure(
@@ -124,33 +125,37 @@ def _closed_loop(setting: _Setting, controller: Controller, steps: _Steps) -> Re
 
 
 def _split_loop(setting: _Setting, record: Record, steps: _Steps) -> tuple[Any, int]:
-    """The same ticks through the parts of a controller: nanoseconds (ticks, parts), and how many the solver failed."""
+    """Ticks on the same states with clocks on the controller's parts: nanoseconds (ticks, parts), and how many the
+    solver failed."""
     controller = setting.controller()
-    state, plan, robot, dt = controller.state, controller.plan, setting.made.robot, controller.dt
-    rows = controller.hierarchy.open(plan.problem, controller.solver)
-    torque, force = plan.problem.first_row + robot.nb, slice(robot.nv, plan.problem.n)
+    owners = controller.state, controller.plan, controller.mode.solver, controller
+    clocks = [_Clock(owner, part) for owner, part in zip(owners, _PARTS, strict=True)]
     nanoseconds, failures = np.zeros((record.ticks, len(_PARTS)), np.int64), 0
     for k in range(record.ticks):
-        t, q, v = k * dt, record.q[k], record.v[k]
-        start = now()
-        state.update(t, q, v)
-        if k == 0:
-            plan.start(state)
-        updated = now()
-        plan.fill(state)
-        filled = now()
-        status = rows.solve()
-        solved = now()
-        value = plan.problem.value.copy()
-        _ = value[: robot.nv], value[torque : torque + robot.nj]
-        end = now()
-        nanoseconds[k] = updated - start, filled - updated, solved - filled, end - solved
-        failures += not status.ok
+        command = controller.tick(k * controller.dt, record.q[k], record.v[k])
+        nanoseconds[k] = [clock.nanoseconds for clock in clocks]
+        failures += not clocks[_SOLVE].gave.ok
         # What the timed loop does between its ticks: without it, memory would be warmer here than there.
-        robot.integrate(q, dt * v)
-        controller.split_forces(value[force])
+        _ = command.q, command.f
         steps.done()
     return nanoseconds, failures
+
+
+@final
+class _Clock:
+    """Takes the place of a method; knows how long its last call took, and what it gave."""
+
+    def __init__(self, owner: Any, method: str) -> None:
+        self._call = getattr(owner, method)
+        self.nanoseconds = 0
+        self.gave: Any = None
+        setattr(owner, method, self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        start = now()
+        self.gave = gave = self._call(*arguments)
+        self.nanoseconds = now() - start
+        return gave
 
 
 def _numpy_calls(setting: _Setting, record: Record) -> dict[str, float]:
