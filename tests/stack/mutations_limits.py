@@ -33,8 +33,9 @@ MUTATIONS = [
      f"{LIMITS}::test_inside_stays_inside_whatever_is_wished"),
     ("wbc/control/ladder.py", "np.argsort(-np.abs(slack)", "np.argsort(np.abs(slack)",
      f"{LIMITS}::test_torque_limits_stand_above_the_interval_of_a_joint"),
+    ("wbc/stack/interval.py", "daxpy(q, self._room_below)", "pass", NEARER),
     ("wbc/stack/interval.py", "(q - v * dt) if self._is_simple", "q if self._is_simple", NEARER),
-    ("wbc/stack/interval.py", "self._fastest_below, -1", "self._fastest_below, 0", NEARER),
+    ("wbc/stack/interval.py", "self._flags[2] = -1", "self._flags[2] = 0", NEARER),
     # barriers
     ("wbc/stack/writers.py", "self._lower -= out.rate", "pass", f"{AVOIDANCE}::test_what_comes_flying_is_dodged"),
     ("wbc/stack/plan.py", "(*above, *stack.levels)", "(*stack.levels, *above)",

@@ -138,22 +138,26 @@ def test_with_velocity_limits_alone_the_next_tick_may_be_at_the_limit(seed: int)
     np.testing.assert_allclose(upper, (v_max - v) / 1e-3, rtol=0.0, atol=rounding)
 
 
-@given(SEEDS, st.sampled_from([-0.5, 0.0, 0.3, 0.9, 1.1, 3.0]))
-def test_velocities_within_positions_and_velocities_alone_are_bounded_by_the_nearer_limit(seed: int, near: float):
+@given(SEEDS, st.sampled_from([-0.5, 0.0, 0.3, 0.9, 1.1, 3.0]), st.booleans())
+def test_velocities_within_positions_and_velocities_alone_are_bounded_by_the_nearer_limit(
+    seed: int, near: float, mirrored: bool
+):
     rng = np.random.default_rng(seed)
     dt, up = 0.01, rng.uniform(0.1, 1.0, ARM.nj)
-    laws = [JointPositionLimits(lower=-np.inf, upper=up), JointVelocityLimits(up)]
-    intervals = JointIntervals.compose(laws, ARM, dt)
+    positions = JointPositionLimits(lower=-up) if mirrored else JointPositionLimits(lower=-np.inf, upper=up)
+    intervals = JointIntervals.compose([positions, JointVelocityLimits(up)], ARM, dt)
     q = rng.uniform(-0.5, 0.5, ARM.nj) * up
     for start in (q, np.r_[up[0] * (1.0 - near * dt), q[1:]], q):
-        lower, upper = bounds(intervals, "velocity", start, rng.normal(size=ARM.nj))
+        lower, upper = bounds(intervals, "velocity", -start if mirrored else start, rng.normal(size=ARM.nj))
+        if mirrored:
+            lower, upper = -upper, -lower
         outside = near < 0.0 and start is not q
         if not outside:
             np.testing.assert_allclose(upper, np.minimum((up - start) / dt, up), rtol=1e-9)
         np.testing.assert_array_equal(lower, -up)
         assert intervals.recovering == outside
         nearer = "JointPositionLimits" if start is not q and near < 1.0 else "JointVelocityLimits"
-        assert intervals.owner(0, upper=True) == nearer
+        assert intervals.owner(0, upper=not mirrored) == nearer
 
 
 @given(SEEDS)

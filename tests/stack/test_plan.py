@@ -317,6 +317,31 @@ def test_a_task_may_write_its_own_error_rate(arm: PinocchioModel) -> None:
     np.testing.assert_allclose(own.a, controller(arm, plain, level=level).tick(0.0, q, v).a, atol=1e-9)
 
 
+class HalfRate(OwnRate):
+    """One whose error changes half as fast as the tool moves."""
+
+    def fill(self, state: Any, out: TaskRows) -> None:
+        super().fill(state, out)
+        out.ed *= 0.5
+
+
+def test_what_is_wanted_has_a_gain_for_each_term_also_when_gains_change(arm: PinocchioModel) -> None:
+    q, v = moving(arm, 5)
+    goal, rate, second = np.array([0.4, 0.1, 0.4]), np.array([0.1, 0.2, -0.3]), np.array([1.0, -2.0, 0.5])
+    own, moved = HalfRate(), Position("tool", target=lambda t: (goal, rate, second))
+    control = controller(arm, wbc.Stack([own, moved, Posture(arm.q0)]), level=wbc.AccelerationLevel())
+    for kp, kd in ((100.0, 20.0), (9.0, 5.0), (0.0, 7.0)):
+        own.kp, own.kd, moved.kp, moved.kd = kp, kd, kp, kd
+        assert control.tick(0.0, q, v).status.ok
+        tool = control.state.frame("tool")
+        e, Jv, drift = goal - tool.position, tool.jacobian()[:3] @ v, tool.linear_drift()
+        wanted = {wish.name: wish.wanted for wish in control.plan.problem.levels[0]}
+        np.testing.assert_allclose(wanted[own.name], kp * e - kd * 0.5 * Jv - drift, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            wanted[moved.name], second + kd * (rate - Jv) + kp * e - drift, rtol=1e-12, atol=1e-12
+        )
+
+
 # ---- the tick
 def test_the_same_state_twice_gives_the_same_bits(humanoid: PinocchioModel) -> None:
     q, v = moving(humanoid, 7)

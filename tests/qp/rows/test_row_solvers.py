@@ -80,8 +80,12 @@ def test_a_warm_start_changes_the_work_and_not_the_answer(seed: int) -> None:
     np.testing.assert_allclose(x, p.x, atol=1e-8)
 
 
-def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits() -> None:
-    p = row_problem(5, tight=0.05)
+@pytest.mark.parametrize("n_u", [0, 3])
+@pytest.mark.parametrize("uniform", [False, True])
+def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits(n_u: int, uniform: bool) -> None:
+    p = row_problem(5, tight=0.05, n_u=n_u)
+    if uniform:  # and no unknown at a bound: then nothing is scaled
+        p.metric[:], p.lb[:], p.ub[:] = 1.0, -np.inf, np.inf
     solver = DualSolver(p)
     solver.solve()
     assert solver.active_count > 0
