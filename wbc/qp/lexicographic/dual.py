@@ -67,8 +67,8 @@ class DualStages(Way):
         self._y1 = p.value[p.n_u : p.n + 1]
         self._B: Mat = np.zeros((p.n_u, p.n + 1), order="F")
         self._Bu, self._X = self._B[:, : p.n_u], self._B[:, p.n_u :]
-        self._free_root, self._root = np.ones(p.n_y), np.ones(p.n_y)
-        self._bounded = p.item(self._first)
+        self._free_root, self._root, self._is_uniform = np.ones(p.n_y), np.ones(p.n_y), True
+        self._G_T, self._bounded = p.G.T, p.item(self._first)
         self._over, self._under = np.zeros(self._bounded), np.zeros(self._bounded)
         self._version = -1
         self._rest: Rest | None = None  # what is left below a stage that was not met, or is not known to be
@@ -103,6 +103,7 @@ class DualStages(Way):
         self._free_root[:] = 1.0 / np.sqrt(p.metric)
         self._root[:] = self._free_root
         self._root[self._pins] = 0.0
+        self._is_uniform = bool((self._free_root == 1.0).all())
         self._compliance = np.divide(p.unit, p.weights, out=np.full(p.n_soft, _FREE), where=p.weights > 0)
         self._weigh = [
             *(np.sqrt(weights / (weights.max(initial=0.0) or 1.0)) for weights in self.staged.weights[:-1]),
@@ -203,9 +204,13 @@ class DualStages(Way):
 
     def _factorise(self) -> bool:
         wished = self._wished
-        self._E = np.multiply(self._Ek[:-1], self._root[:, None], self._Es[:, : self._stop - self._column])
-        K = dsyrk(1.0, self._E, trans=1)
-        diagonal = np.einsum("ii->i", K)
+        self._E = self._Es[:, : self._stop - self._column]
+        if self._is_uniform and not len(self._pins):
+            self._E[:] = self._Ek[:-1]
+        else:
+            np.multiply(self._Ek[:-1], self._root[:, None], self._E)
+        K = dsyrk(1.0, self._E, 0.0, None, 1)
+        diagonal = K.T.reshape(-1)[:: len(K) + 1]
         largest = float(diagonal[diagonal.argmax()])
         diagonal[:wished] += self._give
         holds = diagonal[wished:]
@@ -230,7 +235,7 @@ class DualStages(Way):
         if p.n_u:
             dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
         rows = p.n_rows + len(self._slots)
-        np.dot(p.G[:rows], p.x1, p.value[p.first_row : p.first_row + rows])
+        dgemv(1.0, self._G_T[:, :rows], p.x1, 0.0, p.value[p.first_row : p.first_row + rows], 0, 1, 0, 1, 1, 1)
         self._missing = p.value[p.first_row + self._first + self._column : p.first_row + rows]
 
     def _balance(self) -> Vec:

@@ -129,8 +129,8 @@ class Rest:
         own, right, weigh, centre, last, rows, side = asked
         scaled = own * (self._root[:, None] * weigh)
         free = self.basis.T @ scaled
-        square = np.einsum("ij,ij->j", free, free)
-        still = square <= _DEPENDENT**2 * np.einsum("ij,ij->j", scaled, scaled)
+        square = _squares(free)
+        still = square <= _DEPENDENT**2 * _squares(scaled)
         if still.any():
             free[:, still], square[still] = 0.0, 0.0
         steepest = float(square.max(initial=0.0)) or 1.0
@@ -193,8 +193,14 @@ def multipliers(p: RowProblem, rest: Rest) -> tuple[Vec, Vec, Vec]:
 
 def _lengths(columns: Mat, *, least: float = 1e-300) -> Vec:
     """Length of each column, and no less than ``least``."""
-    lengths: Vec = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), least)
+    lengths: Vec = np.maximum(np.sqrt(_squares(columns)), least)
     return lengths
+
+
+def _squares(columns: Mat) -> Vec:
+    """Squared length of each column."""
+    squares: Vec = np.vecdot(columns.T, columns.T)
+    return squares
 
 
 def _complement(columns: Mat, right: Vec | None, tolerance: float = _DEPENDENT) -> tuple[Mat, Vec]:

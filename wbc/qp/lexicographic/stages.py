@@ -22,6 +22,7 @@ from itertools import pairwise
 from typing import Literal, final
 
 import numpy as np
+from scipy.linalg.blas import dgemv
 
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, Wish
@@ -127,6 +128,8 @@ class StagedProblem:
                         self._directions.append((p.G[at, self._shares[id(wish)]], wish))
                 row = at.stop
         self._n = source.n
+        self._source_rows_T = source.G[: source.n_rows].T
+        self._source_values = source.value[source.first_row : source.item(source.n_rows)]
 
     def fill(self) -> None:
         """Take over rows, bounds, weights, metric and centre as they are now."""
@@ -217,7 +220,7 @@ class StagedProblem:
         source.x[:] = p.x[: source.n]
         for _, wish in self._pulls:
             source.x[wish.unknowns] /= source.scale[wish.unknowns]
-        np.dot(source.G[: source.n_rows], source.x1, source.value[source.first_row : source.item(source.n_rows)])
+        dgemv(1.0, self._source_rows_T, source.x1, 0.0, self._source_values, 0, 1, 0, 1, 1, 1)
 
 
 def _size(part: Part) -> int:
