@@ -17,7 +17,7 @@ MUTATIONS = [
     (MOTION, "self._right.fill(0.0)", "pass", PLAN),
     (MOTION, "self._minus_kd[rows] = -self.kd[rows]", "pass", PLAN),
     (MOTION, "np.copyto(self.rate_ref, self.own_ed, where=self.writes_ed)", "pass", PLAN),
-    (MOTION, "self._minus_kd[self.writes_ed] = 0.0", "pass", PLAN),
+    (MOTION, "self._Jv[self.writes_ed] = 0.0", "pass", PLAN),
     ("wbc/stack/plans.py", "value[self.plan.layout.force_items] * scale", "value[self.plan.layout.force_items]",
      PLAN),
     ("wbc/stack/interval.py", "daxpy(v, lower, len(v), -self._per_dt)", "pass", "tests/stack/test_interval.py"),

@@ -113,6 +113,19 @@ def test_needs_are_learnt_and_met_with_the_fewest_calls(reads: list[str], calls:
     assert [call for call in state.calls if not call.startswith("updateFramePlacement")] == calls
 
 
+@pytest.mark.parametrize("drifts", [True, False])
+def test_the_halves_of_a_drift_are_the_drift_and_nothing_that_was_not_computed_can_be_written(drifts: bool):
+    state = HUMANOID.state(drifts=drifts)
+    state.update(0.0, *moments(3, 1)[0])
+    hand = state.frame("left_hand")
+    halves = np.concatenate([hand.linear_drift(), hand.angular_drift()])
+    assert np.array_equal(halves, hand.drift(), equal_nan=True) and np.isnan(halves).all() != drifts
+    if not drifts:
+        for shared in (hand.drift(), hand.linear_drift(), hand.angular_drift(), hand.drift_local(), state.com_drift):
+            with pytest.raises(ValueError, match="read-only"):
+                shared[0] = 0.0
+
+
 def test_a_frame_follows_the_state():
     state = HUMANOID.state()
     hand = state.frame("left_hand")

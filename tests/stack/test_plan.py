@@ -342,6 +342,23 @@ def test_what_is_wanted_has_a_gain_for_each_term_also_when_gains_change(arm: Pin
         )
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_jacobian_without_end_warns_of_nothing_where_a_task_writes_its_own_rate(arm: PinocchioModel) -> None:
+    class Endless(OwnRate):
+        entry = 1.0
+
+        def fill(self, state: Any, out: TaskRows) -> None:
+            super().fill(state, out)
+            out.J[0, 0], out.ed[:] = self.entry, 0.0
+
+    task = Endless()
+    control = controller(arm, wbc.Stack([task, Posture(arm.q0)]), level=wbc.AccelerationLevel())
+    q, v = moving(arm, 6)
+    for entry, ok in ((1.0, True), (np.inf, False), (1.0, True)):
+        task.entry = entry
+        assert control.tick(0.0, q, v).status.ok == ok
+
+
 # ---- the tick
 def test_the_same_state_twice_gives_the_same_bits(humanoid: PinocchioModel) -> None:
     q, v = moving(humanoid, 7)

@@ -28,8 +28,8 @@ class PinocchioModel(RobotModel):
 
     Beside what every :class:`~wbc.models.model.RobotModel` has: ``base`` "fixed" or "floating"; ``urdf``, the checked
     description with its ``path`` and ``text()``; ``armature`` (nj,), inertia of the rotors, part of M; ``visuals`` and
-    ``collisions``, shapes on links; ``feet`` by frame; ``pinocchio``, the model of that library (to be read only), and
-    ``frames``, the index of each frame in it.
+    ``collisions``, shapes on links; ``feet`` by frame; ``pinocchio``, the model of that library (to be read only:
+    states keep copies), and ``frames``, the index of each frame in it.
 
     A floating base is the root link of the description. Each joint has one position: joints without end count on past
     π and have infinite limits. Mimic joints are joints of their own (``tasks.mimic_joints`` makes them gears). The mass

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -29,7 +30,7 @@ _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_A
 #: What a state without drifts says of them.
 _NO_DRIFT = np.full(6, np.nan)
 _NO_DRIFT.flags.writeable = False
-_NO_MOTION = pin.Motion(_NO_DRIFT)
+_NO_MOTION = SimpleNamespace(vector=_NO_DRIFT, linear=_NO_DRIFT[:3], angular=_NO_DRIFT[3:])
 
 
 @final

@@ -244,7 +244,10 @@ class JointIntervals:
         self._flags[3] = self._jerk is not None
 
     def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
+        """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,).
+
+        All are one piece of memory each, of float64: BLAS writes into a copy of anything else.
+        """
         if self._only_velocity:
             self._acceleration_by_velocity(v, lower, upper)
             return
@@ -279,7 +282,8 @@ class JointIntervals:
             np.minimum(lower, self._most_below, out=lower)
 
     def velocity(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Write bounds (nj,) on the joint velocities of the next tick; v is read with acceleration limits only."""
+        """Write bounds (nj,) on the joint velocities of the next tick, one piece of memory each as for accelerations;
+        v is read with acceleration limits only."""
         if self._is_simple:
             room = self._room
             dcopy(self._clear, room)

@@ -82,8 +82,6 @@ class MotionRows:
         if self.order == 1 and np.isinf(self.rate[rows]).any():
             raise InvalidInput(f"{member.name} has kd = 0, so kp / kd says nothing at the velocity level{advice}")
         self._minus_kd[rows] = -self.kd[rows]
-        if self.writes_ed is not None:
-            self._minus_kd[self.writes_ed] = 0.0
 
     def clear(self) -> None:
         """References that a task does not write are zero, in every tick."""
@@ -114,7 +112,6 @@ class MotionRows:
         """Called once after all checks: remember which tasks write their own error rate."""
         writes = ~np.isnan(self.own_ed)
         self.writes_ed = writes if writes.any() else None
-        self._minus_kd[writes] = 0.0
 
     def lower(self, v: Vec, v_joints: Vec) -> None:
         """From errors to wanted velocities or accelerations, for all rows at once."""
@@ -130,8 +127,9 @@ class MotionRows:
                 dgemv(1.0, self._rows_T, self._v0, 0.0, self._Jv_rows, 0, 1, 0, 1, 1, 1)
             if self._has_joints:
                 self._Jv_joints[:] = v_joints
-            if self.writes_ed is not None:  # kd ė as it is given, without J v
+            if self.writes_ed is not None:  # kd ė as it is given: in the place of the reference's rate, without J v
                 np.copyto(self.rate_ref, self.own_ed, where=self.writes_ed)
+                self._Jv[self.writes_ed] = 0.0
             np.multiply(self._gains, self._terms, self._weighted)
             dgemv(1.0, self._weighted_T, self._ones, 0.0, self.wanted, 0, 1, 0, 1, 0, 1)  # the sum of the rows
         if self._m:
