@@ -99,8 +99,8 @@ def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
                 CenterOfMass(target=np.array(state.com), kp=100),
                 Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
             ],
-            # Where an arm is stretched out, a hand alone asks for any joint speed that brings it a little nearer: with a
-            # hundredth of its weight a posture leaves torques that change sides in every tick, with a tenth none.
+            # Where an arm is stretched out, a hand alone asks for any joint speed that brings it a little nearer: with
+            # a hundredth of its weight a posture leaves torques that change sides in every tick, with a tenth none.
             [Position(stance.hand, target=away, kp=100), Posture(robot.q0, kp=100, weight=0.1)],
         ],
         contacts=held_by_damping(robot),
