@@ -21,11 +21,21 @@ def log3(R: Mat, w: Vec) -> float:
         factor = angle / s if s > 1e-8 else 1.0 + s * s / 6.0
         w[0], w[1], w[2] = factor * x, factor * y, factor * z
         return angle
-    # R = cos θ + (1 − cos θ) a aᵀ + sin θ [a]ₓ
-    scale = angle * angle / (1.0 - c)
-    w[0] = sqrt(max((R[0, 0] - c) * scale, 0.0)) * (1.0 if x > 0.0 else -1.0)
-    w[1] = sqrt(max((R[1, 1] - c) * scale, 0.0)) * (1.0 if y > 0.0 else -1.0)
-    w[2] = sqrt(max((R[2, 2] - c) * scale, 0.0)) * (1.0 if z > 0.0 else -1.0)
+    # R = cos θ + (1 − cos θ) a aᵀ + sin θ [a]ₓ: the longest column of a aᵀ is the axis but for its sign, and that is
+    # the one of the other part. At π that part is rounding: its entries one by one say nothing.
+    k = 0
+    if R[1, 1] > R[k, k]:
+        k = 1
+    if R[2, 2] > R[k, k]:
+        k = 2
+    for i in range(3):
+        w[i] = 0.5 * (R[i, k] + R[k, i])
+    w[k] -= c
+    factor = angle / sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    if w[0] * x + w[1] * y + w[2] * z < 0.0:
+        factor = -factor
+    for i in range(3):
+        w[i] *= factor
     return angle
 
 
