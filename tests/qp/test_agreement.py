@@ -30,6 +30,12 @@ def test_all_solvers_for_control_agree(seed: int, n: int, n_eq: int, n_in: int, 
         assert abs(qp.cost(answer.x) - qp.cost(answers["pdas"].x)) <= 1e-6 * (1 + abs(qp.cost(answer.x))), name
 
 
+def test_a_corner_at_which_adapted_steps_come_to_a_halt_is_reached_all_the_same():
+    qp = random_qp(7, 3, 2, 3, tight=0.05)
+    for name in CORE:
+        assert by_name(name).solve(qp).status is Status.SOLVED, name
+
+
 @given(seed=st.integers(0, 100_000), n=st.integers(2, 6))
 def test_exact_solvers_see_that_rows_contradict(seed: int, n: int):
     qp = random_qp(seed, n, 1, 3, tight=5.0)

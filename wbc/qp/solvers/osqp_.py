@@ -117,12 +117,19 @@ class OsqpSession(KeptSession):
         )  # fmt: skip
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        """Its scaling sometimes makes a sound problem look infeasible: try without."""
+        """Its scaling sometimes makes a sound problem look infeasible, and its steps, adapted on the way, may come to a
+        halt beside a sharp corner: try without the one, and without the other."""
         if proof.within(self.solver.tolerance):
             return None
-        plain = self._set_up(qp, scaling=0)
-        again = self._run(qp, plain) if plain is not None else answer
-        return again if again.status.ok else explained(qp, answer, proof, self.solver.tolerance)
+        without: list[dict[str, Any]] = [{"scaling": 0}]
+        if answer.status is Status.MAX_ITERATIONS:
+            without.append({"adaptive_rho": False, "rho": 10.0})
+        for settings in without:
+            plain = self._set_up(qp, **settings)
+            again = self._run(qp, plain) if plain is not None else answer
+            if again.status.ok:
+                return again
+        return explained(qp, answer, proof, self.solver.tolerance)
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
         from osqp import SolverStatus
