@@ -179,6 +179,8 @@ class _ProximalSteps:
         point = at + free @ least_violation(free, self.low - at, self.high - at)[0]
         inside = Scaled(unit * point[:-1], unit * float(point[-1]), True)
         self.inside = replace(inside, feasible=consistent and self._within(inside))
+        #: The w that no price takes away. Above it a w that stays the same may still be what a limit of σ holds.
+        self.least = (1.0 + 1e-6) * self._way(point)
 
     def from_zero(self, push: float) -> Scaled:
         """The answer, if this push is enough; not feasible where no point is within the limits."""
@@ -198,9 +200,8 @@ class _ProximalSteps:
         At a higher price limits meet at more acute angles; where that is too much for the solver, a w that counts as
         none is left.
         """
-        found, w = centre, np.inf
+        found = centre
         for price in PRICES:
-            before = w
             try:
                 found, w = self._nearest(centre, push, price)
                 if ROUNDING < w <= NEARLY:
@@ -209,7 +210,7 @@ class _ProximalSteps:
                 if not self._within(found):
                     raise
                 break
-            if w <= ROUNDING or w >= (1.0 - 1e-6) * before:
+            if w <= max(ROUNDING, self.least):
                 break
         return found
 
