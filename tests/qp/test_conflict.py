@@ -119,3 +119,12 @@ def test_rows_that_contradict_each_other_by_rounding_alone_are_no_conflict(monke
     assert module.conflict(qp) is not None
     monkeypatch.setattr(module._System, "filtered", lambda self, slack: np.array([0]))
     assert module.conflict(qp) is None
+
+
+def test_a_row_that_gives_nothing_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [("floor", "z", "m"), ("ceiling", "z", "m"), ("wall", "x", "m")]
+    qp = QP([[1.0]], [0.0], C=[[1.0], [1.0], [1.0]], cl=[1.0, -9.0, 0.0], cu=[9.0, -1.0, 9.0], rows=rows)
+    expected = conflict(qp)
+    # Where all is a matter of rounding the filter may leave more than it should.
+    monkeypatch.setattr("wbc.qp.conflict._System.filtered", lambda system, slack: np.arange(len(system.items)))
+    assert conflict(qp) == expected is not None
