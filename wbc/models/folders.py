@@ -49,6 +49,8 @@ class Folders:
         try:
             for candidate in self._candidates(reference):
                 path = candidate.resolve()
+                if path.is_symlink():  # what Python before 3.13 raises by itself
+                    raise RuntimeError("links in a circle")
                 if not any(path.is_relative_to(folder) for folder in (self.home, *self.packages)):
                     raise PathRefused(
                         f"{reference!r} is outside the folders that may be read: "
