@@ -44,8 +44,9 @@ def log6(R: Mat, p: Vec, w: Vec, e: Vec) -> None:
     """e (6,) becomes the twist whose exponential is (R, p): linear, then angular. ``w`` (3,) is memory."""
     angle = log3(R, w)
     square = angle * angle
-    if angle < 1e-4:
-        alpha, beta = 1.0 - square / 12.0 - square * square / 720.0, 1.0 / 12.0 + square / 720.0
+    if angle < 0.03:  # the difference below loses what the series has
+        beta = 1.0 / 12.0 + square / 720.0 + square * square / 30240.0
+        alpha = 1.0 - square * beta
     else:
         half = angle * sin(angle) / (2.0 * (1.0 - cos(angle)))
         alpha, beta = half, (1.0 - half) / square
