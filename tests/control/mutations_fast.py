@@ -8,8 +8,12 @@ BOUNDS, DUAL, BOX = (
     "wbc/qp/rows/compiled/box_kernel.py",
 )  # fmt: skip
 FAST, SOLVERS = "tests/control/test_fast.py", "tests/qp/rows/test_compiled.py"
+GEOMETRY = "wbc/stack/compiled/geometry.py"
 
 MUTATIONS = [
+    (GEOMETRY, "if angle < 0.03:", "if angle < 1e-4:", FAST),
+    (GEOMETRY, "1.0 / 12.0 + square / 720.0", "1.0 / 12.0", FAST),
+    (GEOMETRY, "factor = -factor", "pass", FAST),
     (ROWS, "a0 = A[0] + V[4] * V[2] - V[5] * V[1]", "a0 = A[0]", FAST),
     (ROWS, "x0 += w1 * offset[2] - w2 * offset[1]", "x0 += 0.0", FAST),
     (FILL, "row[columns - 1] = h[i] + extra[i]", "row[columns - 1] = h[i] - extra[i]", FAST),

@@ -126,9 +126,18 @@ def test_rotation_errors_of_any_angle_are_pinocchios(angle, axis, near):
     assert np.linalg.norm(w) <= np.pi + 1e-12
     np.testing.assert_allclose(pinocchio.exp3(w), R, rtol=0, atol=1e-12)
     np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pinocchio.SE3(R, p).homogeneous, rtol=0, atol=1e-12)
-    if not near:  # at π either way round is right, and Pinocchio reads the axis to some 1e-7
+    if not near:  # at π either way round is right
         np.testing.assert_allclose(w, pinocchio.log3(R), rtol=0, atol=1e-9)
         np.testing.assert_allclose(e, pinocchio.log6(pinocchio.SE3(R, p)).vector, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-5, 1e-4, 2e-3, 0.029, 0.031, 0.3])
+def test_twists_of_small_angles_lose_no_digits(angle):
+    from wbc.stack.compiled.geometry import log6
+
+    pose, e = pinocchio.SE3(pinocchio.exp3(angle * np.array([0.6, 0.0, 0.8])), np.array([0.3, -0.2, 0.1])), np.zeros(6)
+    log6(pose.rotation, pose.translation, np.zeros(3), e)
+    np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pose.homogeneous, rtol=0, atol=2e-13)
 
 
 @pytest.mark.parametrize("axis", [(4.0, 2.0, 3.0), (-1.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, -1.0, 1e-9)])

@@ -6,6 +6,13 @@ OF_CONFLICT, OF_LADDER = "tests/qp/test_conflict.py", "tests/control/test_ladder
 OF_WATCHDOG = "tests/control/test_watchdog.py"
 
 MUTATIONS = [
+    ("wbc/qp/conflict.py", "kept = kept[found[kept] != 0.0]", "kept = kept", "tests/qp/test_conflict.py"),
+    (
+        "wbc/qp/solvers/osqp_.py",
+        "if answer.status is Status.MAX_ITERATIONS:",
+        "if False:",
+        "tests/qp/test_agreement.py",
+    ),
     (CONFLICT, "amounts = s.dot(s) / s * system.size[kept]", "amounts = s.dot(s) / s", OF_CONFLICT),
     (CONFLICT, "for kind in range(3):", "for kind in (2, 1, 0):", OF_CONFLICT),
     (CONFLICT, "while N.shape[1] > 1:", "while N.shape[1] > 2:", "tests/reliability/test_conflicts.py"),

@@ -45,7 +45,7 @@ def log6(R: Mat, p: Vec, w: Vec, e: Vec) -> None:
     angle = log3(R, w)
     square = angle * angle
     if angle < 0.03:  # the difference below loses what the series has
-        beta = 1.0 / 12.0 + square / 720.0 + square * square / 30240.0
+        beta = 1.0 / 12.0 + square / 720.0
         alpha = 1.0 - square * beta
     else:
         half = angle * sin(angle) / (2.0 * (1.0 - cos(angle)))
