@@ -168,7 +168,7 @@ def _numpy_calls(setting: _Setting, record: Record) -> dict[str, float]:
 
 
 def _bare_pinocchio(setting: _Setting, record: Record, steps: _Steps) -> Any:
-    """What any controller has to ask of Pinocchio, on the states of the run: nanoseconds (ticks,)."""
+    """The model calls as one would write them down, on the states of the run: nanoseconds (ticks,)."""
     model, floating = setting.made.reference, setting.made.robot.nb > 0
     data, still = model.createData(), np.zeros(model.nv)
     frames = [model.getFrameId(frame) for frame in setting.problem.frames]

@@ -34,7 +34,7 @@ MUTATIONS = [
     ("wbc/control/ladder.py", "np.argsort(-np.abs(slack)", "np.argsort(np.abs(slack)",
      f"{LIMITS}::test_torque_limits_stand_above_the_interval_of_a_joint"),
     ("wbc/stack/interval.py", "daxpy(q, self._room_below)", "pass", NEARER),
-    ("wbc/stack/interval.py", "(q - v * dt) if self._is_simple", "q if self._is_simple", NEARER),
+    ("wbc/stack/interval.py", "self._clear = (q - v * dt)", "self._clear = q", NEARER),
     ("wbc/stack/interval.py", "self._flags[2] = -1", "self._flags[2] = 0", NEARER),
     # barriers
     ("wbc/stack/writers.py", "self._lower -= out.rate", "pass", f"{AVOIDANCE}::test_what_comes_flying_is_dodged"),

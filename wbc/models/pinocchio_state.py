@@ -59,14 +59,7 @@ class PinocchioState(RobotState):
         self.q, self.v = _view(self._q, self._q), _view(self._v, self._v)
         self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
         self._zero, self._gravity = np.zeros(model.nv), np.concatenate([model.gravity, np.zeros(3)])
-        self._data = data = model.pinocchio.createData()
-        self._M, self._com_jacobian = _view(data.M, data, model.nv, model.nv), _view(data.Jcom, data, 3, model.nv)
-        self._h, self._g = _view(data.nle, data, model.nv), _view(data.g, data, model.nv)
-        self._coriolis = _view(data.C, data, model.nv, model.nv)
-        self._joint_columns = _view(data.J, data, 6, model.nv)
-        self._com, self._com_drift = _view(data.com[0], data), _view(data.acom[0], data)
-        self._centroidal_map = _view(data.Ag, data, 6, model.nv)
-        self._centroidal_drift = _view(data.dhg.vector, data)
+        self._data = model.pinocchio.createData()
         self._needs: set[str] = set()
         self._frames: dict[str, PinocchioFrame] = {}
         self._calls: list[Callable[[], object]] = []
@@ -122,43 +115,43 @@ class PinocchioState(RobotState):
         """Spatial velocity (6, nv) about the world's origin that each velocity gives what its joint moves; with it the
         joints are placed, ``data.oMi``."""
         self._learn("kinematics")
-        return self._joint_columns
+        return self._view(self._data.J, 6, self.model.nv)
 
     @cached_property
     def M(self) -> Mat:
         """Inertia matrix (nv, nv) [kg, kg m²]."""
         self._learn("M")
-        return self._M
+        return self._view(self._data.M, self.model.nv, self.model.nv)
 
     @cached_property
     def h(self) -> Vec:
         """Bias C v + g (nv,) [N, N m]."""
         self._learn("h")
-        return self._h
+        return self._view(self._data.nle, self.model.nv)
 
     @cached_property
     def g(self) -> Vec:
         """Gravity torques (nv,) [N, N m]."""
         self._learn("g")
-        return self._g
+        return self._view(self._data.g, self.model.nv)
 
     @cached_property
     def coriolis(self) -> Mat:
         """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ."""
         self._learn("coriolis")
-        return self._coriolis
+        return self._view(self._data.C, self.model.nv, self.model.nv)
 
     @cached_property
     def com(self) -> Vec:
         """Centre of mass in the world (3,) [m]."""
         self._learn("com")
-        return self._com
+        return self._view(self._data.com[0])
 
     @cached_property
     def com_jacobian(self) -> Mat:
         """Jacobian of the centre of mass (3, nv)."""
         self._learn("com")
-        return self._com_jacobian
+        return self._view(self._data.Jcom, 3, self.model.nv)
 
     @cached_property
     def com_drift(self) -> Vec:
@@ -166,13 +159,13 @@ class PinocchioState(RobotState):
         if not self.drifts:
             return _NO_DRIFT[:3]
         self._learn("com_drift")
-        return self._com_drift
+        return self._view(self._data.acom[0])
 
     @cached_property
     def centroidal_map(self) -> Mat:
         """A_G (6, nv): linear momentum, then angular momentum about the centre of mass, world axes, per unit of v."""
         self._learn("centroidal_map")
-        return self._centroidal_map
+        return self._view(self._data.Ag, 6, self.model.nv)
 
     @cached_property
     def centroidal_drift(self) -> Vec:
@@ -180,7 +173,7 @@ class PinocchioState(RobotState):
         if not self.drifts:
             return _NO_DRIFT
         self._learn("centroidal_drift")
-        return self._centroidal_drift
+        return self._view(self._data.dhg.vector)
 
     def joint_memory(self, frame: str, offset: Vec | None = None) -> JointMemory:
         """The memory of the joint that carries a frame, for compiled code; ``offset`` (3,) from it, in its axes."""
@@ -202,7 +195,10 @@ class PinocchioState(RobotState):
         """Joint Jacobians, Jacobian, position and drift of the centre of mass, joint positions: the arrays themselves,
         as they lie in memory (Pinocchio stores columns)."""
         data = self._data
-        return data.J, data.Jcom, self._com, self._com_drift, self.q_joints
+        return data.J, data.Jcom, self._view(data.com[0]), self._view(data.acom[0]), self.q_joints
+
+    def _view(self, array: NDArray[np.float64], *shape: int) -> NDArray[np.float64]:
+        return _view(array, self._data, *shape)
 
     @cached_property
     def _weightless(self) -> Any:

@@ -119,9 +119,7 @@ def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
     found = system.elastic(kept)
     if found is None:  # what the filter has left can be met: all of it contradicted itself by rounding alone
         return None
-    kept = kept[
-        found[kept] != 0.0
-    ]  # by rounding the filter may leave a row that gives nothing: without it all is the same
+    kept = kept[found[kept] != 0.0]  # rounding may leave a row that gives nothing: all is the same without it
     s = found[kept]
     amounts = s.dot(s) / s * system.size[kept]
     items = tuple(int(i) for i in system.items[kept])

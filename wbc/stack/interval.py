@@ -231,7 +231,8 @@ class JointIntervals:
         self._highest_v_per_dt, self._lowest_v_per_dt = v[0] / dt, -v[1] / dt
         # Positions and velocities alone: beyond these positions a limit is nearer than a tick at full speed.
         self._is_simple = not (self._has_acceleration or np.isfinite(jerk).any()) and bool(np.isfinite(v).all())
-        self._clear = ((q - v * dt) if self._is_simple else q).reshape(-1)
+        if self._is_simple:
+            self._clear = (q - v * dt).reshape(-1)
         self._fastest_above, self._fastest_below = v[0].copy(), -v[1]
         self._least_above, self._most_below = -B[0], B[1]
         self._surely_slow = float(v.min()) ** 2

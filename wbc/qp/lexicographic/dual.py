@@ -211,11 +211,11 @@ class DualStages(Way):
             np.multiply(self._Ek[:-1], self._root[:, None], self._E)
         K = dsyrk(1.0, self._E, 0.0, None, 1)
         diagonal = K.T.reshape(-1)[:: len(K) + 1]
-        largest = float(diagonal[diagonal.argmax()])
+        steepest = float(diagonal[diagonal.argmax()])
         diagonal[:wished] += self._give
         holds = diagonal[wished:]
         holds *= 1.0 + _TRACE
-        holds += 1e-3 * _TRACE * largest
+        holds += 1e-3 * _TRACE * steepest
         self._L, info = dpotrf(K, 0, 0, 1)
         return not info
 

@@ -191,9 +191,9 @@ def multipliers(p: RowProblem, rest: Rest) -> tuple[Vec, Vec, Vec]:
     return found[: qp.n_eq], force[: p.n_range], force[p.n_range :]
 
 
-def _lengths(columns: Mat, *, least: float = 1e-300) -> Vec:
-    """Length of each column, and no less than ``least``."""
-    lengths: Vec = np.maximum(np.sqrt(_squares(columns)), least)
+def _lengths(columns: Mat) -> Vec:
+    """Length of each column, and never zero, so that one may divide by it."""
+    lengths: Vec = np.maximum(np.sqrt(_squares(columns)), 1e-300)
     return lengths
 
 
