@@ -7,8 +7,7 @@ TESTS = "tests/methods/test_null_space_saturation.py"
 SLOPES = f"{TESTS}::test_a_start_on_a_limit_that_the_task_leaves_outwards_asks_for_scale_zero"
 
 MUTATIONS = [
-    ("wbc/methods/scaling.py", "if w <= max(ROUNDING, self.least):", "if True:",
-     "tests/methods/test_null_space_saturation.py"),
+    (SCALING, "if w <= max(ROUNDING, self.least):", "if True:", TESTS),
     (FILE, "if not beyond.any():", "if beyond.any():", TESTS),  # the exit condition as printed
     (FILE, "-task.drift - task.V @ held", "-task.drift + task.V @ held", TESTS),
     (FILE, "self.upper[first] if whole[first] > self.upper[first] else self.lower[first]",

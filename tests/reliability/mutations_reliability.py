@@ -6,7 +6,7 @@ OF_CONFLICT, OF_LADDER = "tests/qp/test_conflict.py", "tests/control/test_ladder
 OF_WATCHDOG = "tests/control/test_watchdog.py"
 
 MUTATIONS = [
-    ("wbc/qp/conflict.py", "kept = kept[found[kept] != 0.0]", "kept = kept", "tests/qp/test_conflict.py"),
+    (CONFLICT, "kept = kept[found[kept] != 0.0]", "kept = kept", OF_CONFLICT),
     (
         "wbc/qp/solvers/osqp_.py",
         "if answer.status is Status.MAX_ITERATIONS:",
