@@ -1,6 +1,7 @@
 # Needs make and a python >= 3.11 with pip; everything else goes into .venv. Choose another python with PYTHON=...
 PYTHON ?= python3
 SCENARIO ?= humanoid-stand
+MUTATIONS ?= --count 200 --seed 1 --jobs 2
 VENV := .venv
 VENV_PYTHON := $(VENV)/bin/python
 INSTALL := $(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --editable
@@ -8,13 +9,15 @@ INSTALL := $(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --e
 LOOK := $(VENV_PYTHON) -c "import pinocchio" || \
   { echo "If libgomp.so.1 is what is missing: apt install libgomp1 (Debian, Ubuntu) or dnf install libgomp (Fedora)" >&2; exit 1; }
 
-.PHONY: help run test lint types tests deep format clean
+.PHONY: help run test lint types tests kernels deep mutations format clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make run     install into .venv, run the scenario $(SCENARIO), write its report   (SCENARIO=name for another)"
 	@echo "make test    install everything permissive into .venv, then lint, types and tests"
+	@echo "make kernels the tests of the numerical core as other processors would run them (OpenBLAS, numba)"
 	@echo "make deep    the same tests and the long ones, with many more random examples"
+	@echo "make mutations   draw 200 slips in the sources and print those that no test notices: hours   (MUTATIONS=\"--count 20 --seed 2\")"
 	@echo "make format  write the sources as the formatter wants them"
 	@echo "make clean   remove .venv and what tools left behind"
 
@@ -33,8 +36,14 @@ types: $(VENV)/ready-to-test
 tests: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m pytest
 
+kernels: $(VENV)/ready-to-test
+	$(VENV_PYTHON) -m tests.kernels
+
 deep: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m pytest -m "deep or not deep" --hypothesis-profile=deep
+
+mutations: $(VENV)/ready-to-test
+	$(VENV_PYTHON) -m tests.mutations $(MUTATIONS)
 
 format: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m ruff check --fix .

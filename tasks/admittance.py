@@ -12,7 +12,8 @@ from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Target, Task, TaskRows
+from wbc.stack.target import Target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, pose_target, rotation_error, wrench_target
 
 

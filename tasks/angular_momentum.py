@@ -6,7 +6,8 @@ from typing import Any, Self, final
 
 from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 
 

@@ -7,9 +7,11 @@ from typing import Any, Self, final
 import numpy as np
 
 from tasks.trajectories import Sinusoid
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 
 _ROWS = np.arange(6)
@@ -37,8 +39,8 @@ class ContactForce(Tracking, LinearTask):
     def __init__(self, contact: str, *, target: Any, weight: Any = 1.0, name: str | None = None) -> None:
         self.contact = self.subject = contact
         value = _value_at_zero(target)
-        if np.shape(value) not in ((3,), (6,)):
-            raise InvalidInput(f"{self.name}.target must have shape (3,) or (6,), not {np.shape(value)}")
+        if checks.ndim(value) != 1 or len(value) not in (3, 6):
+            raise InvalidInput(f"{self.name}.target must have shape (3,) or (6,), not {checks.shown(value)}")
         self.dim = len(value)
         self.units = ("N", "N", "N", "N m", "N m", "N m")[: self.dim]
         self.convert = vector_target(self.dim)

@@ -10,7 +10,8 @@ from tasks.relative import check_frames
 from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
@@ -53,7 +54,7 @@ class Distance(Tracking, Task):
     @staticmethod
     def convert(name: str, value: Any, strict: bool) -> Vec:
         """A distance, as a number or (1,); positive when assigned."""
-        distance = _distance(name, [value] if np.ndim(value) == 0 else value, strict)
+        distance = _distance(name, [value] if checks.ndim(value) == 0 else value, strict)
         if strict:
             checks.number(name, distance[0], low=0.0, strict=True)
         return distance

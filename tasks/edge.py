@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any, Self, final
 
 import numpy as np
@@ -23,8 +24,10 @@ class Edge(Contact):
     ``half_length`` L [m]; in the frame, ``origin`` (3,) is the middle of the edge and ``direction`` (3,) goes along it.
     e is the way back (3,) and the small turn back, d × x about y and z, with d the edge's direction now.
 
-    The six rows of the cone are exactly what friction pyramids at both ends add up to: |fx| <= µ fz,
-    |L fy + mz| <= µ (L fz − my), |L fy − mz| <= µ (L fz + my). They imply |my| <= L fz. Other arguments:
+    The rows of the cone are exactly what friction pyramids at both ends add up to. Twice the force at an end is
+    z = fz ∓ my / L along the normal and y = fy ± mz / L across the edge, and fx may be shared in any way, so |y| <= µ z
+    at both ends, and ±fx <= ½ Σ (µ z − n_y y) / n_x over the ends, with each side n of the pyramid, n_x > 0, at either:
+    6 rows for pyramids of 4 sides, 22 for 8, with µ = ``mu``. They imply |my| <= L fz. Other arguments:
     :class:`~wbc.stack.contact.Contact`.
 
     Raises:
@@ -42,13 +45,13 @@ class Edge(Contact):
 
     def __init__(
         self, frame: str, *, half_length: float, friction: float, origin: Any = (0.0, 0.0, 0.0),
-        direction: Any = (0.0, 1.0, 0.0), normal: Any = (0.0, 0.0, 1.0), friction_model: str = "outer",
+        direction: Any = (0.0, 1.0, 0.0), normal: Any = (0.0, 0.0, 1.0), friction_model: str = "inner", sides: int = 4,
         kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, target: Any = None,
         name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(
-            frame, friction=friction, friction_model=friction_model, kp=kp, kd=kd, force_weight=force_weight,
-            target=target, name=name,
+            frame, friction=friction, friction_model=friction_model, sides=sides, kp=kp, kd=kd,
+            force_weight=force_weight, target=target, name=name,
         )  # fmt: skip
         self.half_length = checks.number(f"{self.name}.half_length", half_length, low=0.0, strict=True)
         self.origin = checks.array(f"{self.name}.origin", origin, (3,))
@@ -91,14 +94,30 @@ class Edge(Contact):
 
     def cone(self) -> Mat:
         mu, L = self.mu, self.half_length
-        rows = [[s, 0.0, -mu, 0.0, 0.0] for s in (1.0, -1.0)]
-        rows += [[0.0, s * L, -mu * L, mu, s] for s in (1.0, -1.0)]
-        rows += [[0.0, s * L, -mu * L, -mu, -s] for s in (1.0, -1.0)]
+        # Twice the normal force and twice the force across the edge, at the positive and at the negative end.
+        pressing = [np.array([0.0, 0.0, 1.0, -end / L, 0.0]) for end in (1, -1)]
+        across = [np.array([0.0, 1.0, 0.0, 0.0, end / L]) for end in (1, -1)]
+        along = [normal for normal in self.pyramid.normals if normal[0] > 0.0]
+        most = [[(mu * z - n[1] * y) / n[0] for n in along] for z, y in zip(pressing, across, strict=True)]
+        rows = [
+            [s, 0.0, 0.0, 0.0, 0.0] - 0.5 * (positive + negative)
+            for s in (1.0, -1.0) for positive, negative in product(*most)
+        ]  # fmt: skip
+        for z, y in zip(pressing, across, strict=True):
+            rows += [L * (s * y - mu * z) for s in (1.0, -1.0)]
         return np.array(rows)
 
     def cone_labels(self) -> list[tuple[str, str]]:
-        ends = [f"{side} <= mu fz at the {end} end" for end in ("negative", "positive") for side in ("fy", "-fy")]
-        return [(f"{force} <= mu fz", "N") for force in ("fx", "-fx")] + [(label, "N m") for label in ends]
+        along = [name for name, normal in zip(self.pyramid.names, self.pyramid.normals, strict=True) if normal[0] > 0.0]
+        if len(along) == 1:
+            labels = [(f"{force} <= mu fz", "N") for force in ("fx", "-fx")]
+        else:
+            labels = [
+                (f"{force} by {first} and {second}", "N") for force in ("fx", "-fx")
+                for first, second in product(along, repeat=2)
+            ]  # fmt: skip
+        ends = [f"{side} <= mu fz at the {end} end" for end in ("positive", "negative") for side in ("fy", "-fy")]
+        return labels + [(label, "N m") for label in ends]
 
     def motion_units(self) -> tuple[str, ...]:
         return ("m", "m", "m", "rad", "rad")
@@ -108,10 +127,10 @@ class Edge(Contact):
         frame = model.frame_names[-1]
         slope = (np.sqrt(0.5), 0.0, np.sqrt(0.5))
         moved = cls(
-            frame, half_length=0.2, friction=0.8, friction_model="inner", origin=(0.1, 0.02, -0.03), normal=slope
+            frame, half_length=0.2, friction=0.8, friction_model="outer", origin=(0.1, 0.02, -0.03), normal=slope
         )
         return [
             cls(frame, half_length=0.05, friction=0.5),
-            cls(frame, half_length=1.0, friction=0.4, direction=(1, 2, 0)),
+            cls(frame, half_length=1.0, friction=0.4, direction=(1, 2, 0), sides=8),
             moved,
         ]

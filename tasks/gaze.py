@@ -10,7 +10,8 @@ from tasks.directions import sight, unit_axis, unit_motion, view_axes
 from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 

@@ -9,10 +9,12 @@ from typing import Any, Self, final
 import numpy as np
 
 from tasks.point import Point
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Contact
-from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 
 
@@ -56,7 +58,7 @@ class InternalForce(Tracking, LinearTask):
         self.dim = len(self.labels)
         self.convert = vector_target(self.dim)
         super().__init__(weight=weight, name=name)
-        one_for_all = not callable(target) and np.ndim(target) == 0
+        one_for_all = not callable(target) and checks.ndim(target) == 0
         self.target = np.full(self.dim, target, dtype=np.float64) if one_for_all else target
 
     def fill(self, state: RobotState, out: LinearRows) -> None:

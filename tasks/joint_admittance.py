@@ -10,7 +10,8 @@ from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Target, Task, TaskRows, vector_target
+from wbc.stack.target import Target, vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
 
@@ -54,7 +55,7 @@ class JointAdmittance(Tracking, Task):
     def torque(self, value: Any) -> None:
         dim = getattr(self, "dim", None)
         if dim is not None:
-            given = np.full(dim, value) if not callable(value) and np.ndim(value) == 0 else value
+            given = np.full(dim, value) if not callable(value) and checks.ndim(value) == 0 else value
             self._reading = Target(f"{self.name}.torque", given, dim, vector_target(dim))
         self._measured = value
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tasks.criteria.manipulability import ROWS
 from tasks.relative import check_frames, relative_motion
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
@@ -57,7 +58,7 @@ class LoopClosure(Contact):
         self._axes = tuple(ROWS.index(row) for row in rows)
         self._index = list(self._axes)
         self.dim = len(self._axes)
-        if np.shape(target) == (3,) and max(self._axes) < 3:
+        if checks.ndim(target) == 1 and len(target) == 3 and max(self._axes) < 3:
             target = Anchor(np.eye(3), target)
         # Nothing slips in a joint: friction is only asked of surfaces.
         super().__init__(frame, friction=1.0, kp=kp, kd=kd, force_weight=force_weight, target=target, name=name)

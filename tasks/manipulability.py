@@ -11,7 +11,8 @@ from tasks.criteria.manipulability import ROWS, Manipulability, change_along_joi
 from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Mat, Vec
 
@@ -56,7 +57,7 @@ class ManipulabilityTask(Tracking, Task):
     @staticmethod
     def convert(name: str, value: Any, strict: bool) -> Vec:
         """A number or (1,)."""
-        return _number(name, [value] if np.ndim(value) == 0 else value, strict)
+        return _number(name, [value] if checks.ndim(value) == 0 else value, strict)
 
     def prepare(self, model: RobotModel) -> None:
         self._criterion.prepare(model)

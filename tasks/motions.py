@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,12 @@ def swing(rotation: Any, axis: Any, *, angle: float, frequency: float, ramp: flo
     direction = checks.array("axis", axis, (3,))
     direction /= np.linalg.norm(direction)
     turn = Sinusoid([0.0], amplitude=angle, frequency=frequency, ramp=ramp)
+    return partial(_swung, start, direction, turn)
 
-    def motion(t: float) -> tuple[Mat, Vec, Vec]:
-        value, rate, acceleration = turn(t)
-        return pinocchio.exp3(value * direction) @ start, rate * direction, acceleration * direction
 
-    return motion
+def _swung(start: Mat, direction: Vec, turn: Motion, t: float) -> tuple[Mat, Vec, Vec]:
+    value, rate, acceleration = turn(t)
+    return pinocchio.exp3(value * direction) @ start, rate * direction, acceleration * direction
 
 
 def pose_motion(position: Motion, rotation: Motion) -> Motion:
@@ -47,10 +48,10 @@ def pose_motion(position: Motion, rotation: Motion) -> Motion:
         >>> pose_motion(circle, swing(np.eye(3), [0, 0, 1], angle=0.3, frequency=0.5))(0.0)[1].shape
         (6,)
     """
+    return partial(_posed, position, rotation)
 
-    def motion(t: float) -> tuple[Any, Vec, Vec]:
-        p, p_rate, p_second = position(t)
-        r, r_rate, r_second = rotation(t)
-        return pinocchio.SE3(r, p), np.concatenate([p_rate, r_rate]), np.concatenate([p_second, r_second])
 
-    return motion
+def _posed(position: Motion, rotation: Motion, t: float) -> tuple[Any, Vec, Vec]:
+    p, p_rate, p_second = position(t)
+    r, r_rate, r_second = rotation(t)
+    return pinocchio.SE3(r, p), np.concatenate([p_rate, r_rate]), np.concatenate([p_second, r_second])

@@ -21,15 +21,15 @@ class Point(Contact):
     J v is the velocity of the material point p − radius·n, where p is the frame's origin and n the normal:
     Rᵀ (J_linear − [o]ₓ J_angular) with o = −radius·n. A ball rolls, so where it touches is not fixed along the surface:
     with a radius only the normal row has an error e, the others hold their velocity at zero. ``axes`` (3, 3) are the
-    surface's in the world, columns x y z (default: level ground). Friction pyramid: |fx| <= µ fz, |fy| <= µ fz, which
-    implies fz >= 0. Other arguments: :class:`~wbc.stack.contact.Contact`.
+    surface's in the world, columns x y z (default: level ground). The friction pyramid implies fz >= 0. Other
+    arguments: :class:`~wbc.stack.contact.Contact`.
 
     Raises:
         InvalidInput: axes that are no rotation, a negative radius. UnknownFrame: when a stack is compiled.
 
     Example:
         >>> from tasks import Point
-        >>> Point("foot", friction=0.5, radius=0.02).cone()
+        >>> Point("foot", friction=0.5, radius=0.02, friction_model="outer").cone()
         array([[ 1. ,  0. , -0.5],
                [-1. ,  0. , -0.5],
                [ 0. ,  1. , -0.5],
@@ -39,13 +39,13 @@ class Point(Contact):
     dim = 3
 
     def __init__(
-        self, frame: str, *, friction: float, radius: float = 0.0, axes: Any = None, friction_model: str = "outer",
-        kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, target: Any = None,
+        self, frame: str, *, friction: float, radius: float = 0.0, axes: Any = None, friction_model: str = "inner",
+        sides: int = 4, kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, target: Any = None,
         name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(
-            frame, friction=friction, friction_model=friction_model, kp=kp, kd=kd, force_weight=force_weight,
-            target=target, name=name,
+            frame, friction=friction, friction_model=friction_model, sides=sides, kp=kp, kd=kd,
+            force_weight=force_weight, target=target, name=name,
         )  # fmt: skip
         self.radius = checks.number(f"{self.name}.radius", radius, low=0.0)
         self.axes = np.eye(3) if axes is None else rotation_target(f"{self.name}.axes", axes, True)
@@ -72,11 +72,10 @@ class Point(Contact):
         out.e[2] += self.radius
 
     def cone(self) -> Mat:
-        mu = self.mu
-        return np.array([[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu]])
+        return self.pyramid.rows
 
     def cone_labels(self) -> list[tuple[str, str]]:
-        return [(f"{force} <= mu fz", "N") for force in ("fx", "-fx", "fy", "-fy")]
+        return [(f"{force} <= mu fz", "N") for force in self.pyramid.names]
 
     def compiled_rows(self) -> FrameRows:
         return FrameRows(
@@ -89,8 +88,8 @@ class Point(Contact):
         frame, half = model.frame_names[-1], np.sqrt(0.5)
         slope = [[half, 0.0, half], [0.0, 1.0, 0.0], [-half, 0.0, half]]
         return [
-            cls(frame, friction=0.5), cls(frame, friction=0.8, axes=slope, friction_model="inner"),
-            cls(frame, friction=0.5, radius=0.02), cls(frame, friction=0.5, radius=0.05, axes=slope),
+            cls(frame, friction=0.5), cls(frame, friction=0.8, axes=slope, friction_model="outer"),
+            cls(frame, friction=0.5, radius=0.02, sides=8), cls(frame, friction=0.5, radius=0.05, axes=slope),
         ]  # fmt: skip
 
     def motion_units(self) -> tuple[str, str, str]:

@@ -11,7 +11,8 @@ from wbc.errors import InvalidInput
 from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
-from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 #: Rows of a frame's Jacobian by axes; slices, so that views of the state are taken and not copies.

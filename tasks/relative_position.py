@@ -9,7 +9,8 @@ import numpy as np
 from tasks.relative import check_frames, relative_motion
 from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 

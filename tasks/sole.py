@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Self, final
 
 import numpy as np
@@ -9,6 +10,7 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.friction import wrench_facets
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.frame_rows import FrameRows
@@ -22,9 +24,11 @@ class Sole(Contact):
     ``half_size`` = (X, Y) [m] along the frame's x and y; its z is the normal, away from the ground. ``origin`` (3,) is
     the centre of the rectangle in the frame. e = log6(actual⁻¹ anchor), J and J̇ v are the body twist's, moved there.
 
-    The 16 rows of the cone are exactly the wrenches that friction pyramids at the four corners can add up to:
-    |fx|, |fy| <= µ fz; |mx| <= Y fz; |my| <= X fz; and mz between ∓µ (X + Y) fz ± (|Y fx ∓ µ mx| + |X fy ∓ µ my|). They
-    imply fz >= 0. Source: Caron, Pham, Nakamura, ICRA 2015. Other arguments: :class:`~wbc.stack.contact.Contact`.
+    The rows of the cone are exactly the wrenches that friction pyramids at the four corners can add up to. With 4 sides
+    these are 16, with µ = ``mu``: |fx|, |fy| <= µ fz; |mx| <= Y fz; |my| <= X fz; and mz between ∓µ (X + Y) fz ±
+    (|Y fx ∓ µ mx| + |X fy ∓ µ my|) (Caron, Pham, Nakamura, ICRA 2015). With 8 sides they are 60 to 90, the facets of
+    the hull of the 32 wrenches along the pyramids' edges. They imply fz >= 0. Other arguments:
+    :class:`~wbc.stack.contact.Contact`.
 
     Raises:
         InvalidInput: sizes that are not positive. UnknownFrame: when a stack is compiled.
@@ -39,12 +43,12 @@ class Sole(Contact):
 
     def __init__(
         self, frame: str, *, half_size: Any, friction: float, origin: Any = (0.0, 0.0, 0.0),
-        friction_model: str = "outer", kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6,
-        target: Any = None, name: str | None = None,
+        friction_model: str = "inner", sides: int = 4, kp: float = 100.0, kd: float | None = None,
+        force_weight: float = 1e-6, target: Any = None, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(
-            frame, friction=friction, friction_model=friction_model, kp=kp, kd=kd, force_weight=force_weight,
-            target=target, name=name,
+            frame, friction=friction, friction_model=friction_model, sides=sides, kp=kp, kd=kd,
+            force_weight=force_weight, target=target, name=name,
         )  # fmt: skip
         self.half_size = checks.array(f"{self.name}.half_size", half_size, (2,))
         if (self.half_size <= 0).any():
@@ -70,7 +74,17 @@ class Sole(Contact):
             out.drift[:] = frame.drift_local()
         out.e[:] = pinocchio.log6(ahead).vector
 
+    @cached_property
+    def _facets(self) -> Mat:
+        """The cone for pyramids of any number of sides."""
+        mu, (X, Y), forces = self.mu, self.half_size, self.pyramid.edges
+        corners = [[i * X, j * Y, 0.0] for i in (1.0, -1.0) for j in (1.0, -1.0)]
+        wrenches = np.vstack([np.hstack([forces, np.cross(corner, forces)]) for corner in corners])
+        return wrench_facets(wrenches, 2, (mu, mu, 1.0, Y, X, mu * (X + Y)))
+
     def cone(self) -> Mat:
+        if self.sides > 4:
+            return self._facets.copy()
         mu, (X, Y) = self.mu, self.half_size
         rows = [[s, 0, -mu, 0, 0, 0] for s in (1, -1)] + [[0, s, -mu, 0, 0, 0] for s in (1, -1)]
         rows += [[0, 0, -Y, s, 0, 0] for s in (1, -1)] + [[0, 0, -X, 0, s, 0] for s in (1, -1)]
@@ -81,6 +95,8 @@ class Sole(Contact):
         return np.array(rows, dtype=np.float64)
 
     def cone_labels(self) -> list[tuple[str, str]]:
+        if self.sides > 4:
+            return [(f"facet {i}", "N") for i in range(len(self._facets))]
         labels = [(f"{force} <= mu fz", "N") for force in ("fx", "-fx", "fy", "-fy")]
         labels += [(moment, "N m") for moment in ("mx <= Y fz", "-mx <= Y fz", "my <= X fz", "-my <= X fz")]
         corners = [f"fx {'+-'[i]} fy {'+-'[j]}" for i in (0, 1) for j in (0, 1)]
@@ -95,5 +111,6 @@ class Sole(Contact):
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         frame = model.frame_names[-1]
-        moved = cls(frame, half_size=(0.1, 0.05), friction=0.8, friction_model="inner", origin=(0.02, 0.01, -0.03))
-        return [cls(frame, half_size=(0.1, 0.065), friction=0.3), moved]
+        moved = cls(frame, half_size=(0.1, 0.05), friction=0.8, friction_model="outer", origin=(0.02, 0.01, -0.03))
+        round_ = cls(frame, half_size=(0.08, 0.08), friction=0.5, sides=8)
+        return [cls(frame, half_size=(0.1, 0.065), friction=0.3), moved, round_]

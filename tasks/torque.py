@@ -9,9 +9,11 @@ import numpy as np
 from scipy.linalg import lapack
 
 from tasks.trajectories import Sinusoid
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
@@ -62,7 +64,7 @@ class Torque(Tracking, LinearTask):
         self.target = self.target
 
     def convert(self, name: str, value: Any, strict: bool) -> Vec:
-        return self._vector(name, np.full(self.dim, value) if np.ndim(value) == 0 else value, strict)
+        return self._vector(name, np.full(self.dim, value) if checks.ndim(value) == 0 else value, strict)
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
         tau_0 = self.reference(state.t).value

@@ -94,7 +94,7 @@ class MinimumJerk:
         self._duration = T = checks.number("duration", duration, low=0.0, strict=True)
         self._start_time = checks.number("start_time", start_time)
         u, w = (
-            checks.array(name, np.full(a.shape, rate) if np.ndim(rate) == 0 else rate, a.shape)
+            checks.array(name, np.full(a.shape, rate) if checks.ndim(rate) == 0 else rate, a.shape)
             for name, rate in (("start_rate", start_rate), ("end_rate", end_rate))
         )
         d, u_T, w_T = b - a, u * T, w * T

@@ -9,8 +9,10 @@ import pinocchio
 
 from tasks.directions import unit_axis
 from tasks.trajectories import Sinusoid
+from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
@@ -51,7 +53,7 @@ class Yaw(Tracking, Task):
     @staticmethod
     def convert(name: str, value: Any, strict: bool) -> Vec:
         """An angle, as a number or (1,)."""
-        return _angle(name, [value] if np.ndim(value) == 0 else value, strict)
+        return _angle(name, [value] if checks.ndim(value) == 0 else value, strict)
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)

@@ -11,7 +11,8 @@ from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import LinearRows, LinearTask, vector_target
+from wbc.stack.target import vector_target
+from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 
 

@@ -1,4 +1,6 @@
-"""What every test runs under: one BLAS thread, and random examples that are the same on every machine."""
+"""Set up what every test runs under: one BLAS thread, and random examples drawn from the seed of the week."""
+
+from __future__ import annotations
 
 import os
 
@@ -8,21 +10,37 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 # Figures go to files; no test opens a window.
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
+
+from tests.seeds import SEED  # noqa: E402
 
 settings.register_profile(
     "ci",
     max_examples=25,
-    derandomize=True,
     deadline=None,
     database=None,
+    print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile(
     "deep",
     max_examples=1000,
     deadline=None,
+    database=None,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("ci")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Hypothesis draws from the seed of the week, unless ``--hypothesis-seed`` names another one."""
+    if config.getoption("--hypothesis-seed", None) is None:
+        config.option.hypothesis_seed = str(SEED)
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    """Say which seed the random examples have, and how to draw them again."""
+    return f"random examples: seed {SEED}; to draw them again: WBC_TEST_SEED={SEED} python -m pytest ..."

@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted(p.relative_to(ROOT) for package in ("wbc", "tasks") for p in (ROOT / package).rglob("*.py"))
 
-BASE = {"errors", "types", "checks", "compiled", "npz"}
+BASE = {"errors", "types", "checks", "compiled", "npz", "plugins", "friction"}
 OPTIMISATION_AND_ROBOTS = BASE | {"qp", "models"}
 LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 
@@ -25,7 +25,9 @@ ARROWS = {
     "types": {"errors"},
     "checks": {"errors", "types"},
     "compiled": {"errors"},
+    "friction": {"errors", "types", "checks"},
     "npz": {"errors"},
+    "plugins": set(),
     "qp": BASE,
     "models": BASE,
     "methods": BASE | {"qp"},

@@ -1,43 +1,124 @@
-"""Each deliberate slip in the methods makes a test fail; without slips the tests pass."""
+"""The tool that draws slips: what it changes, what it leaves alone, and that it tells noticed from unnoticed ones."""
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 import pytest
 
-from tests.mutations import ROOT, Mutation, copied, mutations, passes, survives
+from tests.calls import map_of
+from tests.mutations import ROOT, SOURCES, drawn, verdicts
+from tests.slips import slips
 
-ALL = mutations()
-METHODS = (
-    "fault_fraction", "force_distribution", "momentum_residual", "null_space_saturation", "parameter_update",
-    "projected_gradient", "weighted_torque",
-)  # fmt: skip
+TOY = '''"""A module of its own; 1 < 2."""
 
+from __future__ import annotations
 
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the project that may be broken."""
-    folder = tmp_path_factory.mktemp("workshop")
-    copied(folder)
-    return folder
+import warnings
+
+SCALE: Literal[4] = 2.0  # of every answer
 
 
-def test_each_method_has_at_least_three_slips_that_stand_in_its_sources():
-    for mutation in ALL:
-        assert (ROOT / mutation.file).read_text(encoding="utf-8").count(mutation.old) == 1, mutation
-    files = [mutation.file for mutation in ALL]
-    for method in METHODS:
-        assert files.count(f"wbc/methods/{method}.py") >= 3, method
+class Spring:
+    """A spring of stiffness 3, min(1, 2)."""
+
+    def __init__(self, stiffness: float = 3.0) -> None:
+        if stiffness < 0.0:
+            raise ValueError(f"{stiffness - 1} is < 0, not {1 + 1}")
+        self.stiffness = stiffness
+
+    def __repr__(self) -> str:
+        return "Spring" + str(self.stiffness + 1)
+
+    def force(self, x: float) -> float:
+        """The force at x = 1."""
+        return SCALE * self.stiffness * x
+
+    def untested(self, x: float) -> float:
+        warnings.warn("a" + str(1 + x))
+        return x - 1.0
+'''
+TESTS = """
+import pytest
+from wbc.toy import Spring
+
+def test_the_force():
+    assert Spring().force(2.0) == 12.0
+
+def test_the_refusal():
+    assert Spring(0.0).stiffness == 0.0
+    with pytest.raises(ValueError):
+        Spring(-1.0)
+"""
+MORE_TESTS = """
+from wbc.toy import Spring
+
+def test_the_sign():
+    assert Spring().force(1.0) > 0.0
+"""
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("test", sorted({mutation.test for mutation in ALL}))
-def test_without_a_slip_the_tests_pass(workshop: Path, test: str):
-    assert passes(workshop, test)
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A project of one module and one file of tests."""
+    (tmp_path / "wbc").mkdir()
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "wbc" / "__init__.py").write_text("")
+    (tmp_path / "wbc" / "toy.py").write_text(TOY)
+    (tmp_path / "tests" / "test_toy.py").write_text(TESTS)
+    (tmp_path / "tests" / "test_more.py").write_text(MORE_TESTS)
+    (tmp_path / "pyproject.toml").write_text("[tool.pytest.ini_options]\npythonpath = ['.']\n")
+    return tmp_path
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("mutation", ALL, ids=str)
-def test_each_slip_is_noticed(workshop: Path, mutation: Mutation):
-    assert not survives(workshop, mutation)
+def test_docstrings_annotations_messages_and_repr_are_left_alone():
+    changed = [str(slip).removeprefix("toy.py:") for slip in slips("toy.py", TOY)]
+    assert sorted({text.split(" ", 1)[1] for text in changed}) == [
+        ": 2.0 -> 0.002", ": 2.0 -> 2000.0",
+        "Spring.__init__: 0.0 -> 1.0", "Spring.__init__: 3.0 -> 0.003", "Spring.__init__: 3.0 -> 3000.0",
+        "Spring.__init__: raise ValueError(f\"{stiffness - 1} is < 0, not {1 + 1}\") -> pass",
+        "Spring.__init__: self.stiffness = stiffness -> pass", "Spring.__init__: stiffness < 0.0 -> (stiffness >= 0.0)",
+        "Spring.force: SCALE * self.stiffness * x -> (SCALE * self.stiffness / x)",
+        "Spring.force: SCALE * self.stiffness -> (SCALE / self.stiffness)",
+        "Spring.untested: 1.0 -> 0.001", "Spring.untested: 1.0 -> 1000.0",
+        'Spring.untested: warnings.warn("a" + str(1 + x)) -> pass', "Spring.untested: x - 1.0 -> (x + 1.0)",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("source", "changed"),
+    [
+        ("x = min(a, b)", ["x = max(a, b)"]),
+        ("x = np.maximum(a, b)", ["x = np.minimum(a, b)"]),
+        ("f(a, b)", ["f(b, a)", "pass"]),
+        ("a and not b", ["(a or not b)", "a and (b)"]),
+        ("i < n", ["(i <= n)", "(i >= n)"]),
+        ("flag = True", ["flag = False"]),
+        ("-x", ["(x)"]),
+        ("x += 2", ["pass", "x -= 2", "x += 3", "x += 1"]),
+        ("x[3] = y", ["pass", "x[4] = y", "x[2] = y"]),
+        ("é = 'ü' + str(1)", ["é = 'ü' + str(2)", "é = 'ü' + str(0)"]),
+    ],
+)
+def test_slips_of_each_kind(source: str, changed: list[str]):
+    assert {slip.applied(source.encode()).decode() for slip in slips("file.py", source)} == set(changed)
+
+
+def test_every_slip_in_the_sources_can_be_parsed_and_the_draw_depends_on_the_seed_alone():
+    first = drawn(ROOT, 300, 1)
+    for slip in first:
+        before = (ROOT / slip.file).read_bytes()
+        assert ast.dump(ast.parse(slip.applied(before))) != ast.dump(ast.parse(before)), slip
+        assert slip.file.startswith(SOURCES)
+    assert drawn(ROOT, 300, 1) == first
+    assert len(set(drawn(ROOT, 300, 2)) & set(first)) < 30
+
+
+def test_slips_that_a_test_notices_are_told_from_those_that_none_does(project: Path):
+    calls = map_of(project, project / "cache", jobs=1)
+    chosen = [slip for slip in slips("wbc/toy.py", TOY) if "3" not in slip.old]
+    survivors = [slip for slip, said in verdicts(project, chosen, calls, jobs=2, patience=60.0) if "NOT" in said]
+    assert {slip.function for slip in survivors} == {"Spring.untested"}
+    assert len(survivors) == 4 and len(chosen) > 8
+    assert (project / "wbc" / "toy.py").read_text() == TOY

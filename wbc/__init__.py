@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from wbc.stack.hierarchy import Scaled as Scaled
     from wbc.stack.hierarchy import Strict as Strict
     from wbc.stack.hierarchy import Weighted as Weighted
+    from wbc.stack.overrides import Motor as Motor
+    from wbc.stack.overrides import Overrides as Overrides
     from wbc.stack.schedule import Schedule as Schedule
     from wbc.stack.stack import Stack as Stack
     from wbc.stack.task import LinearTask as LinearTask
@@ -68,6 +70,8 @@ _HOME = {
     "InverseDynamics": "wbc.stack.formulation",
     "LinearConstraint": "wbc.stack.constraint",
     "LinearTask": "wbc.stack.task",
+    "Motor": "wbc.stack.overrides",
+    "Overrides": "wbc.stack.overrides",
     "QP": "wbc.qp",
     "Rate": "wbc.control.rate",
     "Recorder": "wbc.control.recorder",

@@ -14,6 +14,29 @@ from wbc.types import Vec
 LARGEST = 1e15
 
 
+def ndim(value: Any) -> int:
+    """Dimensions of ``value`` as an array; -1 where it is none."""
+    try:
+        return int(np.ndim(value))
+    except Exception:  # a ragged list, or an object whose conversion raises whatever it likes
+        return -1
+
+
+def floats(value: Any) -> Vec:
+    """``value`` as an array of float64, a copy; of real numbers only.
+
+    Raises:
+        TypeError: complex numbers, text, times, None or other objects. ValueError, OverflowError: ragged, too large.
+    """
+    result = np.array(value)
+    if result.dtype == object:
+        if any(isinstance(one, complex | np.complexfloating | str | bytes | None) for one in result.flat):
+            raise TypeError("an entry that is no real number")
+    elif result.dtype.kind not in "fiub":
+        raise TypeError(f"{result.dtype} is no type of real numbers")
+    return result.astype(np.float64, copy=False)
+
+
 def array(
     name: str,
     value: Any,
@@ -25,14 +48,12 @@ def array(
     """A float64 copy of ``value`` with the given shape (``None``: any size).
 
     Raises:
-        InvalidInput: not numbers, another shape, or (with ``finite``) NaN or inf.
+        InvalidInput: not real numbers, another shape, or (with ``finite``) NaN or inf.
     """
     try:
-        if np.iscomplexobj(value):
-            raise TypeError("complex numbers")
-        result = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as cause:
-        raise error(f"{name} must be an array of numbers, not {value!r}") from cause
+        result = floats(value)
+    except Exception as cause:  # a conversion may raise whatever it likes
+        raise error(f"{name} must be an array of numbers, not {shown(value)}") from cause
     wanted = tuple(shape)
     if result.ndim != len(wanted) or any(w is not None and w != s for w, s in zip(wanted, result.shape, strict=True)):
         text = "(" + ", ".join("any" if w is None else str(w) for w in wanted) + ("," if len(wanted) == 1 else "") + ")"
@@ -65,9 +86,11 @@ def number(
         InvalidInput: not a finite number, or out of range.
     """
     try:
-        result = float(value)
-    except (TypeError, ValueError) as cause:
-        raise error(f"{name} must be a number, not {value!r}") from cause
+        if isinstance(value, str | bytes | bytearray):
+            raise TypeError("text")
+        result = float(value) if isinstance(value, float | int) else float(floats(value)[()])
+    except Exception as cause:  # a conversion may raise whatever it likes
+        raise error(f"{name} must be a number, not {shown(value)}") from cause
     if not np.isfinite(result):
         raise error(f"{name} is {result}; it must be finite")
     if abs(result) > LARGEST:
@@ -79,13 +102,46 @@ def number(
     return result
 
 
+def typed(name: str, text: str, **limits: float) -> float:
+    """A number from the text that a user typed, such as an option of a command; ``limits`` as for :func:`number`.
+
+    Raises:
+        InvalidInput: not a finite number, or out of range.
+    """
+    try:
+        value: Any = float(text)
+    except ValueError:
+        value = text
+    return number(name, value, **limits)  # type: ignore[arg-type]
+
+
+def each(name: str, value: Any, size: int, *, finite: bool = True) -> Vec:
+    """A number for each of ``size`` rows (size,), from one for all or (size,).
+
+    Raises:
+        InvalidInput: not real numbers, another size, or (with ``finite``) NaN or inf.
+    """
+    if ndim(value) == 0:
+        return np.full(size, array(name, value, (), finite=finite))
+    return array(name, value, (size,), finite=finite)
+
+
+def shown(value: Any) -> str:
+    """``value`` in a message: its representation, shortened, whatever that is."""
+    try:
+        text = repr(value)
+    except Exception as cause:
+        return f"a {type(value).__name__} (its repr raised {type(cause).__name__})"
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
 def gains(name: str, value: Any, size: int) -> Vec:
     """A number >= 0 for each of ``size`` rows, from one for all or (size,).
 
     Raises:
         InvalidInput: wrong size, negative or not finite.
     """
-    result = array(name, np.full(size, value) if np.ndim(value) == 0 else value, (size,))
+    result = each(name, value, size)
     if (result < 0).any():
         i = int(np.argmax(result < 0))
         raise InvalidInput(f"{name}[{i}] is {result[i]:g}; it must be >= 0")
@@ -98,10 +154,7 @@ def limit(name: str, value: Any, size: int) -> Vec:
     Raises:
         InvalidInput: wrong size, or an entry that is not positive.
     """
-    result = np.array(value, dtype=np.float64)
-    if result.ndim == 0:
-        result = np.full(size, float(result))
-    result = array(name, result, (size,), finite=False)
+    result = each(name, value, size, finite=False)
     if (result <= 0).any():
         i = int(np.argmax(result <= 0))
         raise InvalidInput(f"{name}[{i}] is {result[i]:g}; a limit must be positive (inf: no limit)")

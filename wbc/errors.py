@@ -24,6 +24,16 @@ class InvalidInput(WbcError, ValueError):
     """An argument has a wrong shape, value or sign; the message names it."""
 
 
+class MemberFailed(InvalidInput):
+    """A task, constraint, contact or component that raised, or gave what makes no sense; the message names it.
+
+    A tick does not raise it: it answers with a bounded fallback command, and ``controller.why`` is this message.
+    """
+
+    def __init__(self, where: str, cause: BaseException) -> None:
+        super().__init__(f"{where} raised {type(cause).__name__}: {_text_of(cause)}")
+
+
 class InvalidProblem(InvalidInput):
     """A quadratic program that no solver may see: NaN, crossed bounds, asymmetric cost, wrong shapes."""
 
@@ -127,6 +137,13 @@ class UnknownScenario(UnknownName):
     """No such scenario."""
 
     kind = "scenario"
+
+
+def _text_of(cause: BaseException) -> str:
+    try:
+        return str(cause)
+    except Exception as worse:
+        return f"(its text raised {type(worse).__name__})"
 
 
 def near_names(name: object, names: Iterable[str]) -> list[str]:

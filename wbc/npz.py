@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInput
 
 MAX_BYTES = 1 << 30  # of all arrays of a file together
-MAX_ARRAYS = 10_000
+MAX_ARRAYS = 100_000
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 

@@ -162,4 +162,4 @@ def law_of(name: str, model: RobotModel, *, physical: bool, **settings: Any) -> 
 
 def spread(name: str, value: Any, size: int) -> Vec:
     """``value`` (size,), a number standing for all."""
-    return checks.array(name, np.full(size, value) if np.ndim(value) == 0 else value, (size,))
+    return checks.each(name, value, size)

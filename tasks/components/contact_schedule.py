@@ -12,6 +12,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.overrides import Overrides
 from wbc.stack.schedule import Schedule
 from wbc.types import Vec
 
@@ -76,7 +77,6 @@ class ContactSchedule(Schedule):
         self._holds = {name: self._intervals(name, starts) for name in self.names}
         n = len(self.names)
         self._made, self._until, self._limits = [-inf] * n, [-inf] * n, np.zeros(n)
-        self._places = np.zeros(0, dtype=np.intp)
         self._held: frozenset[str] = frozenset()
         self._next_change = -inf
 
@@ -155,28 +155,26 @@ class ContactSchedule(Schedule):
     def prepare(self, model: RobotModel) -> None:
         self._weight = model.mass * float(np.linalg.norm(model.gravity))
 
-    def before(self, state: RobotState, last: Any, plan: Plan) -> None:
-        if not len(self._places):
-            self._places = np.array([plan.places[name] for name in self.names], dtype=np.intp)
+    def before(self, state: RobotState, last: Any, plan: Plan) -> Overrides:
         step, first, t = 1e3 * self.ramp * plan.model.mass, FIRST_STEP * plan.dt, state.t
         for i, (made, until) in enumerate(
             zip(self._made, self._until, strict=True)
         ):  # they are few: faster than arrays
             self._limits[i] = step * max(min(t - made, until - plan.dt - t), first)
-        plan.normal_limits[self._places] = self._limits
-        plan.normal_floors[self._places] = -inf
-        if last is not None and self._limits.min() < self._weight:
-            self._bound_rate(last.f, plan)
+        limits: dict[str, float] = dict(zip(self.names, self._limits.tolist(), strict=True))
+        floors: dict[str, float] = {}
+        if last is not None and min(limits.values()) < self._weight:
+            self._bound_rate(last.f, 1e3 * self.force_rate * plan.model.mass * plan.dt, limits, floors)
+        return Overrides(normal_limits=limits, normal_floors=floors)
 
-    def _bound_rate(self, former: Any, plan: Plan) -> None:
+    def _bound_rate(self, former: Any, most: float, limits: dict[str, float], floors: dict[str, float]) -> None:
         """No further from what was commanded last than a tick allows, where that had an answer."""
-        most = 1e3 * self.force_rate * plan.model.mass * plan.dt
-        for name, place in zip(self.names, self._places, strict=True):
+        for name in self.names:
             wrench = former[name]
             force = float(wrench[2]) if len(wrench) > 2 else inf  # a part of the mechanism has no normal force
             if isfinite(force):
-                limit = plan.normal_limits[place] = min(plan.normal_limits[place], force + most)
-                plan.normal_floors[place] = min(force - most, limit)
+                limits[name] = max(min(limits[name], force + most), 0.0)
+                floors[name] = min(force - most, limits[name])
 
     def reset(self, state: RobotState) -> None:
         self._held, self._next_change = frozenset(), -inf

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import numpy as np
 
-from tasks.components.diagnosis import KINDS, Diagnoser, Diagnosis
+from tasks.components.diagnosis import ACTUATOR, KINDS, Diagnoser, Diagnosis
+from tasks.components.draft import Draft
 from tasks.components.momentum_observer import MomentumObserver
-from tasks.components.reactions import QUANTITIES, Cap, Derate, Reaction, Release
+from tasks.components.reactions import Cap, Derate, Reaction, Release
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
-from wbc.stack.task import Objective, Task, TaskRows
+from wbc.stack.overrides import Overrides
+from wbc.stack.task import Task, TaskRows
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -51,14 +53,26 @@ TABLE: Sequence[When] = (
 )
 
 
+class _Standing(NamedTuple):
+    """A decision that holds: its reactions, each with what it decided at that moment."""
+
+    diagnosis: Diagnosis
+    reactions: tuple[tuple[Reaction, Any], ...]
+
+    @property
+    def is_final(self) -> bool:
+        return any(reaction.final for reaction, _ in self.reactions)
+
+
 @final
 class FaultReaction(Component):
-    """Changes bounds, motors, weights and targets of the running stack as a table says; the QP does the rest.
+    """Overrides bounds, motors, weights and targets of the running stack as a table says; the QP does the rest.
 
     The diagnosis falls some ticks after the observer's alarm (:class:`~tasks.components.diagnosis.Diagnoser`), and the
     change is in the QP of the same tick: nothing is compiled anew. The first line of ``table`` that is about the
     diagnosis holds; where none is, the decision is logged and nothing changes. Afterwards the joint is watched again,
-    so that a wrong first estimate mends itself. ``controller.reset()`` takes everything back.
+    so that a wrong first estimate mends itself: a decision on a motor replaces the one before it on that motor. The
+    members of the stack stay as their user set them; ``controller.reset()`` forgets all decisions.
 
     Args:
         observer: in the stack too, before this.
@@ -74,15 +88,15 @@ class FaultReaction(Component):
         recheck: so long after a decision it is made again with all that was seen since [s].
 
     Where a later diagnosis says that a motor is sound after all (``instead_of``), or that a payload is what was taken
-    for a push, everything is taken back, and what was decided on other motors done again; a brake stays set.
+    for a push, what was decided on it no longer holds; what was decided on other motors does, and a brake stays set.
 
-    :attr:`limits` is a task to be put among the stack's: it keeps joints that were released within their limits, as a
-    wish. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
+    :attr:`limits` is a task to be put among the stack's: it brings joints that were released back within their limits,
+    softly. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
     ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), what motors are taken to give of what they are sent.
 
     Raises:
-        InvalidInput: a table or number that makes no sense; in the first tick, an observer that is not in the stack
-            before this. NotSupported, UnknownName: in the first tick, a reaction the stack does not allow.
+        InvalidInput: a table or number that makes no sense; when a controller is made, an observer that is not in the
+            stack before this. NotSupported, UnknownName: then too, a reaction the stack does not allow.
 
     Example:
         >>> import wbc
@@ -119,71 +133,21 @@ class FaultReaction(Component):
                 ("dominance", dominance),
             )
         }
-        #: The task that keeps released joints within their limits, as a wish.
+        #: The task that brings released joints back within their limits.
         self.limits = _ReleasedLimits(name=f"{self.name} limits")
-        self._before: _Before | None = None
-        self._standing: list[tuple[Diagnosis, tuple[Reaction, ...]]] = []
+        self._standing: list[_Standing] = []
         self.events: list[tuple[Diagnosis, tuple[Reaction, ...]]] = []
 
     def prepare(self, model: RobotModel) -> None:
         noise = np.asarray(self.noise, dtype=np.float64)
         self._noise = checks.array(f"{self.name}.noise", np.full(model.nj, noise) if noise.ndim == 0 else noise,
                                    (model.nj,))  # fmt: skip
-        self.limits.prepare(model)
         for hand in self.hands:
             model.check_frame(hand)
         self._names, self._share = model.joint_names, np.ones(model.nj)
         self._last = (0.0, -1.0)
 
-    def reset(self, state: RobotState) -> None:
-        if self._before is not None:
-            self._before.restore_tasks()
-        self._before = None
-        self.events, self._standing = [], []
-        self._diagnoser: Diagnoser | None = None
-        self._share[:], self._last = 1.0, (0.0, -1.0)
-        self.limits.release(())
-
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
-        if self._diagnoser is None:
-            self._begin(state, plan)
-        assert self._diagnoser is not None
-        self._last = (0.0, -1.0)
-        self.limits.watch(state)
-        diagnosis = self._diagnoser.tick(state, self.observer)
-        if diagnosis is not None:
-            self._react(diagnosis, state, plan)
-        for decided, reactions in self._standing:
-            for reaction in reactions:
-                reaction.hold(decided, state, plan)
-
-    def _react(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        line = next((line for line in self.table if line.holds(diagnosis)), None)
-        reactions = () if line is None else tuple(line.reactions)
-        if self._before is None:
-            self._before = _Before(plan)
-        if diagnosis.instead_of or diagnosis.kind == "payload":
-            self._take_back(diagnosis, state, plan)
-        for reaction in reactions:
-            reaction.apply(diagnosis, state, plan)
-        if reactions:
-            self._standing.append((diagnosis, reactions))
-        self._remember(diagnosis, reactions, plan)
-
-    def _take_back(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        """Undo all, then do again what was decided on motors that are not acquitted, and on loads."""
-        assert self._before is not None
-        self._before.restore(plan)
-        self._standing = [
-            (decided, reactions) for decided, reactions in self._standing
-            if decided.kind != "external" and decided.joint not in diagnosis.instead_of
-        ]  # fmt: skip
-        for decided, reactions in self._standing:
-            for reaction in reactions:
-                if not reaction.final:
-                    reaction.apply(decided, state, plan)
-
-    def _begin(self, state: RobotState, plan: Plan) -> None:
+    def check(self, plan: Plan) -> None:
         components = plan.stack.components
         if self.observer not in components or components.index(self.observer) > components.index(self):
             raise InvalidInput(f"{self.name} needs its observer in the stack's components, before it")
@@ -192,15 +156,72 @@ class FaultReaction(Component):
                 plan.model.joint(joint)
             for reaction in line.reactions:
                 reaction.prepare(plan)
-        self._diagnoser = Diagnoser(
-            self._names, noise=self._noise, hands=self.hands,
-            **self._times | {"start": state.t + self._times["start"]},
-        )  # fmt: skip
+        self._has_limits = any(task.name == self.limits.name for task in plan.stack.tasks)
 
-    def _remember(self, diagnosis: Diagnosis, reactions: tuple[Reaction, ...], plan: Plan) -> None:
+    def reset(self, state: RobotState) -> None:
+        self.events, self._standing = [], []
+        self._diagnoser: Diagnoser | None = None
+        self._share[:], self._last = 1.0, (0.0, -1.0)
+        self._fixed: Overrides | None = None
+        self._made_of: tuple[int, Vec] = (-1, np.zeros(0))
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides | None:
+        if self._diagnoser is None:
+            self._diagnoser = Diagnoser(
+                self._names, noise=self._noise, hands=self.hands,
+                **self._times | {"start": state.t + self._times["start"]},
+            )  # fmt: skip
+        self._last = (0.0, -1.0)
+        diagnosis = self._diagnoser.tick(state, self.observer)
+        if diagnosis is not None:
+            self._react(diagnosis, state, plan)
+        return self._overrides(state, plan) if self._standing else None
+
+    def _react(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+        line = next((line for line in self.table if line.holds(diagnosis)), None)
+        reactions = () if line is None else tuple(line.reactions)
+        if diagnosis.instead_of or diagnosis.kind == "payload":
+            self._standing = [
+                one for one in self._standing
+                if one.is_final or (one.diagnosis.kind != "external"
+                                    and one.diagnosis.joint not in diagnosis.instead_of)
+            ]  # fmt: skip
+        if reactions:
+            decided = tuple((reaction, reaction.decide(diagnosis, state, plan)) for reaction in reactions)
+            self._standing = [one for one in self._standing if not _is_replaced(one.diagnosis, by=diagnosis)]
+            self._standing.append(_Standing(diagnosis, decided))
+        self._fixed = None
+        self._share[:] = self._draft(plan).share
+        self._remember(diagnosis, reactions)
+
+    def _draft(self, plan: Plan) -> Draft:
+        draft = Draft(plan)
+        for diagnosis, reactions in self._standing:
+            for reaction, decided in reactions:
+                reaction.apply(diagnosis, decided, draft)
+        return draft
+
+    def _overrides(self, state: RobotState, plan: Plan) -> Overrides:
+        """What the decisions that stand change; the same value while nothing changes but the state."""
+        released = np.flatnonzero(self._share == 0.0)
+        wanted = self.limits.wanted(state, released) if self._has_limits else np.zeros(0)
+        assigned, before = self._made_of
+        if self._fixed is None or assigned != plan.binding.assigned or not np.array_equal(wanted, before):
+            draft = self._draft(plan)
+            if wanted.any():
+                draft.set(self.limits.name, weight=wanted)
+            self._fixed, self._made_of = draft.overrides(), (plan.binding.assigned, wanted)
+        held = Draft(plan)
+        for diagnosis, reactions in self._standing:
+            for reaction, _ in reactions:
+                reaction.hold(diagnosis, state, held)
+        if held.bias is None and held.inertia is None:
+            return self._fixed
+        return replace(self._fixed, bias=held.bias, inertia=held.inertia)
+
+    def _remember(self, diagnosis: Diagnosis, reactions: tuple[Reaction, ...]) -> None:
         assert self._diagnoser is not None
         self.events.append((diagnosis, reactions))
-        self._share[:] = plan.actuators.share
         self._last = (1.0 + KINDS.index(diagnosis.kind), float(diagnosis.joint))
         if any(reaction.final for reaction in reactions):
             self._diagnoser.settle(diagnosis.joint)
@@ -211,83 +232,47 @@ class FaultReaction(Component):
             self.observer.restart(diagnosis.joint)
         else:
             self._diagnoser.leave(diagnosis)
-        dead = tuple(int(joint) for joint in np.flatnonzero(self._share == 0.0))
-        for joint in dead:
-            self._diagnoser.ignore(joint)
-        self.limits.release(dead)
+        for dead in np.flatnonzero(self._share == 0.0):
+            self._diagnoser.ignore(int(dead))
 
     def signals(self) -> Mapping[str, Vec | float]:
         return {"kind": self._last[0], "joint": self._last[1], "share": self._share}
 
 
+def _is_replaced(former: Diagnosis, *, by: Diagnosis) -> bool:
+    """Whether a decision is on the motor that a later one is on."""
+    return former.kind in ACTUATOR and by.kind in ACTUATOR and former.joint == by.joint
+
+
 @final
 class _ReleasedLimits(Task):
-    """Joints without torque are wished back when they leave their limits; of other joints it says nothing.
+    """Joints without torque are brought back when they leave their limits; of other joints it says nothing.
 
     Where a released joint is outside its position limits, or would be after ``ahead`` seconds at its speed, the
-    acceleration kp (limit − q) − kd v is wished for it; elsewhere the weight of its row is 0.
+    acceleration kp (limit − q) − kd v is asked for it. The weight is 0 until :class:`FaultReaction` overrides it.
     """
 
     on_joints = True
 
-    def __init__(self, *, kp: float = 400.0, weight: float = 1.0, ahead: float = 0.05, name: str) -> None:
+    def __init__(self, *, kp: float = 400.0, pull: float = 1.0, ahead: float = 0.05, name: str) -> None:
         super().__init__(kp=kp, weight=0.0, name=name)
-        self._pull, self.ahead = weight, ahead
-        self._released: tuple[int, ...] = ()
+        self.pull, self.ahead = pull, ahead
 
     def prepare(self, model: RobotModel) -> None:
         self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
-        self._limits, self._on = model.limits, np.zeros(model.nj)
+        self._limits = model.limits
 
-    def release(self, joints: tuple[int, ...]) -> None:
-        """From now on these joints are released, and no others."""
-        self._released = joints
-        if not joints and np.any(self.weight):
-            self._on[:] = 0.0
-            self.weight = self._on
-
-    def watch(self, state: RobotState) -> None:
-        """Turn the wish of each released joint on or off, before the plan is filled."""
-        q, v, limits = state.q_joints, state.v_joints, self._limits
-        soon = q + self.ahead * v
-        wanted = np.zeros(self.dim)
-        for i in self._released:
+    def wanted(self, state: RobotState, released: Any) -> Vec:
+        """Weight (nj,) of each row: ``pull`` where a released joint is, or will be, outside its limits, else 0."""
+        q, limits = state.q_joints, state.model.limits
+        soon = q + self.ahead * state.v_joints
+        wanted = np.zeros(len(q))
+        for i in released:
             if min(q[i], soon[i]) < limits.q_min[i] or max(q[i], soon[i]) > limits.q_max[i]:
-                wanted[i] = self._pull
-        if (wanted != self._on).any():
-            self._on = wanted
-            self.weight = wanted
+                wanted[i] = self.pull
+        return wanted
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         q, limits = state.q_joints, self._limits
         out.e[:] = np.clip(q, limits.q_min, limits.q_max) - q
         out.rate_ref[:], out.acc_ref[:] = 0.0, 0.0
-
-
-@final
-class _Before:
-    """What reactions may change, as it was before the first of them."""
-
-    def __init__(self, plan: Plan) -> None:
-        self._tasks = [(task, _settings(task)) for task in plan.stack.tasks]
-        self._torque = [bound.copy() for bound in plan.torque_bounds]
-        self._motion = {} if plan.intervals is None else {what: plan.intervals.bounds(what) for what in QUANTITIES}
-
-    def restore_tasks(self) -> None:
-        for task, settings in self._tasks:
-            for what, value in settings.items():
-                setattr(task, what, value)
-
-    def restore(self, plan: Plan) -> None:
-        self.restore_tasks()
-        plan.actuators.reset()
-        for bound, before in zip(plan.torque_bounds, self._torque, strict=True):
-            bound[:] = before
-        for quantity, bounds in self._motion.items():
-            assert plan.intervals is not None, "it had bounds before"
-            plan.intervals.replace(quantity, *bounds)
-
-
-def _settings(task: Objective) -> dict[str, Any]:
-    names = ("weight", "active", "kp", "kd", "target")
-    return {name: getattr(task, name) for name in names if hasattr(task, name)}

@@ -8,7 +8,8 @@ import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
-from wbc.stack.task import Target
+from wbc.stack.overrides import Overrides
+from wbc.stack.target import Target
 from wbc.stack.tracking import wrench_target
 from wbc.types import Vec
 
@@ -55,11 +56,11 @@ class MeasuredWrench(Component):
     def reset(self, state: RobotState) -> None:
         self._now[:] = 0.0
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides:
         reading = self._reading.at(state.t).value
         if np.isfinite(reading).all():
             self._now[:] = reading
-        plan.extra_bias -= self._now @ state.frame(self.frame).jacobian()
+        return Overrides(bias=-(self._now @ state.frame(self.frame).jacobian()))
 
     def signals(self) -> dict[str, Vec]:
         return {"wrench": self._now}

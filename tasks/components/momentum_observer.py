@@ -55,7 +55,8 @@ class MomentumObserver(Component):
 
     Raises:
         InvalidInput: a gain, threshold, friction or number of ticks out of range, or of another size.
-        NotSupported: in the first tick, a level without torques or contacts whose wrenches nobody measures.
+        NotSupported: a level without torques, when a controller is made; contacts whose wrenches nobody measures cost
+            the tick its answer (``controller.why``).
 
     Example:
         >>> import wbc
@@ -147,9 +148,11 @@ class MomentumObserver(Component):
         self._sent = -self._plan.extra_bias
         self._sent[self._model.nb :] += delivered
 
-    def _refuse(self, plan: Plan) -> None:
+    def check(self, plan: Plan) -> None:
         if not plan.level.dynamics:
             raise NotSupported(f"{self.name} observes torques, which the {plan.level.name} does not decide")
+
+    def _refuse(self, plan: Plan) -> None:
         if plan.stack.contacts and self.wrenches is None:
             raise NotSupported(
                 f"{self.name} needs the wrenches that the contacts measure: give it wrenches=function, {{frame: (6,)}}"
@@ -217,7 +220,7 @@ class MomentumObserver(Component):
         return self._rows
 
     def carry(self, load: Load) -> None:
-        """What this load's inertia takes is missing no longer; its weight is for who adds it to ``plan.extra_bias``."""
+        """What this load's inertia takes is missing no longer; :class:`Carry` adds its weight."""
         self._carried[load.frame] = LoadRegressor(load.frame), load.parameters
 
     @property
@@ -244,7 +247,7 @@ class MomentumObserver(Component):
 
 
 def _positive(name: str, value: Any, *, finite: bool) -> Vec:
-    numbers = checks.array(name, value, (None,) * min(np.ndim(value), 1), finite=finite)
+    numbers = checks.array(name, value, (None,) * min(checks.ndim(value), 1), finite=finite)
     for i, number in np.ndenumerate(numbers):
         if not number > 0.0:
             raise InvalidInput(f"{name}{list(i) if i else ''} is {number:g}; it must be > 0")

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 import numpy as np
 
 from tasks.components.diagnosis import Diagnosis
+from tasks.components.draft import Draft, task_of
 from tasks.components.momentum_observer import MomentumObserver
 from wbc import checks
-from wbc.errors import InvalidInput, NotSupported, UnknownName
+from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotState
+from wbc.stack.overrides import Motor
 from wbc.stack.task import Task
-from wbc.types import Vec
 
 if TYPE_CHECKING:
     from wbc.stack.plan import Plan
@@ -23,25 +24,28 @@ if TYPE_CHECKING:
 #: What is never given to a joint that lost a share, however large the share seems: commands are divided by the rest.
 LEAST_LEFT = 0.05
 #: What of a joint's motion may be bounded.
-QUANTITIES = ("position", "velocity", "acceleration")
+MOTION = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
 class Reaction(ABC):
-    """Settings. ``apply`` changes bounds, motors, weights or targets of the plan before it is filled; sizes never."""
+    """Settings. ``apply`` says, in each tick in which a diagnosis stands, what it changes; nothing has to be undone."""
 
     #: Whether it cannot be undone: no second look is taken at a diagnosis that was answered by it.
     final: ClassVar[bool] = False
 
-    @abstractmethod
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        """Do it, from this tick on."""
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+        """Called once, in the tick of the diagnosis; what it returns is given to ``apply`` in each tick."""
 
-    def hold(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        """What has to be done in every tick while the diagnosis stands; mostly nothing."""
+    @abstractmethod
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        """Write into the draft of a tick's overrides."""
+
+    def hold(self, diagnosis: Diagnosis, state: RobotState, draft: Draft) -> None:
+        """Write what changes with the state; mostly nothing."""
 
     def prepare(self, plan: Plan) -> None:
-        """Refuse, before the first tick, what ``apply`` could not do.
+        """Refuse, when a controller is made, what ``apply`` could not do.
 
         Raises:
             NotSupported, UnknownName: what the stack lacks.
@@ -51,20 +55,18 @@ class Reaction(ABC):
 @final
 @dataclass(frozen=True)
 class Release(Reaction):
-    """The joint's torque is 0 from now on: its bounds become [0, 0], its motor is sent nothing.
+    """The joint's torque is 0 from now on: its motor is sent nothing.
 
     It then moves as the others move it, so its own limits on position, velocity and acceleration, and the stiffness
-    of tasks on the joints there, are taken away in the same tick; the damping stays. The limits come back as wishes
-    through :attr:`FaultReaction.limits`.
+    of tasks on the joints there, are taken away in the same tick; the damping stays. The limits come back as soft
+    ones through :attr:`FaultReaction.limits`.
     """
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
         i = diagnosis.joint
-        plan.actuators.set(i, share=0.0)
-        for bound in plan.torque_bounds:
-            bound[i] = 0.0
-        lift_limits(plan, i)
-        soften(plan, i)
+        draft.motors[i] = Motor(share=0.0)
+        draft.lift(i, *MOTION)
+        soften(draft, i)
 
 
 @final
@@ -75,10 +77,8 @@ class Derate(Reaction):
     A joint decided on again has what the last decision says, of all that it is sent.
     """
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        i = diagnosis.joint
-        plan.actuators.set(i, share=float(np.clip(1.0 - diagnosis.share, LEAST_LEFT, 1.0)))
-        _rebound(plan, i)
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        draft.motors[diagnosis.joint] = Motor(share=float(np.clip(1.0 - diagnosis.share, LEAST_LEFT, 1.0)))
 
 
 @final
@@ -86,9 +86,8 @@ class Derate(Reaction):
 class Compensate(Reaction):
     """The motor gives ``offset`` less than it is sent: that much more is asked of it."""
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        plan.actuators.set(diagnosis.joint, offset=diagnosis.offset)
-        _rebound(plan, diagnosis.joint)
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        draft.motors[diagnosis.joint] = Motor(offset=diagnosis.offset)
 
 
 @final
@@ -96,11 +95,10 @@ class Compensate(Reaction):
 class Cap(Reaction):
     """The motor gives what it is sent up to a ceiling: that is its torque limit now."""
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
         i = diagnosis.joint
-        plan.actuators.set(i)
-        lower, upper = plan.torque_bounds
-        lower[i], upper[i] = max(lower[i], -diagnosis.ceiling), min(upper[i], diagnosis.ceiling)
+        draft.motors[i] = Motor()
+        draft.bound("torque", i, -diagnosis.ceiling, diagnosis.ceiling)
 
 
 @final
@@ -114,17 +112,14 @@ class Brake(Reaction):
     set: Callable[[str], None]
     final: ClassVar[bool] = True
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        i = diagnosis.joint
-        assert plan.intervals is not None, "prepare has asked for limits"
-        lower, upper = plan.torque_bounds
-        lower[i], upper[i] = -np.inf, np.inf
-        plan.actuators.set(i, share=0.0)
-        lift_limits(plan, i)
-        low, high = plan.intervals.bounds("acceleration")
-        low[i] = high[i] = 0.0
-        plan.intervals.replace("acceleration", low, high)
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
         self.set(diagnosis.joint_name)
+
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        i = diagnosis.joint
+        draft.motors[i] = Motor(share=0.0)
+        draft.lift(i, "torque", *MOTION)
+        draft.bound("acceleration", i, 0.0, 0.0)
 
     def prepare(self, plan: Plan) -> None:
         if plan.intervals is None:
@@ -142,31 +137,34 @@ class Carry(Reaction):
 
     observer: MomentumObserver
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
         if diagnosis.load is not None:
             self.observer.carry(diagnosis.load)
 
-    def hold(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        """Nothing that is the same in every state."""
+
+    def hold(self, diagnosis: Diagnosis, state: RobotState, draft: Draft) -> None:
         if diagnosis.load is not None:
-            plan.extra_bias += diagnosis.load.weight(state)
-            plan.add_inertia(diagnosis.load.inertia(state))
+            weight, inertia = diagnosis.load.weight(state), diagnosis.load.inertia(state)
+            draft.bias = weight if draft.bias is None else draft.bias + weight
+            draft.inertia = inertia if draft.inertia is None else draft.inertia + inertia
 
 
 @final
 @dataclass(frozen=True)
 class Weigh(Reaction):
-    """A task counts ``factor`` times as much as before."""
+    """A task counts ``factor`` times as much as its user said."""
 
     task: str
     factor: float
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        task = _task(plan, self.task)
-        task.weight = np.asarray(task.weight) * self.factor
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        draft.set(self.task, weight=np.asarray(draft.so_far(draft.task(self.task), "weight")) * self.factor)
 
     def prepare(self, plan: Plan) -> None:
         checks.number("Weigh.factor", self.factor, low=0.0)
-        _task(plan, self.task)
+        task_of(plan, self.task)
 
 
 @final
@@ -179,13 +177,15 @@ class Retarget(Reaction):
     target: Any
     made: bool = False
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        target = self.target(diagnosis, state, plan) if self.made else self.target
-        if target is not None:
-            _task(plan, self.task).target = target
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+        return self.target(diagnosis, state, plan) if self.made else self.target
+
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        if decided is not None:
+            draft.set(self.task, target=decided)
 
     def prepare(self, plan: Plan) -> None:
-        if not hasattr(_task(plan, self.task), "target"):
+        if not hasattr(task_of(plan, self.task), "target"):
             raise InvalidInput(f"{self.task} has no target that could be changed")
 
 
@@ -197,11 +197,11 @@ class Comply(Reaction):
     stiffness: float = 0.0
     damping: float = 1.0
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        for task in plan.stack.tasks:
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        for task in draft.tasks():
             if isinstance(task, Task):
-                kp, kd = np.asarray(task.kp), np.asarray(task.kd if task.kd is not None else 2.0 * np.sqrt(task.kp))
-                task.kp, task.kd = self.stiffness * kp, self.damping * kd
+                kp, kd = draft.gains(task)
+                draft.set(task.name, kp=self.stiffness * kp, kd=self.damping * kd)
 
     def prepare(self, plan: Plan) -> None:
         checks.number("Comply.stiffness", self.stiffness, low=0.0)
@@ -213,46 +213,29 @@ class Comply(Reaction):
 class Stop(Reaction):
     """Tasks on the joints hold the configuration of this moment, all other tasks are dropped."""
 
-    def apply(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
-        for task in plan.stack.tasks:
-            if getattr(task, "on_joints", False) and hasattr(task, "target"):
-                task.target = np.array(state.q_joints)
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+        return np.array(state.q_joints)
+
+    def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
+        for task in draft.tasks():
+            if _holds_joints(task):
+                draft.set(task.name, target=decided)
             else:
-                task.active = False
+                draft.set(task.name, active=False)
 
     def prepare(self, plan: Plan) -> None:
-        if not any(getattr(task, "on_joints", False) and hasattr(task, "target") for task in plan.stack.tasks):
+        if not any(_holds_joints(task) for task in plan.stack.tasks):
             raise NotSupported("Stop holds the joints by a task on them, such as Posture; the stack has none")
 
 
-def lift_limits(plan: Plan, joint: int) -> None:
-    """No bounds on position, velocity and acceleration of one joint any more, until the controller starts again."""
-    if plan.intervals is not None:
-        for quantity in QUANTITIES:
-            low, high = plan.intervals.bounds(quantity)
-            low[joint], high[joint] = -np.inf, np.inf
-            plan.intervals.replace(quantity, low, high)
-
-
-def soften(plan: Plan, joint: int) -> None:
+def soften(draft: Draft, joint: int) -> None:
     """Tasks on the joints no longer pull this one; they still damp it."""
-    for task in plan.stack.tasks:
-        if isinstance(task, Task) and task.on_joints and task.dim == plan.model.nj:
-            kp = np.broadcast_to(task.kp, task.dim).copy()
-            kd = np.broadcast_to(2.0 * np.sqrt(kp) if task.kd is None else task.kd, task.dim).copy()
+    for task in draft.tasks():
+        if isinstance(task, Task) and task.on_joints and task.dim == draft.plan.model.nj:
+            kp, kd = draft.gains(task)
             kp[joint] = 0.0
-            task.kp, task.kd = kp, kd
+            draft.set(task.name, kp=kp, kd=kd)
 
 
-def _rebound(plan: Plan, joint: int) -> None:
-    """Torques that commands within the model's limits give."""
-    most: Vec = plan.model.limits.tau_max
-    for bound, reached in zip(plan.torque_bounds, plan.actuators.bounds(-most, most), strict=True):
-        bound[joint] = reached[joint]
-
-
-def _task(plan: Plan, name: str) -> Any:
-    for task in plan.stack.tasks:
-        if task.name == name:
-            return task
-    raise UnknownName(name, [task.name for task in plan.stack.tasks], "a reaction speaks of a task of the stack")
+def _holds_joints(task: Any) -> bool:
+    return bool(getattr(task, "on_joints", False)) and hasattr(task, "target")

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Target
+from wbc.stack.target import Target
 from wbc.stack.tracking import joints_target, pose_target, rotation_error
 from wbc.types import Vec
 

@@ -16,7 +16,8 @@ from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
-from wbc.types import Vec
+from wbc.stack.overrides import Overrides
+from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.stack.plan import Plan
@@ -108,8 +109,8 @@ class SlotineLi(Component):
         #: Whether â stays as it is.
         self.frozen = False
         self._tau: Vec | float = 0.0
-        #: The task that asks for τ_SL.
-        self.torque = Torque(lambda t: self._tau, weight=weight, name=f"{self.name} torque")
+        #: The task that asks for τ_SL, which is its target in each tick.
+        self.torque = Torque(0.0, weight=weight, name=f"{self.name} torque")
 
     def prepare(self, model: RobotModel) -> None:
         number, n = self._numbers, model.nj
@@ -144,7 +145,11 @@ class SlotineLi(Component):
             if memory is not None:
                 memory.reset()
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+    def check(self, plan: Plan) -> None:
+        if not any(task.name == self.torque.name for task in plan.stack.tasks):
+            raise InvalidInput(f"{self.name}.torque is not among the stack's tasks: it asks for the torques")
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides:
         e, e_rate, v_r, a_r = self._reference.at(state)
         self._s = v_r - state.v
         self._Y = self._law.regressor(state.q, state.v, v_r, a_r)
@@ -152,8 +157,12 @@ class SlotineLi(Component):
         self._tau = self._Y @ self._law.a_hat + feedback
         self._dt = plan.dt
         self._V = self._lyapunov(state, e)
-        if self._arm is not None and self._numbers["estimate_floor"]:
-            self._used = self._tell(state, plan, self._arm)
+        asked = {self.torque.name: {"target": self._tau}}
+        if self._arm is None or not self._numbers["estimate_floor"]:
+            return Overrides(tasks=asked)
+        bias, inertia = self._estimate(state, self._arm)
+        self._used = inertia is not None
+        return Overrides(tasks=asked, bias=bias, inertia=inertia)
 
     def after(self, state: RobotState, command: Any) -> None:
         if not np.isfinite(self._tau).all():
@@ -172,17 +181,14 @@ class SlotineLi(Component):
             self._law.a_hat = self._law.a_hat + fraction * (self._law.start - self._law.a_hat)
         self._law.step(gradient, self._dt)
 
-    def _tell(self, state: RobotState, plan: Plan, arm: InertialLaw) -> bool:
-        """Give the plan M̂ and ĥ, if M̂ is positive definite with the floor. Friction is no part of h."""
+    def _estimate(self, state: RobotState, arm: InertialLaw) -> tuple[Vec | None, Mat | None]:
+        """ĥ − h and M̂ − M, if M̂ is positive definite with the floor. Friction is no part of h."""
         links = arm.a_hat[: arm.p_links]
         M = arm.inertial.inertia(state.q, links)
-        floor = self._numbers["estimate_floor"]
-        if not np.linalg.eigvalsh(M)[0] >= floor:
-            return False
+        if not np.linalg.eigvalsh(M)[0] >= self._numbers["estimate_floor"]:
+            return None, None
         zero = np.zeros_like(state.v)
-        plan.add_inertia(M - state.M)
-        plan.extra_bias += arm.inertial(state.q, state.v, state.v, zero) @ links - state.h
-        return True
+        return arm.inertial(state.q, state.v, state.v, zero) @ links - state.h, M - state.M
 
     # ---- what others read
     @property

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.member import Member
 from wbc.types import Vec
 
 
-class Criterion(ABC):
+class Criterion(Member):
     """H(q) and its exact gradient ∇H = ∂H/∂q over the joints (nj,); a floating base is not a joint.
 
     Pure: the state alone decides, to the bit. ``name`` says what it is about; ``units`` are those of H.
     """
 
-    name: str
+    name: str = ""
     units: str
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once when a stack is compiled: check arguments against the model."""
+        """Called once on each plan's own copy: check arguments against the model."""
 
     @abstractmethod
     def value(self, state: RobotState) -> float:

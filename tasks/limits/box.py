@@ -42,7 +42,7 @@ class BoxLimits(Barrier):
         super().__init__(rate=rate, slack=slack, name=name)
         sides = []
         for what, value in (("lower", lower), ("upper", upper)):
-            given = np.full(3, value) if np.ndim(value) == 0 else value
+            given = np.full(3, value) if checks.ndim(value) == 0 else value
             sides.append(checks.array(f"{self.name}.{what}", given, (3,), finite=False))
         low, high = sides
         for axis, below, above in zip(_AXES, low, high, strict=True):

@@ -18,13 +18,15 @@ from wbc.stack.constraint import Barrier, BarrierRows
 
 @final
 class CollisionAvoidance(Barrier):
-    """h = d − margin >= 0 [m] for the ``count`` most critical pairs of shapes, of two links or a link and an obstacle.
+    """h = d − margin >= 0 [m] for the shapes of two links, or of a link and an obstacle: one row a pair of shapes.
 
-    d is their distance, negative inside one another; pairs further apart than ``reach`` [m] are not felt (their rows
-    are empty: sizes never change). Where more are within reach, those with the smallest h + ḣ / rate count. What
-    approaches at u [m/s] is stopped in time where u <= rate · (reach − margin). From inside the margin, or inside one
-    another, the rows lead back out at the same rate, and by default they give way where that is more than the robot
-    can do.
+    d is their distance, negative inside one another. Of two links those shapes have a row that are nearest, and others
+    that are further by less than half the ``reach`` [m]. Pairs further apart than the reach have no row; where
+    accelerations are decided, a pair that approaches at u [m/s] has one from 2 u / rate on. Sizes never change: there
+    are ``count`` rows, a pair keeps its row from tick to tick, and rows without a pair are empty. Where more pairs than
+    rows are within reach, those with the smallest h + ḣ / rate have one, and ``controller.why`` says how many have
+    none. From inside the margin, or inside one another, the rows lead back out at the same rate, and by default they
+    give way where that is more than the robot can do.
 
     With a margin, shapes touch only in h < 0: witness points and normals, which have no limit where two shapes just
     touch, are those of shapes that are apart. Distances are coal's; which pairs count, and what is left out, is
@@ -35,7 +37,8 @@ class CollisionAvoidance(Barrier):
         pairs: pairs of names of links and obstacles, to look at these alone; None: all.
         self_collision: with ``pairs=None``, whether links are kept apart from links.
         margin: distance kept [m].
-        count: how many pairs of shapes have a row.
+        count: how many rows there are; None: 24 and two for each pair that is within reach in the reference
+            configuration, at most 128 and one for each pair.
         reach: distance from which on a pair is felt [m], more than the margin.
         rate: γ [1/s]; slack: see :class:`~wbc.stack.constraint.Barrier`.
 
@@ -61,8 +64,8 @@ class CollisionAvoidance(Barrier):
 
     def __init__(
         self, obstacles: Iterable[Obstacle] = (), *, pairs: Sequence[tuple[str, str]] | None = None,
-        self_collision: bool = True, margin: float = 0.02, count: int = 8, reach: float = 0.12, rate: float = 15.0,
-        slack: float | None = 1e6, name: str | None = None,
+        self_collision: bool = True, margin: float = 0.02, count: int | None = None, reach: float = 0.12,
+        rate: float = 15.0, slack: float | None = 1e6, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(rate=rate, slack=slack, name=name)
         self.margin = checks.number(f"{self.name}.margin", margin, low=0.0)
@@ -70,7 +73,7 @@ class CollisionAvoidance(Barrier):
         if self.reach <= self.margin:
             raise InvalidInput(f"{self.name}.reach is {reach:g} m; it must be more than the margin of {margin:g} m")
         self.obstacles, self.pairs, self.self_collision = tuple(obstacles), pairs, self_collision
-        self.count = int(checks.number(f"{self.name}.count", count, low=1))
+        self.count = None if count is None else int(checks.number(f"{self.name}.count", count, low=1))
         self._distances: Distances | None = None
 
     def prepare(self, model: RobotModel) -> None:
@@ -85,13 +88,20 @@ class CollisionAvoidance(Barrier):
         distances = self._distances
         assert distances is not None, "prepare comes first"
         distances.read(state)
+        missing = distances.missing
+        self.note = f"{self.name}: {missing} pairs within reach have no row (count = {self.dim})" if missing else ""
         np.subtract(distances.distance, self.margin, out.h)
         out.J[:], out.drift[:], out.rate[:] = distances.jacobian, distances.drift, distances.rate
 
+    def reset(self) -> None:
+        if self._distances is not None:
+            self._distances.reset()
+
     def closest(self, state: RobotState) -> list[tuple[str, str, float]]:
         """The pairs that have a row in this state, the nearest first: two names and their distance [m]."""
+        self.prepare(state.model)
         distances = self._distances
-        assert distances is not None, "prepare comes first"
+        assert distances is not None, "it is prepared"
         distances.read(state)
         rows = zip(distances.which, distances.distance, strict=True)
         found = [(*distances.pairs[pair], float(d)) for pair, d in rows if pair >= 0]
@@ -99,7 +109,7 @@ class CollisionAvoidance(Barrier):
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
-        """What the numbers ``codes`` of the pairs mean: the two names; of shapes in one pair of links several."""
+        """What the numbers ``codes`` of the pairs mean: the two names; of shapes of the same two links several."""
         assert self._distances is not None, "prepare comes first"
         return self._distances.pairs
 
@@ -112,9 +122,11 @@ class CollisionAvoidance(Barrier):
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        def thrown(t: float) -> Any:
-            return pinocchio.SE3(np.eye(3), np.array([0.8 - 0.4 * t, 0.1 * t, 0.6 - 0.2 * t**2]))
-
         still = pinocchio.SE3(np.eye(3), np.array([0.4, 0.2, 0.3]))
-        balls = [Obstacle("still ball", Sphere(0.1), still), Obstacle("thrown ball", Sphere(0.05), thrown)]
+        balls = [Obstacle("still ball", Sphere(0.1), still), Obstacle("thrown ball", Sphere(0.05), _thrown)]
         return [cls(balls, self_collision=False, reach=1.0), cls(balls, self_collision=False, count=8, reach=0.3)]
+
+
+def _thrown(t: float) -> Any:
+    """Pose at time t [s] of the ball of a sample."""
+    return pinocchio.SE3(np.eye(3), np.array([0.8 - 0.4 * t, 0.1 * t, 0.6 - 0.2 * t**2]))

@@ -44,7 +44,7 @@ class FrameVelocityLimits(LinearConstraint):
         self.slack = None if slack is None else checks.number(f"{self.name}.slack", slack, low=0.0, strict=True)
         limits = []
         for what, value in (("linear", linear), ("angular", angular)):
-            given = np.full(3, value) if np.ndim(value) == 0 else value
+            given = np.full(3, value) if checks.ndim(value) == 0 else value
             limit = checks.array(f"{self.name}.{what}", given, (3,), finite=False)
             if not (limit > 0.0).all():
                 i = int(np.argmin(limit > 0.0))

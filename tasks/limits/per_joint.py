@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
@@ -26,7 +24,7 @@ def per_joint(what: str, value: Any, model: RobotModel, default: Vec) -> Vec:
         for joint, entry in value.items():
             result[model.joint(joint)] = checks.array(f"{what}[{joint!r}]", entry, (), finite=False)
         return result
-    return checks.array(what, np.full(model.nj, value) if np.ndim(value) == 0 else value, (model.nj,), finite=False)
+    return checks.each(what, value, model.nj, finite=False)
 
 
 def positive(what: str, values: Vec, model: RobotModel) -> Vec:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
 
@@ -69,9 +69,14 @@ class Stand:
         return GAIN if self.noise else CLEAN_GAIN
 
     @property
+    def rough(self) -> bool:
+        """Whether sensors have noise or masses are wrong."""
+        return self.noise or self.masses > 0.0
+
+    @property
     def least_threshold(self) -> float:
         """[N m]."""
-        return self.floor if self.noise or self.masses else CLEAN_FLOOR
+        return self.floor if self.rough else CLEAN_FLOOR
 
     def robot(self) -> PinocchioModel:
         """The robot as it is."""
@@ -195,7 +200,7 @@ def _vary(stack: wbc.Stack, gains: Gains) -> None:
 def true_error(run: wbc.Run, stand: Stand) -> Vec:
     """Distance (N,) [m] of the robot's true centre of mass from the target, whatever the controller measures."""
     error = np.array(run["error.CenterOfMass"])
-    if stand.noise or stand.masses:
+    if stand.rough:
         true, believed = stand.robot().state(), stand.believed().state()
         still = np.zeros(true.model.nv)
         for k in range(run.rows):
@@ -204,43 +209,3 @@ def true_error(run: wbc.Run, stand: Stand) -> Vec:
             error[k] += believed.com - true.com
     distance: Vec = np.linalg.norm(error, axis=1)
     return distance
-
-
-@final
-@dataclass(frozen=True)
-class ComeToRest:
-    """Moves the centre of mass to ``offset`` (3,) [m] from where it started, in ``duration`` [s]; for ``Retarget``.
-
-    From the target's position, rate and acceleration at the decision, a quintic each axis, to rest.
-    """
-
-    offset: tuple[float, float, float]
-    duration: float = 0.8
-
-    def __call__(self, diagnosis: Diagnosis, state: Any, plan: Any) -> Callable[[float], tuple[Vec, Vec, Vec]]:
-        task = next(task for task in plan.stack.tasks if task.name == "CenterOfMass")
-        goal = task.target(0.0)[0] + np.array(self.offset)
-        position, rate, acceleration = task.target(state.t)
-        return to_rest(position, rate, acceleration, goal, start=state.t, duration=self.duration)
-
-
-def to_rest(
-    position: Vec, rate: Vec, acceleration: Vec, goal: Vec, *, start: float, duration: float
-) -> Callable[[float], tuple[Vec, Vec, Vec]]:
-    """The polynomial of degree five from a moving start at time ``start`` to rest at ``goal``, ``duration`` later."""
-    T = duration
-    begins = np.array([position, T * rate, 0.5 * T**2 * acceleration])
-    missing = np.array([goal - begins.sum(axis=0), -begins[1] - 2.0 * begins[2], -2.0 * begins[2]])
-    ends = np.linalg.solve([[1.0, 1.0, 1.0], [3.0, 4.0, 5.0], [6.0, 12.0, 20.0]], missing)
-    coefficients, k = np.vstack([begins, ends]), np.arange(6)
-
-    def path(t: float) -> tuple[Vec, Vec, Vec]:
-        s = (t - start) / T
-        if s >= 1.0:
-            return goal, np.zeros_like(goal), np.zeros_like(goal)
-        powers = s**k
-        first = np.concatenate([[0.0], k[1:] * powers[:-1]]) / T
-        second = np.concatenate([[0.0, 0.0], k[2:] * k[1:-1] * powers[:-2]]) / T**2
-        return powers @ coefficients, first @ coefficients, second @ coefficients
-
-    return path

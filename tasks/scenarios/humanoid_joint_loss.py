@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, final
 
-from tasks import Release, Retarget, When
-from tasks.components.fault_reaction import TABLE
 from tasks.scenarios import fault_scenario
-from tasks.scenarios.fault_trials import ComeToRest, Gains, Outcome, Stand
+from tasks.scenarios.fault_trials import Gains, Outcome, Stand
+from tasks.scenarios.held_sway import HeldSway, table_with
 from tasks.scenarios.humanoid_stand import STANCES
 from wbc import checks
 from wbc.errors import UnknownRobot
@@ -17,8 +16,8 @@ from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 
 JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
-#: What the answer does not mend: the waist carries the body alone, the big knee loses the balance on the way.
-LOST: Mapping[str, Sequence[str]] = {"g1": ["waist_roll_joint"], "talos": ["leg_left_4_joint"], "humanoid": []}
+#: What the answer does not mend: the waist carries the body alone.
+LOST: Mapping[str, Sequence[str]] = {"g1": ["waist_roll_joint"], "talos": [], "humanoid": []}
 #: Least threshold with noise or wrong masses [N m].
 FLOOR: Mapping[str, float] = {"g1": 0.5, "talos": 1.0, "humanoid": 0.5}
 #: Gains that noise of the sensors allows: damping turns noise of the velocity into force.
@@ -56,16 +55,14 @@ class HumanoidJointLoss(Scenario):
     """The motor of one leg joint dies at ``moments`` moments of the sway; each time without and with an answer.
 
     ``robot``: g1, talos (both need example-robot-data) or humanoid; ``joint``: auto, or a joint's name. ``noise``:
-    sensors with noise; ``masses``: by what share the controller's masses may be wrong, with ``seed``. ``calm``: the
-    answer also lets the sway come to rest, a little forward and high, where a straight leg spares its knee; auto: with
-    noise or wrong masses. ``variants``: also try other gains.
+    sensors with noise; ``masses``: by what share the controller's masses may be wrong, with ``seed``. ``variants``:
+    also try other gains.
     """
 
     name: ClassVar[str] = "humanoid-joint-loss"
     summary: ClassVar[str] = "a humanoid loses a leg's motor: it falls without an answer and stands with one"
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "calm": "auto",
-        "variants": True,
+        "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
     plants = ("mujoco",)
     duration = 8.0  # Talos takes up to 6 s to fall
@@ -85,20 +82,14 @@ class HumanoidJointLoss(Scenario):
         if name not in STANCES:
             raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         count = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
-        rough = bool(parameters["noise"] or parameters["masses"])
-        stance = replace(STANCES[name], sway=SWAY.get(name, STANCES[name].sway))
-        masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
-        stand = Stand(
-            name, stance, FLOOR[name], gains=GAINS if rough else CLEAN_GAINS[name], noise=parameters["noise"],
-            masses=masses, solver=solver, seed=parameters["seed"],
-        )  # fmt: skip
+        stand = standing_of(name, parameters, solver)
         joint = JOINTS[name] if parameters["joint"] == "auto" else parameters["joint"]
-        stance.robot(name).joint(joint)
+        stand.robot().joint(joint)
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint), [FIRST + BETWEEN * k for k in range(count)],
-            lambda without, answered: _demand(without, answered, rough),
-            table=_calming(stance.sway) if parameters["calm"] in (("true", "auto") if rough else ("true",)) else TABLE,
-            variants=variants(stance.upright) if parameters["variants"] else {},
+            lambda without, answered: _demand(without, answered, stand.rough),
+            table=table_with(HeldSway.of(stand)),
+            variants=variants(stand.stance.upright) if parameters["variants"] else {},
             lost=[ActuatorFault(joint=other) for other in LOST[name]] if parameters["variants"] else [],
             after=duration,
         )  # fmt: skip
@@ -106,9 +97,19 @@ class HumanoidJointLoss(Scenario):
         return fault_scenario.run(plan, meta=meta, progress=progress)
 
 
-def _calming(sway: tuple[float, float, float]) -> Sequence[When]:
-    rest = Retarget("CenterOfMass", ComeToRest((sway[0], 0.0, sway[2])), made=True)
-    return [When("total", [Release(), rest]), *TABLE[1:]]
+def standing_of(name: str, parameters: Mapping[str, Any], solver: str) -> Stand:
+    """The humanoid that stands.
+
+    Raises:
+        InvalidInput: a parameter that makes no sense.
+    """
+    masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
+    rough = parameters["noise"] or masses > 0.0
+    return Stand(
+        name, replace(STANCES[name], sway=SWAY.get(name, STANCES[name].sway)), FLOOR[name],
+        gains=GAINS if rough else CLEAN_GAINS[name], noise=parameters["noise"], masses=masses, solver=solver,
+        seed=parameters["seed"],
+    )  # fmt: skip
 
 
 def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool) -> list[Check]:

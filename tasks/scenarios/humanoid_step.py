@@ -16,7 +16,7 @@ from tasks.scenarios.plan_step import PlanStep
 from tasks.scenarios.standing import Stance, held_by_damping, joint_laws, standing_plant
 from tasks.scenarios.walking import Footstep, Gait, Walk, walk
 from wbc import checks
-from wbc.errors import UnknownRobot
+from wbc.errors import InvalidInput, UnknownRobot
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
@@ -29,6 +29,8 @@ GAITS: Mapping[str, Gait] = {
     "g1": Gait(length=0.05, lift=0.03, shift=1.6, swing=0.8, inset=0.0),
     "humanoid": Gait(length=0.08, lift=0.04, shift=1.2, swing=0.8, inset=0.01),
 }
+#: The feet in the order of the robots' catalogue.
+FEET = ("left", "right")
 #: What a good walk keeps to: CoM error, rms [m]; placement and slip of a foot [m].
 COM_RMS, PLACEMENT, SLIP = 2e-3, 1e-3, 2e-3
 #: How long after it is down a foot's place is looked at, and what an impact does to the torques is looked for [s].
@@ -40,12 +42,12 @@ class HumanoidStep(Scenario):
     """Torque control at 1 kHz in MuJoCo; everything planned ahead as functions of time, no sensor in the feet.
 
     ``robot``: talos, g1 (both need example-robot-data) or humanoid. ``steps``: how many. ``length`` of a step [m]; 0:
-    the robot's usual one (0.10, 0.05, 0.08).
+    the robot's usual one (0.10, 0.05, 0.08). ``first``: the foot that takes the first step, left or right.
     """
 
     name: ClassVar[str] = "humanoid-step"
     summary: ClassVar[str] = "a humanoid takes ten steps: shift the weight, lift a foot, place it ahead"
-    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "steps": 10, "length": 0.0}
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "steps": 10, "length": 0.0, "first": "left"}
     plants = ("mujoco",)
     duration = 30.0
 
@@ -59,13 +61,16 @@ class HumanoidStep(Scenario):
             raise UnknownRobot(name, GAITS, f"{self.name} knows how these walk")
         steps = int(checks.number("parameter 'steps'", parameters["steps"], low=1))
         length = checks.number("parameter 'length'", parameters["length"]) or GAITS[name].length
+        if parameters["first"] not in FEET:
+            raise InvalidInput(f"parameter 'first' is {parameters['first']!r}; it must be left or right")
         stance = STANCES[name]
         robot = stance.robot(name)
         contacts = held_by_damping(robot)
         floor = standing_plant(robot, stance, contacts)
         state = robot.state()
         state.update(0.0, floor.q, floor.v)
-        way = walk(state, robot.feet, replace(GAITS[name], length=length), steps)
+        way = walk(state, robot.feet, replace(GAITS[name], length=length), steps,
+                   first=FEET.index(parameters["first"]))  # fmt: skip
         controller = wbc.Controller(
             robot, walking_stack(state, stance, way, contacts), level=wbc.InverseDynamics(), solver=solver, dt=1e-3
         )

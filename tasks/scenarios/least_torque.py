@@ -25,7 +25,7 @@ def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: 
     """
     state = robot.state()
     state.update(0.0, q, np.zeros(robot.nv))
-    J = np.vstack([_jacobian(contact, state) for contact in contacts])
+    J = np.vstack([contact_jacobian(contact, state) for contact in contacts])
     cones = [contact.cone() for contact in contacts]
     K = np.zeros((sum(len(cone) for cone in cones), len(J)))
     row = column = 0
@@ -48,7 +48,8 @@ def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: 
     return 0.0 if torque < 1e3 * TOLERANCE else torque
 
 
-def _jacobian(contact: Contact, state: object) -> Vec:
+def contact_jacobian(contact: Contact, state: object) -> Vec:
+    """J (dim, nv) of a contact's motion in this state, where it is now."""
     rows = ContactRows()
     nv = state.model.nv  # type: ignore[attr-defined]
     rows.J, rows.drift, rows.e = np.zeros((contact.dim, nv)), np.zeros(contact.dim), np.zeros(contact.dim)

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 class PlanStep(Component):
     """Torques (nj,) [N m] of the plan before a change less those of the plan after it, in one and the same state.
 
-    Zero where the plan has not changed. The last in the list of a stack's components: the others have spoken then.
+    Zero where the plan has not changed. Both are asked with what the components override in this tick.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._plan: Plan | None = None
-        self._former: Vec | None = None
+        self._former: Plan | None = None
         self._step: Vec = np.zeros(0)
 
     def prepare(self, model: Any) -> None:
@@ -37,17 +37,18 @@ class PlanStep(Component):
         self._step[:] = 0.0
 
     def before(self, state: RobotState, last: object, plan: Plan) -> None:
-        former, self._plan, self._former = self._plan, plan, None
-        if former is None or former is plan:
+        self._former, self._plan = self._plan, plan
+
+    def after(self, state: RobotState, command: Any) -> None:
+        former = self._former
+        self._step[:] = 0.0
+        if former is None or former is self._plan:
             return
         former.fill(state)
         problem = former.problem
         if Weighted().open(problem, by_name("daqp")).solve().ok:
             first = problem.first_row + state.model.nb
-            self._former = problem.value[first : first + state.model.nj].copy()
-
-    def after(self, state: RobotState, command: Any) -> None:
-        self._step[:] = 0.0 if self._former is None else command.tau - self._former
+            self._step[:] = command.tau - problem.value[first : first + state.model.nj]
 
     def signals(self) -> dict[str, Vec]:
         return {"tau": self._step}

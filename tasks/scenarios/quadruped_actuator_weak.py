@@ -47,10 +47,9 @@ class QuadrupedActuatorWeak(Scenario):
         del hierarchy, plant  # there is one of each
         stand, joint, moments = standing_of(self.name, parameters, KNEES, solver)
         left = checks.number("parameter 'left'", parameters["left"], low=0.25, high=0.9)
-        rough = stand.noise or stand.masses > 0.0
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint, effectiveness=left), [FIRST + BETWEEN * k for k in range(moments)],
-            lambda without, answered: _demand(without, answered, left, rough), after=duration,
+            lambda without, answered: _demand(without, answered, left, stand.rough), after=duration,
             variants=VARIANTS if parameters["variants"] else {},
             lost=[ActuatorFault(joint=joint)] if parameters["variants"] else [],
         )  # fmt: skip

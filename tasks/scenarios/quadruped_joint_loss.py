@@ -7,6 +7,7 @@ from typing import Any, ClassVar, final
 
 from tasks.scenarios import fault_scenario
 from tasks.scenarios.fault_trials import Gains, Outcome, Stand
+from tasks.scenarios.held_sway import HeldSway, table_with
 from tasks.scenarios.quadruped_stand import STANCES
 from wbc import checks
 from wbc.errors import UnknownRobot
@@ -49,10 +50,10 @@ class QuadrupedJointLoss(Scenario):
     ) -> ScenarioResult:
         del hierarchy, plant  # there is one of each
         stand, joint, moments = standing_of(self.name, parameters, JOINTS, solver)
-        rough = stand.noise or stand.masses > 0.0
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint), [FIRST + BETWEEN * k for k in range(moments)],
-            lambda without, answered: _demand(without, answered, rough), after=duration,
+            lambda without, answered: _demand(without, answered, stand.rough), after=duration,
+            table=table_with(HeldSway.of(stand)),
             variants=VARIANTS if parameters["variants"] else {},
             lost=[ActuatorFault(joint=KNEES[stand.name])] if parameters["variants"] else [],
         )  # fmt: skip

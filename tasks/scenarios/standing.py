@@ -49,7 +49,8 @@ class Stance:
 
     ``upright`` the frame to keep upright, and that is pushed; ``sway`` amplitude [m] and ``frequency`` [Hz] of the
     centre of mass; ``hand`` the frame that draws a circle of ``radius`` [m]; ``joints`` positions other than the
-    robot's own reference [rad]; ``geometry`` of the soles in physics.
+    robot's own reference [rad]; ``geometry`` of the soles in physics. ``begun``: the sway starts with the phase that it
+    has after so many seconds [s].
     """
 
     upright: str
@@ -59,6 +60,7 @@ class Stance:
     radius: float = 0.05
     joints: Mapping[str, float] = field(default_factory=dict)
     geometry: str = "box"
+    begun: float = 0.0
 
     def robot(self, name: str) -> PinocchioModel:
         """The robot with this stance as its reference configuration."""
@@ -78,12 +80,17 @@ class Demand:
 
 
 def true_surfaces(robot: PinocchioModel) -> list[Contact]:
-    """The feet as physics has them: all the friction, and all the area where a foot stands on balls."""
-    surfaces = feet(robot, friction_share=1.0)
+    """The feet as physics has them: all the friction, and all the area where a foot stands on balls.
+
+    Their cones are around the circular ones of physics.
+    """
+    surfaces = feet(robot, friction_share=1.0, friction_model="outer")
     for i, foot in enumerate(robot.feet.values()):
         if foot.half_size is not None and foot.balls:
             reach = np.abs(np.array(foot.balls) - foot.origin).max(axis=0)
-            surfaces[i] = Sole(foot.frame, half_size=reach[:2], origin=foot.origin, friction=foot.friction)
+            surfaces[i] = Sole(
+                foot.frame, half_size=reach[:2], origin=foot.origin, friction=foot.friction, friction_model="outer"
+            )
     return surfaces
 
 
@@ -119,7 +126,8 @@ def standing_plant(
 def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
     """Sway the centre of mass, keep upright, draw a circle with a hand, stay near the stance; within all limits."""
     state = robot.state()
-    sway = Sinusoid(state.com, amplitude=stance.sway, frequency=stance.frequency)
+    phase = 2.0 * np.pi * stance.begun * np.array(stance.frequency)
+    sway = Sinusoid(state.com, amplitude=stance.sway, frequency=stance.frequency, phase=phase)
     tasks: list[Any] = [
         CenterOfMass(target=sway, kp=400),
         Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),

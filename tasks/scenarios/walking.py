@@ -59,8 +59,9 @@ class Walk:
     duration: float
 
 
-def walk(state: RobotState, feet: Mapping[str, Foot], gait: Gait, steps: int) -> Walk:
-    """``steps`` steps in turn, left first, from the stance that ``state`` is in; the weight ends between the feet."""
+def walk(state: RobotState, feet: Mapping[str, Foot], gait: Gait, steps: int, *, first: int = 0) -> Walk:
+    """``steps`` steps in turn, the foot with index ``first`` of the two in ``feet`` first, from the stance that
+    ``state`` is in; the weight ends between the feet."""
     names = list(feet)
     poses = {name: pinocchio.SE3(state.frame(name).placement) for name in names}
     weight, t = np.array(state.com), START
@@ -80,7 +81,7 @@ def walk(state: RobotState, feet: Mapping[str, Foot], gait: Gait, steps: int) ->
         weight, t = goal, t + gait.shift
 
     for k in range(steps):
-        swinging, standing = names[k % 2], names[1 - k % 2]
+        swinging, standing = names[(first + k) % 2], names[(first + k + 1) % 2]
         across = (middle(swinging) - middle(standing))[:2]
         move_weight(*(middle(standing)[:2] + gait.inset * across / np.linalg.norm(across)))
         t += SETTLE

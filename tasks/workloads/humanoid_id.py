@@ -40,7 +40,15 @@ class HumanoidInverseDynamics(Workload):
             ],
             subject_to=[TorqueLimits(), JointVelocityLimits()],
             contacts=[
-                Sole(foot, half_size=_HALF_SIZE, friction=_FRICTION, kp=100.0, kd=20.0, force_weight=1e-6)
+                Sole(
+                    foot,
+                    half_size=_HALF_SIZE,
+                    friction=_FRICTION,
+                    friction_model="outer",
+                    kp=100.0,
+                    kd=20.0,
+                    force_weight=1e-6,
+                )
                 for foot in _FEET
             ],
         )

@@ -38,7 +38,10 @@ class QuadrupedInverseDynamics(Workload):
                 Posture(made.q0, kp=10.0, weight=1e-4),
             ],
             subject_to=[TorqueLimits(), JointVelocityLimits()],
-            contacts=[Point(foot, friction=_FRICTION, kp=100.0, kd=20.0, force_weight=1e-6) for foot in _FEET],
+            contacts=[
+                Point(foot, friction=_FRICTION, friction_model="outer", kp=100.0, kd=20.0, force_weight=1e-6)
+                for foot in _FEET
+            ],
         )
         base = made.reference.getFrameId(_BASE)
         supports = [PointSupport(foot, _FRICTION) for foot in _FEET]

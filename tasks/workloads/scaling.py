@@ -57,7 +57,7 @@ def _contacts(count: int) -> Problem:
     robot = many_legs(LEGS)
     stack = Stack(
         [_ahead(robot, "body"), Posture(robot.q0, kp=25, weight=1e-2)],
-        contacts=[Point(f"foot{i}", friction=0.7) for i in range(count)],
+        contacts=[Point(f"foot{i}", friction=0.7, friction_model="outer") for i in range(count)],
         subject_to=[TorqueLimits(), JointVelocityLimits()],
     )
     return Problem(robot, stack, InverseDynamics())

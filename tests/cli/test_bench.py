@@ -49,4 +49,4 @@ def test_an_unknown_workload_is_named_with_its_neighbours(wbc):
 def test_a_file_that_cannot_be_written_is_refused_before_any_work(wbc, monkeypatch):
     monkeypatch.setattr(Counting, "__call__", lambda self, **settings: pytest.fail("it ran"))
     answer = wbc("bench", "--json", "no/such/folder/rows.json")
-    assert answer.code == 2 and "there is no folder" in answer.err
+    assert answer.code == 2 and "rows.json cannot be written" in answer.err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,18 @@ def test_list_names_scenarios_solvers_robots_and_workloads(wbc, wave_is_register
     assert answer.code == 0
     for word in ("wave", "an arm waves", "robot=arm", "pdas", "usable", "humanoid", "W1"):
         assert word in answer.out
+
+
+def test_list_and_doctor_are_json_for_programs(wbc, wave_is_registered, monkeypatch):
+    found = json.loads(wbc("list", "--json").out)
+    assert found["scenarios"]["wave"]["parameters"]["axis"] == [0.0, 0.0, 1.0]
+    assert found["solvers"]["pdas"] == {"usable": True, "package": by_name("pdas").package, "offline": False}
+    assert set(OWN) == set(found["robots"]["own"]) and "W1" in found["workloads"]
+    monkeypatch.setattr(doctor, "robots", lambda: iter([doctor.Finding("nobody", "cannot be loaded", good=False)]))
+    answer = wbc("doctor", "--json")
+    found = json.loads(answer.out)
+    assert answer.code == 1 and found["ok"] is False
+    assert found["findings"]["Robots"] == [{"what": "nobody", "state": "cannot be loaded", "good": False}]
 
 
 def test_doctor_finds_what_is_installed_in_order(wbc):

@@ -76,6 +76,6 @@ def test_a_sweep_becomes_results_and_a_report(wbc, tmp_path: Path):
     assert "of 6 runs of flipping.py:flip" in answer.out.replace("\n", " ")
     header, *lines = map(json.loads, (tmp_path / "s" / "results.jsonl").read_text().splitlines())
     assert header["runs"] == 6 and [line["run"] for line in lines] == list(range(6))
-    again = wbc("sweep", "--repeat", "4", "--out", "s")
+    again = wbc("sweep", FLIP, "--repeat", "4", "--out", "s")
     assert json.loads(again.out)["parameters"] == lines[4]["parameters"] and again.code == 0
     assert np.all([line["parameters"]["faces"] == 6 for line in lines])

@@ -125,6 +125,64 @@ def test_an_interrupted_run_exits_130_and_leaves_nothing(wbc, waving, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+INTERRUPTED = """
+import os, signal
+from pathlib import Path
+from tasks import JointVelocityLimits, Position
+import wbc
+from wbc.report import measure
+from wbc.sim.plant import IntegratorPlant
+from wbc.sim.scenario import Check, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+
+class Reach(Scenario):
+    name, summary, duration = "reach", "an arm reaches until Ctrl-C", 2.0
+
+    def run(self, parameters, *, solver, hierarchy, duration, plant, progress):
+        robot = wbc.load("arm")
+        stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[JointVelocityLimits()])
+        controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), solver=solver)
+        plant = IntegratorPlant(robot, level="velocity")
+        stop = lambda t: os.kill(os.getpid(), signal.SIGINT) if t > 0.0995 else None
+        run = simulate(controller, plant, duration=duration, before_tick=stop)
+        return ScenarioResult(run, True, {}, {}, [Check("never reached", 1.0, 1.0, True)], robot=robot)
+"""
+
+
+def test_ctrl_c_keeps_what_was_recorded_with_its_report(wbc, tmp_path):
+    (tmp_path / "own.py").write_text(INTERRUPTED)
+    answer = wbc("run", "own.py:Reach", "--out", "report")
+    assert answer.code == 130 and "interrupted at t = 0.100 s; the run so far is in report" in answer.err
+    run = Run.load(tmp_path / "report")
+    assert run.rows == 100 and run.meta["ended"] == "interrupted at t = 0.100 s"
+    assert "interrupted at t = 0.100 s" in (tmp_path / "report" / "report.md").read_text()
+    assert (tmp_path / "report" / "report.html").is_file()
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_run(wbc, waving):
+    answer = wbc("run", waving, "--out", "/proc/nowhere/report")
+    assert answer.code == 2 and "/proc/nowhere/report cannot be written" in answer.err
+    assert "chatters" not in answer.err
+
+
+def test_a_file_without_a_scenario_name_is_answered_with_its_names(wbc, waving):
+    answer = wbc("run", waving.removesuffix(":wave"))
+    assert answer.code == 2 and "waving.py:wave" in answer.err
+
+
+def test_the_package_of_the_command_line_runs_as_the_command_does(tmp_path):
+    words = [sys.executable, "-m", "wbc.cli", "--version"]
+    done = subprocess.run(
+        words,
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0 and done.stdout.strip()
+
+
 def test_a_bug_keeps_its_traceback_and_leaves_nothing(wbc, waving, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["wbc", "run", waving, "--set", "ends=with a bug"])
     with pytest.raises(RuntimeError, match="a bug"):

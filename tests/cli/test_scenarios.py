@@ -6,14 +6,15 @@ import os
 import shutil
 import subprocess
 import sys
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wbc.errors import InvalidInput, UnknownScenario, WbcError
-from wbc.sim import scenario as module
+from wbc.plugins import BrokenPlugin, registered
 from wbc.sim.scenario import Scenario, find, scenarios
 
 from .waving import Wave
@@ -62,17 +63,46 @@ def test_registered_scenarios_are_found_by_name(monkeypatch, wave, as_dict):
         value = "some.package:SCENARIOS"
         load = staticmethod(lambda: registered)
 
-    monkeypatch.setattr(module, "entry_points", lambda group: [Point] if group == "wbc.scenarios" else [])
+    monkeypatch.setattr("wbc.plugins.entry_points", lambda group: [Point] if group == "wbc.scenarios" else [])
     assert scenarios() == {"wave": wave} and find("wave") is wave
     with pytest.raises(UnknownScenario, match="did you mean 'wave'"):
         find("waves")
 
 
-def test_a_package_that_cannot_be_loaded_is_named(monkeypatch):
-    broken = EntryPoint("broken", "no_such_package:SCENARIOS", "wbc.scenarios")
-    monkeypatch.setattr(module, "entry_points", lambda group: [broken])
-    with pytest.raises(InvalidInput, match="no_such_package:SCENARIOS cannot be loaded"):
-        scenarios()
+BROKEN = {
+    "missing": "raise ImportError('no such thing')",
+    "exiting": "import sys; sys.exit(7)",
+    "of no members": "SCENARIOS = 3",
+    "of nameless members": "SCENARIOS = [object()]",
+    "without them": "",
+}
+
+
+@pytest.mark.parametrize("group", ["wbc.scenarios", "wbc.workloads", "wbc.scaling", "wbc.soaks"])
+@pytest.mark.parametrize("source", BROKEN.values(), ids=BROKEN.keys())
+def test_a_broken_plugin_loses_only_its_own_members(monkeypatch, tmp_path, source, group):
+    (tmp_path / "broken_plugin.py").write_text(source)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "broken_plugin", raising=False)
+    sound = [point for point in entry_points(group=group)]
+    broken = EntryPoint("broken", "broken_plugin:SCENARIOS", group)
+    monkeypatch.setattr("wbc.plugins.entry_points", lambda group: [broken, *sound])
+    with pytest.warns(BrokenPlugin, match="broken_plugin:SCENARIOS cannot be loaded and is left out"):
+        found = registered(group)
+    assert found and set(found) == {name for point in sound for name in _names(point.load())}
+
+
+def _names(members):
+    return set(members) if isinstance(members, dict) else {member.name for member in members}
+
+
+def test_a_file_without_a_name_says_what_it_has(tmp_path):
+    (tmp_path / "own.py").write_text(Path(__file__).with_name("waving.py").read_text())
+    with pytest.raises(InvalidInput, match=r"name a scenario in it: .*own\.py:Wave, .*own\.py:wave$"):
+        find(str(tmp_path / "own.py"))
+    (tmp_path / "empty.py").write_text("x = 1")
+    with pytest.raises(InvalidInput, match="it has none"):
+        find(str(tmp_path / "empty.py"))
 
 
 def test_defaults_stand_where_nothing_is_set(wave):

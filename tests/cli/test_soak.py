@@ -24,7 +24,7 @@ def test_the_same_seed_gives_the_same_bits(wbc, tmp_path):
 
 
 def test_where_nothing_is_registered_there_is_no_verdict(wbc, monkeypatch):
-    monkeypatch.setattr("wbc.cli.soak.entry_points", lambda group: ())
+    monkeypatch.setattr("wbc.plugins.entry_points", lambda group: ())
     answer = wbc("soak")
     assert answer.code == 2 and answer.out == "" and "nothing is registered" in answer.err
 

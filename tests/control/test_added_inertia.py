@@ -24,10 +24,9 @@ class Heavier(Component):
     def reset(self, state: RobotState) -> None:
         self.tick = 0
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
-        if self.tick in self.ticks:
-            plan.add_inertia(self.more)
+    def before(self, state: RobotState, last: object, plan: Plan) -> wbc.Overrides | None:
         self.tick += 1
+        return wbc.Overrides(inertia=self.more) if self.tick - 1 in self.ticks else None
 
 
 def inertia_of(plan: Plan) -> Mat:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import wbc
 from tasks import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.errors import InvalidInput, UnknownName
+from wbc.models.collision import Distances
 from wbc.models.geometry import Sphere
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.simulate import simulate
@@ -106,6 +109,50 @@ def test_without_slack_it_is_a_law_that_may_contradict_itself():
         law = CollisionAvoidance(balls, self_collision=False, slack=slack, count=20)
         command = towards(START, [law], AccelerationLevel()).tick(0.0, ARM.q0, np.zeros(ARM.nv))
         assert command.status is status
+
+
+def baxter() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of fingers that mimic each other
+        return wbc.load("baxter")
+
+
+def hands_meet(robot: Any, hands: tuple[str, str], q: Vec, level: Any, seconds: float, **settings: Any) -> Any:
+    """Both hands are sent to the point between them; the smallest distance of all, and the fastest joint in the end."""
+    state, dt, margin = robot.state(), 2e-3, 0.03
+    state.update(0.0, q, np.zeros(robot.nv))
+    middle = 0.5 * sum(state.frame(hand).position for hand in hands)
+    law = CollisionAvoidance(margin=margin, **settings)
+    tasks = [*(Position(hand, target=middle) for hand in hands), Posture(q, weight=1e-3)]
+    controller = Controller(robot, Stack(tasks, subject_to=[JointLimits(), law]), level=level, dt=dt)
+    everything = Distances(robot, margin=margin, reach=0.2, count=10_000)
+    v, seen, said = np.zeros(robot.nv), [], 0
+    for k in range(round(seconds / dt)):
+        command = controller.tick(k * dt, q, v)
+        assert command.status is Status.SOLVED, controller.why
+        q, v = command.q, command.v
+        said += "have no row" in controller.why
+        if k % 10 == 0:
+            state.update(k * dt, q, v)
+            everything.read(state)
+            seen.append(everything.distance.min() if (everything.which >= 0).any() else 0.2)
+    return np.array(seen), float(np.abs(v).max()), said
+
+
+def test_two_arms_driven_into_each_other_keep_the_margin_and_come_to_rest():
+    robot = baxter()
+    bent = {f"{side}_{j}": x for side in ("left", "right") for j, x in (("s1", -0.5), ("e1", 1.2), ("w1", 0.8))}
+    hands = "left_gripper_base_link", "right_gripper_base_link"
+    seen, speed, _ = hands_meet(robot, hands, robot.configuration(bent), VelocityLevel(), 3.0)
+    assert seen[40:].min() > 0.03 - 1e-3  # the start itself is within the margin
+    assert speed < 0.15
+
+
+def test_too_few_rows_are_said():
+    robot = baxter()
+    hands = "left_gripper_base_link", "right_gripper_base_link"
+    *_, said = hands_meet(robot, hands, np.array(robot.q0), VelocityLevel(), 0.2, count=2)
+    assert said > 50
 
 
 def test_far_from_everything_it_changes_nothing():

@@ -1,4 +1,4 @@
-"""A component remembers between ticks, and may change bounds, bias and targets, never sizes."""
+"""A component remembers between ticks, and overrides bounds, bias and targets of a tick, never sizes."""
 
 from __future__ import annotations
 
@@ -71,12 +71,15 @@ def test_it_sees_a_command_that_could_not_be_solved(arm: Any) -> None:
     assert not held.status.ok
 
 
+BOUND = np.where(np.arange(7) == 2, 0.0, np.inf)
+DEAD = wbc.Overrides(torque=(-BOUND, BOUND))
+
+
 class Dead(wbc.Component):
     """Takes one joint's torque away."""
 
-    def before(self, state: Any, last: Any, plan: Any) -> None:
-        lower, upper = plan.torque_bounds
-        lower[2] = upper[2] = 0.0
+    def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides:
+        return DEAD
 
 
 def test_reset_takes_back_what_it_wrote(arm: Any) -> None:
@@ -97,10 +100,8 @@ def test_bounds_it_writes_hold_in_the_same_tick(arm: Any) -> None:
 class Failing(wbc.Component):
     """Takes a joint's torque away in the tick in which the solve fails."""
 
-    def before(self, state: Any, last: Any, plan: Any) -> None:
-        if state.t > 0.5:
-            lower, upper = plan.torque_bounds
-            lower[2] = upper[2] = 0.0
+    def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides | None:
+        return DEAD if state.t > 0.5 else None
 
 
 def test_bounds_it_writes_hold_for_a_command_that_is_repeated(arm: Any) -> None:
@@ -118,8 +119,8 @@ class Load(wbc.Component):
 
     force = np.linspace(1.0, -1.0, 7)
 
-    def before(self, state: Any, last: Any, plan: Any) -> None:
-        plan.extra_bias[:] = self.force
+    def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides:
+        return wbc.Overrides(bias=self.force)
 
 
 def test_a_bias_it_writes_is_carried_by_the_torques(arm: Any) -> None:

@@ -31,6 +31,7 @@ from tasks import (
     TorqueLimits,
 )  # fmt: skip
 from tasks.motions import pose_motion, swing
+from tests.stack.conftest import Saying
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.models import Planar4P
 
@@ -192,17 +193,19 @@ def test_a_task_of_ones_own_stays_python_and_is_called():
 
 
 def test_limits_replaced_by_a_component_hold_in_fast_ticks():
-    controller = Controller(ARM, reaching(), level=AccelerationLevel(), fast=True)
+    stack, saying = reaching(), Saying()
+    stack = Stack(stack.levels, subject_to=stack.subject_to, components=[saying])
+    controller = Controller(ARM, stack, level=AccelerationLevel(), fast=True)
     q, v = np.array(ARM.q0), np.zeros(ARM.nv)
     controller.tick(0.0, q, v)
-    controller.plan.intervals.replace("velocity", -0.01, 0.01)
+    saying.now = wbc.Overrides(velocity=(-0.01, 0.01))
     assert np.abs(controller.tick(1e-3, q, v).v[ARM.nb :]).max() <= 0.01 + 1e-9
 
 
 def test_forces_that_components_know_of_are_in_fast_ticks():
     class Load(wbc.Component):
         def before(self, state, last, plan):
-            plan.extra_bias[:] = np.arange(1.0, 1.0 + len(plan.extra_bias))
+            return wbc.Overrides(bias=np.arange(1.0, 1.0 + len(plan.extra_bias)))
 
     still, answers = np.zeros(ARM.nv), []
     for fast in (False, True):

@@ -127,7 +127,7 @@ def test_torque_limits_stand_above_the_interval_of_a_joint():
     assert (command.status, command.rung) == (Status.INFEASIBLE, "relaxed")
     assert np.abs(command.tau).max() <= 1.0 + 1e-8
     assert command.certificate.ok
-    what = r"gave way: JointLimits.position shoulder_pitch by [\d.]+ rad/s²"
+    what = r"relaxed: JointLimits.position shoulder_pitch by [\d.]+ rad/s²"
     assert re.match(what, controller.why) and re.match(what, controller.ladder.log[-1].why)
 
 

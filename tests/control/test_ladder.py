@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import wbc
 from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
 from tests.reliability.faults import A_MAX, FAULTS, V_MAX, excess, limited, sabotaged
+from wbc.control.fallback import Fallback
 from wbc.errors import InvalidInput
 from wbc.types import Status
 
@@ -30,7 +32,9 @@ def test_another_solver_answers_what_the_one_asked_for_does_not(level: Any, faul
     script.fault = fault
     command = control.tick(1e-3, ARM.q0, STILL)
     assert command.status is Status.SOLVED and command.certificate.ok
-    assert command.rung == ("solved" if fault == "late" else "other solver")
+    # A wrong answer that names the right active rows is refined, and certified, before another solver is asked.
+    refined = fault in ("late", "wrong", "zero")
+    assert command.rung == ("solved" if refined else "other solver")
     decided, before = ((c.v if level.order == 1 else c.a) for c in (command, good))
     np.testing.assert_allclose(decided, before, atol=1e-4)
 
@@ -156,3 +160,22 @@ def test_a_recovery_that_makes_no_sense_is_refused():
             wbc.Recovery(**settings)
     with pytest.raises(InvalidInput, match="recovery"):
         wbc.Controller(ARM, limited(ARM, LEVELS[0]), level=LEVELS[0], recovery=10)  # type: ignore[arg-type]
+
+
+def test_a_robot_that_held_as_long_as_it_may_is_not_stopped_yet():
+    control, script = sabotaged(ARM, wbc.VelocityLevel(), other=False,
+                                recovery=wbc.Recovery(hold_ticks=2, resume_after=3))  # fmt: skip
+    control.tick(0.0, ARM.q0, STILL)
+    script.fault = "iterations"
+    assert [control.tick(1e-3 * k, ARM.q0, STILL).rung for k in (1, 2)] == ["closed form"] * 2
+    script.fault = ""
+    assert control.tick(3e-3, ARM.q0, STILL).rung == "solved"
+
+
+def test_where_no_braking_torque_is_a_number_the_robot_is_carried_and_damped():
+    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()])
+    control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    v = np.where(np.arange(ARM.nv) % 2, 0.5, -0.5)
+    state: Any = SimpleNamespace(M=ARM.state().M, h=np.full(ARM.nv, np.nan), v_joints=v)
+    tau = Fallback(control.plan).torque(state, -v, None, np.zeros(ARM.nj))
+    assert (tau * v < 0.0).all(), "damping takes energy out of every joint"

@@ -19,7 +19,7 @@ def test_degrees_milliseconds_and_millimetres_are_doubted():
     for task, settings, said in (
         (Posture(np.full(7, 45.0)), {}, r"Posture.target has 45 rad for joint .*degrees"),
         (Position("tool", target=[400.0, 200.0, 500.0]), {}, r"Position\[tool\].target is .*millimetres"),
-        (Posture(ARM.q0), {"dt": 1.0}, r"dt is 1 s: .*milliseconds"),
+        (Posture(ARM.q0, rate=1.0), {"dt": 1.0}, r"dt is 1 s: .*milliseconds"),
     ):
         with pytest.warns(ImplausibleUnit, match=said):
             control = wbc.Controller(

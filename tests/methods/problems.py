@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
+from wbc.errors import InvalidInput
 from wbc.methods import ForceDistribution, NullSpaceSaturation, ProjectedGradientStep
 from wbc.testing.strategies import jacobians, limits, magnitudes, spd, vectors
 
@@ -28,6 +31,14 @@ def reach(v: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
     return multiple if np.isfinite(multiple) else 1.0
 
 
+def bounded(made: Callable[..., ProjectedGradientStep]) -> ProjectedGradientStep:
+    """The step without ``alpha_max``; with one where no limit would end it."""
+    try:
+        return made()
+    except InvalidInput:
+        return made(alpha_max=1e3)
+
+
 @st.composite
 def steps(draw: Any, *, deficient: bool | None = None, part: st.SearchStrategy[float] = PARTS) -> ProjectedGradientStep:
     """Steps of 1 to 10 joints with a task that uses ``part`` of what the limits leave it."""
@@ -37,10 +48,10 @@ def steps(draw: Any, *, deficient: bool | None = None, part: st.SearchStrategy[f
     v_min, v_max = draw(limits(n))
     v = np.linalg.pinv(J, rcond=1e-12) @ (J @ draw(vectors(n)))
     v *= draw(part) * reach(v, v_min, v_max)
-    alpha_max = draw(st.one_of(st.just(1e3), magnitudes(), st.just(0.0)))
-    return ProjectedGradientStep.from_gradient(
-        J, J @ v, draw(vectors(n)), v_min=v_min, v_max=v_max, alpha_max=alpha_max
-    )
+    gradient = J.T @ draw(vectors(m)) if draw(st.integers(0, 7)) == 3 else draw(vectors(n))
+    made = partial(ProjectedGradientStep.from_gradient, J, J @ v, gradient, v_min=v_min, v_max=v_max)
+    largest = st.one_of(st.just(1e3), magnitudes(), st.just(0.0))
+    return made(alpha_max=draw(largest)) if draw(st.booleans()) else bounded(made)
 
 
 @st.composite
@@ -52,8 +63,9 @@ def bare_steps(draw: Any) -> ProjectedGradientStep:
     where = np.array(draw(st.lists(st.sampled_from([0.0, 0.3, 0.5, 0.9, 1.0]), min_size=n, max_size=n)))
     v = low + where * (high - low)
     v *= draw(st.sampled_from([1.0, 1.0, 1.0, 1.3]))
-    alpha_max = draw(st.one_of(st.just(1e3), magnitudes()))
-    return ProjectedGradientStep(v, draw(vectors(n)), v_min=v_min, v_max=v_max, alpha_max=alpha_max)
+    v_null = np.zeros(n) if draw(st.integers(0, 7)) == 3 else draw(vectors(n))
+    made = partial(ProjectedGradientStep, v, v_null, v_min=v_min, v_max=v_max)
+    return made(alpha_max=draw(st.one_of(st.just(1e3), magnitudes()))) if draw(st.booleans()) else bounded(made)
 
 
 @st.composite
@@ -90,3 +102,50 @@ def distributions(draw: Any, *, limited: bool | None = None) -> ForceDistributio
     tangential = mu * normal[:, None] * slopes.reshape(contacts, 2)
     f = np.column_stack([tangential, normal]).ravel() * draw(st.sampled_from([1.0, 1.0, -1.0, -1.0, 3.0]))
     return ForceDistribution(G, G @ f, weight=weight, friction=mu, f_min=-150.0, f_max=150.0)
+
+
+def integer_task(rng: np.random.Generator, *, units: bool = True) -> NullSpaceSaturation:
+    """What rounding and users draw: integers, ties, joints that are locked, without limits or on a limit at the start,
+    columns of zeros, columns and rows that repeat or depend on each other, targets out of reach, rows of other units.
+    """
+    n = int(rng.integers(1, 9))
+    m = int(rng.integers(1, min(n, 6) + 1))
+    kind, most = int(rng.integers(6)), int(rng.integers(1, 3))
+    J = rng.integers(-most, most + 1, size=(m, n)).astype(float)
+    if kind == 0:
+        J[:, rng.integers(n)] = J[:, rng.integers(n)]
+    if kind == 1:
+        J[:, rng.integers(n)] = 0.0
+    if kind == 2 and m > 1:
+        J[rng.integers(m)] = J[rng.integers(m)] * rng.integers(-1, 3)
+    if kind == 3 and m > 2:
+        J[0] = J[1] - J[2]
+    sides = [np.where(rng.random(n) < 0.15, np.inf, rng.integers(0, 4, size=n).astype(float)) for _ in range(2)]
+    lower, upper = (np.zeros(n) if rng.random() < 0.7 else rng.integers(-2, 3, size=n).astype(float)) + [
+        -sides[0], sides[1]]  # fmt: skip
+    if rng.random() < 0.2:
+        i = rng.integers(n)
+        upper[i] = lower[i] if np.isfinite(lower[i]) else upper[i]
+    target = J @ rng.integers(-3, 4, size=n) * rng.choice([1, 1, 2, 5])
+    if rng.random() < 0.08:
+        target = rng.integers(-3, 4, size=m).astype(float)
+    low = np.where(np.isfinite(lower), lower, np.minimum(-2.0, upper))
+    high = np.where(np.isfinite(upper), upper, np.maximum(2.0, lower))
+    start = np.choose(rng.integers(0, 3, size=n), [low, high, np.floor((low + high) / 2)])
+    drift = -(J @ start) * rng.choice([0, 0, 0, 1, 1, 1, 2])
+    unit = 10.0 ** rng.integers(-4, 5, size=m) if units and rng.random() < 0.3 else np.ones(m)
+    return NullSpaceSaturation(unit[:, None] * J, unit * target, lower=lower, upper=upper, drift=unit * drift)
+
+
+def integer_step(rng: np.random.Generator) -> ProjectedGradientStep:
+    """The same for steps along a projected gradient, at stationary points and with the default ``alpha_max`` too."""
+    task = integer_task(rng, units=False)
+    J = task.J
+    gradient = rng.integers(-2, 3, size=J.shape[1]).astype(float)
+    if rng.random() < 0.2:
+        gradient = J.T @ rng.integers(-2, 3, size=len(J))
+    made = partial(
+        ProjectedGradientStep.from_gradient, J, task.target * rng.choice([0.0, 0.2, 1.0]), gradient,
+        v_min=np.minimum(task.lower, 0.0), v_max=np.maximum(task.upper, 0.0),
+    )  # fmt: skip
+    return made(alpha_max=float(rng.integers(0, 4))) if rng.random() < 0.3 else bounded(made)

@@ -112,7 +112,7 @@ def test_a_coupled_weight_lets_joints_explain_each_other():
 def test_the_examples_have_active_bounds_and_joints_that_are_not_known():
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=drawn(200), derandomize=True, database=None)
+    @settings(max_examples=drawn(200), database=None)
     @given(faults())
     def look(fault: FaultFraction) -> None:
         fraction = fault.solve().fraction

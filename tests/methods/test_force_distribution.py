@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
 from tests.methods.problems import distributions
+from tests.seeds import generator
 from wbc import qp
-from wbc.errors import InvalidInput, NoClosedForm
+from wbc.errors import InvalidInput
 from wbc.methods import ForceDistribution
 from wbc.qp.solvers import usable
 from wbc.testing import check_method
@@ -154,14 +156,19 @@ def test_feet_of_a_table_share_its_weight_by_their_distance():
     np.testing.assert_allclose(found.f, [30.0, 30.0, 20.0, 20.0], atol=1e-9)
 
 
-def test_friction_pulls_normal_forces_up():
-    """Two fingers hold a weight between them: each carries half, and presses with half / μ."""
+@pytest.mark.parametrize(
+    ("settings", "press"),
+    [({}, 5 * 2**0.5 / 0.5), ({"sides": 8}, 5 / np.cos(np.pi / 8) / 0.5), ({"friction_model": "outer"}, 5 / 0.5)],
+    ids=["inside the cone", "inside with 8 sides", "around the cone"],
+)
+def test_friction_pulls_normal_forces_up(settings: dict[str, Any], press: float):
+    """Two fingers hold a weight between them: each carries half, and presses with half / μ, or the pyramid's less."""
     G = np.array([[1, 0, 0, 1, 0, 0], [0, 1, 0, 0, 1, 0], [0, 0, 1, 0, 0, -1]])
     free = ForceDistribution(G, [10.0, 0.0, 0.0]).closed_form()
     np.testing.assert_allclose(free.f, [5, 0, 0, 5, 0, 0], atol=1e-12)
     for solver in usable():
-        held = ForceDistribution(G, [10.0, 0.0, 0.0], friction=0.5).solve(solver)
-        np.testing.assert_allclose(held.f, [5, 0, 10, 5, 0, 10], atol=1e-6)
+        held = ForceDistribution(G, [10.0, 0.0, 0.0], friction=0.5, **settings).solve(solver)
+        np.testing.assert_allclose(held.f, [5, 0, press, 5, 0, press], atol=1e-6)
 
 
 def test_a_pull_cannot_be_had_from_contacts():
@@ -180,13 +187,47 @@ def test_a_wrench_that_no_forces_give_is_out_of_reach_in_closed_form_too():
 def test_the_qp_in_standard_form_has_the_same_answer():
     problem = ForceDistribution(np.hstack([np.eye(3)] * 2), [1.0, 0.0, 10.0], friction=[0.3, 0.6], f_max=20.0)
     np.testing.assert_allclose(qp.solve(problem.qp(), "daqp").x, problem.solve("daqp").f, atol=1e-8)
-    assert "friction[1]: μ f_z + f_x" in [str(row) for row in problem.qp().rows]
+    assert "friction[1]: -fx <= mu fz" in [str(row) for row in problem.qp().rows]
 
 
-def test_limits_have_no_closed_form():
-    for options in ({"friction": 0.5}, {"f_min": 0.0}, {"f_max": [1.0, np.inf, np.inf]}):
-        with pytest.raises(NoClosedForm):
-            ForceDistribution(np.eye(3), [0, 0, 1], **options).closed_form()
+def thin(rng: np.random.Generator) -> tuple[ForceDistribution, bool]:
+    """Points with little friction or much, and a wrench that forces inside it give, or forces that pull."""
+    count, mu = int(rng.integers(1, 5)), float(10.0 ** rng.uniform(-6, 0))
+    G = rng.normal(size=(int(rng.integers(1, 7)), 3 * count))
+    if rng.random() < 0.5:
+        G = np.round(G)
+    normal = rng.choice([0.0, 10.0, 20.0, 37.0], size=count)
+    tangential = mu * normal[:, None] * rng.choice([-1.0, 0.0, 0.5, 1.0], size=(count, 2))
+    push = rng.random() < 0.7
+    f = np.column_stack([tangential, normal]).ravel() * (1.0 if push else -1.0)
+    options = {"f_min": -150.0, "f_max": 150.0} if rng.random() < 0.5 else {}
+    return ForceDistribution(G, G @ f, friction=mu, friction_model="outer", **options), push
+
+
+def test_a_wrench_that_forces_inside_a_thin_pyramid_give_is_never_out_of_reach():
+    """Oracle: HiGHS on forces in units of the pyramid: its tolerance is then beside friction and not beside force."""
+    rng, kinds = generator("thin pyramids"), {True: 0, False: 0}
+    for _ in range(8 * settings().max_examples):
+        problem, push = thin(rng)
+        found, nf = problem.closed_form(), problem.G.shape[1]
+        if push:
+            assert found.feasible
+        unit = np.tile([problem.friction[0], problem.friction[0], 1.0], nf // 3)
+        rows = -problem.qp().C * unit / problem.friction[0]
+        answer = linprog(
+            np.zeros(nf), A_eq=problem.G * unit, b_eq=problem.wrench, A_ub=rows, b_ub=np.zeros(len(rows)),
+            bounds=[*zip(problem.f_min / unit, problem.f_max / unit, strict=True)], method="highs-ds",
+        )  # fmt: skip
+        exact = answer.status == 0 and np.abs(problem.G @ (unit * answer.x) - problem.wrench).max() <= 1e-10
+        assert found.feasible or not exact
+        kinds[found.feasible] += 1
+        if found.feasible:
+            size = np.abs(found.f).max()
+            assert np.abs(found.residual).max() <= 1e-8 * (1.0 + size)
+            assert (problem.qp().C @ found.f).min() >= -1e-8 * size
+            if exact:
+                assert np.linalg.norm(found.f) <= np.linalg.norm(unit * answer.x) * (1.0 + 1e-6) + 1e-9
+    assert min(kinds.values()) >= settings().max_examples // 4
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, final
 
 import numpy as np
 import pytest
@@ -10,13 +11,37 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.reliability.faults import Saboteur, Script
-from wbc.methods.least_distance import nearest, nearest_at_largest_scale
+from wbc.methods.least_distance import CLOSE, nearest, nearest_at_largest_scale
 from wbc.qp import QP, certificate
+from wbc.qp.problem import Shape
+from wbc.qp.solver import Session, Solution, Solver
 from wbc.qp.solvers import usable
+from wbc.qp.solvers.daqp_ import Daqp
 from wbc.testing.strategies import spd
 from wbc.types import Status
 
 SOLVERS = st.sampled_from(usable())
+
+
+@final
+@dataclass(frozen=True)
+class Beside(Solver):
+    """DAQP; after the first ``good`` answers, x is moved by ``share`` of its length, 1 at least."""
+
+    name: ClassVar[str] = "beside"
+    share: float = 0.0
+    good: int = 0
+    asked: list[int] = field(default_factory=list, compare=False)
+
+    def open(self, shape: Shape) -> Session:
+        return Daqp().open(shape)
+
+    def solve(self, qp: QP) -> Solution:
+        found = Daqp().solve(qp)
+        self.asked.append(1)
+        share = self.share if len(self.asked) > self.good else 0.0
+        moved = share * max(1.0, float(np.linalg.norm(found.x))) / np.sqrt(max(qp.n, 1))
+        return replace(found, x=found.x + moved)
 
 
 @st.composite
@@ -100,3 +125,37 @@ def test_at_the_largest_scale_the_distance_is_the_least():
 def test_a_solver_that_calls_everything_infeasible_has_failed_where_there_is_a_point():
     qp = QP(np.eye(2), np.zeros(2), A=np.ones((1, 2)), b=[1.0], ub=[0.3, 1.0])
     assert nearest(qp, np.zeros(2), np.eye(2), Saboteur(Script("infeasible"))).status is Status.FAILED
+
+
+@given(distances(), st.floats(0.0, 0.9))
+def test_a_solver_near_the_shortest_point_is_given_its_digits(problem: Any, part: float):
+    qp, centre, root = problem
+    exact, found = (nearest(qp, centre, root, solver) for solver in (None, Beside(part * CLOSE)))
+    assert found.status is Status.SOLVED
+    np.testing.assert_array_equal(found.x, exact.x)
+
+
+@given(distances(), st.floats(2.1, 1e3), st.floats(-4.0, 4.0))
+def test_a_solver_beside_the_shortest_point_has_failed_and_no_digits_are_given(problem: Any, part: float, unit: float):
+    """Without equations, the point is between 1 and √n sizes of the problem away, so that 2 % of that are too much."""
+    qp, centre, root = problem
+    C, far = np.vstack([qp.C, 1.0 / root.sum(axis=1)]), 10.0**unit
+    at = C @ centre
+    cl = np.append(np.full(len(qp.C), -np.inf), at[-1] + far)
+    found = nearest(QP(qp.H, qp.g, C=C, cl=cl, cu=np.full(len(C), np.inf)), centre, root, Beside(part * CLOSE))
+    assert found.status is Status.FAILED
+    assert np.isnan(found.x).all() and np.isnan(found.z).all()
+
+
+def test_a_solver_that_fails_at_any_slope_has_no_largest_scale():
+    """x₁ + ε x₂ = 2 s, ε = 1e-4: the first slopes are not steep enough, and what a solver finds there is no answer."""
+    qp = QP(np.eye(2), np.zeros(2), A=[[1.0, 1e-4]], b=[2.0], ub=[0.5, 1.0])
+
+    def status(solver: Solver) -> Status:
+        return nearest_at_largest_scale(qp, np.array([2.0]), np.zeros(2), np.eye(2), size=2.0, solver=solver)[0].status
+
+    healthy = Beside()
+    assert status(healthy) is Status.SOLVED
+    assert len(healthy.asked) >= 3
+    for good in range(len(healthy.asked)):
+        assert status(Beside(10.0, good)) is Status.FAILED

@@ -7,11 +7,12 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from tests.methods.problems import bare_steps, steps
+from tests.methods.problems import bare_steps, integer_step, steps
+from tests.seeds import generator
 from wbc import qp
 from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import ProjectedGradientStep
@@ -97,6 +98,42 @@ def test_the_step_in_exact_numbers():
     assert min(ends) == Fraction(78, 35)
     assert step.alpha == pytest.approx(78 / 35, rel=1e-15)
     assert step.active == (1,)
+
+
+@pytest.mark.parametrize("solver", usable())
+@pytest.mark.parametrize("v_task", [0.5, 1.0, 1.5])
+def test_a_step_that_moves_nothing_is_zero_with_and_without_a_largest_step(solver: str, v_task: float):
+    for arguments in ({}, {"alpha_max": 2.0}):
+        step = ProjectedGradientStep([v_task], [0.0], v_min=-1.0, v_max=1.0, **arguments)
+        for found in (step.closed_form(), step.solve(solver), step.solve(solver, form="velocity")):
+            assert found.feasible == (v_task <= 1.0)
+            assert found.alpha == 0.0 or not found.feasible
+            assert found.interval == (0.0, step.alpha_max) or not found.feasible
+
+
+def test_last_bits_and_the_order_of_joints_and_rows_change_nothing_but_last_bits():
+    """What another processor does: other last bits in every product, other places for ties to be found first."""
+    rng = generator("order of joints")
+    for _ in range(20 * settings().max_examples):
+        step = integer_step(rng)
+        of = step.origin
+        assert of is not None
+        m, n = of.J.shape
+        joints, rows, eps = rng.permutation(n), rng.permutation(m), np.finfo(float).eps
+        turned = changed(
+            step, J=of.J[np.ix_(rows, joints)], task_velocity=of.task_velocity[rows], gradient=of.gradient[joints],
+            v_min=step.v_min[joints], v_max=step.v_max[joints],
+        )  # fmt: skip
+        bits = [1.0 + 4.0 * eps * rng.integers(-1, 2, size=size) for size in ((m, n), m, n)]
+        near = changed(step, J=of.J * bits[0], task_velocity=of.task_velocity * bits[1], gradient=of.gradient * bits[2])
+        found = step.closed_form()
+        known = max(1e-9, 16.0 * eps * of.condition) * unit(step)  # last bits of J move v_task by this
+        for other, places in ((turned, joints), (near, np.arange(n))):
+            again = other.closed_form()
+            assert again.feasible == found.feasible, step
+            if found.feasible:
+                assert again.alpha == pytest.approx(found.alpha, abs=known), step
+                assert {int(places[i]) for i in again.active} == set(found.active), step
 
 
 # ---- properties

@@ -54,9 +54,7 @@ def test_three_in_ten_are_at_a_limit_one_in_twenty_infeasible_one_in_twenty_defi
 ):
     count: Counter[str] = Counter()
 
-    @settings(
-        max_examples=drawn(300), derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
-    )
+    @settings(max_examples=drawn(300), database=None, deadline=None, suppress_health_check=list(HealthCheck))
     @given(strategy)
     def draw(problem: Any) -> None:
         count.update(name for name, present in signs(problem).items() if present)

@@ -14,6 +14,7 @@ from scipy.optimize import linprog, lsq_linear
 
 from tests.methods.problems import drawn
 from tests.methods.torque_problems import again, problems
+from tests.seeds import generator
 from wbc.errors import NoClosedForm
 from wbc.methods import WeightedTorque
 from wbc.methods.weighted_torque import CLOSED_FORMS, FORMS
@@ -105,7 +106,7 @@ def test_the_three_closed_forms_say_the_same(task: WeightedTorque):
 
 @given(problems(**CALM), st.sampled_from(FORMS))
 def test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum(task: WeightedTorque, form: str):
-    """Property 45, without the units in which methods solve their QPs."""
+    """Property 45, without the units in which methods solve their QPs. Of the form "joint", see the next test."""
     answer = solve(task.qp(form), "pdas" if form != "joint" else "daqp")
     x = task.closed_form()
     values = {"torque": x.tau, "acceleration": x.a, "joint": np.concatenate([x.a, x.tau])}[form]
@@ -113,16 +114,32 @@ def test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum(task: Weight
     best = np.concatenate([values, np.zeros(len(g) - len(values))])
     if task.damping:
         best[len(values) :] = (task.task_acceleration - task.drift - task.J @ x.a) / task.damping
-    assert answer.status.ok
+    assert answer.status.ok or form == "joint"
     gap = answer.x - best
     assert gap @ H @ gap <= 1e-10 * (np.abs(best) @ np.abs(H) @ np.abs(best) + np.abs(g) @ np.abs(best) + 1e-3)
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="the certificate measures the slope along accelerations, which have no curvature, beside the sum of all "
+    "rows' pushes and not beside the pushes: next to a singularity they are 1e3 and more, and their rounding is called "
+    "a slope",
+)
+def test_the_qp_with_accelerations_and_torques_is_certified_near_singularities():
+    """Two rows of J that are nearly parallel: the answer is exact to rounding, and its multipliers are large."""
+    rng = generator("joint form near singularities")
+    for _ in range(20):
+        row = rng.normal(size=2)
+        rows = np.array([row, 2.0 * row + 1e-3 * rng.normal(size=2)])
+        task = WeightedTorque(M, [0, 0], rows, rows @ rng.normal(size=2), tau_0=rng.normal(size=2))
+        assert solve(task.qp("joint"), "daqp").status.ok
 
 
 def test_the_examples_have_active_limits_infeasible_tasks_and_dependent_rows():
     """At least 30 % with an active limit, 5 % infeasible, 5 % of deficient rank."""
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=drawn(150), derandomize=True, database=None)
+    @settings(max_examples=drawn(150), database=None)
     @given(problems(limited=True))
     def look(task: WeightedTorque) -> None:
         answer = task.solve()
@@ -461,6 +478,6 @@ def test_contradicting_rows_are_out_of_reach_in_closed_form_too():
         assert answer.scale == pytest.approx(0.0, abs=1e-12)
         np.testing.assert_allclose(answer.tau, [0.0, 3.0], atol=1e-9)
     half = again(task, drift=[-1.0, 0.0])  # a₁ − 1 = 2 s and a₁ = 4 s
-    assert half.closed_form().scale == half.solve().scale == pytest.approx(0.5)
+    assert half.closed_form().scale == pytest.approx(0.5) and half.solve().scale == pytest.approx(0.5)
     never = again(task, drift=[1.0, 0.0])  # a₁ + 1 = 2 s and a₁ = 4 s: s < 0
     assert np.isnan(never.closed_form().scale) and np.isnan(never.solve().scale)

@@ -150,7 +150,8 @@ def test_errors_vanish_from_any_start_with_any_adaptation_gain(seed: int):
     assert max((TRUE - now.a_hat) @ weight @ (TRUE - now.a_hat) for now in samples) <= bound * (1 + 1e-9)
     losses = -np.array([loop.V_rate(now) for now in samples])
     assert np.trapezoid(losses, dx=5e-3) <= loop.V(samples[0]) * (1 + 1e-3)
-    assert losses[-400:].mean() < 1e-2 * losses[:400].mean()
+    # Errors that start near zero grow first: the end is compared with the largest loss of the run.
+    assert losses[-400:].mean() < 1e-2 * losses.max()
 
 
 def test_a_perfect_start_stays_perfect():

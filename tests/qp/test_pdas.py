@@ -183,11 +183,13 @@ def test_guesses_are_refined_where_the_cost_is_nearly_flat(seed: int):
     )  # fmt: skip
     session = Pdas().open(qp.shape)
     for _ in range(3):
-        assert session.solve(qp).certificate.within(1e-8)
+        proof = session.solve(qp).certificate
+        assert proof.ok and proof.residual <= 1e-8
     assert session.counts.first >= 1
     rough = Pdas(refinements=0).open(qp.shape)
     for _ in range(3):
-        assert rough.solve(qp).certificate.within(1e-8)
+        proof = rough.solve(qp).certificate
+        assert proof.ok and proof.residual <= 1e-8
     assert rough.counts.first == 0
 
 
@@ -227,3 +229,12 @@ def test_a_failed_problem_leaves_the_last_active_set():
     assert session.solve(bad).status is Status.INFEASIBLE
     right = session.counts.first
     assert session.solve(BOX).iterations == 1 and session.counts.first == right + 1
+
+
+@given(flat=st.floats(-10.0, -7.0).map(lambda power: 10.0**power), away=st.floats(0.5, 100.0), held=st.floats(1.0, 1e3))
+def test_a_row_that_pulls_is_let_go_however_flat_the_cost_is_along_it(flat: float, away: float, held: float):
+    """The certificate accepts a multiplier of flat · away: a guess that keeps the row is ``away`` from the minimum."""
+    session = Pdas().open(Shape(2, 0, 0))
+    for target in (-1.0, away, -1.0, away):
+        qp = QP(np.diag([1.0, flat]), [-1.0 - held, -flat * target], lb=[-np.inf, 0.0], ub=[1.0, np.inf])
+        np.testing.assert_allclose(session.solve(qp).x, [1.0, max(target, 0.0)], rtol=1e-5, atol=1e-9)

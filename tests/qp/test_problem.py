@@ -194,3 +194,36 @@ def test_sparse_problems_of_qpsolvers_become_dense():
 
     problem = qpsolvers.Problem(csc_matrix(I2), np.zeros(2), A=csc_matrix([[1.0, 1.0]]), b=np.array([1.0]))
     np.testing.assert_allclose(solve(QP.from_qpsolvers(problem)).x, [0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: QP([[10**400]], [0]), lambda: QP([[1.0]], [10**400]), lambda: QP([[1.0]], [0.0], rows=[3]),
+        lambda: QP([[1.0]], [0.0], rows=3), lambda: QP([[1.0]], [0.0], tasks=3), lambda: QP([[1.0]], [0.0], tasks=[3]),
+        lambda: QP([[1.0]], [0.0], tasks=[("a", [[1.0, 2.0]], [0.0], "")]),
+        lambda: QP([[1.0]], [0.0], tasks=[(1, [[1.0]], [0.0], "")]),
+        lambda: QP([[1.0]], [0.0], tasks=[("a", [[1.0]], [np.nan], "")]),
+        lambda: QP(None, [0.0]), lambda: QP([[1.0]], "a"),
+    ],
+)  # fmt: skip
+def test_whatever_is_no_problem_is_refused_as_one(make: Any):
+    with pytest.raises(InvalidProblem):
+        make()
+
+
+@pytest.mark.parametrize("qp", [None, 3, "qp", [[1.0]], object()])
+def test_what_is_no_qp_is_not_solved(qp: Any):
+    with pytest.raises(InvalidInput, match="must be a QP"):
+        solve(qp)
+
+
+def test_tasks_are_stored_with_the_problem(tmp_path: Path):
+    tasks = [("hand", [[1.0, 1.0]], [3.0], "m/s"), ("posture", np.eye(2), [0.0, 1.0], "rad/s")]
+    qp = QP([[2.0, 1.0], [1.0, 2.0]], [0.0, 0.0], tasks=tasks)
+    qp.save(tmp_path / "qp.npz")
+    for other in (QP.load(tmp_path / "qp.npz"), qp.copy()):
+        assert [(t.name, t.unit) for t in other.tasks] == [("hand", "m/s"), ("posture", "rad/s")]
+        for one, two in zip(qp.tasks, other.tasks, strict=True):
+            np.testing.assert_array_equal(one.rows, two.rows)
+            np.testing.assert_array_equal(one.target, two.target)

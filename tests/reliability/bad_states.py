@@ -128,7 +128,7 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         ("v one short", 0.0, zero, np.zeros(nv - 1), ("v", "(7,)", "(6,)")),
         ("q a matrix", 0.0, np.zeros((7, 1)), zero, ("q", "(7,)", "(7, 1)")),
         ("q and v in one", 0.0, np.zeros(14), zero, ("q", "(14,)")),
-        ("q None", 0.0, None, zero, ("q", "(7,)", "()")),
+        ("q None", 0.0, None, zero, ("tick", "real number")),
         ("v of words", 0.0, zero, ["a"] * 7, ("tick",)),
         ("q a word", 0.0, "stand", zero, ("tick",)),
         ("q ragged", 0.0, [[0.0], 1.0], zero, ("tick",)),

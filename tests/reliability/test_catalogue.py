@@ -9,8 +9,10 @@ import pytest
 import wbc
 from tests.reliability.catalogue import Case, cases, fault
 from tests.reliability.forked import Outcome, forked
+from tests.seeds import generator
 
 CASES = cases()
+SOLVED = [case for case in CASES if case.solvers]
 ONLINE = [name for name in wbc.solvers() if name != "pdas"]
 
 
@@ -26,10 +28,18 @@ def test_a_bad_input_ends_well(case: Case):
     assert fault(case, forked(lambda: case.call("pdas"))) == ""
 
 
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("solver", ONLINE)
+def test_bad_inputs_that_the_week_draws_end_well_on_every_solver(solver: str):
+    for i in generator("catalogue", solver).choice(len(SOLVED), 6, replace=False):
+        case = SOLVED[i]
+        assert fault(case, forked(lambda case=case: case.call(solver))) == "", case.name
+
+
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("solver", ONLINE)
-@pytest.mark.parametrize("case", [case for case in CASES if case.solvers], ids=lambda case: case.name)
+@pytest.mark.parametrize("case", SOLVED, ids=lambda case: case.name)
 def test_a_bad_input_ends_well_on_every_solver(case: Case, solver: str):
     assert fault(case, forked(lambda: case.call(solver))) == ""
 

@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 import wbc
 from tasks import feet
 from tasks.scenarios import SCENARIOS
-from tasks.scenarios.fault_trials import to_rest
+from tasks.scenarios.held_sway import to_rest
 from tasks.scenarios.least_torque import least_torque
 from tests.scenarios.test_standing import failed, needs_examples
 from wbc.errors import InvalidInput, UnknownJoint, UnknownRobot
@@ -32,7 +32,7 @@ def run(name: str, *parameters: str, duration: float | None = None) -> ScenarioR
 
 @pytest.mark.physics
 def test_our_humanoid_falls_without_its_knee_unless_it_is_answered() -> None:
-    result = run("humanoid-joint-loss", "robot=humanoid", "moments=1", "variants=false", duration=1.2)
+    result = run("humanoid-joint-loss", "robot=humanoid", "moments=1", "variants=false", duration=1.6)
     assert not failed(result)
     figures = result.figures
     assert not figures["without"]["stands"] and figures["with"]["stands"]

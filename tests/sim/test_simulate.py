@@ -15,7 +15,7 @@ from wbc.qp import QP
 from wbc.qp.conflict import conflict
 from wbc.sim.disturbance import Delay, Push, SensorNoise
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.simulate import simulate
+from wbc.sim.simulate import Interrupted, simulate
 from wbc.stack.component import Component
 from wbc.stack.formulation import AccelerationLevel, InverseDynamics, VelocityLevel
 from wbc.stack.stack import Stack
@@ -260,3 +260,30 @@ def test_the_first_tick_without_an_answer_is_explained_and_its_problem_kept(tmp_
     assert found is not None and str(found) in run.meta["failure"]["why"]
     good = simulate(control, IntegratorPlant(ARM, level="acceleration"), duration=0.004)
     assert good.meta["failure"] is None and good.failed is None
+
+
+def test_ctrl_c_hands_over_the_ticks_so_far():
+    robot = load("arm")
+    controller = Controller(robot, Stack([Posture(robot.q0)]), level=VelocityLevel())
+
+    def stop(t: float) -> None:
+        if t > 0.0045:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        simulate(controller, IntegratorPlant(robot, level="velocity"), duration=1.0, before_tick=stop)
+    run = caught.value.run
+    assert run.rows == 5 and run.meta["ended"] == str(caught.value) == "interrupted at t = 0.005 s"
+    assert caught.value.robot is robot and isinstance(caught.value, KeyboardInterrupt)
+
+
+def test_ctrl_c_before_the_first_tick_has_nothing_to_hand_over():
+    robot = load("arm")
+    controller = Controller(robot, Stack([Posture(robot.q0)]), level=VelocityLevel())
+
+    def stop(t: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        simulate(controller, IntegratorPlant(robot, level="velocity"), duration=1.0, before_tick=stop)
+    assert not isinstance(caught.value, Interrupted)

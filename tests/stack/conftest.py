@@ -19,6 +19,24 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.types import Vec
 
 
+class Saying(wbc.Component):
+    """Overrides what it is told to."""
+
+    def __init__(self, now: wbc.Overrides | None = None, *, name: str | None = None) -> None:
+        super().__init__(name=name)
+        self.now = now
+
+    def before(self, state: object, last: object, plan: object) -> wbc.Overrides | None:
+        return self.now
+
+
+def bounds_on(joints: object, most: float, nj: int) -> tuple[Vec, Vec]:
+    """Bounds (lower, upper) of these joints alone."""
+    high = np.full(nj, np.inf)
+    high[joints] = most
+    return -high, high
+
+
 @pytest.fixture(scope="session")
 def arm() -> PinocchioModel:
     return wbc.load("arm")

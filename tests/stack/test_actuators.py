@@ -19,8 +19,7 @@ numbers = st.floats(-50.0, 50.0)
 
 @given(st.floats(0.05, 1.0), numbers, numbers)
 def test_the_command_gives_the_torque(share: float, offset: float, tau: float) -> None:
-    motors = Actuators(3)
-    motors.set(1, share=share, offset=offset)
+    motors = Actuators([1.0, share, 1.0], [0.0, offset, 0.0])
     wanted = np.array([1.0, tau, -2.0])
     sent = motors.command(wanted)
     np.testing.assert_allclose(share * sent[1] - offset, tau, atol=1e-9)
@@ -29,34 +28,22 @@ def test_the_command_gives_the_torque(share: float, offset: float, tau: float) -
 
 
 def test_a_dead_motor_is_sent_nothing_and_gives_nothing() -> None:
-    motors = Actuators(2)
-    motors.set(0, share=0.0)
+    motors = Actuators([0.0, 1.0], [0.0, 0.0])
     assert motors.command(np.array([7.0, 7.0])).tolist() == [0.0, 7.0]
     assert motors.torque(np.array([7.0, 7.0])).tolist() == [0.0, 7.0]
-    motors.reset()
-    assert motors.command(np.array([7.0, 7.0])).tolist() == [7.0, 7.0]
 
 
-def test_torques_that_commands_within_bounds_give() -> None:
-    motors = Actuators(2)
-    motors.set(1, share=0.5, offset=1.0)
-    lower, upper = motors.bounds(np.full(2, -10.0), np.full(2, 10.0))
-    assert lower.tolist() == [-10.0, -6.0] and upper.tolist() == [10.0, 4.0]
-
-
-@pytest.mark.parametrize(
-    "joint, settings", [(2, {}), (0, {"share": -0.1}), (0, {"share": 1.1}), (0, {"offset": np.nan})]
-)
-def test_motors_that_make_no_sense_are_refused(joint: int, settings: dict[str, Any]) -> None:
-    with pytest.raises(InvalidInput, match=r"joint|share|offset"):
-        Actuators(2).set(joint, **settings)
+@pytest.mark.parametrize("share, offset", [([1.0], [0.0, 0.0]), ([-0.1], [0.0]), ([1.1], [0.0]), ([1.0], [np.nan])])
+def test_motors_that_make_no_sense_are_refused(share: list[float], offset: list[float]) -> None:
+    with pytest.raises(InvalidInput, match=r"share|offset"):
+        Actuators(share, offset)
 
 
 class HalfStrength(wbc.Component):
     """Says in each tick that joint 1 delivers half of what it is sent."""
 
-    def before(self, state: Any, last: Any, plan: Any) -> None:
-        plan.actuators.set(1, share=0.5)
+    def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides:
+        return wbc.Overrides(motors={1: wbc.Motor(share=0.5)})
 
 
 def test_a_controller_sends_what_gives_the_torque_it_decided() -> None:
@@ -69,3 +56,18 @@ def test_a_controller_sends_what_gives_the_torque_it_decided() -> None:
     sound, known = tau(), tau(HalfStrength())
     assert abs(sound[1]) > 1.0
     np.testing.assert_allclose(known, sound * np.array([1, 2, *[1] * (arm.nj - 2)]))
+
+
+def test_a_command_stays_within_the_torque_limits_whatever_is_known_of_its_motor() -> None:
+    """Torques are bounded by what commands within the limits give, so that no command is divided beyond them."""
+    arm = wbc.load("arm")
+
+    class Known(wbc.Component):
+        def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides:
+            return wbc.Overrides(motors={1: wbc.Motor(share=0.1, offset=0.5), 3: wbc.Motor(offset=-2.0)})
+
+    stack = wbc.Stack([Posture(arm.q0 + 2.0, kp=1e4)], subject_to=[TorqueLimits()], components=[Known()])
+    command = wbc.Controller(arm, stack, level=wbc.InverseDynamics()).tick(0.0, arm.q0, 0 * arm.q0)
+    assert command.status.ok
+    assert (np.abs(command.tau) <= arm.limits.tau_max + 1e-6).all()
+    assert np.abs(command.tau[1]) > 0.999 * arm.limits.tau_max[1]

@@ -131,3 +131,29 @@ def test_all_limits_in_one_object_are_the_single_ones(robot):
     assert quantities == ["position", "velocity", "acceleration", "jerk", "torque"]
     for law in all_in_one.laws(frozenset()):
         assert law.bounds(robot)[1].tolist() == [getattr(law, "upper", None) or law.bounds(robot)[1][0]] * robot.nj
+
+
+def approach(room: float, u: float, B: float, v_max: float, j: float, dt: float) -> float:
+    """The acceleration towards a limit as the docstring of JerkLimits has it, for one joint and in scalars."""
+    T = dt + B / j
+    w = -B * T + np.sqrt((B * T) ** 2 + 2.0 * B * room)
+    slope = 0.0 if w >= v_max else -u * B / (w + B * T)  # the bound falls while the limit comes nearer
+    left, share = min(w, v_max) - u, 0.5 * j
+    return slope - share * dt + np.sqrt((share * dt) ** 2 + 2.0 * share * left)
+
+
+@given(SEEDS)
+def test_a_bound_that_falls_is_followed_while_it_falls(seed: int):
+    rng = np.random.default_rng(seed)
+    dt, B, j, v_max = 1e-3, 10 ** rng.uniform(0.5, 2), 10 ** rng.uniform(2, 4), 10 ** rng.uniform(-0.5, 1)
+    room = 10 ** rng.uniform(-2, 0)
+    T = dt + B / j
+    u = rng.uniform(0.3, 0.99) * min(v_max, -B * T + np.sqrt((B * T) ** 2 + 2.0 * B * room))
+    expected = approach(room, u, B, v_max, j, dt)
+    intervals = JointIntervals(("joint",), dt)
+    for quantity, limit in (("position", 10.0), ("velocity", v_max), ("acceleration", B), ("jerk", j)):
+        intervals.replace(quantity, -limit, limit)
+    q = 10.0 - room - 0.5 * u * dt
+    intervals.remember(np.array([np.clip(expected, -B, B)]))  # where jerk leaves what the approach wants
+    _, upper = bounds(intervals, "acceleration", np.array([q]), np.array([u]))
+    np.testing.assert_allclose(upper[0], np.clip(expected, -B, B), rtol=1e-6, atol=1e-6 * B)

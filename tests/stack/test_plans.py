@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import ContactForce, Edge
-from tests.stack.conftest import moving, standing
+from tests.stack.conftest import bounds_on, moving, standing
 from wbc.errors import InvalidInput, UnknownName
 from wbc.stack.stack import Stack
 
@@ -28,9 +28,13 @@ class Named(wbc.Schedule):
         super().__init__()
         self.now, self.announced = frozenset(now), [now, *announced]
         self.prepared = 0
+        self.says: wbc.Overrides | None = None
 
     def prepare(self, model: Any) -> None:
         self.prepared += 1
+
+    def before(self, state: Any, last: object, plan: Any) -> wbc.Overrides | None:
+        return self.says
 
     def contact_sets(self) -> Iterable[Iterable[str]]:
         return self.announced
@@ -101,8 +105,8 @@ def test_what_components_moved_and_what_they_remember_survives_a_change() -> Non
     controller = scheduled(schedule)
     q, v = moving(QUADRUPED, 2)
     controller.tick(0.0, q, v)
-    controller.plan.torque_bounds[1][3] = 1.0
-    controller.plan.normal_limits[1] = 7.0
+    schedule.says = wbc.Overrides(torque=bounds_on(3, 1.0, QUADRUPED.nj), normal_limits={FEET[1]: 7.0})
+    controller.tick(0.0005, q, v)
     schedule.now = frozenset(FEET[1:])
     command = controller.tick(0.001, q, v)
     assert controller.plan.torque_bounds[1][3] == 1.0 and command.tau[3] <= 1.0 + 1e-8
@@ -112,11 +116,12 @@ def test_what_components_moved_and_what_they_remember_survives_a_change() -> Non
 
 @given(st.sampled_from(FEET), st.floats(0.5, 20.0), st.integers(0, 9))
 def test_a_limit_on_the_normal_force_holds_and_moves_between_ticks(foot: str, limit: float, seed: int) -> None:
-    controller = scheduled(Named(FEET))
+    schedule = Named(FEET)
+    controller = scheduled(schedule)
     q, v = moving(QUADRUPED, seed)
     free = controller.tick(0.0, q, v).f[foot][2]
     for bound in (limit, 0.1 * limit, np.inf):
-        controller.plan.normal_limits[FEET.index(foot)] = bound
+        schedule.says = wbc.Overrides(normal_limits={foot: bound})
         command = controller.tick(0.001, q, v)
         assert command.status.ok and command.f[foot][2] <= bound + 1e-7
     assert command.f[foot][2] == pytest.approx(free, rel=1e-6, abs=1e-6)
@@ -153,8 +158,7 @@ def test_what_held_before_a_change_is_the_first_guess_after_it() -> None:
     controller = scheduled(schedule)
     q, v = moving(QUADRUPED, 3)
     controller.tick(0.0, q, v)
-    for bounds, side in zip(controller.plan.torque_bounds, (-1.0, 1.0), strict=True):
-        bounds[4:] = 3.0 * side
+    schedule.says = wbc.Overrides(torque=bounds_on(slice(4, None), 3.0, QUADRUPED.nj))
     controller.tick(0.001, q, v)
     held = {row for row, _ in controller.plans.present.solver.named_working_set()}
     schedule.now = frozenset(FEET[1:])

@@ -73,9 +73,11 @@ def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) ->
             A=np.block([[above, np.zeros((len(above), m))], [A, -np.eye(m)]]), b=np.concatenate([*right, b]),
             C=np.hstack([G[problem.range, :n], np.zeros((len(low), m))]), cl=low - offset, cu=high - offset,
             lb=np.append(problem.lb, np.full(m, -np.inf)), ub=np.append(problem.ub, np.full(m, np.inf)),
+            tasks=[("level", np.eye(n + m)[n:], np.zeros(m), "")],
         )  # fmt: skip
         answer = wbc.solve(qp, solver="clarabel")
-        exact = answer.status.ok and answer.certificate.primal <= EXACT
+        proof = answer.certificate
+        exact = proof.primal <= EXACT and proof.residual <= 1e-6
         left.append(float(np.linalg.norm(A @ answer.x[:n] - b)) if exact else np.inf)
         known.append(A)
         right.append(A @ problem.x)
@@ -111,7 +113,7 @@ def _levels_of_a_run(
         if command.status is wbc.Status.INFEASIBLE:
             break  # the joints are too fast for motors this weak
         assert command.status.ok and command.certificate.ok, (seed, k)
-        assert {level.how for level in command.levels} <= {"met", "least"}, (seed, k, command.levels)
+        assert {level.how for level in command.levels} <= {"optimal", "met"}, (seed, k, command.levels)
         problem = controller.plan.problem
         levels = least_squares(problem)
         if k % every == 0:
@@ -121,12 +123,12 @@ def _levels_of_a_run(
 
 def test_a_saturated_quadruped_keeps_its_ranks_as_exactly_as_the_cascade(quadruped: PinocchioModel) -> None:
     told, beyond = compare(quadruped, range(12), ticks=6, every=5)
-    assert told >= 60 and not beyond, beyond
+    assert told >= 45 and not beyond, beyond
 
 
 def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid: PinocchioModel) -> None:
     told, beyond = compare(humanoid, range(12), ticks=4, every=3)
-    assert told >= 36 and not beyond, beyond
+    assert told >= 24 and not beyond, beyond
 
 
 @pytest.mark.deep

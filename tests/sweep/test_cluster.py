@@ -40,7 +40,7 @@ def check_complete(folder: Path, runs: int = RUNS) -> None:
     for r in found[:: runs // 10]:
         trial = plan().trial(r["run"])
         assert r["parameters"]["bias"] == float(f"{trial.parameters['bias']:.9g}")
-        assert r["ok"] == repeat(folder, r["run"])["ok"]
+        assert r["ok"] == repeat(folder, r["run"], scenario=FLIP)["ok"]
     assert (folder / "report.html").stat().st_size > 10_000
 
 
@@ -123,11 +123,13 @@ def test_an_interrupted_sweep_goes_on_and_ends_with_the_same_results(tmp_path: P
     assert 8 < len(before) < 30 and not (tmp_path / "broken").exists()
     with pytest.raises(InvalidInput, match="--resume"):
         sweep(few(), out=tmp_path / "broken")
-    resume(tmp_path / "broken", workers=1)
+    resume(tmp_path / "broken", scenario=FLIP, workers=1)
     assert not (tmp_path / "broken.unfinished").exists()
     after = results(tmp_path / "broken")
     assert [r["run"] for r in after] == list(range(30)) and all(r in after for r in before)
-    assert after == [{k: v for k, v in repeat(tmp_path / "broken", i).items() if k not in TIMES} for i in range(30)]
+    assert after == [
+        {k: v for k, v in repeat(tmp_path / "broken", i, scenario=FLIP).items() if k not in TIMES} for i in range(30)
+    ]
 
 
 def test_there_must_be_somebody_and_something(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

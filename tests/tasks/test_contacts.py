@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from tasks import Point, Sole
+from tasks import Edge, Point, Sole
 from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotState
 from wbc.stack.contact import Anchor, ContactRows
@@ -22,6 +22,7 @@ from wbc.types import Mat
 
 ARM, QUADRUPED, HUMANOID = robots()
 SIZES = st.floats(0.01, 1.0)
+MODELS, SIDES = st.sampled_from(["outer", "inner"]), st.sampled_from([4, 8])
 MOVED = np.array([0.1, 0.2, 0.3])
 
 
@@ -29,12 +30,22 @@ def sole(half_size: Any = (0.10, 0.065), friction: float = 0.3, **more: Any) -> 
     return Sole("left_sole", half_size=half_size, friction=friction, **more)
 
 
-def corner_wrenches(half_size: Any, mu: float) -> Mat:
-    """The 16 edges of the friction pyramids at the four corners, as wrenches about the centre (6, 16)."""
+CONES = [sole(), Point("foot", friction=0.5), sole(sides=8), Point("foot", friction=0.5, sides=8)]
+
+
+def pyramid_edges(friction: float, model: str = "inner", sides: int = 4) -> Mat:
+    """Forces (sides, 3) along the edges: on the circular cone, or an outer pyramid's, whose sides touch it."""
+    angles = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
+    reach = friction if model == "inner" else friction * np.hypot(1.0, np.tan(np.pi / sides))
+    return np.column_stack([reach * np.cos(angles), reach * np.sin(angles), np.ones(sides)])
+
+
+def corner_wrenches(half_size: Any, friction: float, model: str = "inner", sides: int = 4) -> Mat:
+    """The edges of the friction pyramids at the four corners, as wrenches about the centre (6, 4 sides)."""
     edges = []
-    for i, j, k, m in product((-1, 1), repeat=4):
-        corner, force = np.array([i * half_size[0], j * half_size[1], 0.0]), np.array([k * mu, m * mu, 1.0])
-        edges.append(np.concatenate([force, np.cross(corner, force)]))
+    for i, j in product((-1, 1), repeat=2):
+        corner = np.array([i * half_size[0], j * half_size[1], 0.0])
+        edges += [np.concatenate([force, np.cross(corner, force)]) for force in pyramid_edges(friction, model, sides)]
     return np.array(edges).T
 
 
@@ -45,27 +56,35 @@ def fill(contact: Any, state: RobotState, anchor: Anchor) -> ContactRows:
     return out
 
 
-@given(SIZES, SIZES, st.floats(0.05, 2.0), st.sampled_from(["outer", "inner"]))
-def test_what_corner_forces_add_up_to_is_in_the_cone_of_a_sole(X: float, Y: float, friction: float, model: str):
-    contact = sole((X, Y), friction, friction_model=model)
-    wrenches = corner_wrenches((X, Y), contact.mu)
-    assert (contact.cone() @ wrenches).max() <= 1e-12
+@given(SIZES, SIZES, st.floats(0.05, 2.0), MODELS, SIDES)
+def test_what_corner_forces_add_up_to_is_in_the_cone_of_a_sole(
+    X: float, Y: float, friction: float, model: str, sides: int
+):
+    contact = sole((X, Y), friction, friction_model=model, sides=sides)
+    wrenches = corner_wrenches((X, Y), friction, model, sides)
+    assert (contact.cone() @ wrenches).max() <= 1e-12 * max(1.0, np.abs(contact.cone()).max())
 
 
-@given(SIZES, SIZES, st.floats(0.05, 2.0), st.integers(0, 2**32 - 1))
-def test_rays_leave_the_cone_where_corner_forces_can_no_longer_follow(X: float, Y: float, mu: float, seed: int):
-    K, V = sole((X, Y), mu).cone(), corner_wrenches((X, Y), mu)
+@given(SIZES, SIZES, st.floats(0.05, 2.0), MODELS, SIDES, st.integers(0, 2**32 - 1))
+def test_rays_leave_the_cone_where_corner_forces_can_no_longer_follow(
+    X: float, Y: float, mu: float, model: str, sides: int, seed: int
+):
+    K = sole((X, Y), mu, friction_model=model, sides=sides).cone()
+    V = corner_wrenches((X, Y), mu, model, sides)
     inside = V.mean(axis=1)
     ray = np.random.default_rng(seed).normal(size=6) * [mu, mu, 1.0, Y, X, mu * (X + Y)]
     slope = K @ ray
     exits = min((-(K @ inside) / slope)[slope > 1e-12], default=np.inf)
     followed = linprog(
-        np.r_[-1.0, np.zeros(16)], A_eq=np.column_stack([-ray, V]), b_eq=inside, bounds=[(0, 1e3)] + [(0, None)] * 16
+        np.r_[-1.0, np.zeros(4 * sides)],
+        A_eq=np.column_stack([-ray, V]),
+        b_eq=inside,
+        bounds=[(0, 1e3)] + [(0, None)] * (4 * sides),
     )
     np.testing.assert_allclose(followed.x[0], min(exits, 1e3), rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("contact", [sole(), Point("front_left_foot", friction=0.5)], ids=["sole", "point"])
+@pytest.mark.parametrize("contact", CONES, ids=["sole", "point", "sole of 8 sides", "point of 8 sides"])
 def test_every_row_of_a_cone_is_needed(contact: Any):
     K = contact.cone()
     for row in range(len(K)):
@@ -75,21 +94,37 @@ def test_every_row_of_a_cone_is_needed(contact: Any):
         assert -beyond.fun > 1e-9, contact.cone_labels()[row]
 
 
-@pytest.mark.parametrize("contact", [sole(), Point("front_left_foot", friction=0.5)], ids=["sole", "point"])
+@pytest.mark.parametrize("contact", CONES, ids=["sole", "point", "sole of 8 sides", "point of 8 sides"])
 def test_a_cone_implies_that_the_surface_only_pushes(contact: Any):
     K = contact.cone()
     lowest = linprog(np.eye(contact.dim)[2], A_ub=K, b_ub=np.zeros(len(K)), bounds=(-1.0, 1.0))
     assert lowest.fun >= -1e-12
 
 
-@given(st.floats(0.05, 2.0), st.floats(0.0, 2 * np.pi))
-def test_the_inner_pyramid_is_inside_the_circular_cone_and_the_outer_one_around_it(mu: float, angle: float):
+@given(st.floats(0.05, 2.0), st.floats(0.0, 2 * np.pi), SIDES)
+def test_the_inner_pyramid_is_inside_the_circular_cone_and_the_outer_one_around_it(mu: float, angle: float, sides: int):
     force = np.array([mu * np.cos(angle), mu * np.sin(angle), 1.0])
-    inner, outer = (Point("foot", friction=mu, friction_model=model) for model in ("inner", "outer"))
+    inner, outer = (Point("foot", friction=mu, friction_model=model, sides=sides) for model in ("inner", "outer"))
     assert (outer.cone() @ force).max() <= 1e-12
     assert (inner.cone() @ (force * [1.0001, 1.0001, 1.0])).max() > 0.0
-    corner = np.array([inner.mu, inner.mu, 1.0])
-    np.testing.assert_allclose(np.linalg.norm(corner[:2]), mu)
+    # The inner one touches the cone in its edges, the outer one in the middle of its sides.
+    np.testing.assert_allclose((inner.cone() @ pyramid_edges(mu, "inner", sides).T).max(axis=0), 0.0, atol=1e-12)
+    middle = np.column_stack([mu * inner.pyramid.normals, np.ones(sides)])
+    np.testing.assert_allclose((outer.cone() @ middle.T).max(axis=0), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("sides", [4, 8])
+def test_what_a_foot_may_do_by_default_never_slips(sides: int):
+    contacts = [Point("foot", friction=0.5, sides=sides), sole(friction=0.5, sides=sides)]
+    contacts.append(Edge("left_sole", half_length=0.1, friction=0.5, sides=sides))
+    for contact in contacts:
+        K = contact.cone()
+        for angle in np.linspace(0.0, 2 * np.pi, 33):
+            pull = np.zeros(contact.dim)
+            pull[:2] = np.cos(angle), np.sin(angle)
+            push = np.eye(contact.dim)[2]
+            most = linprog(-pull, A_ub=K, b_ub=np.zeros(len(K)), A_eq=push[None], b_eq=[1.0], bounds=(-9, 9))
+            assert 0.5 * np.cos(np.pi / sides) - 1e-9 <= -most.fun <= 0.5 + 1e-9
 
 
 @given(states(QUADRUPED), st.floats(0.0, 0.1))
@@ -149,7 +184,8 @@ def test_an_anchor_keeps_its_own_memory():
         (lambda: sole((0.1, 0.0)), "half_size is .*both must be > 0"),
         (lambda: sole(0.1), r"half_size must have shape \(2,\)"),
         (lambda: sole(friction=0.0), "friction is 0"),
-        (lambda: sole(friction_model="round"), "'outer' or 'inner'"),
+        (lambda: sole(sides=6), "sides is 6; it must be 4 or 8"),
+        (lambda: sole(friction_model="round"), "'inner' or 'outer'"),
         (lambda: sole(origin=[0.0]), r"origin must have shape \(3,\)"),
         (lambda: sole(target=np.diag([1.0, 1.0, -1.0, 1.0])), r"Sole\[left_sole\].target is not a rotation"),
         (lambda: Point("foot", friction=0.5, radius=-0.1), "radius is -0.1"),

@@ -197,18 +197,20 @@ def test_a_reset_takes_everything_back() -> None:
     plant = ForwardDynamicsPlant(ARM)
     plant.reset(ARM.q0)
     first = controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
-    limits = controller.plan.intervals.bounds("position")
+    limits = controller.plan.bounds("position")
     simulate(controller, plant, duration=0.1, disturbances=[ActuatorFault(joint=SHOULDER)])
     assert reaction.events
-    assert posture.weight == 3.0 and not np.any(posture.kp)
+    changed = controller.plan.stack.tasks[0]
+    assert changed.weight == 3.0 and not np.any(changed.kp)
+    assert (posture.weight, posture.kp, posture.kd) == (1.0, 50.0, None), "what the user holds stays as it is"
     assert controller.plan.torque_bounds[1][1] == 0.0
-    assert controller.plan.intervals.bounds("position")[1][1] == np.inf
+    assert controller.plan.bounds("position")[1][1] == np.inf
     controller.reset()
     again = controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
-    assert (posture.weight, posture.kp, posture.kd) == (1.0, 50.0, None)
+    assert (changed.weight, changed.kp, changed.kd) == (1.0, 50.0, None)
     assert not reaction.events
     np.testing.assert_array_equal(again.tau, first.tau)
-    np.testing.assert_array_equal(controller.plan.intervals.bounds("position"), limits)
+    np.testing.assert_array_equal(controller.plan.bounds("position"), limits)
 
 
 def test_a_brake_leaves_the_joint_at_rest_and_its_torque_free() -> None:
@@ -233,9 +235,12 @@ def test_other_reactions_change_the_tasks_they_speak_of() -> None:
     goal = ARM.q0 + 0.1
     table = [When("total", [Weigh("Position[tool]", 0.0), Retarget("Posture", goal)], joints=[SHOULDER])]
     reach = Position("tool", target=[0.4, 0.2, 0.5])
-    _, reaction = driven(table, duration=0.7, tasks=[reach])
+    run, reaction = driven(table, duration=0.7, tasks=[reach])
     assert len(reaction.events[0][1]) == 2
-    assert reach.weight == 0.0
+    tick = round(reaction.events[0][0].t * 1e3)
+    jump = np.abs(np.diff(run["error.Posture"], axis=0)).max(axis=1)
+    assert jump.argmax() == tick - 1, "the posture has another target from then on"
+    assert reach.weight == 1.0, "what the user holds stays as it is"
     _, reaction = driven([When("total", [Release()], joints=[ARM.joint_names[0]])], duration=0.7)
     assert reaction.events[0][1] == (), "the line is about another joint"
 
@@ -244,7 +249,7 @@ def test_a_stop_holds_the_robot_where_it_is() -> None:
     reach = Position("tool", target=[0.4, 0.2, 0.5])
     run, reaction = driven([When("partial", [Derate(), Stop()])], tasks=[reach], effectiveness=0.5)
     tick = round(reaction.events[0][0].t * 1e3)
-    assert not reach.active
+    assert reach.active, "what the user holds stays as it is"
     assert np.abs(run["plant.q"][-1] - run["plant.q"][tick]).max() < 0.05
     assert np.abs(run["plant.v"][-1]).max() < 1e-2
 
@@ -253,15 +258,13 @@ def test_a_released_joint_is_wished_back_into_its_limits() -> None:
     free, _ = driven([When("total", [Release()])], duration=1.2)
     observer = MomentumObserver(gain=100.0)
     limits = FaultReaction(observer).limits
-    limits.prepare(ARM)
-    limits.release((1,))
     state = ARM.state()
     q = ARM.q0.copy()
     q[1] = ARM.limits.q_max[1] + 0.1
     q[2] = ARM.limits.q_max[2] + 0.1
     state.update(0.0, q, np.zeros(ARM.nv))
-    limits.watch(state)
-    assert np.flatnonzero(limits.weight).tolist() == [1]
+    assert np.flatnonzero(limits.wanted(state, (1,))).tolist() == [1]
+    assert np.flatnonzero(limits.wanted(state, ())).tolist() == []
     assert free.rows == 1200
 
 

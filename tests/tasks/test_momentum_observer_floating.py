@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import CenterOfMass, MomentumObserver, Orientation, Posture, Thresholds, TorqueLimits, feet
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Disturbance, SensorNoise
 from wbc.sim.plant import ForwardDynamicsPlant
@@ -54,6 +54,13 @@ def test_a_fault_shows_in_its_own_joint_through_the_lag_and_nowhere_else() -> No
     r, i = residual(run), QUADRUPED.joint(JOINT)
     np.testing.assert_allclose(r[:, i], 0.5 * (1.0 - np.exp(-K * run["t"])), atol=3e-3)
     assert np.abs(np.delete(r, i, axis=1)).max() < 3e-3
+
+
+def test_a_sensor_without_a_reading_leaves_the_residual_as_it_is_without_the_sensor() -> None:
+    frame = QUADRUPED.frame_names[-1]
+    for entry in (np.nan, np.inf):
+        silent = flying(wrenches=lambda entry=entry: {frame: np.array([0.0, entry, 0.0, 0.0, 0.0, 0.0])})
+        np.testing.assert_array_equal(residual(silent), residual(flying()))
 
 
 def test_noise_of_the_bases_velocity_is_in_no_joint() -> None:
@@ -112,8 +119,9 @@ def test_known_friction_is_no_fault() -> None:
 def test_contacts_have_to_be_measured() -> None:
     stack = wbc.Stack([Posture(QUADRUPED.q0)], contacts=feet(QUADRUPED), components=[MomentumObserver(gain=K)])
     controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
-    with pytest.raises(NotSupported, match=r"needs the wrenches that the contacts measure: give it wrenches=function"):
-        controller.tick(0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
+    command = controller.tick(0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
+    assert not command.status.ok and np.isfinite(command.tau).all()
+    assert "needs the wrenches that the contacts measure: give it wrenches=function" in controller.why
 
 
 def test_numbers_that_make_no_sense_are_refused() -> None:

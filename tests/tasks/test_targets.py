@@ -46,7 +46,7 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(3))), r"\(value, rate, acceleration\)"),
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(2), np.zeros(3))), "target rate must have"),
         (lambda: CenterOfMass(target=None), "CenterOfMass.target is None"),
-        (lambda: ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \(2,\)"),
+        (lambda: ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \[1.0, 2.0\]"),
         (lambda: Position(TOOL, target=[0.0, 0.0], axes="yx"), "axes is 'yx'; it must be one of xyz, xy, yz"),
         (lambda: Position(TOOL, target=[0.0] * 3, axes="xy"), r"target must have shape \(2,\), not \(3,\)"),
         (lambda: Torque(weight="inertia"), "weight is 'inertia'; it must be numbers or 'inverse_inertia'"),

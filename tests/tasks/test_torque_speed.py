@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tasks import JointLimits, JointVelocity, Posture, TorqueLimits, TorqueSpeedLimits
-from wbc import Controller, InverseDynamics, Stack
+from tests.stack.conftest import Saying
+from wbc import Controller, InverseDynamics, Overrides, Stack
 from wbc.errors import InvalidInput
 from wbc.testing import robots
 from wbc.types import Vec
@@ -65,10 +66,11 @@ def test_a_controller_commands_no_more_than_the_speed_leaves(limits: Any):
 
 
 def test_what_a_component_takes_away_stays_away():
-    controller = Controller(ARM, Stack([Posture(ARM.q0)], subject_to=[TorqueSpeedLimits(2.0)]), level=InverseDynamics())
+    saying = Saying()
+    stack = Stack([Posture(ARM.q0)], subject_to=[TorqueSpeedLimits(2.0)], components=[saying])
+    controller = Controller(ARM, stack, level=InverseDynamics())
     controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
-    for bound, side in zip(controller.plan.torque_bounds, (-1.0, 1.0), strict=True):
-        bound[:] = side
+    saying.now = Overrides(torque=(-1.0, 1.0))
     command = controller.tick(0.0, ARM.q0 + 0.1, np.zeros(ARM.nv))
     assert np.abs(command.tau).max() <= 1.0 + 1e-8
     assert np.abs(controller.plan.torque_range[1]).max() <= 1.0

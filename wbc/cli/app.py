@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from typing import Annotated, Any
 
 import typer
@@ -24,6 +25,7 @@ app = typer.Typer(
     help="Whole-body control by quadratic programming: run scenarios, compare solvers, look at what is installed.",
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",  # in "rich" mode the units in brackets would be read as styles and vanish
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("run")(run)
@@ -54,6 +56,7 @@ def run_app() -> None:
     """Run the command line; what it cannot understand is one sentence on stderr, not a page of help."""
     # Typer brings a click of its own, or uses the installed one; the base of its public error is right in both.
     usage_error: Any = typer.BadParameter.__base__
+    warnings.formatwarning = lambda message, *_, **__: f"note: {' '.join(str(message).split())}\n"
     try:
         sys.exit(app(standalone_mode=False) or 0)
     except usage_error as error:

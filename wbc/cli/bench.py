@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -17,9 +14,10 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import notes, one_sentence, progress, tell
+from wbc.cli.console import notes, one_sentence, progress, tell, whole_file
 from wbc.cli.peers import Peers
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import UnknownName
+from wbc.plugins import registered
 
 GROUP = "wbc.workloads"
 _ROUNDS = 2
@@ -62,11 +60,9 @@ def bench(
     for name in chosen:
         if name not in known:
             raise UnknownWorkload(name, known)
-    if json_file is not None and not json_file.resolve().parent.is_dir():
-        raise InvalidInput(f"{json_file} cannot be written: there is no folder {json_file.resolve().parent}")
     found_peers = None if peers is None else Peers(peers, environments)
     rows: list[dict[str, Any]] = []
-    with notes() as found, progress("timing") as step:
+    with whole_file(json_file) as write, notes() as found, progress("timing") as step:
         for i, name in enumerate(chosen):
 
             def one(done: int, total: int, i: int = i, name: str = name) -> None:
@@ -79,8 +75,7 @@ def bench(
                 rows.append(run(fast))
             else:
                 rows += _in_turns(found_peers, name, run, repeats)
-    if json_file is not None:
-        _write(rows, json_file)
+        write("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
     tell(found)
     _print(rows)
 
@@ -105,30 +100,8 @@ def _median(row: dict[str, Any]) -> float:
 
 
 def workloads() -> dict[str, Workload]:
-    """Every registered workload by name.
-
-    Raises:
-        InvalidInput: an entry point that cannot be loaded.
-    """
-    found: dict[str, Workload] = {}
-    for point in entry_points(group=GROUP):
-        try:
-            found |= point.load()
-        except Exception as cause:
-            raise InvalidInput(f"the workloads of {point.value} cannot be loaded: {cause}") from cause
-    return found
-
-
-def _write(rows: list[dict[str, Any]], path: Path) -> None:
-    """All rows or none: written aside, then renamed."""
-    handle, aside = tempfile.mkstemp(dir=path.resolve().parent, prefix=f".{path.name}-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
-        os.chmod(aside, 0o644)  # mkstemp makes files that nobody else may read
-        os.replace(aside, path)
-    finally:
-        Path(aside).unlink(missing_ok=True)
+    """Every registered workload by name; a plugin that cannot be loaded is left out with a warning."""
+    return registered(GROUP)
 
 
 def _print(rows: list[dict[str, Any]]) -> None:

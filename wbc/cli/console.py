@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import functools
+import os
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
 from typing import ParamSpec, TypeVar
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from wbc.errors import SimulationError, WbcError
+from wbc.errors import InvalidInput, SimulationError, WbcError
 from wbc.sim.scenario import Progress as Report
 
 NO, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+#: How often long work says how far it is where there is no terminal to draw a bar on [s].
+SECONDS_PER_LINE = 10.0
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -57,17 +64,51 @@ def kept(how_to_go_on: str) -> Iterator[None]:
 
 
 @contextmanager
+def whole_file(path: Path | None) -> Iterator[Callable[[str], None]]:
+    """A function that writes a text file, whole or not at all. The place is tried before any work is done.
+
+    Raises:
+        InvalidInput: the file cannot be written there.
+    """
+    if path is None:
+        yield lambda text: None
+        return
+    target = path.resolve()
+    try:
+        handle, aside = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}-")
+    except OSError as cause:
+        raise InvalidInput(f"{path} cannot be written: {cause.strerror}") from cause
+
+    def write(text: str) -> None:
+        Path(aside).write_text(text, encoding="utf-8")
+        Path(aside).chmod(0o644)  # mkstemp makes files that nobody else may read
+        os.replace(aside, target)
+
+    try:
+        os.close(handle)
+        yield write
+    finally:
+        Path(aside).unlink(missing_ok=True)
+
+
+@contextmanager
 def progress(text: str) -> Iterator[Report]:
-    """A bar on stderr where that is a terminal. It is drawn only when work reports, so it never disturbs a timing."""
+    """A bar on stderr where that is a terminal, else a line every ten seconds. Nothing is drawn between reports, so
+    that drawing never disturbs a timing."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(
         *columns, console=console, transient=True, auto_refresh=False, disable=not console.is_terminal
     ) as bar:
         task = bar.add_task(text, total=1.0)
+        spoken = monotonic()
 
         def report(done: float, text: str = text) -> None:
+            nonlocal spoken
             bar.update(task, completed=done, description=text, refresh=True)
+            if not console.is_terminal and monotonic() - spoken > SECONDS_PER_LINE:
+                spoken = monotonic()
+                print(f"wbc: {text}, {100 * done:.0f} %", file=sys.stderr, flush=True)
 
         yield report
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, requires, version
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
@@ -34,10 +35,12 @@ class Finding(NamedTuple):
 
 
 @one_sentence
-def doctor() -> None:
+def doctor(
+    *, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
+) -> None:
     """Look at python, packages, solvers, extras, threads and robots. Exit code 1: something installed does not work."""
-    console = Console(highlight=False)
-    bad = 0
+    console = Console(highlight=False, quiet=as_json)
+    bad, all_findings = 0, {}
     parts = (
         ("Python and packages", packages),
         ("Extras", extras),
@@ -57,6 +60,9 @@ def doctor() -> None:
         console.print(made)
         console.print()
         bad += sum(not finding.good for finding in findings)
+        all_findings[title] = [finding._asdict() for finding in findings]
+    if as_json:
+        print(json.dumps({"ok": not bad, "findings": all_findings}, ensure_ascii=False))
     console.print("everything that is installed works" if not bad else f"{bad} not as it should be, in red above")
     raise typer.Exit(NO if bad else 0)
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from typing import Annotated, Any
+
+import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -10,12 +14,46 @@ from wbc.cli.console import one_sentence
 
 
 @one_sentence
-def list_() -> None:
+def list_(
+    *, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
+) -> None:
     """List scenarios, solvers, robots and workloads."""
+    found = members()
+    if as_json:
+        print(json.dumps(found, ensure_ascii=False, allow_nan=False))
+        return
     console = Console(highlight=False)
-    for table in (_scenarios(), _solvers(), _robots(), _workloads()):
-        console.print(table)
+    for made in _tables(found):
+        console.print(made)
         console.print()
+
+
+def members() -> dict[str, Any]:
+    """Everything that commands find by name, as JSON values."""
+    from wbc.cli.bench import workloads
+    from wbc.cli.run import plain
+    from wbc.models.catalogue import EXAMPLES, OWN
+    from wbc.qp.solvers import SOLVERS
+    from wbc.sim.scenario import scenarios
+
+    return {
+        "scenarios": {
+            name: {
+                "summary": scenario.summary,
+                "parameters": plain(scenario.parameters),
+                "plants": list(scenario.plants),
+                "hierarchies": list(scenario.hierarchies),
+                "duration_s": scenario.duration,
+            }
+            for name, scenario in scenarios().items()
+        },
+        "solvers": {
+            solver.name: {"usable": solver.available(), "package": solver.package, "offline": solver.offline}
+            for solver in SOLVERS
+        },
+        "robots": {"own": list(OWN), "examples": list(EXAMPLES), "examples_installed": _has_examples()},
+        "workloads": {name: workload.title for name, workload in workloads().items()},
+    }
 
 
 def table(title: str, *columns: str) -> Table:
@@ -26,45 +64,36 @@ def table(title: str, *columns: str) -> Table:
     return made
 
 
-def _scenarios() -> Table:
-    from wbc.sim.scenario import scenarios
+def _tables(found: dict[str, Any]) -> list[Table]:
+    scenarios = table("Scenarios (wbc run NAME)", "name", "what happens", "--set")
+    for name, scenario in found["scenarios"].items():
+        parameters = ", ".join(f"{key}={_typed(value)}" for key, value in scenario["parameters"].items())
+        scenarios.add_row(name, Text(scenario["summary"]), Text(parameters))
+    solvers = table("Solvers (--solver NAME)", "name", "state", "")
+    for name, solver in found["solvers"].items():
+        state = "usable" if solver["usable"] else f"pip install {solver['package']}"
+        solvers.add_row(name, Text(state), "offline only" if solver["offline"] else "")
+    robots = table("Robots (wbc.load(NAME), or the path of a URDF)", "names", "where")
+    robots.add_row(Text(", ".join(found["robots"]["own"])), "ours, always there")
+    state = "in example-robot-data" if found["robots"]["examples_installed"] else "pip install example-robot-data"
+    robots.add_row(Text(", ".join(found["robots"]["examples"])), state)
+    workloads = table("Workloads (wbc bench NAME)", "name", "what is timed")
+    for name, title in found["workloads"].items():
+        workloads.add_row(name, Text(title))
+    return [scenarios, solvers, robots, workloads]
 
-    made = table("Scenarios (wbc run NAME)", "name", "what happens", "--set")
-    for name, scenario in scenarios().items():
-        parameters = ", ".join(f"{key}={value}" for key, value in scenario.parameters.items())
-        made.add_row(name, Text(scenario.summary), Text(parameters))
-    return made
+
+def _typed(value: Any) -> str:
+    """A parameter's value as one types it after --set."""
+    return ",".join(f"{item:g}" for item in value) if isinstance(value, list) else str(value)
 
 
-def _solvers() -> Table:
-    from wbc.qp.solvers import SOLVERS
-
-    made = table("Solvers (--solver NAME)", "name", "state", "")
-    for solver in SOLVERS:
-        state = "usable" if solver.available() else f"pip install {solver.package}"
-        made.add_row(solver.name, Text(state), "offline only" if solver.offline else "")
-    return made
-
-
-def _robots() -> Table:
+def _has_examples() -> bool:
     from wbc.errors import ModelError
-    from wbc.models.catalogue import EXAMPLES, OWN, example_robots
+    from wbc.models.catalogue import example_robots
 
-    made = table("Robots (wbc.load(NAME), or the path of a URDF)", "names", "where")
-    made.add_row(Text(", ".join(OWN)), "ours, always there")
     try:
         example_robots()
-        state = "in example-robot-data"
     except ModelError:
-        state = "pip install example-robot-data"
-    made.add_row(Text(", ".join(EXAMPLES)), state)
-    return made
-
-
-def _workloads() -> Table:
-    from wbc.cli.bench import workloads
-
-    made = table("Workloads (wbc bench NAME)", "name", "what is timed")
-    for name, workload in workloads().items():
-        made.add_row(name, Text(workload.title))
-    return made
+        return False
+    return True

@@ -13,15 +13,19 @@ from rich.text import Text
 from wbc.cli.console import kept, notes, one_sentence, progress, tell
 from wbc.errors import InvalidInput
 
-report = typer.Typer(name="report", help="Compare QP solvers on your own scenarios and problems.", no_args_is_help=True)
+report = typer.Typer(
+    name="report", help="Compare QP solvers on your own scenarios and problems.", rich_markup_mode="markdown"
+)
 
 #: What ``--all`` runs besides the folders it is given.
 SCENARIOS = ("arm-reach", "quadruped-stand", "humanoid-stand")
 
 
-@report.callback()
-def top() -> None:
+@report.callback(invoke_without_command=True)
+def top(context: typer.Context) -> None:
     """Compare QP solvers on your own scenarios and problems."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @report.command("solvers")
@@ -32,7 +36,7 @@ def solvers(
         typer.Argument(metavar="[SCENARIO|FOLDER]...", help="Scenarios as wbc run names them, folders of QPs (.npz)."),
     ] = None,
     *,
-    every: Annotated[bool, typer.Option("--all", help=f"Add {', '.join(SCENARIOS)}.")] = False,
+    every: Annotated[bool, typer.Option("--all", help=f"Add {', '.join(SCENARIOS)}, --torture and --growth.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/solvers-TIME.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the comparison that --out began.")] = False,
     data: Annotated[
@@ -46,8 +50,8 @@ def solvers(
     limit: Annotated[float, typer.Option(min=0.1, help="Seconds a solve may take.")] = 5.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the made problems.")] = 0,
     loop: Annotated[bool, typer.Option(help="Run the scenarios with each solver in the loop.")] = True,
-    torture: Annotated[bool, typer.Option(help="Torture the solvers.")] = True,
-    growth: Annotated[bool, typer.Option(help="Measure how times grow with size.")] = True,
+    torture: Annotated[bool | None, typer.Option(help="Give the solvers malformed problems too.")] = None,
+    growth: Annotated[bool | None, typer.Option(help="Measure how times grow with size.")] = None,
 ) -> None:
     """Which solver at which tolerance: replay QPs over every solver, each in its own process, and say what to use."""
     from wbc.report import solvers as comparing
@@ -64,7 +68,8 @@ def solvers(
             raise InvalidInput("--resume goes on with the comparison of a folder: give it as --out")
         options: dict[str, Any] = {
             "solvers": solver, "settings": settings or (), "duration": duration, "ticks": ticks, "rounds": rounds,
-            "limit": limit, "seed": seed, "loop": loop, "torture": torture, "growth": growth,
+            "limit": limit, "seed": seed, "loop": loop,
+            "torture": every if torture is None else torture, "growth": every if growth is None else growth,
         }  # fmt: skip
         wanted = [*(sources or ()), *(name for name in SCENARIOS if every and name not in (sources or ()))]
         if not wanted and not resume:
@@ -72,7 +77,7 @@ def solvers(
         going_on = f"what was measured stays: wbc report solvers --resume --out {folder}"
         with notes() as found, progress("comparing") as step, kept(going_on):
             if resume:
-                measured = comparing.resume(folder, progress=step)
+                measured = comparing.resume(folder, trusted=wanted, progress=step)
             else:
                 measured = comparing.compare(wanted, out=folder, progress=step, **options)
         tell(found)
@@ -96,7 +101,7 @@ def scaling(
     import json
 
     from wbc.report.build import require_extras
-    from wbc.report.folder import HTML, check_free, replaced, write
+    from wbc.report.folder import HTML, replaced, write
     from wbc.report.scaling.measure import UnknownAxis, axes, scaled
     from wbc.report.scaling.page import page
     from wbc.report.solvers.data import surroundings
@@ -108,15 +113,14 @@ def scaling(
         if name not in known:
             raise UnknownAxis(name, known)
     folder = out or Path("runs") / f"scaling-{datetime.now():%Y%m%d-%H%M%S}"
-    check_free(folder)
     where = surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}")
-    with notes() as found, progress("measuring") as step:
-        rows = scaled([known[n] for n in chosen], ticks=ticks, repeats=repeats, solver=solver, progress=step)
-    tell(found)
-    settings = {"ticks": ticks, "repeats": repeats, "solver": solver}
-    titles = {name: known[name].title for name in chosen}
-    made = page(data := {"surroundings": where, "settings": settings, "titles": titles, "rows": rows})
     with replaced(folder) as pending:
+        with notes() as found, progress("measuring") as step:
+            rows = scaled([known[n] for n in chosen], ticks=ticks, repeats=repeats, solver=solver, progress=step)
+        tell(found)
+        settings = {"ticks": ticks, "repeats": repeats, "solver": solver}
+        titles = {name: known[name].title for name in chosen}
+        made = page(data := {"surroundings": where, "settings": settings, "titles": titles, "rows": rows})
         (pending / "data.json").write_text(json.dumps(data, ensure_ascii=False, allow_nan=False), encoding="utf-8")
         write(made, pending)
     console = Console(highlight=False)

@@ -18,17 +18,20 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.console import NO, notes, one_sentence, progress, tell
+from wbc.cli.console import INTERRUPTED, NO, complain, notes, one_sentence, progress, tell
 
 if TYPE_CHECKING:
     from wbc.sim.scenario import Scenario, ScenarioResult
+    from wbc.sim.simulate import Interrupted
 
 DEFAULT = "humanoid-stand"
 
 
 @one_sentence
 def run(
-    scenario: Annotated[str, typer.Argument(help="A name that wbc list shows, module:name or file.py:name.")] = DEFAULT,
+    scenario: Annotated[
+        str | None, typer.Argument(help=f"A name that wbc list shows, module:name or file.py:name; default {DEFAULT}.")
+    ] = None,
     *,
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
     hierarchy: Annotated[str | None, typer.Option(help="What the stack's levels mean.")] = None,
@@ -41,30 +44,52 @@ def run(
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
     from wbc.qp.solvers import by_name
     from wbc.report.build import require_extras, run_report
-    from wbc.report.folder import check_free, replaced, write
+    from wbc.report.folder import replaced, write
     from wbc.sim.scenario import find
+    from wbc.sim.simulate import Interrupted
 
-    chosen = find(scenario)
+    if scenario is None:
+        print(f"wbc: running {DEFAULT}, since no scenario is named; wbc list shows the others", file=sys.stderr)
+    chosen = find(scenario or DEFAULT)
     parameters = chosen.parse(settings or ())
     chosen_settings = chosen.choose(plant=plant, hierarchy=hierarchy, duration=duration)
     by_name(solver)
     folder = out or _new_folder(chosen)
-    check_free(folder)
     require_extras()
-    with notes() as found, redirect_stdout(sys.stderr):
+    interrupted = False
+    with replaced(folder) as pending, notes() as found, redirect_stdout(sys.stderr):
         with progress(f"running {chosen.name}") as step:
-            result = chosen.run(parameters, solver=solver, progress=step, **chosen_settings)
+            try:
+                result = chosen.run(parameters, solver=solver, progress=step, **chosen_settings)
+            except Interrupted as stop:
+                result, interrupted = _unfinished(stop, chosen.name), True
         with progress("drawing the report") as step:
             report = run_report(result, progress=step)
-        with replaced(folder) as pending:
-            result.run.save(pending)
-            write(report, pending)
+        result.run.save(pending)
+        write(report, pending)
     if as_json:
         print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))
     else:
         tell(found)
         _print(report.summary, result, folder)
+    if interrupted:
+        complain(f"{result.run.meta['ended']}; the run so far is in {folder}")
+        raise typer.Exit(INTERRUPTED)
     raise typer.Exit(0 if result.ok else NO)
+
+
+def _unfinished(stop: Interrupted, name: str) -> ScenarioResult:
+    """What can be said of a run that Ctrl-C ended: everything but the scenario's own demands."""
+    from wbc.report import measure
+    from wbc.sim.scenario import Check, ScenarioResult
+
+    run = stop.run
+    run.meta.setdefault("scenario", name)
+    complete = Check("the run is complete", measure.seconds(run), float(run.meta["duration"]), False, "s")
+    return ScenarioResult(
+        run=run, ok=False, violations=measure.violations(run), tracking=measure.tracking(run), verdict=[complete],
+        robot=stop.robot,
+    )  # fmt: skip
 
 
 def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:

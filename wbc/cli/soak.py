@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,9 +11,10 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, notes, one_sentence, progress
+from wbc.cli.console import NO, notes, one_sentence, progress, whole_file
 from wbc.cli.list_ import table
 from wbc.errors import InvalidInput, UnknownName
+from wbc.plugins import registered
 from wbc.sim.scenario import imported
 from wbc.sim.soak import KINDS, Findings, Subject
 from wbc.sim.soak import soak as soaked
@@ -46,7 +46,7 @@ def soak(
     if not chosen:  # a verdict on nothing would read like a good one
         raise InvalidInput(f"nothing is registered as {GROUP}: install the project (again), or name module:NAME")
     rows: list[dict[str, Any]] = []
-    with notes(), progress("soaking") as step:
+    with whole_file(json_file) as write, notes(), progress("soaking") as step:
         for i, subject in enumerate(chosen):
 
             def one(done: float, i: int = i, name: str = subject.name) -> None:
@@ -54,25 +54,14 @@ def soak(
 
             found = soaked(subject, solver=solver, fast=fast, ticks=ticks, kind=kind, seed=seed, progress=one)
             rows.append({"subject": subject.name, "solver": solver, "fast": fast, "seed": seed, **_row(found)})
-    if json_file is not None:
-        json_file.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write(json.dumps(rows, indent=1) + "\n")
     _print(kind, rows)
     raise typer.Exit(0 if all(row["ok"] for row in rows) else NO)
 
 
 def subjects() -> dict[str, Subject]:
-    """Every registered subject by name.
-
-    Raises:
-        InvalidInput: an entry point that cannot be loaded.
-    """
-    found: dict[str, Subject] = {}
-    for point in entry_points(group=GROUP):
-        try:
-            found |= point.load()
-        except Exception as cause:
-            raise InvalidInput(f"the subjects of {point.value} cannot be loaded: {cause}") from cause
-    return found
+    """Every registered subject of a soak by name; a plugin that cannot be loaded is left out with a warning."""
+    return registered(GROUP)
 
 
 def _found(text: str) -> Subject:

@@ -49,15 +49,16 @@ def sweep(
     if (resume or repeat is not None) and out is None:
         raise InvalidInput("--resume and --repeat are about a sweep that was begun: give its folder as --out")
     if repeat is not None and out is not None:
-        typer.echo(json.dumps(sweeping.repeat(out, repeat), ensure_ascii=False, allow_nan=False))
+        typer.echo(json.dumps(sweeping.repeat(out, repeat, scenario=scenario), ensure_ascii=False, allow_nan=False))
         return
     require_extras("jinja2", "matplotlib")
     folder = out or Path("runs") / f"sweep-{datetime.now():%Y%m%d-%H%M%S}"
     how: dict[str, Any] = {"scheduler": scheduler, "workers": workers}
-    going_on = f"what was done stays: wbc sweep --resume --out {folder}"
+    named = f"{scenario} " if scenario and ":" in scenario else ""
+    going_on = f"finished runs are kept; continue with: wbc sweep {named}--resume --out {folder}"
     with notes() as found, progress("sweeping") as step, kept(going_on):
         if resume:
-            report = sweeping.resume(folder, progress=step, **how)
+            report = sweeping.resume(folder, scenario=scenario, progress=step, **how)
         else:
             if scenario is None:
                 raise InvalidInput("give a scenario, as wbc run takes it")

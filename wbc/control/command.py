@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from wbc.qp.solver import Solution
 
 
+_WITHOUT_LEVELS = ("relaxed", "closed form", "hold", "damped")
+
+
 @final
 class Forces(dict[str, Vec]):
     """Contact wrenches by the contact's name or by its frame, force before moment, axes of the surface (z normal)."""
@@ -42,10 +45,12 @@ class Command:
     """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
 
     tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
-    decide is NaN. ``status`` says how the tick ended, ``rung`` which rung of the ladder spoke ("solved", "other
-    solver", "relaxed", "closed form", "hold", "damped"), ``certificate`` the residuals of the answer in the rows' own
-    units, ``levels`` how each level of a strict hierarchy came out (:class:`~wbc.qp.rows.Outcome`). Arrays are the
-    command's own, stay valid, and are read-only.
+    decide is NaN. ``status.ok``: what was asked was answered, with proof. ``rung`` is the fallback level that made the
+    command: "solved" or "other solver" where the status is ok; else "not certified", "not optimised", "weighted
+    fallback", "relaxed", "closed form", "hold" or "damped" (:mod:`wbc.control.ladder`). ``certificate`` says by how
+    much limits are exceeded and, in ``certificate.bounds``, how far each task can be from its optimum [unit of the
+    task]. ``levels`` says how each level of a strict hierarchy came out, with its own certificate
+    (:class:`~wbc.qp.rows.Outcome`). Arrays are the command's own, stay valid, and are read-only.
     """
 
     __slots__ = (
@@ -66,43 +71,66 @@ class Command:
         tau: Vec | None = None,
         forces: Vec | tuple[Callable[[Vec, Vec], Vec], Vec, Vec] | None = None,
     ) -> None:
-        self._controller, self._serial = controller, controller.serial
+        self._controller: Controller | None = controller
+        self._serial = controller.serial
         self.status, self.rung, self.certificate = status, rung, certificate
-        #: Empty where nothing is ranked, and where the strict solver had no part in the command.
-        self.levels = controller.levels if rung == "solved" else ()
+        #: Empty where nothing is ranked, and where no solver of the hierarchy had part in the command.
+        self.levels = () if rung in _WITHOUT_LEVELS else controller.levels
         self._q_before, self._v_before = q, v_before
         self._v, self._a, self._tau, self._forces = v, a, tau, forces
         self._q: Vec | None = None
         self._f: Forces | None = None
         self._solution: Solution | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The values alone: a copy, or a pickle, is apart from the controller."""
+        values = {name: getattr(self, name) for name in ("certificate", "levels", "rung", "status")}
+        values |= {f"_{name}": getattr(self, name) for name in ("tau", "a", "v", "q", "f", "forces")}
+        kept = ("_q_before", "_v_before", "_solution")
+        return values | {name: getattr(self, name) for name in kept} | {"_controller": None, "_serial": -1}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            setattr(self, name, value)
+
+    @property
+    def _owner(self) -> Controller:
+        """The controller: what is still to be computed is computed by it. A copy has everything but a solution.
+
+        Raises:
+            WbcError: this is a copy.
+        """
+        if self._controller is None:
+            raise WbcError("a command that was copied or unpickled has no solution; read command.solution before")
+        return self._controller
+
     @property
     def tau(self) -> Vec:
         """Joint torques (nj,) [N m; N on prismatic joints]; NaN at levels without dynamics."""
         if self._tau is None:
-            self._tau = np.full(self._controller.model.nj, np.nan)
+            self._tau = np.full(self._owner.model.nj, np.nan)
         return self._tau
 
     @property
     def a(self) -> Vec:
         """Acceleration (nv,); NaN at the velocity level."""
         # Not kept: ``q`` tells by it whether accelerations were decided.
-        return np.full(self._controller.model.nv, np.nan) if self._a is None else self._a
+        return np.full(self._owner.model.nv, np.nan) if self._a is None else self._a
 
     @property
     def v(self) -> Vec:
         """Velocity (nv,) at the end of the tick: commanded, or v + a dt."""
         if self._v is None:
-            self._v = self._v_before + self._controller.dt * self.a
+            self._v = self._v_before + self._owner.dt * self.a
         return self._v
 
     @property
     def q(self) -> Vec:
         """Configuration (nq,) at the end of the tick: q ⊕ dt (v + ½ a dt), or q ⊕ dt v at the velocity level."""
         if self._q is None:
-            dt = self._controller.dt
+            dt = self._owner.dt
             mean = self.v if self._a is None else self._v_before + 0.5 * dt * self._a
-            self._q = self._controller.model.integrate(self._q_before, dt * mean)
+            self._q = self._owner.model.integrate(self._q_before, dt * mean)
         return self._q
 
     @property
@@ -117,7 +145,7 @@ class Command:
     def f(self) -> Forces:
         """Wrench of each contact, by its name or frame; NaN where none was decided."""
         if self._f is None:
-            self._f = self._controller.split_forces(self.forces)
+            self._f = self._owner.split_forces(self.forces)
         return self._f
 
     @property
@@ -128,9 +156,9 @@ class Command:
             WbcError: the controller has ticked since; read it before the next tick.
         """
         if self._solution is None:
-            if self._controller.serial != self._serial:
+            if self._owner.serial != self._serial:
                 raise WbcError("the controller has ticked since; read command.solution before the next tick")
-            self._solution = self._controller.solution()
+            self._solution = self._owner.solution()
         return self._solution
 
     def __repr__(self) -> str:

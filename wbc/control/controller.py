@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -20,7 +21,7 @@ from wbc import checks
 from wbc.control.command import Command, Forces
 from wbc.control.ladder import Ladder, Recovery
 from wbc.control.watchdog import Watch, Watchdog
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError
 from wbc.models import plausible
 from wbc.models.model import RobotModel
 from wbc.qp.certificate import Certificate
@@ -29,8 +30,11 @@ from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.qp.solvers.pdas import Pdas
+from wbc.stack.component import Component
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy, Weighted
+from wbc.stack.overrides import Overrides
+from wbc.stack.plan import Plan
 from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
@@ -98,8 +102,8 @@ class Controller:
             if not isinstance(value, kind):
                 raise InvalidInput(f"{name} is {value!r}; it must be {what}")
         self.model, self.stack, self.level = robot, stack, level
-        self.dt = checks.number("dt", dt, low=0.0, strict=True)
-        plausible.period(self.dt)
+        self._dt = checks.number("dt", dt, low=0.0, strict=True)
+        plausible.period(self._dt)
         self.ladder = Ladder(self, recovery)
         if not isinstance(watchdog, Watchdog | None):
             raise InvalidInput(f"watchdog is {watchdog!r}; it must be wbc.Watchdog(...)")
@@ -125,8 +129,29 @@ class Controller:
         self.serial = 0
         self.reset()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy, or a pickle, is a controller made anew from the same settings: it remembers nothing."""
+        settings: dict[str, Any] = {
+            "level": self.level, "hierarchy": self.hierarchy, "solver": self.solver, "dt": self.dt, "fast": self.fast,
+            "recovery": self.ladder.recovery, "watchdog": self.watch.settings,
+        }  # fmt: skip
+        return partial(Controller, **settings), (self.model, self.stack)
+
     def _open(self, problem: RowProblem) -> RowSolver:
         return self.hierarchy.open(problem, self.solver)
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks [s]; it is fixed when a controller is made.
+
+        Raises:
+            NotSupported: an assignment.
+        """
+        return self._dt
+
+    @dt.setter
+    def dt(self, value: Any) -> None:
+        raise NotSupported(f"controller.dt is fixed at {self._dt:g} s, as plans depend on it; make another controller")
 
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
@@ -134,6 +159,8 @@ class Controller:
         self.why = ""
         self.last: Command | None = None
         self.status = Status.FAILED
+        #: The plan that the tick before was solved with.
+        self._solved: Plan | None = None
         self.ladder.reset()
         self.watch.reset()
         self._started = False
@@ -145,7 +172,7 @@ class Controller:
         """Decide the command for time t [s], configuration q (nq,) and velocity v (nv,).
 
         Raises:
-            InvalidInput: q or v has another shape, or is not numbers.
+            InvalidInput: q or v has another shape, or an argument is not real numbers. Nothing else is raised.
         """
         watch = self.watch
         start = watch.clock() if watch.timed else 0.0
@@ -161,22 +188,33 @@ class Controller:
         if intervals is not None and intervals.remembers:
             intervals.remember((command.v - self.state.v)[self.model.nb :] / self.dt)
         for component in self.components:
-            component.after(self.state, command)
+            self._tell(component, command)
         self.last = command
         if watch.timed:
             self.ladder.late(command, watch.took(watch.clock() - start))
         return command
 
+    def _tell(self, component: Component, command: Command) -> None:
+        """Show a component what was decided. If it raises, what was decided stands, and the status says that it did."""
+        try:
+            component.after(self.state, command)
+        except Exception as cause:
+            failure = str(MemberFailed(f"{component.name}.after", cause))
+            self.why = f"{self.why}; {failure}" if self.why else failure
+            self.ladder.spoilt(command, self.why)
+
     def read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
         """Copies of the arguments as numbers of the right shape.
 
         Raises:
-            InvalidInput: q or v has another shape, or is not numbers.
+            InvalidInput: q or v has another shape, or an argument is not real numbers.
         """
         try:
-            t, q, v = float(t), np.array(q, _NUMBERS), np.array(v, _NUMBERS)
-        except (TypeError, ValueError) as cause:
-            raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of numbers: {cause}") from None
+            t = t if type(t) is float else float(checks.floats(t)[()])
+            q, v = (x.copy() if type(x) is np.ndarray and x.dtype == _NUMBERS else checks.floats(x) for x in (q, v))
+        except Exception as cause:  # a conversion may raise whatever it likes
+            text = f"{type(cause).__name__}: {cause}"
+            raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of real numbers: {text}") from None
         if q.shape != self._q_shape or v.shape != self._v_shape:
             name, vector, shape = ("v", v, self._v_shape) if q.shape == self._q_shape else ("q", q, self._q_shape)
             raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
@@ -204,37 +242,90 @@ class Controller:
     def _decide(self, t: float, q: Vec, v: Vec) -> Command:
         state = self.state
         state.update(t, q, v)
-        if not self._started:
-            self._start()
-        elif self.plans.schedule is not None:
-            mode = self.plans.choose(self.plans.schedule.contacts(state, self.last), state)
-            if mode is not self.mode:
-                self._use(mode)
+        try:
+            self._ask_members()
+        except WbcError as failure:
+            self.why = str(failure)
+            return self.ladder.failed(q, v)
         plan = self.plan
-        if self.components:
-            plan.extra_bias[:] = 0.0
-            plan.extra_inertia = None
-            for component in self.components:
-                component.before(state, self.last, plan)
-        plan.fill(state)
         self.status = status = self.asked(self._solver)
+        if plan.stopping is not None and status is Status.SOLVED:
+            for _ in plan.stopping.narrowings(plan, state):
+                self.status = status = self.asked(self._solver)
+                if status is not Status.SOLVED:
+                    break
         if status is not Status.SOLVED:
             return self.ladder.descend(status, q, v)
         if plan.intervals is not None and plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
+        if notes := plan.notes:
+            self.why = "; ".join([*([self.why] if self.why else []), *notes])
+        self._solved = plan
         command = self.decode(q, v)
         if self.ladder.failures:
             return self.ladder.resume(command, q, v)
         self.ladder.good = command
         return command
 
+    def _ask_members(self) -> None:
+        """What members say of this tick: schedule, components, then the rows of tasks, constraints and contacts.
+
+        Raises:
+            WbcError: one of them raised, or gave what makes no sense; the message names it.
+        """
+        if not self._started:
+            self._start()
+        elif self.plans.schedule is not None:
+            self._choose_contacts(self.last)
+        if self.components:
+            said = self._overrides()
+            try:
+                self.plan.apply(said)
+            except WbcError:
+                raise
+            except Exception as cause:  # what was given may raise whatever it likes when it is looked at
+                raise MemberFailed(f"overrides of {', '.join(name for name, _ in said)}", cause) from cause
+        if self._solved is self.plan and isinstance(self.hierarchy, Weighted):  # a damped level is not at its least
+            self.plan.observe()
+        self._solved = None
+        self.plan.fill(self.state)
+        self.plan.refuse_not_finite()
+
+    def _overrides(self) -> list[tuple[str, Overrides]]:
+        said = []
+        for component in self.components:
+            try:
+                overrides = component.before(self.state, self.last, self.plan)
+                if overrides is not None and type(overrides) is not Overrides:
+                    raise InvalidInput(
+                        f"it returned {checks.shown(overrides)}; it must return wbc.Overrides(...) or None"
+                    )
+            except Exception as cause:
+                raise MemberFailed(f"{component.name}.before", cause) from cause
+            if overrides is not None:
+                said.append((component.name, overrides))
+        return said
+
+    def _choose_contacts(self, last: Command | None) -> None:
+        schedule = self.plans.schedule
+        assert schedule is not None, "there is one"
+        try:
+            mode = self.plans.choose(schedule.contacts(self.state, last), self.state)
+        except Exception as cause:
+            raise MemberFailed(f"{schedule.name}.contacts", cause) from cause
+        if mode is not self.mode:
+            self._use(mode)
+
     def _start(self) -> None:
         with suppress(plausible.ImplausibleUnit):  # where warnings are errors: a tick raises none
             plausible.joints(self.model, "q", self.state.q_joints)
         for component in self.components:
-            component.reset(self.state)
+            try:
+                component.reset(self.state)
+            except Exception as cause:
+                raise MemberFailed(f"{component.name}.reset", cause) from cause
         if self.plans.schedule is not None:
-            self._use(self.plans.choose(self.plans.schedule.contacts(self.state, None), self.state))
+            self._choose_contacts(None)
         self.plan.start(self.state)
         self._started = True
 
@@ -267,6 +358,15 @@ class Controller:
         except Exception as cause:  # a back end may raise anything, and a robot still needs a command
             self.why = f"solver {self.solver.name!r} raised {type(cause).__name__}: {cause}"
             return Status.FAILED
+
+    @property
+    def answering(self) -> RowSolver:
+        """The solver that was asked last."""
+        return self._answered
+
+    def answered_by(self, solver: RowSolver) -> None:
+        """From now on the tick's answer is this solver's."""
+        self._answered = solver
 
     def decode(
         self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Certificate | None = None
@@ -336,7 +436,7 @@ class Controller:
 
     def split_forces(self, forces: Vec | None) -> Forces:
         """Contact forces (nf,) as wrenches by contact name."""
-        contacts = self.stack.contacts
+        contacts = self.plans.whole.plan.layout.contacts
         wrenches, start = {}, 0
         for contact in contacts:
             part = slice(start, start + contact.dim)

@@ -6,16 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wbc.control.ladder import WEAKER
 from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
 from wbc.qp.problem import QP
+from wbc.stack.task import Objective
 from wbc.types import Status, Vec
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
 
 _SAID = {
-    "relaxed": "the laws give way as little as they can",
+    "not certified": "an answer within all constraints, its distance from the optimum unproved",
+    "not optimised": "the levels that the budget reached; those below are where these leave them",
+    "weighted fallback": "one weighted sum of all levels",
+    "relaxed": "the constraints are relaxed as little as possible",
     "closed form": "the closed form, cut to the limits",
     "hold": "the last certified command is held",
     "damped": "the robot brakes",
@@ -33,7 +38,10 @@ def explain(controller: Controller) -> str:
         return "no tick yet"
     head = f"tick {controller.ticks} at t = {controller.state.t:.3f} s: {controller.status}"
     if not controller.status.ok:
-        return "\n".join([head, *_failure(controller)])
+        lines = [head, *_failure(controller)]
+        if controller.last is not None and controller.last.rung in WEAKER:
+            lines += [*_levels(controller), *_tasks(controller)]
+        return "\n".join(lines)
     lines = [f"{head} ({controller.form} form, {controller.iterations} iterations)"]
     lines += [*_levels(controller), *_tasks(controller), *_active_rows(controller), *_regularisation(controller)]
     return "\n".join(lines)
@@ -46,6 +54,8 @@ def _failure(controller: Controller) -> list[str]:
     if found is None and controller.status is Status.INFEASIBLE:
         why = "no point was found, but no rows contradict each other by more than rounding; look at the scaling"
     lines = [f"  {why}"] if found is None else [f"  {found}"]
+    if found is not None and controller.last is not None and controller.last.rung == "relaxed":
+        lines.append(f"  {controller.why}")
     if controller.last is not None:
         lines.append(f"  instead: {_SAID.get(controller.last.rung, controller.last.rung)}, within its limits")
     return lines
@@ -53,7 +63,7 @@ def _failure(controller: Controller) -> list[str]:
 
 def conflict_of(controller: Controller) -> Conflict | None:
     """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none."""
-    if controller.status in (Status.SOLVED, Status.INVALID_STATE):
+    if controller.status is not Status.INFEASIBLE and controller.status is not Status.FAILED:
         return None
     plan, qp = controller.plan, controller.qp
     try:
@@ -91,31 +101,35 @@ def _tasks(controller: Controller) -> list[str]:
     plan, p = controller.plan, controller.plan.problem
     layout, errors = plan.layout, plan.errors()
     rows = p.G @ p.x1
-    found: list[tuple[str, float, str, Vec, Vec]] = []
+    found: list[tuple[Objective, Vec, Vec]] = []
     tasks = (*layout.linear, *layout.kinematic)
     for task, first in zip(tasks, (*layout.linear_rows, *layout.kinematic_rows), strict=True):
         residual = rows[first : first + task.dim]
         weights = p.weights[first - p.soft.start : first - p.soft.start + task.dim]
-        found.append((task.name, _size(errors.get(task.name)), task.unit(0), residual, weights))
+        found.append((task, residual, weights))
     joints = p.x[controller.model.nb : controller.model.nv]
     behind = layout.n_rows - layout.motion_row
     nj = controller.model.nj
     for i, joint_task in enumerate(layout.on_joints):
         wanted = plan.motion.wanted[behind + i * nj : behind + (i + 1) * nj]
-        found.append((joint_task.name, _size(errors[joint_task.name]), joint_task.unit(0), joints - wanted,
-                      joint_task.weights()))  # fmt: skip
+        found.append((joint_task, joints - wanted, joint_task.weights()))
     for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
         gives = slice(column, column + soft.dim)
-        found.append((soft.name, np.nan, soft.unit(0), p.x[gives] * p.scale[gives], soft.weights()))
-    costs = [0.5 * float((weights * residual**2).sum()) for *_, residual, weights in found]
+        found.append((soft, p.x[gives] * p.scale[gives], soft.weights()))
+    costs = [0.5 * float((weights * residual**2).sum()) for _, residual, weights in found]
     total = sum(costs) or 1.0
     suffix = "/s" if controller.level.order == 1 else "/s²"
+    bounds = {} if controller.last is None else controller.last.certificate.bounds
     lines = ["tasks:"]
-    for (name, error, unit, residual, _), cost in zip(found, costs, strict=True):
-        ending = suffix if name in errors else ""
-        seen = f"error {error:.3g} {unit}, " if name in errors else ""
+    for (member, residual, _), cost in zip(found, costs, strict=True):
+        error = errors.get(member.name)
+        ending = "" if error is None else suffix
+        seen = "" if error is None else f"error {_sizes(member, error)}, "
         share = 100.0 * cost / total
-        lines.append(f"  {name}: {seen}residual {_size(residual):.3g} {unit}{ending}, {share:.1f} % of the cost")
+        line = f"  {member.name}: {seen}residual {_sizes(member, residual, ending)}, {share:.1f} % of the cost"
+        if member.name in bounds:
+            line += f"; at most {bounds[member.name]:.1g} {member.unit(0)}{ending} from its optimum"
+        lines.append(line)
     return lines
 
 
@@ -145,8 +159,15 @@ def _active_rows(controller: Controller) -> list[str]:
 
 
 def _regularisation(controller: Controller) -> list[str]:
-    return [f"regularisation: {controller.level.regularisation:g} on every unknown"]
+    lines = [f"regularisation: {controller.level.regularisation:g} on every unknown"]
+    damping = controller.plan.damping.applied
+    if damping.any():
+        lines.append(f"damping of the joints, for what was left of the tasks a tick ago: up to {damping.max():.3g}")
+    return lines
 
 
-def _size(values: Vec | None) -> float:
-    return float("nan") if values is None else float(np.linalg.norm(values))
+def _sizes(member: Objective, values: Vec, ending: str = "") -> str:
+    """The norm of the rows of each unit, as in ``0.2 m, 1.3 rad``."""
+    units = [member.unit(i) for i in range(member.dim)]
+    norms = {unit: np.linalg.norm([x for x, own in zip(values, units, strict=True) if own == unit]) for unit in units}
+    return ", ".join(f"{norm:.3g} {unit}{ending}".rstrip() for unit, norm in norms.items())

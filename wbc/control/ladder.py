@@ -1,16 +1,20 @@
-"""Ladder: what a controller does, in the same tick, when the solver asked for has no certified answer.
+"""Ladder: the fallback sequence of a controller for a tick whose problem has no certified answer.
 
-    other solver   the default solver, from the active set it remembers, then DAQP; for those two Clarabel
-    relaxed        laws give way in a declared order, each as little as it can; torques, friction and physics hold;
-                   ``controller.why`` says which, and by how much
-    closed form    the minimum of the cost under the equalities alone, cut to the limits; on legs if it needs no cut
-    hold           the last certified command
-    damped         brake to rest, see :mod:`wbc.control.fallback`
+    other solver       the same hierarchy on the default solver; where that is the solver that failed, on Clarabel
+    not certified      the answer meets all constraints, and its distance from the optimum is not proved
+    not optimised      a strict hierarchy used its budget of QPs: lower levels are where the upper ones left them
+    weighted fallback  a strict hierarchy has no answer: one QP with the weighted sum of all levels
+    relaxed            constraints are relaxed in a declared order, each as little as possible; torques, friction and
+                       physics hold; ``controller.why`` says which constraints, and by how much
+    closed form        the minimum of the cost under the equalities alone, cut to the limits; on legs if it needs no cut
+    hold               the last certified command
+    damped             brake to rest, see :mod:`wbc.control.fallback`
 
-The first two are certified answers, of the problem itself and of the declared relaxed one; the others are failures.
-After ``hold_ticks`` failures in a row only the last rung is left, until the problem has been solved again for
-``resume_after`` ticks. Every rung keeps the limits on position, velocity, acceleration and torque, except where the
-relaxed problem says which of them gives way. Everything is written into ``log``.
+The first answers what was asked, with a certificate: its status is ok. No other level's is. The next three answer a
+weaker question within all constraints, a relaxed answer is certified for the relaxed problem, and the others are
+failures. After ``hold_ticks`` failures in a row only the last level is used, until the problem has been solved again
+for ``resume_after`` ticks. Every level keeps the limits on position, velocity, acceleration and torque, except for what
+the relaxed problem says. Everything is written into ``log``.
 """
 
 from __future__ import annotations
@@ -27,13 +31,15 @@ from wbc import checks
 from wbc.control.command import Command
 from wbc.control.fallback import Fallback
 from wbc.errors import InvalidInput, InvalidProblem
-from wbc.qp.certificate import Certificate
+from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.problem import QP
 from wbc.qp.relax import relaxed
+from wbc.qp.rows import RowSolver
+from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED
 from wbc.qp.solvers import by_name
 from wbc.qp.solvers.clarabel_ import Clarabel
 from wbc.qp.solvers.daqp_ import Daqp
-from wbc.stack.hierarchy import Weighted
+from wbc.qp.solvers.pdas import Pdas
 from wbc.stack.plan import Plan
 from wbc.types import Status, Vec
 
@@ -43,7 +49,10 @@ if TYPE_CHECKING:
 #: What may give way, in the order in which it does.
 GIVES = ("force rates", "laws", "contacts", "barriers", "joint limits")
 
-_NO_PROOF = Certificate(float("inf"), float("inf"), float("inf"))
+_NO_PROOF = Certificate.none()
+#: Answers within all constraints to a weaker question than was asked, the better ones first.
+NOT_CERTIFIED = "not certified"
+WEAKER = (NOT_CERTIFIED, NOT_OPTIMISED, WEIGHTED)
 #: No acceleration, force or torque is larger.
 _HUGE = 1e12
 #: How well a closed form meets its rows, in their units.
@@ -98,6 +107,15 @@ class Event(NamedTuple):
     why: str
 
 
+class _Weaker(NamedTuple):
+    """An answer to a weaker question: what it is, its status, whose it is, and the problem's values."""
+
+    rung: str
+    status: Status
+    solver: RowSolver
+    value: Vec
+
+
 @final
 class Ladder:
     """The rungs below "solved", for one controller. ``rungs`` counts how often each has spoken."""
@@ -120,25 +138,39 @@ class Ladder:
         """The command for a state that is not to be believed."""
         return self._fail(Status.INVALID_STATE, *self._expected())
 
+    def failed(self, q: Vec, v: Vec) -> Command:
+        """The command of a tick in which a member failed, so that there is no problem to solve: hold, or brake."""
+        return self._fail(Status.FAILED, q, v)
+
+    def spoilt(self, command: Command, why: str) -> None:
+        """Write down that a component failed after the command was decided: the command stands, not ok."""
+        self._controller.status = command.status = Status.FAILED
+        self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
+
     def descend(self, status: Status, q: Vec, v: Vec) -> Command:
         """The command of the highest rung that holds."""
         controller, start = self._controller, perf_counter()
         controller.why = controller.why or controller.plan.not_finite()
         self._solved = 0
         if not controller.plan.not_finite():
-            if status is not Status.INFEASIBLE or controller.solver.name not in ("pdas", "daqp"):
+            weaker = self._weaker(status)
+            if status is not Status.INFEASIBLE and (weaker is None or weaker.rung != NOT_OPTIMISED):
                 answer = self._other_solver(status)
                 if answer.ok:
                     return self._certified(Status.SOLVED, "other solver", q, v, controller.proof)
+                other = self._weaker(answer)
+                if other is not None and (weaker is None or WEAKER.index(other.rung) < WEAKER.index(weaker.rung)):
+                    weaker = other
                 status = answer
+            if weaker is not None and status is not Status.INFEASIBLE:
+                controller.plan.problem.value[:] = weaker.value
+                controller.answered_by(weaker.solver)
+                return self._certified(weaker.status, weaker.rung, q, v, weaker.solver.certificate)
             controller.status = status
             if self._limited():
                 found = self._relaxed(start) if status is Status.INFEASIBLE else None
                 if found is not None:
-                    gave, proof = found
-                    if gave:
-                        return self._certified(status, "relaxed", q, v, proof)
-                    return self._certified(Status.SOLVED, "other solver", q, v, proof)
+                    return self._certified(status, "relaxed", q, v, found)
                 if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
                     return self._answer(status, "closed form", q, v, _NO_PROOF)
         return self._fail(status, q, v)
@@ -159,27 +191,36 @@ class Ladder:
             self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
 
     # ---- rungs
+    def _weaker(self, status: Status) -> _Weaker | None:
+        """What the solver asked last has left in memory, where that meets all constraints."""
+        controller = self._controller
+        solver = controller.answering
+        rung = solver.shortfall
+        if not rung and status is Status.INACCURATE:
+            rung = NOT_CERTIFIED
+        value = controller.plan.problem.value
+        if not rung or not solver.certificate.primal <= TOLERANCE or not (np.abs(value) < _HUGE).all():
+            return None
+        return _Weaker(rung, status, solver, value.copy())
+
     def _other_solver(self, status: Status) -> Status:
         controller = self._controller
         mode = controller.mode
         if mode.second is None:
-            name = "clarabel" if controller.solver.name in ("pdas", "daqp") else "pdas"
-            mode.second = Weighted().open(controller.plan.problem, by_name(name))
+            name = "clarabel" if isinstance(controller.solver, Pdas) else "pdas"
+            mode.second = controller.hierarchy.open(controller.plan.problem, by_name(name))
         answer = controller.asked(mode.second)
-        return answer if answer.ok or answer is Status.INFEASIBLE else status
+        return status if answer is Status.FAILED else answer
 
-    def _relaxed(self, start: float) -> tuple[bool, Certificate] | None:
-        """Solve with the rows of the first class relaxed, then of the first two, and so on; whether any had to be.
-
-        First with none: a solver that calls a problem infeasible may be mistaken. DAQP has then been asked already.
-        """
-        plan, trusted = self._controller.plan, self._controller.solver.name in ("pdas", "daqp")
+    def _relaxed(self, start: float) -> Certificate | None:
+        """Solve with the rows of the first class relaxed, then of the first two, and so on."""
+        plan = self._controller.plan
         qp, p = plan.qp, plan.problem
         share = _SHARE / float(np.abs(qp.H.diagonal()).max())
         items: list[int] = []
-        classes = {"nothing": list[int](), **dict(_classes(plan, qp))}
-        for kind in ("nothing", *self.recovery.gives):
-            if (trusted if kind == "nothing" else not classes[kind]) or not self._in_time(start):
+        classes = dict(_classes(plan, qp))
+        for kind in self.recovery.gives:
+            if not classes[kind] or not self._in_time(start):
                 continue
             items += classes[kind]
             for solver in _OF_RELAXED:  # what one takes for infeasible the other may solve
@@ -189,8 +230,15 @@ class Ladder:
                     return None
                 if solution.status.ok and np.abs(solution.x).max() < _HUGE:
                     self._write(solution.x[: p.n])
-                    self._controller.why = _gave_way(plan, qp, sorted(items), solution.x[p.n :])
-                    return bool(items), solution.certificate
+                    if plan.stopping is not None:
+                        for _ in plan.stopping.narrowings(plan, self._controller.state):
+                            narrowed = solver.solve(relaxed(plan.qp, items, share=share))
+                            if not narrowed.status.ok:
+                                break
+                            solution = narrowed
+                            self._write(solution.x[: p.n])
+                    self._controller.why = _said_relaxed(plan, qp, sorted(items), solution.x[p.n :])
+                    return solution.certificate
         return None
 
     def _closed_form(self) -> bool:
@@ -290,15 +338,15 @@ class Ladder:
         return command
 
 
-def _gave_way(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:
-    """What gave way most, at most three rows, by which law and how much."""
+def _said_relaxed(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:
+    """What was relaxed most, at most three rows, of which constraint and by how much."""
     said, m = [], len(qp.lower)
     for k in np.argsort(-np.abs(slack), kind="stable")[:3]:
         row, unknown = qp.rows[items[k]], items[k] - m
         owner = row.owner if unknown < 0 else plan.bound_owner(unknown, upper=slack[k] > 0.0)
         if abs(slack[k]) > _SHOWN:
             said.append(f"{owner} {row.label}".strip() + f" by {abs(slack[k]):.3g} {row.unit}")
-    return "gave way: " + ", ".join(said) if said else ""
+    return "relaxed: " + ", ".join(said) if said else ""
 
 
 def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:

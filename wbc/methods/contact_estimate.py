@@ -21,16 +21,17 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
-from wbc.methods.least_distance import nearest
+from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.metric import inverse_root, metric
-from wbc.methods.shared import answered
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
 
 #: Directions that no joint feels are given this share of the largest curvature, so that their force is 0.
 UNFELT = 1e-9
+#: Axes that are across the normal by as much, up to rounding: the first is taken.
+TIE = 1e-9
 
 
 @final
@@ -140,7 +141,8 @@ class ContactEstimate(Method):
         if not self.friction:
             return np.zeros((0, 3))
         inward = -self.normal
-        tangent = np.cross(inward, np.eye(3)[int(np.abs(inward).argmin())])
+        across = np.abs(inward) <= np.abs(inward).min() + TIE
+        tangent = np.cross(inward, np.eye(3)[int(across.argmax())])
         tangent /= np.linalg.norm(tangent)
         other = np.cross(inward, tangent)
         return np.array([s * t - self.friction * inward for t in (tangent, other) for s in (1.0, -1.0)])

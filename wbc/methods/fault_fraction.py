@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.errors import NoClosedForm
-from wbc.methods.least_distance import nearest
+from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.metric import inverse_root, metric
-from wbc.methods.shared import answered
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec

@@ -1,11 +1,14 @@
 """Contact forces that together are a given wrench, of least weighted norm.
 
-    minimise ½ fᵀW f   subject to   G f = wrench,   |f_x| ≤ μ f_z, |f_y| ≤ μ f_z at every contact,   f_min ≤ f ≤ f_max.
+    minimise ½ fᵀW f   subject to   G f = wrench,   f in a friction pyramid at every contact,   f_min ≤ f ≤ f_max.
 
 G (m, nf) is the grasp matrix: column by column the wrench of a unit force. Without friction and limits the optimality
 conditions W f = Gᵀλ, G f = wrench are linear,
 
     f = W⁻¹Gᵀλ,   λ = (G W⁻¹ Gᵀ)⁻¹ wrench   (pseudo-inverse where rows of G depend on each other).
+
+With them the finite method of :mod:`wbc.methods.farthest` finds the forces, or multipliers that prove that there are
+none.
 
 Kerr, Roth: Analysis of multifingered hands, International Journal of Robotics Research 4(4), 1986.
 """
@@ -19,11 +22,12 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, NoClosedForm
-from wbc.methods.least_distance import nearest
+from wbc.errors import InvalidInput
+from wbc.friction import Pyramid
+from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.metric import inverse_root, metric
-from wbc.methods.shared import answered, box, factors
+from wbc.methods.shared import box, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
@@ -57,7 +61,10 @@ class ForceDistribution(Method):
         wrench: what the forces must add up to (m,) [N, N m].
         weight: W, a positive number, the diagonal (nf,) or a symmetric positive definite matrix (nf, nf); none: 1.
         friction: coefficient μ > 0, one for all contacts or one each; the forces are then (f_x, f_y, f_z) of point
-            contacts, z along the normal, nf = 3 k. The pyramid is the one outside the cone: |f_x| and |f_y| ≤ μ f_z.
+            contacts, z along the normal, nf = 3 k.
+        friction_model: "inner", the default, a pyramid inside the circular cone: |f_x| and |f_y| ≤ μ/√2 f_z with 4
+            sides; or "outer", around it: |f_x| and |f_y| ≤ μ f_z. See :class:`~wbc.friction.Pyramid`.
+        sides: of the pyramid, 4 or 8.
         f_min: lower limits (nf,), or a number for all [N].
         f_max: upper limits (nf,), or a number for all [N].
 
@@ -75,20 +82,27 @@ class ForceDistribution(Method):
     wrench: Vec
     weight: Mat
     friction: Vec
+    friction_model: str
+    sides: int
     f_min: Vec
     f_max: Vec
 
     def __init__(
-        self, G: Any, wrench: Any, *, weight: Any = None, friction: Any = None, f_min: Any = None, f_max: Any = None
-    ) -> None:
+        self, G: Any, wrench: Any, *, weight: Any = None, friction: Any = None, friction_model: str = "inner",
+        sides: int = 4, f_min: Any = None, f_max: Any = None,
+    ) -> None:  # fmt: skip
         G = checks.array("G", G, (None, None))
         nf = G.shape[1]
         lower, upper = box(nf, f_min=-np.inf if f_min is None else f_min, f_max=np.inf if f_max is None else f_max)
         fields = {
             "G": G, "wrench": checks.array("wrench", wrench, (len(G),)),
             "weight": metric("weight", 1.0 if weight is None else weight, nf),
-            "friction": _friction(friction, nf), "f_min": lower, "f_max": upper,
+            "friction": _friction(friction, nf), "friction_model": friction_model, "sides": sides, "f_min": lower,
+            "f_max": upper,
         }  # fmt: skip
+        if not isinstance(friction_model, str):
+            raise InvalidInput(f"friction_model is {friction_model!r}; it must be 'inner' or 'outer'")
+        Pyramid(1.0, friction_model, sides)
         for name, value in fields.items():
             object.__setattr__(self, name, value)
 
@@ -98,13 +112,9 @@ class ForceDistribution(Method):
         return inverse_root(self.weight)
 
     def closed_form(self) -> Distribution:
-        """The pseudo-inverse of G in the metric of W.
-
-        Raises:
-            NoClosedForm: there is friction, or a limit that is not infinite.
-        """
+        """The pseudo-inverse of G in the metric of W; with friction or limits, the finite method."""
         if self.friction.size or np.isfinite([self.f_min, self.f_max]).any():
-            raise NoClosedForm("friction and force limits have no closed form; use solve")
+            return self._nearest(None)
         root = self._root
         found = factors(self.G @ root)
         u = found.inverse(self.wrench)
@@ -121,25 +131,26 @@ class ForceDistribution(Method):
         return Distribution(np.full(nf, np.nan), np.full(m, np.nan), np.full(m, np.nan), False)
 
     def qp(self) -> QP:
-        """minimise ½ fᵀW f subject to G f = wrench (m rows), 0 ≤ μ f_z ∓ f_x, 0 ≤ μ f_z ∓ f_y (4 rows a contact)."""
-        (m, nf), pyramid = self.G.shape, self._pyramid()
-        sides = ("μ f_z − f_x", "μ f_z + f_x", "μ f_z − f_y", "μ f_z + f_y")
+        """minimise ½ fᵀW f subject to G f = wrench (m rows), 0 ≤ mu f_z − n · (f_x, f_y) (``sides`` rows a contact)."""
+        (m, nf), (pyramid, sides) = self.G.shape, self._pyramid()
         return QP(
             self.weight, np.zeros(nf), A=self.G, b=self.wrench, C=pyramid, cl=np.zeros(len(pyramid)),
             lb=self.f_min, ub=self.f_max,
             rows=[
                 *(Row("wrench", f"row {i}") for i in range(m)),
-                *(Row(f"friction[{k}]", side, "N") for k in range(self.friction.size) for side in sides),
+                *(Row(f"friction[{k}]", side, "N") for k in range(self.friction.size) for side in sides[k]),
                 *(Row("force limits", f"force {i}", "N") for i in range(nf)),
             ],
         )  # fmt: skip
 
-    def _pyramid(self) -> Mat:
-        """Rows (4 k, nf) that are not negative inside friction."""
-        rows = np.zeros((4 * self.friction.size, self.G.shape[1]))
+    def _pyramid(self) -> tuple[Mat, list[list[str]]]:
+        """Rows (sides k, nf) that are not negative inside friction, and what the sides of each contact are called."""
+        rows, names = np.zeros((self.sides * self.friction.size, self.G.shape[1])), []
         for k, mu in enumerate(self.friction):
-            rows[4 * k : 4 * k + 4, 3 * k : 3 * k + 3] = [[-1, 0, mu], [1, 0, mu], [0, -1, mu], [0, 1, mu]]
-        return rows
+            pyramid = Pyramid(float(mu), self.friction_model, self.sides)
+            rows[self.sides * k : self.sides * (k + 1), 3 * k : 3 * k + 3] = -pyramid.rows
+            names.append([f"{name} <= mu fz" for name in pyramid.names])
+        return rows, names
 
     def solve(self, solver: str | Solver = "pdas") -> Distribution:
         """The forces by QP.
@@ -148,7 +159,12 @@ class ForceDistribution(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        found = answered(nearest(self.qp(), np.zeros(self.G.shape[1]), self._root, solver), solver)
+        return self._nearest(solver)
+
+    def _nearest(self, solver: str | Solver | None) -> Distribution:
+        found = nearest(self.qp(), np.zeros(self.G.shape[1]), self._root, solver)
+        if solver is not None:
+            answered(found, solver)
         return self._result(found.x, -found.y) if found.status.ok else self._infeasible()
 
     def difference(self, result: Distribution, reference: Distribution) -> Mapping[str, float]:
@@ -163,7 +179,7 @@ class ForceDistribution(Method):
             return float(np.linalg.norm(factor @ f))
 
         scale, reach = size(reference.f) or 1.0, np.linalg.norm(self.G @ root, axis=1)
-        inside = np.concatenate([self._pyramid() @ result.f, result.f - self.f_min, self.f_max - result.f])
+        inside = np.concatenate([self._pyramid()[0] @ result.f, result.f - self.f_min, self.f_max - result.f])
         found = {
             "force": size(result.f - reference.f) / scale,
             "cost": abs(size(result.f) ** 2 - size(reference.f) ** 2) / scale**2,
@@ -187,4 +203,7 @@ def _friction(friction: Any, nf: int) -> Vec:
         return np.zeros(0)
     if nf % 3:
         raise InvalidInput(f"friction needs forces in threes (f_x, f_y, f_z); G has {nf} columns")
-    return checks.limit("friction", friction, nf // 3)
+    values = checks.each("friction", friction, nf // 3)
+    for i in (values <= 0.0).nonzero()[0]:
+        raise InvalidInput(f"friction[{i}] is {values[i]:g}; it must be positive")
+    return values

@@ -4,12 +4,10 @@ Every cost here is a squared distance, ½ |x − centre|² in the metric H = (R 
 
     x = centre + R u,      H → I,      equality rows orthonormal, the others of unit length, u of size one,
 
-all numbers a solver sees are about one, whatever the units, and it needs nothing but a strictly convex cost: an
-accuracy of 1e-9 means nine digits, also of a solver that stops at absolute residuals. Interior-point and splitting
-methods stop beside the answer; the rows they found active are solved once more as equations, and the certificate says
-whether that is better. Where neither will do, the equations are eliminated and what is left is posed again in its own
-size, which also shows how far from each other rows are that nearly agree. That no point meets all rows is no solver's
-word: it is proven (:func:`wbc.qp.conflict.least_violation`), and where there is no proof there is a point.
+all numbers a solver sees are about one, whatever the units, and it needs nothing but a strictly convex cost. Solvers
+stop beside the answer, at 1e-9 or at 1e-4. The finite method of :mod:`wbc.methods.farthest` has the last digits, and
+with them the multipliers, or multipliers that prove that no point meets all rows. It does not speak for a solver that
+is far off: that one has failed.
 
 A task that is out of reach is scaled: the largest scale first, then the least distance. Both come from one strictly
 convex problem whose slope along the scale is steep enough (an exact penalty).
@@ -21,15 +19,15 @@ regularization of convex programs, SIAM J. Optimization 18(4), 2007.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
-from wbc.methods.least_norm import least_norm
-from wbc.qp.certificate import Certificate
-from wbc.qp.conflict import least_violation
+from wbc.errors import SolverFailed
+from wbc.methods.farthest import shortest
+from wbc.methods.shared import RANK
 from wbc.qp.problem import QP
-from wbc.qp.solver import Solution, Solver
+from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
 from wbc.types import Mat, Status, Vec
 
@@ -37,10 +35,10 @@ from wbc.types import Mat, Status, Vec
 DEPENDENT = 1e-11
 #: Rows that depend on others contradict them where their right sides differ by more than this (of their size).
 CONSISTENT = 1e-9
-#: The certificate, in the units of the normal form, at which no second look is needed.
-ACCURATE = 1e-10
-#: Rows of the second look give way by this (of the size of the first), so that rounding does not contradict itself.
-ROUNDING = 1e-14
+#: An answer of a solver counts as the shortest point where it is this near to it, in sizes of the problem.
+CLOSE = 1e-2
+#: Limits of a second question give way by this, in sizes of the problem.
+GIVE = 1e-10
 #: A row that the equations leave less freedom than this (of its length) is settled by them.
 FIXED = 1e-8
 #: Slopes along the scale that are tried; when one was steep enough, the scale gains no more than this in a step of that
@@ -65,8 +63,13 @@ class Nearest:
     size: float
 
 
-def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Nearest:
+def nearest(
+    qp: QP, centre: Vec, root: Mat, solver: str | Solver | None = "pdas", *, terms: Vec | None = None
+) -> Nearest:
     """The point of {A x = b, cl ≤ C x ≤ cu, lb ≤ x ≤ ub} nearest to ``centre``: minimise ½ |root⁻¹(x − centre)|².
+
+    ``solver`` ``None``: by the finite method alone. ``terms`` (n_eq,): sizes of the numbers that b is a sum of, where
+    they are larger; rows that depend on others contradict them by no less than the rounding of that.
 
     That is the cost of ``qp``, whose H = (root rootᵀ)⁻¹ and g = −H centre are not looked at: the root is often known
     exactly where H has lost half of its digits.
@@ -76,14 +79,17 @@ def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Ne
     equal = lower == upper
     kept = (np.isfinite(lower) | np.isfinite(upper)) & ~equal
     at, rows = matrix @ centre, matrix @ root
-    magnitude = np.maximum(np.abs(upper[equal]), np.abs(matrix[equal]) @ np.abs(centre))
+    sums = np.abs(upper)
+    sums[: qp.n_eq] = sums[: qp.n_eq] if terms is None else np.maximum(sums[: qp.n_eq], terms)
+    magnitude = np.maximum(sums[equal], np.abs(matrix[equal]) @ np.abs(centre))
     equations = _Equations(rows[equal], upper[equal] - at[equal], magnitude)
-    length = _lengths(rows[kept])
+    length = unit_lengths(rows[kept])
     form = _NormalForm(
         equations.E, equations.e, equations.free,
         rows[kept] / length[:, None], (lower - at)[kept] / length, (upper - at)[kept] / length,
     )  # fmt: skip
-    answer = form.solve(by_name(solver)) if equations.consistent else None
+    chosen = None if solver is None else by_name(solver)
+    answer = form.solve(chosen) if equations.consistent else None
     if answer is None or not answer.status.ok:
         status = Status.INFEASIBLE if answer is None else answer.status
         x, y, z = (np.full(size, np.nan) for size in (qp.n, qp.n_eq, len(qp.cu)))
@@ -91,20 +97,39 @@ def nearest(qp: QP, centre: Vec, root: Mat, solver: str | Solver = "pdas") -> Ne
     force = np.zeros(len(matrix))
     force[equal] = equations.multipliers(answer.y)
     force[kept] = answer.z / length
-    x = centre + root @ answer.x
+    x = centre + root @ answer.u
     return Nearest(
         answer.status, x, force[: qp.n_eq], force[qp.n_eq : len(qp.lower)], force[len(qp.lower) :], form.size
     )
 
 
+def answered(found: Nearest, solver: str | Solver) -> Nearest:
+    """``found``, where the solver has an answer or knows that there is none.
+
+    Raises:
+        SolverFailed: it ended in another way.
+    """
+    if found.status.ok or found.status is Status.INFEASIBLE:
+        return found
+    raise SolverFailed(by_name(solver).name, found.status)
+
+
 def nearest_at_largest_scale(
-    qp: QP, direction: Vec, centre: Vec, root: Mat, *, size: float, solver: str | Solver = "pdas"
+    qp: QP,
+    direction: Vec,
+    centre: Vec,
+    root: Mat,
+    *,
+    size: float,
+    solver: str | Solver = "pdas",
+    terms: Vec | None = None,
 ) -> tuple[Nearest, float]:
     """The largest s in [0, 1] with A x = b − (1 − s) direction and all other rows, and :func:`nearest` at that s.
 
     minimise ½ |root⁻¹(x − centre)|² + ½ size² (s − 1 − slope)² over (x, s): strictly convex, and exact as soon as the
     slope exceeds the multiplier of s ≤ s_max. Whether it does shows in a proximal step from the answer: it stays there.
-    Steep slopes are sums of large numbers; a short step from where they end takes away what those leave.
+    Steep slopes are sums of large numbers; a short step from where they end takes away what those leave. The finite
+    method takes these steps. The solver is asked at every slope, and has FAILED where it fails at one.
     """
     n, n_eq, _ = qp.shape
     padded = np.zeros((len(qp.matrix), n + 1))
@@ -118,17 +143,20 @@ def nearest_at_largest_scale(
     wide[:n, :n] = root
     wide[n, n] = 1.0 / size
     onwards = np.append(np.zeros(n), 1.0)
-    found = nearest(scaled, np.append(centre, 1.0 + SLOPES[0]), wide, solver)
+    found = nearest(scaled, np.append(centre, 1.0 + SLOPES[0]), wide, solver, terms=terms)
     for slope in SLOPES[1:]:
         if not found.status.ok or found.x[n] >= 1.0 - SETTLED:
             break
-        further = nearest(scaled, found.x + LONG * onwards, wide, solver)
+        further = nearest(scaled, found.x + LONG * onwards, wide, None, terms=terms)
         if not further.status.ok or further.x[n] <= found.x[n] + SETTLED:
             break
-        steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver)
+        steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver, terms=terms)
+        if steeper.status is Status.FAILED:
+            found = steeper
+            break
         if not steeper.status.ok or steeper.x[n] <= found.x[n] + SETTLED:
             break  # what the step gained was rounding, and more of it comes with steeper slopes
-        exact = nearest(scaled, steeper.x + SHORT * onwards, wide, solver)
+        exact = nearest(scaled, steeper.x + SHORT * onwards, wide, None, terms=terms)
         found = replace(steeper, x=exact.x) if exact.status.ok else steeper
     return replace(found, x=found.x[:n], z_box=found.z_box[:n]), float(np.clip(found.x[n], 0.0, 1.0))
 
@@ -143,7 +171,7 @@ class _Equations:
     """
 
     def __init__(self, rows: Mat, right: Vec, magnitude: Vec) -> None:
-        self._length = _lengths(rows)
+        self._length = unit_lengths(rows)
         left, values, basis = np.linalg.svd(rows / self._length[:, None])
         rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         right = right / self._length
@@ -158,6 +186,15 @@ class _Equations:
         """Multipliers of the rows given: those of least norm that push like ``y``."""
         result: Vec = (self._from_rows @ y) / self._length
         return result
+
+
+class _Answer(NamedTuple):
+    """u (k,), multipliers y of E and z of F."""
+
+    status: Status
+    u: Vec
+    y: Vec
+    z: Vec
 
 
 @final
@@ -186,46 +223,40 @@ class _NormalForm:
         n = self.F.shape[1]
         return QP(np.eye(n), np.zeros(n), A=self.E, b=self.e / unit, C=self.F, cl=self.low / unit, cu=self.high / unit)
 
-    def solve(self, solver: Solver) -> Solution:
-        """The answer of the first look if its certificate is good, or of the second; INFEASIBLE where it is proven."""
-        first = self._look(solver)
-        if first.status.ok and first.certificate.within(ACCURATE):
-            return first
+    def solve(self, solver: Solver | None) -> _Answer | None:
+        """The solver's answer to the last digit; ``None`` where it is proven that there is none.
+
+        A solver that is far off is asked once more, without equations, in the size of what is left, and with limits
+        that give way a little, so that one point is not an empty set by rounding. Then it FAILED.
+        """
         start, rows = self.e @ self.E, self.F @ self.free.T
         length = np.linalg.norm(rows, axis=1)
         settled = length <= FIXED
         rows[settled], length[settled] = 0.0, 1.0
-        at, width = self.F @ start, np.where(settled, CONSISTENT, ROUNDING) * self.size
-        low, high = (self.low - at - width) / length, (self.high - at + width) / length
-        n = len(self.free)
-        rest = _NormalForm(np.zeros((0, n)), np.zeros(0), np.eye(n), rows / length[:, None], low, high)
-        if rest.violation > CONSISTENT * self.size:
-            return replace(first, status=Status.INFEASIBLE)
-        second = rest._at_rest() or rest._look(solver, feasible=True)
-        if not second.status.ok:
-            return first if first.status.ok else replace(second, status=Status.FAILED)
-        u, z = start + second.x @ self.free, second.z / length
-        return replace(second, x=u, y=-self.E @ (u + z @ self.F), z=z)
-
-    @property
-    def violation(self) -> float:
-        """By how much rows must at least give way: more than rounding, and a plane is between them, whoever looks."""
-        return float(np.abs(least_violation(self.F, self.low, self.high)[1]).max(initial=0.0))
-
-    def _look(self, solver: Solver, *, feasible: bool = False) -> Solution:
-        size = self.size
-        answer = least_norm(self.qp(size), solver, feasible=feasible)
-        return replace(answer, x=size * answer.x, y=size * answer.y, z=size * answer.z)
-
-    def _at_rest(self) -> Solution | None:
-        """u = 0, where no row is against it or there is nothing to move."""
-        n, m = len(self.free), len(self.low)
-        if n and ((self.low > 0.0).any() or (self.high < 0.0).any()):
+        at, width = self.F @ start, np.where(settled, CONSISTENT * self.size, 0.0)
+        k = len(self.free)
+        rest = _NormalForm(
+            np.zeros((0, k)), np.zeros(0), np.eye(k),
+            rows / length[:, None], (self.low - at - width) / length, (self.high - at + width) / length,
+        )  # fmt: skip
+        unit = rest.size
+        found = shortest(rest.F, rest.low / unit, rest.high / unit)
+        if found is None:
             return None
-        return Solution(Status.SOLVED, np.zeros(n), np.zeros(0), np.zeros(m), np.zeros(n), Certificate(0.0, 0.0, 0.0))
+        v, push = unit * found[0], unit * found[1]
+        u, z = start + v @ self.free, push / length
+        if solver is not None:
+            near, give = CLOSE * (self.size + float(np.linalg.norm(v))), GIVE * self.size
+            if not np.linalg.norm(self.size * solver.solve(self.qp(self.size)).x - u) <= near:
+                loose = replace(rest, low=rest.low - give / length, high=rest.high + give / length)
+                again = start + unit * solver.solve(loose.qp(unit)).x @ self.free
+                if not np.linalg.norm(again - u) <= near:
+                    return _Answer(Status.FAILED, u, z, z)
+        return _Answer(Status.SOLVED, u, -self.E @ (u + z @ self.F), z)
 
 
-def _lengths(rows: Mat) -> Vec:
-    """Lengths of the rows (m,), 1 for rows of zeros."""
+def unit_lengths(rows: Mat) -> Vec:
+    """Lengths of the rows (m,); that of the longest for rows that are zero beside it."""
     length: Vec = np.sqrt(np.einsum("ij,ij->i", rows, rows))
-    return np.where(length > 0.0, length, 1.0)
+    longest = float(length.max(initial=0.0))
+    return np.where(length > RANK * longest, length, longest or 1.0)

@@ -19,7 +19,7 @@ def metric(name: str, value: Any, size: int) -> Mat:
         InvalidInput: wrong shape, NaN or inf, an entry that is not positive, not symmetric, an eigenvalue that is not
             positive.
     """
-    given = np.ndim(value)
+    given = checks.ndim(value)
     if given == 0:
         return np.diag(np.full(size, checks.number(name, value, low=0.0, strict=True)))
     if given == 1:
@@ -59,4 +59,4 @@ def vector(name: str, value: Any, size: int) -> Vec:
     Raises:
         InvalidInput: wrong shape, NaN or inf.
     """
-    return checks.array(name, np.full(size, value) if np.ndim(value) == 0 else value, (size,))
+    return checks.each(name, value, size)

@@ -24,6 +24,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
+from wbc.methods.shared import choice
 from wbc.types import Vec
 
 SCHEMES = ("exact", "euler", "implicit")
@@ -59,13 +60,11 @@ class MomentumResidual:
 
     def __init__(self, *, gain: Any, dt: float, scheme: str = "exact") -> None:
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
-        if np.ndim(gain) == 0:
+        if checks.ndim(gain) == 0:
             self.gain = np.array(checks.number("gain", gain, low=0.0, strict=True))
         else:
             self.gain = checks.array("gain", gain, (None,))
-        if scheme not in SCHEMES:
-            raise InvalidInput(f"scheme is {scheme!r}; it must be one of {', '.join(SCHEMES)}")
-        self.scheme = scheme
+        self.scheme = choice("scheme", scheme, SCHEMES)
         self._refuse_gains()
         product = self.gain * self.dt
         self._share: Vec = {"exact": -np.expm1(-product), "euler": product, "implicit": product / (1.0 + product)}[
@@ -119,8 +118,8 @@ class MomentumResidual:
             InvalidInput: there is no such component.
         """
         residual = self._started()[1]
-        if not 0 <= component < len(residual):
-            raise InvalidInput(f"component is {component}; there are components 0 to {len(residual) - 1}")
+        if not isinstance(component, int | np.integer) or not 0 <= component < len(residual):
+            raise InvalidInput(f"component is {component!r}; there are components 0 to {len(residual) - 1}")
         residual[component] = 0.0
 
     def update(self, p: Any, beta: Any, tau: Any, rows: Any = None) -> Vec:

@@ -1,21 +1,20 @@
-"""The largest part of a task that limits allow: saturation in the null space, as a loop and as a QP.
+"""The largest part of a task that limits allow: saturation in the null space, as a finite method and as a QP.
 
     J x + drift = s · target,   lower ≤ x ≤ upper,   0 ≤ s ≤ 1 as large as possible, then |x| as small as possible.
 
 x is a velocity (target ẏ, no drift) or an acceleration (target ÿ, drift = J̇ v, which is there whatever the robot does
-and so is never scaled). The direction of the task is kept, its size gives way.
+and so is never scaled). The direction of the task is kept, its size is reduced.
 
-*Closed form*, the loop of Flacco, De Luca and Khatib: the pseudo-inverse solution; while a joint is beyond its limit,
-the one that limits the scale most is put there, and the others take over with what is left of the null space; when
-nothing is left, the best scale met on the way. Printed with the exit condition "until limit exceeded", it must be until
-*not* exceeded. It can end below the largest scale, and at scale one above the least norm.
+*Closed form*: the dual active-set method of :mod:`wbc.methods.farthest` on (x, σ), σ = s |target| seen through J#. It
+ends after finitely many steps with the largest scale and the shortest x. (The loop of Flacco, De Luca and Khatib puts
+one joint at its limit after another and takes none away, so it can end below the largest scale.)
 
-*QP*: max s is a linear program, solved in proximal steps that are strictly convex,
+*QP*: max s is a linear program. For every μ above some number
 
-    minimise ½ |x − x₀|² + ½ (σ − σ₀ − μ)²,   σ = s |target| seen through J#,
+    minimise ½ |x|² + ½ (σ − μ)²   subject to   V x + drift = σ · direction,  lower ≤ x ≤ upper,  0 ≤ σ ≤ full
 
-and for x₀ = σ₀ = 0 and μ beyond a finite value the answer is the largest scale *and* the least norm at once (a linear
-penalty is exact; a quadratic one would be biased). μ is large enough when a second step from the answer gains nothing.
+has the largest scale *and* the least norm (a linear penalty is exact; a quadratic one would be biased). The closed
+form tells such a μ; a solver then finds x and s on its own.
 
 Flacco, De Luca, Khatib: Motion control of redundant robots under joint constraints: saturation in the null space, IEEE
 ICRA 2012; Control of redundant robots under hard joint constraints: saturation in the null space, IEEE Transactions on
@@ -24,21 +23,31 @@ Robotics 31(3), 2015.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, NoClosedForm
+from wbc.errors import InvalidInput, SolverFailed
+from wbc.methods.farthest import Farthest, farthest
+from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
-from wbc.methods.scaling import Box, ScaledTask, largest_scale, unit_of
-from wbc.methods.shared import box
+from wbc.methods.scaling import OUT_OF_RANGE, ScaledTask
+from wbc.methods.shared import box, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
+from wbc.qp.solvers import by_name
 from wbc.types import Mat, Vec
 
+#: A joint is named as saturated where it is this near to its limit, relative to that.
+AT_LIMIT = 1e-7
+#: Differences that are rounding, beside the length of the answer.
+ROUNDING = 1e-12
+#: Norms are compared where scales differ by no more than this in sizes of x, and relative to no less than a SMALL part
+#: of what limits and task ask for.
+SAME, SMALL = 1e-8, 1e-3
 #: Targets and drifts below this are zero: their squares are, and limits in such units would not be numbers.
 NOTHING = 1e-150
 
@@ -48,14 +57,13 @@ NOTHING = 1e-150
 class Saturation:
     """x (n,), the scale in [0, 1], the joints at a limit, and whether any scale is feasible.
 
-    ``optimal``: the scale is known to be the largest and x the shortest there is. Infeasible: x and scale are NaN.
+    Infeasible: x and scale are NaN.
     """
 
     x: Vec
     scale: float
     saturated: tuple[int, ...]
     feasible: bool
-    optimal: bool
 
 
 @final
@@ -116,48 +124,31 @@ class NullSpaceSaturation(Method):
         """
         return PrioritisedTasks(tasks, lower=lower, upper=upper)
 
-    # ---- closed form
     def closed_form(self) -> Saturation:
-        """The loop. Ties between joints go to the first; ``optimal`` where no joint had to be saturated."""
-        task, limits = ScaledTask(self.J, self.target, self.drift), Box(self.lower, self.upper)
-        if task.low > task.high:
-            return self._infeasible(optimal=True)
-        free, held = np.ones(limits.size, dtype=bool), np.zeros(limits.size)
-        best, x_best = -np.inf, held
-        while np.linalg.matrix_rank(task.V * free, tol=1e-9) == len(task.V):
-            inverse = np.linalg.pinv(task.V * free, rcond=1e-9)
-            rate, start = inverse @ task.direction, held + inverse @ (-task.drift - task.V @ held)
-            whole = start + task.high * rate
-            beyond = free & limits.exceeded(whole)
-            if not beyond.any():
-                return self._result(whole, task.high, task, optimal=bool(free.all()) and task.high == task.full)
-            lowest, highest = limits.scales(start, rate)
-            low, high = max(task.low, lowest.max()), min(task.high, highest.min())
-            if best < high and low <= high:
-                best, x_best = high, start + high * rate
-            first = int(np.where(beyond, np.where(lowest > task.high, -np.inf, highest), np.inf).argmin())
-            held[first] = self.upper[first] if whole[first] > self.upper[first] else self.lower[first]
-            free[first] = False
-        return self._infeasible(optimal=False) if best == -np.inf else self._result(x_best, best, task, optimal=False)
+        """The largest scale, then the least norm, in finitely many steps."""
+        return self._result(_Level(self._task, self.lower, self.upper).exactly())
 
-    def _result(self, x: Vec, size: float, task: ScaledTask, *, optimal: bool) -> Saturation:
-        at_limit = Box(self.lower, self.upper).reached(x)
-        scale = min(1.0, max(0.0, size / task.full))
-        return Saturation(x, scale, tuple(int(i) for i in at_limit.nonzero()[0]), True, optimal)
+    @property
+    def _task(self) -> ScaledTask:
+        return ScaledTask(self.J, self.target, self.drift)
 
-    def _infeasible(self, *, optimal: bool) -> Saturation:
-        return Saturation(np.full(len(self.lower), np.nan), np.nan, (), False, optimal)
+    def _result(self, found: _Point) -> Saturation:
+        if not found.feasible:
+            return Saturation(found.x, np.nan, (), False)
+        near = AT_LIMIT * _known(self.lower, self.upper) + ROUNDING * np.linalg.norm(found.x)
+        at_limit = (found.x >= self.upper - near) | (found.x <= self.lower + near)
+        return Saturation(found.x, found.scale, tuple(int(i) for i in at_limit.nonzero()[0]), True)
 
-    # ---- QP
     def qp(self) -> QP:
-        """Scale and least norm at once, in (x, s) (n + 1,): minimise ½ |x|² + ½ (T s − (1 + μ) T)² subject to
+        """Scale and least norm at once, in (x, s) (n + 1,): minimise ½ |x|² + ½ (T s − μ)² subject to
 
-        J x − target s = −drift (m rows),  lower ≤ x ≤ upper,  0 ≤ s ≤ 1; T = |J# target| makes s a size of x. μ = 100
-        is enough nearly always; :meth:`solve` makes sure.
+        J x − target s = −drift (m rows),  lower ≤ x ≤ upper,  0 ≤ s ≤ 1; T = |J# target| makes s a size of x, and μ is
+        above the number from which the answer does not depend on it.
         """
-        n, full = self.J.shape[1], ScaledTask(self.J, self.target, self.drift).full
+        level = _Level(self._task, self.lower, self.upper)
+        n, full = len(self.lower), level.task.full
         H, g = np.eye(n + 1), np.zeros(n + 1)
-        H[n, n], g[n] = full**2, -101.0 * full**2
+        H[n, n], g[n] = full**2, -full * level.push
         return QP(
             H, g, A=np.column_stack([self.J, -self.target]), b=-self.drift,
             lb=np.append(self.lower, 0.0), ub=np.append(self.upper, 1.0),
@@ -168,46 +159,35 @@ class NullSpaceSaturation(Method):
         )  # fmt: skip
 
     def solve(self, solver: str | Solver = "pdas") -> Saturation:
-        """The largest scale, then the least norm.
+        """The largest scale, then the least norm, by QP.
 
         Raises:
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        task = ScaledTask(self.J, self.target, self.drift)
-        n = len(self.lower)
-        found = largest_scale(task, Box(self.lower, self.upper), solver, (np.zeros((0, n)), np.zeros(0)))
-        return (
-            self._result(found.x, found.size, task, optimal=True) if found.feasible else self._infeasible(optimal=True)
-        )
+        return self._result(_Level(self._task, self.lower, self.upper).by_solver(solver))
 
     def difference(self, result: Saturation, reference: Saturation) -> Mapping[str, float]:
-        """Scales in [0, 1], residuals and norms relative to |x|, limits relative to themselves.
-
-        The loop need not reach the largest scale, so a result is only held to what the reference is known to be: no
-        worse where that is not optimal, equal where it is, and the same x where the whole task is done.
-        """
+        """Scales in [0, 1], residuals and norms relative to |x|, limits relative to themselves."""
+        if result.feasible != reference.feasible:
+            return {"feasible": np.inf}
         if not result.feasible:
-            return {"feasible": np.inf if reference.feasible else 0.0}
-        if not reference.feasible:
-            return {"feasible": np.inf if reference.optimal else 0.0}
-        task, limits = ScaledTask(self.J, self.target, self.drift), Box(self.lower, self.upper)
-        size = max(float(np.linalg.norm(result.x)), float(np.linalg.norm(reference.x)), 1e-3 * unit_of(task, limits))
-        range_ = np.where(limits.range > 0.0, limits.range, size)
-        over = np.maximum(result.x - self.upper, self.lower - result.x) / range_
+            return {"feasible": 0.0}
+        task = self._task
+        length, other = float(np.linalg.norm(result.x)), float(np.linalg.norm(reference.x))
+        known = _known(self.lower, self.upper)
+        unit = min(task.full, float(np.linalg.norm(known)) or task.full) + float(np.linalg.norm(task.drift))
+        size = max(length, other, SMALL * unit)
+        over = np.maximum(result.x - self.upper, self.lower - result.x) / np.where(known > 0.0, known, size)
         missing = task.V @ result.x + task.drift - result.scale * task.full * task.direction
-        less, longer = (
-            reference.scale - result.scale, float(np.linalg.norm(result.x) - np.linalg.norm(reference.x)) / size,
-        )  # fmt: skip
-        both = result.optimal and reference.optimal
         found = {
-            "scale": abs(less) if both else max(0.0, less),
+            "scale": abs(result.scale - reference.scale),
             "task": float(np.linalg.norm(missing)) / size,
             "limits": max(0.0, float(over.max(initial=0.0))),
         }
-        if abs(less) * task.full <= 1e-8 * size:
-            found["norm"] = abs(longer) if both else max(0.0, longer)
-        if both and min(result.scale, reference.scale) >= 1.0:
+        if found["scale"] * task.full <= SAME * size:
+            found["norm"] = abs(length - other) / size
+        if min(result.scale, reference.scale) >= 1.0:
             found["x"] = float(np.linalg.norm(result.x - reference.x)) / size
         return found
 
@@ -217,6 +197,8 @@ class PrioritisedTasks(Method):
     """What :meth:`NullSpaceSaturation.prioritised` makes."""
 
     def __init__(self, tasks: Sequence[tuple[Any, ...]], *, lower: Any, upper: Any) -> None:
+        if not isinstance(tasks, list | tuple):
+            raise InvalidInput(f"tasks is {tasks!r}; it must be a list of (J, target) or (J, target, drift)")
         if not tasks:
             raise InvalidInput("tasks is empty; give at least one (J, target)")
         for i, entry in enumerate(tasks):
@@ -231,7 +213,8 @@ class PrioritisedTasks(Method):
         self.lower, self.upper = box(n, lower=lower, upper=upper)
 
     def closed_form(self) -> PrioritisedSaturation:
-        raise NoClosedForm("several scaled tasks have no closed form; use solve")
+        """Level by level the largest scale with those above kept, at the end the least norm, in finitely many steps."""
+        return self._levels(_Level.exactly)
 
     def qp(self) -> QP:
         """The QP of the first level alone; those below it depend on its answer."""
@@ -245,19 +228,17 @@ class PrioritisedTasks(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        limits = Box(self.lower, self.upper)
-        rows, right = np.zeros((0, limits.size)), np.zeros(0)
-        x, scales = np.full(limits.size, np.nan), list[float | None]()
+        return self._levels(lambda level: level.by_solver(solver))
+
+    def _levels(self, answer: Callable[[_Level], _Point]) -> PrioritisedSaturation:
+        n = len(self.lower)
+        rows, x, scales = np.zeros((0, n)), np.full(n, np.nan), list[float | None]()
         for entry in self.tasks:
             task = ScaledTask(*entry)
-            found = largest_scale(task, limits, solver, (rows, right))
-            if not found.feasible:
-                scales.append(None)
-                continue
-            x = found.x
-            scales.append(min(1.0, max(0.0, found.size / task.full)))
-            rows = np.vstack([rows, task.V])
-            right = np.append(right, found.size * task.direction - task.drift)
+            found = answer(_Level(task, self.lower, self.upper, (rows, rows @ x if len(rows) else np.zeros(0))))
+            scales.append(found.scale if found.feasible else None)
+            if found.feasible:
+                x, rows = found.x, np.vstack([rows, task.V])
         return PrioritisedSaturation(x, tuple(scales), any(scale is not None for scale in scales))
 
     def difference(self, result: PrioritisedSaturation, reference: PrioritisedSaturation) -> Mapping[str, float]:
@@ -272,6 +253,80 @@ class PrioritisedTasks(Method):
             sizes = np.linalg.norm(result.x), np.linalg.norm(reference.x)
             found["norm"] = float(abs(sizes[0] - sizes[1]) / (max(sizes) or 1.0))
         return found
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """x (n,) and the scale; NaN where no point is feasible."""
+
+    x: Vec
+    scale: float
+
+    @property
+    def feasible(self) -> bool:
+        return not np.isnan(self.scale)
+
+
+@final
+class _Level:
+    """One task in the box, with rows of the tasks above it kept: A x = b, ``kept`` = (A (k, n), b (k,)).
+
+    The unknowns are z = (x, σ) (n + 1,), σ in the unit of x (:class:`ScaledTask`).
+    """
+
+    def __init__(self, task: ScaledTask, lower: Vec, upper: Vec, kept: tuple[Mat, Vec] | None = None) -> None:
+        n = len(lower)
+        rows, right = (np.zeros((0, n)), np.zeros(0)) if kept is None else kept
+        self.task, self.lower, self.upper = task, lower, upper
+        A = np.block([[rows, np.zeros((len(rows), 1))], [task.V, -task.direction[:, None]]])
+        b = np.append(right, -task.drift)
+        missing = factors(A).rest.T @ b
+        self._possible = task.possible and bool(np.linalg.norm(missing) <= OUT_OF_RANGE * np.linalg.norm(b))
+        self._equations, self._towards = (A, b), np.append(np.zeros(n), 1.0)
+        self._found: Farthest | None = None
+        if self._possible:
+            low, high = np.append(lower, task.low), np.append(upper, task.high)
+            self._found = farthest(self._equations, low, high, self._towards)
+
+    @property
+    def push(self) -> float:
+        """A μ that is large enough: twice what is needed, and more than the length of the answer."""
+        found = self._found
+        if found is None or not found.feasible:
+            return self.task.full
+        return 2.0 * max(found.push, float(np.linalg.norm(found.z))) or self.task.full
+
+    def exactly(self) -> _Point:
+        """The answer of the finite method."""
+        if self._found is None or not self._found.feasible:
+            return _Point(np.full(len(self.lower), np.nan), np.nan)
+        return self._point(self._found.z)
+
+    def by_solver(self, solver: str | Solver) -> _Point:
+        """The answer of a solver."""
+        found = self._found
+        if found is None or not found.feasible:
+            return self.exactly()
+        (A, b), size = self._equations, len(found.z)
+        qp = QP(np.eye(size), np.zeros(size), A=A, b=b, lb=found.lower, ub=found.upper)
+        answer = answered(nearest(qp, self.push * self._towards, np.eye(size), solver), solver)
+        if not answer.status.ok:
+            raise SolverFailed(by_name(solver).name, answer.status)
+        z = answer.x
+        if found.upper[-1] - z[-1] <= ROUNDING * np.linalg.norm(z):
+            z[-1] = found.upper[-1]
+        return self._point(z)
+
+    def _point(self, z: Vec) -> _Point:
+        return _Point(np.clip(z[:-1], self.lower, self.upper), self.task.scale(float(z[-1])))
+
+
+def _known(lower: Vec, upper: Vec) -> Vec:
+    """The larger of the finite limits of each joint (n,), 0 where there is none."""
+    sides = np.abs([lower, upper])
+    result: Vec = np.where(np.isfinite(sides), sides, 0.0).max(axis=0)
+    return result
 
 
 def _task(prefix: str, J: Any, target: Any, drift: Any = None) -> tuple[Mat, Vec, Vec]:

@@ -26,10 +26,10 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm, SolverFailed
-from wbc.methods.least_distance import nearest
+from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.metric import metric, root
-from wbc.methods.shared import answered, box
+from wbc.methods.shared import box
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
@@ -37,6 +37,8 @@ from wbc.types import Mat, Vec
 
 #: Distance from a row, as a part of the length of â in the metric, below which â lies on it.
 ON_BOUNDARY = 1e-8
+#: The most masses of a chain.
+LARGEST_SET = 10_000
 
 
 @final
@@ -119,11 +121,16 @@ class ParameterUpdate(Method):
 
         These are the dynamic coefficients of a chain of prismatic joints, kg; the gradient law alone leaves the set.
 
+        Raises:
+            InvalidInput: not a whole number, negative, or too large.
+
         Example:
             >>> C, d = ParameterUpdate.partial_sums(3)
             >>> print(C @ [6.0, 3.0, 1.0] <= d)
             [ True  True  True]
         """
+        if not isinstance(size, int | np.integer) or isinstance(size, bool) or not 0 <= size <= LARGEST_SET:
+            raise InvalidInput(f"size is {size!r}; it must be a whole number between 0 and {LARGEST_SET}")
         return np.eye(size, k=1) - np.eye(size), np.zeros(size)
 
     # ---- the set

@@ -27,9 +27,9 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
-from wbc.methods.least_distance import nearest
+from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import answered, box, factors
+from wbc.methods.shared import box, choice, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
@@ -113,16 +113,18 @@ class ProjectedGradientStep(Method):
         alpha_max: float = np.inf,
         origin: Projection | None = None,
     ) -> None:
+        if not isinstance(origin, Projection | None):
+            raise InvalidInput(f"origin is {origin!r}; from_gradient makes it")
         v_task = checks.array("v_task", v_task, (None,))
         lower, upper = box(v_task.size, v_min=v_min, v_max=v_max)
         fields = {
             "v_task": v_task, "v_null": checks.array("v_null", v_null, v_task.shape), "v_min": lower, "v_max": upper,
-            "alpha_max": np.inf if alpha_max == np.inf else checks.number("alpha_max", alpha_max, low=0.0),
+            "alpha_max": _largest(alpha_max),
             "origin": origin,
         }  # fmt: skip
         for name, value in fields.items():
             object.__setattr__(self, name, value)
-        if self._moving.any() and not np.isfinite(self._unit()):
+        if not np.isfinite(self._unit()):
             raise InvalidInput("alpha_max is inf, and so are all limits in the direction of v_null: give alpha_max")
 
     @classmethod
@@ -168,17 +170,22 @@ class ProjectedGradientStep(Method):
         """From v_task down to v_min and up to v_max (n,); zero where a joint is at its limit."""
         rounding = ROUNDING * self._size
         if self.origin is not None:
-            rounding += np.finfo(float).eps * self.origin.condition * np.linalg.norm(self.v_task)
+            known = max(ROUNDING, 16.0 * np.finfo(float).eps * self.origin.condition)
+            rounding += known * np.linalg.norm(self.v_task)
         down, up = self.v_min - self.v_task, self.v_max - self.v_task
         return np.where(np.abs(down) <= rounding, 0.0, down), np.where(np.abs(up) <= rounding, 0.0, up)
 
     def _unit(self) -> float:
-        """The step that takes some joint, or α, across its range: α* is at most twice that."""
+        """The step that takes some joint, or α, across its range: α* is at most twice that; 1 where nothing moves."""
         ahead = np.where(self.v_null > 0.0, self.v_max, -self.v_min)
         ends = self._moving & np.isfinite(ahead)
         steps = np.append(self._size[ends] / np.abs(self.v_null[ends]), self.alpha_max)
         known = steps[np.isfinite(steps)]
-        return float(min(known[known > 0.0], default=1.0)) if known.size else np.inf
+        return float(min(known[known > 0.0], default=1.0)) if known.size or not self._moving.any() else np.inf
+
+    def _beyond(self) -> float:
+        """A step beyond every feasible one; 0 where nothing moves, which is α* by convention."""
+        return 2.0 * self._unit() if self._moving.any() else 0.0
 
     # ---- closed form
     def closed_form(self) -> Step:
@@ -217,7 +224,7 @@ class ProjectedGradientStep(Method):
 
         v_min − v_task ≤ v_null α ≤ v_max − v_task (n rows),  0 ≤ α ≤ α_max.
         """
-        return self._qp_towards(2.0 * self._unit())
+        return self._qp_towards(self._beyond())
 
     def _qp_towards(self, alpha: float) -> QP:
         down, up = self._room()
@@ -234,7 +241,7 @@ class ProjectedGradientStep(Method):
         v − α v_null = v_task (n rows),  v_min ≤ v ≤ v_max,  0 ≤ α ≤ α_max. The first term is zero wherever the rows
         hold; it makes H positive definite without a price on v.
         """
-        n, alpha = self.v_task.size, 2.0 * self._unit()
+        n, alpha = self.v_task.size, self._beyond()
         link = np.hstack([np.eye(n), -self._column[:, None]])
         last = np.eye(n + 1)[n]
         return QP(
@@ -270,9 +277,11 @@ class ProjectedGradientStep(Method):
         The lower end of ``interval`` is a QP too: the feasible step that is nearest to one below zero.
 
         Raises:
+            InvalidInput: no such form.
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
+        choice("form", form, ("step", "velocity"))
         low = self._furthest(-1.0, solver, form)
         if np.isnan(low):
             return self._infeasible(np.inf, -np.inf)
@@ -353,3 +362,9 @@ class ProjectedGradientStep(Method):
         from wbc.methods.step_picture import draw
 
         return draw(self)
+
+
+def _largest(alpha_max: Any) -> float:
+    if isinstance(alpha_max, float) and alpha_max == np.inf:
+        return np.inf
+    return checks.number("alpha_max", alpha_max, low=0.0)

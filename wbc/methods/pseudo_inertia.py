@@ -34,10 +34,9 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.methods.least_distance import nearest
+from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.metric import inverse_root
-from wbc.methods.shared import answered
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
@@ -86,8 +85,12 @@ class PseudoInertia(Method):
 
     @staticmethod
     def metric(length: float = 0.1) -> Mat:
-        """Q (10, 10): squared distances of parameters are πᵀ Q π [kg²]."""
-        return _basis(length)[1]
+        """Q (10, 10): squared distances of parameters are πᵀ Q π [kg²].
+
+        Raises:
+            InvalidInput: a length that is not positive.
+        """
+        return _basis(checks.number("length", length, low=0.0, strict=True))[1]
 
     @property
     def matrix(self) -> Mat:

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, SolverFailed
-from wbc.methods.least_distance import Nearest
-from wbc.qp.solver import Solver
-from wbc.qp.solvers import by_name
-from wbc.types import Mat, Status, Vec
+from wbc.errors import InvalidInput
+from wbc.types import Mat, Vec
 
 #: Singular values below this part of the largest are zero: a factor 1e4 above rounding, 1e6 below poor conditioning.
 RANK = 1e-12
+
+
+def choice(name: str, value: Any, among: Iterable[str]) -> str:
+    """``value``, one of the names ``among``.
+
+    Raises:
+        InvalidInput: it is none of them.
+    """
+    names = tuple(among)
+    if not isinstance(value, str) or value not in names:
+        raise InvalidInput(f"{name} is {value!r}; it must be one of {', '.join(names)}")
+    return value
 
 
 def box(size: int, **sides: Any) -> tuple[Vec, Vec]:
@@ -25,8 +35,7 @@ def box(size: int, **sides: Any) -> tuple[Vec, Vec]:
     """
     (low_name, low), (high_name, high) = sides.items()
     lower, upper = (
-        checks.array(name, np.full(size, value) if np.ndim(value) == 0 else value, (size,), finite=False)
-        for name, value in ((low_name, low), (high_name, high))
+        checks.each(name, value, size, finite=False) for name, value in ((low_name, low), (high_name, high))
     )
     possible = (lower <= upper) & (lower < np.inf) & (upper > -np.inf)
     if not possible.all():
@@ -35,17 +44,6 @@ def box(size: int, **sides: Any) -> tuple[Vec, Vec]:
             f"{low_name}[{i}] is {lower[i]:g} and {high_name}[{i}] is {upper[i]:g}: no number is between"
         )
     return lower, upper
-
-
-def answered(found: Nearest, solver: str | Solver) -> Nearest:
-    """``found``, where the solver has an answer or knows that there is none.
-
-    Raises:
-        SolverFailed: it ended in another way.
-    """
-    if found.status.ok or found.status is Status.INFEASIBLE:
-        return found
-    raise SolverFailed(by_name(solver).name, found.status)
 
 
 class Factors(NamedTuple):

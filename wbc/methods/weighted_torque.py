@@ -31,10 +31,18 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
-from wbc.methods.least_distance import CONSISTENT, DEPENDENT, Nearest, nearest, nearest_at_largest_scale
+from wbc.methods.least_distance import (
+    CONSISTENT,
+    DEPENDENT,
+    Nearest,
+    answered,
+    nearest,
+    nearest_at_largest_scale,
+    unit_lengths,
+)
 from wbc.methods.method import Method
 from wbc.methods.metric import inverse_root, metric, root, vector
-from wbc.methods.shared import answered, box
+from wbc.methods.shared import box, choice
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
@@ -174,6 +182,12 @@ class WeightedTorque(Method):
         A = self._rows @ self._inverse
         return A, self._wanted + A @ (self.n - self.tau_external)
 
+    def _terms(self, A: Mat) -> Vec:
+        """Sizes of what the right side of the rows A on the torque is a sum of."""
+        rows = np.concatenate([np.abs(self.task_acceleration) + np.abs(self.drift), np.abs(self.e)])
+        result: Vec = rows + np.abs(A) @ (np.abs(self.n) + np.abs(self.tau_external))
+        return result
+
     def _acceleration(self, tau: Vec) -> Vec:
         result: Vec = self._inverse @ (tau + self.tau_external - self.n)
         return result
@@ -194,8 +208,7 @@ class WeightedTorque(Method):
             NoClosedForm: there are torque limits.
             InvalidInput: no such form.
         """
-        if form not in CLOSED_FORMS:
-            raise InvalidInput(f"form is {form!r}; it must be one of {', '.join(CLOSED_FORMS)}")
+        choice("form", form, CLOSED_FORMS)
         if np.isfinite(self.tau_min).any() or np.isfinite(self.tau_max).any():
             raise NoClosedForm("with torque limits there is no closed form; use solve")
         A, b = self._torque_rows
@@ -219,8 +232,7 @@ class WeightedTorque(Method):
     def _factors(self, A: Mat) -> _Factors:
         """Of A R, R Rᵀ = W⁻¹, and of the slacks beside it."""
         G = np.hstack([A @ self._root, np.eye(len(A), len(self.J)) * self.damping])
-        length = np.linalg.norm(G, axis=1)
-        length[length == 0.0] = 1.0
+        length = unit_lengths(G)
         left, values, right = np.linalg.svd(G / length[:, None])
         rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         half = (left[:, :rank] / values[:rank]) / length[:, None]
@@ -229,7 +241,7 @@ class WeightedTorque(Method):
     def _reachable_scale(self, A: Mat, b: Vec, factors: _Factors) -> float:
         """1 where all rows can be met, the only s in [0, 1] that can be where there is one, else NaN."""
         away = factors.beside.T / factors.length
-        magnitude = np.maximum(np.abs(b), np.abs(A) @ np.abs(self.tau_0))
+        magnitude = np.maximum(self._terms(A), np.abs(A) @ np.abs(self.tau_0))
         rounding = CONSISTENT * float(np.linalg.norm(magnitude / factors.length))
         unmet = away @ (b - A @ self.tau_0)
         if np.linalg.norm(unmet) <= rounding:
@@ -258,8 +270,7 @@ class WeightedTorque(Method):
         Raises:
             InvalidInput: no such form.
         """
-        if form not in FORMS:
-            raise InvalidInput(f"form is {form!r}; it must be one of {', '.join(FORMS)}")
+        choice("form", form, FORMS)
         size, zero, M = len(self.n), np.zeros_like(self.M), self.M
         free, gap = np.full(size, np.inf), self.tau_external - self.n
         A, b, C, cl, cu = self._rows, self._wanted, None, None, None
@@ -307,12 +318,16 @@ class WeightedTorque(Method):
         """
         qp = self.qp(form)
         centre, root_x = self._metric(form)
-        found, scale = answered(nearest(qp, centre, root_x, solver), solver), 1.0
+        terms = self._terms(self._torque_rows[0])
+        terms = np.append(terms, np.abs(self.n) + np.abs(self.tau_external)) if form == "joint" else terms
+        found, scale = answered(nearest(qp, centre, root_x, solver, terms=terms), solver), 1.0
         feasible = found.status.ok
         if not feasible and self.damping == 0.0:
             direction = np.zeros(qp.n_eq)
             direction[: len(self.J)] = self.task_acceleration
-            found, scale = nearest_at_largest_scale(qp, direction, centre, root_x, size=found.size, solver=solver)
+            found, scale = nearest_at_largest_scale(
+                qp, direction, centre, root_x, size=found.size, solver=solver, terms=terms
+            )
             answered(found, solver)
         return self._result(found, form, scale, feasible) if found.status.ok else self._none()
 

@@ -1,7 +1,7 @@
-"""Distances between the shapes of a robot, and between them and obstacles: the nearest pairs, with their derivatives.
+"""Distances between the links of a robot, and between them and obstacles: the nearest pairs, with their derivatives.
 
-Distances and witness points are coal's, placements Pinocchio's. A pair that was far cannot be near before its shapes
-have moved as far, so few pairs are measured in a tick. Meshes stand for their convex hulls.
+Distances and witness points are coal's, placements Pinocchio's. A pair of shapes that was far cannot be near before the
+shapes have moved as far, so few pairs are measured in a tick. Meshes stand for their convex hulls.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
-import coal
 import numpy as np
 import pinocchio as pin
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownName
-from wbc.models.geometry import Box, Cylinder, Geometry, Shape, Sphere
+from wbc.models.coal_ import coal_shape, line_of_force, placements
+from wbc.models.geometry import Geometry, Shape
 from wbc.models.model import RobotModel, RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.pinocchio_state import PinocchioState
@@ -30,6 +30,12 @@ _TIGHT, _LOOSE, _DEPTH_TOLERANCE, _ITERATIONS = 1e-11, 1e-6, 1e-6, 256
 _ABSURD = 1e6
 #: Rounding of sums of ways [m].
 _ROUNDING = 1e-9
+#: Rows that there are by default besides two for each pair that is near in the reference configuration, and the most.
+_ROWS, _MOST_ROWS = 24, 128
+#: Shapes of two links have a row up to this share of the reach further apart than the nearest shapes of the two.
+_BESIDE = 0.5
+#: By how much, as a share of the reach, a pair must be nearer to take the row of another.
+_NEARER = 0.1
 #: Time step of second differences [s].
 _STEP = 1e-4
 # Where the nearest features change, e.g. from one edge to another, a second difference is a jump and no curvature: what
@@ -76,18 +82,25 @@ class Obstacle:
 
 @final
 class Distances:
-    """The ``count`` most critical pairs of shapes within ``reach`` [m], for one model.
+    """Pairs of shapes of two links (or a link and an obstacle) within ``reach`` [m], for one model.
 
-    ``read(state)`` fills, row by row in the order of ``pairs``:
+    Of two links those shapes count that are nearest, and others that are further by less than half the reach.
+    ``read(state)`` fills, row by row:
 
-    which (count,)         index of the pair, −1 where fewer are within reach
+    which (count,)         index of the pair in ``pairs``, −1 where a row is empty
     distance (count,)      d [m], negative inside one another; ``reach`` where there is no pair
     jacobian (count, nv)   ∂d/∂q = nᵀ (J₂ − J₁) at the witness points, n the unit normal from the first to the second
     rate (count,)          ∂d/∂t of obstacles that move
     drift (count,)         d²d/dt² at a = 0: second difference along q ⊕ s v at t + s; NaN in states without drifts
 
-    Where more are within reach, those count that would be nearest after ``ahead`` [s] at the velocity of now. What is
-    filled depends on the state alone; what was measured before only spares work. The first reading measures all pairs.
+    A pair keeps its row from reading to reading: it has the first row that is free when it comes within reach, and
+    gives it back only where another pair needs it. Where more pairs than rows are within reach, those have a row that
+    would be nearest after ``ahead`` [s] at the velocity of now; to take the row of another, a pair must be nearer by a
+    tenth of ``reach``. ``missing`` counts the pairs within reach that have no row. In states with drifts, where the
+    robot cannot stop at once, a pair that approaches at u [m/s] is within reach also at margin + 2 u ``ahead``.
+
+    Distances depend on the state alone; what was measured before only spares work. The first reading measures all
+    pairs. ``reset`` makes all rows free.
 
     Left out are shapes that no joint moves against each other, those of neighbouring links, and what two joints or
     fewer cannot bring within ``margin``. With ``pairs=None`` also what is nearer than that in the reference
@@ -98,6 +111,8 @@ class Distances:
         pairs: pairs of names of links and obstacles to look at; None: all.
         obstacles: what stands in the world.
         self_collision: with ``pairs=None``, whether links are kept apart from links.
+        count: number of rows, at most one for each pair; None: 24 and twice as many as pairs are within reach in the
+            reference configuration, at most 128.
 
     Raises:
         NotSupported: the model has no shapes.
@@ -112,8 +127,8 @@ class Distances:
         >>> robot = wbc.load("arm")
         >>> distances = Distances(robot, count=2, reach=1.0)
         >>> distances.read(robot.state())
-        >>> distances.pairs[distances.which[0]], bool(distances.distance[0] > 0)
-        (('upper_arm', 'forearm'), True)
+        >>> len(distances.which), bool(distances.distance.min() > 0)
+        (2, True)
     """
 
     def __init__(
@@ -123,7 +138,7 @@ class Distances:
         pairs: Iterable[tuple[str, str]] | None = None,
         obstacles: Sequence[Obstacle] = (),
         self_collision: bool = True,
-        count: int = 4,
+        count: int | None = None,
         reach: float = 0.2,
         margin: float = 0.0,
         ahead: float = 0.0,
@@ -131,7 +146,7 @@ class Distances:
         if not isinstance(model, PinocchioModel) or not model.collisions:
             raise NotSupported(f"{model.name} has no collision shapes, so nothing is known about distances")
         self.model, self.reach = model, checks.number("reach", reach, low=0.0, strict=True)
-        self.ahead = checks.number("ahead", ahead, low=0.0)
+        self.ahead, self.margin = checks.number("ahead", ahead, low=0.0), margin
         self._obstacles = tuple(obstacles)
         self._geometry = pin.GeometryModel()
         self._owners: list[str] = []
@@ -147,7 +162,8 @@ class Distances:
             self._geometry.removeCollisionPair(pair)
         self.excluded = tuple(dict.fromkeys((self._owners[p.first], self._owners[p.second]) for p in touching))
         self._data, self._beside = self._memory(), self._memory()
-        self._prepare(int(checks.number("count", count, low=1)))
+        self._prepare()
+        self._number_rows(None if count is None else int(checks.number("count", count, low=1)))
 
     # ---- compile
     def _add_shapes(self, collisions: Iterable[Geometry]) -> None:
@@ -169,7 +185,7 @@ class Distances:
 
     def _add(self, owner: str, joint: int, placement: Any, shape: Shape) -> Any:
         """Returns where the middle of the shape is in its own coordinates, an SE3."""
-        body, middle = _coal(shape)
+        body, middle = coal_shape(shape)
         body.computeLocalAABB()
         name = f"{owner}#{len(self._owners)}"
         self._geometry.addGeometryObject(pin.GeometryObject(name, joint, 0, placement * middle, body))
@@ -225,7 +241,7 @@ class Distances:
             if result.min_distance <= margin and not (self._is_obstacle(pair.first) or self._is_obstacle(pair.second))
         ]
 
-    def _prepare(self, count: int) -> None:
+    def _prepare(self) -> None:
         """Everything of a constant size."""
         model, geometry, data = self.model, self._geometry, self._data
         chosen = [(pair.first, pair.second) for pair in geometry.collisionPairs]
@@ -233,29 +249,43 @@ class Distances:
             raise InvalidInput(f"{model.name}: no pair of shapes is left to keep apart")
         #: Names of the two links, or link and obstacle, of each pair of shapes.
         self.pairs = tuple((self._owners[i], self._owners[j]) for i, j in chosen)
-        n, nv = geometry.ngeoms, model.nv
-        self.count = count = min(count, len(chosen))
-        self.which: Index = np.full(count, -1, dtype=np.intp)
-        self.distance, self.rate, self.drift = np.full(count, self.reach), np.zeros(count), np.zeros(count)
-        self.jacobian = np.zeros((count, nv))
+        number = {names: i for i, names in enumerate(dict.fromkeys(self.pairs))}
+        self._links = [number[names] for names in self.pairs]
+        n = geometry.ngeoms
         # ∂d/∂q = wᵀ J with w = (n, p × n), one line of force through both witness points, J the columns about the
         # world's origin: those that move the second shape count +, those that move the first −.
-        moved = np.array([self._moved_by(shape.parentJoint) for shape in geometry.geometryObjects])
+        self._moved = moved = np.array([self._moved_by(shape.parentJoint) for shape in geometry.geometryObjects])
         self._first, self._second = np.array(chosen, dtype=np.intp).T
         self._sign = moved[self._second] - moved[self._first]
-        # A shape that has come a way of s since then is s nearer to anything at most: ``until`` is the sum of the ways
-        # of both shapes before which a pair cannot be within reach.
-        self._centres, self._axes = _placements(data)
+        # A shape that has come a way of s since then is s nearer to anything at most: a pair of shapes is at least its
+        # distance when it was measured less what the ways of both have grown by, ``measured`` less their sum now.
+        self._centres, self._axes = placements(data)
         self._radii = np.array([shape.geometry.aabb_radius for shape in geometry.geometryObjects])
         self._way = np.zeros(n)
         pin.updateGeometryPlacements(model.pinocchio, self._kinematics, geometry, data, np.array(model.q0))
         self._last_centres, self._last_axes = self._centres.copy(), self._axes.copy()
-        self._until = np.full(len(chosen), -np.inf)
+        self._measured_at = np.full(len(chosen), -np.inf)
         self._results = [data.distanceResults[k] for k in range(len(chosen))]
         first = n - len(self._obstacles)
         moving = zip(range(first, n), self._obstacles, self._to_shape, strict=True)
         self._moving = {shape: (obstacle, middle) for shape, obstacle, middle in moving if obstacle.moves}
         self._shapes = chosen
+
+    def _number_rows(self, count: int | None) -> None:
+        """Memory for so many rows."""
+        if count is None:
+            near = self._nearest(np.full(len(self._first), self.reach))
+            count = min(_ROWS + 2 * len(near), _MOST_ROWS)
+        self.count = count = min(count, len(self.pairs))
+        self.which: Index = np.full(count, -1, dtype=np.intp)
+        self.distance, self.rate, self.drift = np.full(count, self.reach), np.zeros(count), np.zeros(count)
+        self.jacobian = np.zeros((count, self.model.nv))
+        self.missing = 0
+        self._held = self.which.copy()
+
+    def reset(self) -> None:
+        """Make all rows free."""
+        self._held.fill(-1)
 
     def _moved_by(self, joint: int) -> Vec:
         """1 for each velocity that moves ``joint``."""
@@ -268,32 +298,53 @@ class Distances:
 
     # ---- the tick
     def read(self, state: RobotState) -> None:
-        """Measure the most critical pairs of this state."""
+        """Measure the pairs of this state."""
         assert isinstance(state, PinocchioState)
         J = state.joint_columns  # and with them the placements of the joints
         pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, self._data)
         self._place_obstacles(self._data, state.t)
         self.which[:], self.distance[:], self.jacobian[:] = -1, self.reach, 0.0
-        self.rate[:], self.drift[:] = 0.0, 0.0 if state.drifts else np.nan
-        near, measured = self._within_reach()
-        if not near:
+        self.rate[:], self.drift[:], self.missing = 0.0, 0.0 if state.drifts else np.nan, 0
+        felt = self._felt(state, J) if state.drifts else np.full(len(self._first), self.reach)
+        found = self._nearest(felt)
+        if not found:
             return
-        distances = np.array(measured)
-        rows = np.dot([_line(self._results[pair]) for pair in near], J)
-        rows *= self._sign[near]
-        rates = self._rates(near, state.t) if self._moving else np.zeros(len(near))
-        if len(near) > self.count:
-            soon = distances + self.ahead * (rows @ state.v + rates)
-            worst = np.sort(np.argsort(soon, kind="stable")[: self.count])
-            near = [near[i] for i in worst]
-            distances, rows, rates = distances[worst], rows[worst], rates[worst]
-        k = len(near)
-        self.which[:k], self.distance[:k], self.jacobian[:k], self.rate[:k] = near, distances, rows, rates
+        pairs, distances = list(found), np.array(list(found.values()))
+        rows = np.dot([line_of_force(self._results[k]) for k in pairs], J)
+        rows *= self._sign[pairs]
+        rates = self._rates(pairs, state.t) if self._moving else np.zeros(len(pairs))
+        speeds = rows @ state.v + rates
         if state.drifts:
-            self._read_drifts(near, state)
+            near = np.flatnonzero(distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds))
+        else:
+            near = np.arange(len(pairs))
+        at = self._rows_for([pairs[i] for i in near], (distances + self.ahead * speeds)[near])
+        near, at = near[at >= 0], at[at >= 0]
+        self.which[at] = np.array(pairs)[near]
+        self.distance[at], self.jacobian[at], self.rate[at] = distances[near], rows[near], rates[near]
+        if state.drifts and len(at):
+            self._read_drifts(at, self.which[at].tolist(), state)
 
-    def _within_reach(self) -> tuple[list[int], list[float]]:
-        """All pairs within reach, in the order of ``pairs`` so that rows keep theirs while they can, and distances."""
+    def _felt(self, state: PinocchioState, J: Mat) -> Vec:
+        """The distance up to which each pair of shapes is measured: the reach, or what its approach takes to stop."""
+        twists = (self._moved * state.v) @ J.T  # linear about the world's origin, then angular
+        for shape, (obstacle, _) in self._moving.items():
+            twists[shape] = _twist(obstacle, state.t)
+        if not twists.any():
+            return np.full(len(self._first), self.reach)
+        relative = twists[self._second] - twists[self._first]
+        linear, angular = relative[:, :3], relative[:, 3:]
+        linear = linear + np.cross(angular, self._centres[self._second])
+        most = np.sqrt(np.vecdot(linear, linear)) + np.sqrt(np.vecdot(angular, angular)) * self._radii[self._second]
+        felt: Vec = np.maximum(self.reach, self.margin + 2.0 * self.ahead * most)
+        return felt
+
+    def _nearest(self, felt: Vec) -> dict[int, float]:
+        """The distances of the pairs of shapes that are below what is ``felt`` (shapes,), by their numbers.
+
+        Of two links only their nearest shapes, and those that are further by less than half the reach. What cannot be
+        among them is not measured.
+        """
         way, centres, axes = self._way, self._centres, self._axes
         moved = centres - self._last_centres
         turned = (axes - self._last_axes).reshape(len(way), 9)
@@ -302,14 +353,45 @@ class Distances:
         self._last_centres[:], self._last_axes[:] = centres, axes
         since = way[self._first]
         since += way[self._second]
-        near, measured = [], []
-        for pair in np.flatnonzero(self._until <= since).tolist():
-            d = self._measured(self._data, pair)
-            if d < self.reach:
-                near.append(pair)
-                measured.append(d)
-            self._until[pair] = since[pair] + d - self.reach - _ROUNDING
-        return near, measured
+        least = self._measured_at - since - _ROUNDING
+        near = np.flatnonzero(least < felt)
+        found: dict[int, float] = {}
+        nearest: dict[int, float] = {}
+        beside = _BESIDE * self.reach
+        for k in near[np.argsort(least[near], kind="stable")].tolist():
+            links = self._links[k]
+            if least[k] > nearest.get(links, np.inf) + beside:
+                continue
+            d = self._measured(self._data, k)
+            self._measured_at[k] = since[k] + d
+            if d < felt[k]:
+                found[k] = d
+                nearest[links] = min(nearest.get(links, np.inf), d)
+        return {k: found[k] for k in sorted(found) if found[k] <= nearest[self._links[k]] + beside}
+
+    def _rows_for(self, pairs: list[int], soon: Vec) -> Index:
+        """The row of each pair, −1 where there is none; ``soon`` says how near each will be."""
+        held = self._held
+        row_of = {pair: row for row, pair in enumerate(held.tolist()) if pair >= 0}
+        at: Index = np.array([row_of.get(pair, -1) for pair in pairs], dtype=np.intp)
+        if (at >= 0).all():
+            return at
+        taken = set(at.tolist())
+        free = [row for row in range(self.count) if row not in taken]
+        free.sort(key=lambda row: held[row] >= 0)  # rows that nobody has had come first
+        order = np.argsort(soon, kind="stable")
+        for i in order[at[order] < 0].tolist():
+            if free:
+                row = free.pop(0)
+            else:
+                with_row = np.flatnonzero(at >= 0)
+                last = int(with_row[np.argmax(soon[with_row])])
+                if soon[i] >= soon[last] - _NEARER * self.reach:
+                    break
+                row, at[last] = int(at[last]), -1
+            at[i], held[row] = row, pairs[i]
+        self.missing = int((at < 0).sum())
+        return at
 
     def _measured(self, data: Any, pair: int) -> float:
         """The distance; to a looser tolerance where the tight one was too much.
@@ -344,17 +426,17 @@ class Distances:
                     rates[row] += sign * float(result.normal @ velocity)
         return rates
 
-    def _read_drifts(self, near: list[int], state: PinocchioState) -> None:
+    def _read_drifts(self, at: Index, shapes: list[int], state: PinocchioState) -> None:
         """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
-        model, geometry, beside, k = self.model.pinocchio, self._geometry, self._beside, len(near)
-        d = self.distance[:k]
-        speed = self.jacobian[:k] @ state.v + self.rate[:k]
+        model, geometry, beside = self.model.pinocchio, self._geometry, self._beside
+        d = self.distance[at]
+        speed = self.jacobian[at] @ state.v + self.rate[at]
         halves = []
         for s in (_STEP, -_STEP):
             q = pin.integrate(model, state.q, s * state.v)
             pin.updateGeometryPlacements(model, self._kinematics, geometry, beside, q)
             self._place_obstacles(beside, state.t + s)
-            there = np.array([self._measured(beside, pair) for pair in near])
+            there = np.array([self._measured(beside, k) for k in shapes])
             halves.append((there - d - s * speed) * (2.0 / _STEP**2))
         ahead, behind = halves
         drift = 0.5 * (ahead + behind)
@@ -362,7 +444,7 @@ class Distances:
         jumps = np.abs(ahead - behind) > _JUMP
         drift[jumps] = np.where(np.abs(ahead) < np.abs(behind), ahead, behind)[jumps]
         drift[np.abs(drift) > _MOST_CURVATURE * self._speed_squared(state)] = 0.0
-        self.drift[:k] = drift
+        self.drift[at] = drift
 
     def _speed_squared(self, state: PinocchioState) -> float:
         """The largest entry of v, and of a velocity of each moving obstacle, squared."""
@@ -373,68 +455,15 @@ class Distances:
         return speed**2
 
 
+def _twist(obstacle: Obstacle, t: float) -> Vec:
+    """Velocity of an obstacle (6,): linear at the world's origin, then angular."""
+    step = obstacle.at(t + _STEP) * obstacle.at(t).inverse()
+    twist: Vec = pin.log6(step).vector / _STEP
+    return twist
+
+
 @final
 class UnknownShape(UnknownName):
     """Neither a link with a collision shape nor an obstacle."""
 
     kind = "link or obstacle"
-
-
-def _coal(shape: Shape) -> tuple[Any, Any]:
-    """The shape in coal's terms about the middle of its box, and where that middle is: an SE3.
-
-    Raises:
-        InvalidInput: a mesh that spans no volume.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    still = pin.SE3.Identity()
-    if isinstance(shape, Box):
-        return coal.Box(*shape.size), still
-    if isinstance(shape, Sphere):
-        return coal.Sphere(shape.radius), still
-    if isinstance(shape, Cylinder):
-        return coal.Cylinder(shape.radius, shape.length), still
-    points = np.array(coal.MeshLoader().load(str(shape.path), np.array(shape.scale)).vertices())
-    still.translation = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    try:
-        outermost = ConvexHull(points).vertices
-    except (QhullError, ValueError):  # before coal, which a flat hull kills with the whole process
-        raise InvalidInput(f"{shape.path.name} has no convex hull: its points span no volume") from None
-    corners = coal.StdVec_Vec3s()
-    for point in points[outermost] - still.translation:
-        corners.append(point)
-    return coal.ConvexBase.convexHull(corners, False, "Qt"), still
-
-
-def _line(result: Any) -> tuple[float, ...]:
-    """The line of force (6,) along the normal through the witness points, about the world's origin."""
-    nx, ny, nz = result.normal.tolist()
-    px, py, pz = result.getNearestPoint1().tolist()
-    return nx, ny, nz, py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
-
-
-def _placements(data: Any) -> tuple[Mat, Any]:
-    """Origins (n, 3) and rotations (n, 3, 3) of all shapes, live views: they lie in memory one behind the other."""
-    origins = [_address(placement.translation) for placement in data.oMg]
-    first, n = data.oMg[0], len(origins)
-    stride = origins[1] - origins[0] if n > 1 else 96
-    assert origins == [origins[0] + i * stride for i in range(n)], "placements are not one behind the other"
-    return (
-        np.asarray(_Memory(origins[0], (n, 3), (stride, 8), data)),
-        np.asarray(_Memory(_address(first.rotation), (n, 3, 3), (stride, 8, 24), data)),
-    )
-
-
-def _address(array: Any) -> int:
-    return int(array.__array_interface__["data"][0])
-
-
-class _Memory:
-    """A strided view of memory that keeps its owner alive."""
-
-    def __init__(self, start: int, shape: tuple[int, ...], strides: tuple[int, ...], owner: object) -> None:
-        self.__array_interface__ = {
-            "data": (start, True), "shape": shape, "strides": strides, "typestr": "<f8", "version": 3,
-        }  # fmt: skip
-        self._owner = owner

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidInput, ModelError, UnknownRobot
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots, read_pose
 from wbc.models.geometry import Origin
@@ -61,7 +62,13 @@ def load(
     if not isinstance(name_or_path, str | Path):
         raise InvalidInput(f"a robot is loaded by name or path, not by {type(name_or_path).__name__}")
     name = str(name_or_path)
-    folders = [Path(folder) for folder in packages]
+    if isinstance(packages, str | Path) or not isinstance(packages, Iterable):
+        raise InvalidInput(f"packages is {checks.shown(packages)}; it must be a list of folders")
+    folders = []
+    for i, given in enumerate(packages):
+        if not isinstance(given, str | Path):
+            raise InvalidInput(f"packages[{i}] is {checks.shown(given)}; it must be the path of a folder")
+        folders.append(Path(given))
     if isinstance(name_or_path, Path) or os.sep in name or "." in name:
         return _named(None, Entry(name), Path(), base, folders)
     if name in OWN:
@@ -106,6 +113,8 @@ def read_description(path: str | Path, *, packages: Iterable[str | Path] = ()) -
         return (read_mjcf if root.tag == "mujoco" else read_urdf)(root, path, packages=packages)
     except ModelError as error:
         raise type(error)(f"{path}: {error}") from None
+    except OSError as cause:
+        raise ModelError(f"{str(path)[:200]}: it cannot be read: {cause.strerror}") from None
 
 
 def _stance(robot: PinocchioModel, entry: Entry, folder: Path) -> Vec:

@@ -166,7 +166,7 @@ class PinocchioModel(RobotModel):
             1.1
         """
         links = len(self.pinocchio.inertias) - 1
-        scale = checks.array("factors", np.full(links, factors) if np.ndim(factors) == 0 else factors, (links,))
+        scale = checks.each("factors", factors, links)
         other = copy.copy(self)
         other.pinocchio = model = self.pinocchio.copy()
         for i, factor in enumerate(scale):

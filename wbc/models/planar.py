@@ -467,10 +467,7 @@ def _limits(
     v_max: ArrayLike = np.inf,
     tau_max: ArrayLike = np.inf,
 ) -> Limits:
-    low, high = (
-        checks.array(name, np.full(n, value) if np.ndim(value) == 0 else value, (n,), finite=False)
-        for name, value in (("q_min", q_min), ("q_max", q_max))
-    )
+    low, high = (checks.each(name, value, n, finite=False) for name, value in (("q_min", q_min), ("q_max", q_max)))
     for i in np.flatnonzero(low > high):
         raise InvalidInput(f"q_min[{i}] is {low[i]:g} and q_max[{i}] is {high[i]:g}; the lower must not be greater")
     v, tau = checks.limit("v_max", v_max, n), checks.limit("tau_max", tau_max, n)

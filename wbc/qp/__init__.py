@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from wbc.errors import InvalidInput
 from wbc.qp.certificate import Certificate, certificate
-from wbc.qp.problem import QP, Row, Shape
+from wbc.qp.problem import QP, Objective, Row, Shape
 from wbc.qp.solver import Session, Solution, Solver
 
-__all__ = ["QP", "Certificate", "Row", "Session", "Shape", "Solution", "Solver", "certificate", "solve"]
+__all__ = ["QP", "Certificate", "Objective", "Row", "Session", "Shape", "Solution", "Solver", "certificate", "solve"]
 
 
 def solve(qp: QP, solver: str | Solver = "pdas") -> Solution:
@@ -19,6 +20,7 @@ def solve(qp: QP, solver: str | Solver = "pdas") -> Solution:
     Raises:
         UnknownSolver: no solver has this name.
         SolverMissing: its package is not installed.
+        InvalidInput: ``qp`` is no QP.
         InvalidProblem: the data changed since ``qp`` was made and is no longer a problem.
 
     Example:
@@ -29,4 +31,6 @@ def solve(qp: QP, solver: str | Solver = "pdas") -> Solution:
     """
     from wbc.qp.solvers import by_name
 
+    if not isinstance(qp, QP):
+        raise InvalidInput(f"qp must be a QP, not {qp!r}")
     return by_name(solver).solve(qp)

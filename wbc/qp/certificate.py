@@ -1,32 +1,76 @@
-"""The certificate of optimality, recomputed from the data: no solver's word is taken.
+"""The certificate: by how much an answer exceeds its limits, and how far it can be from the optimum.
 
-With the Lagrangian's sign convention of :mod:`wbc.types`,
+Everything is recomputed from the problem's data, and no solver's word is taken. An answer x̂ comes with multipliers
+λ of rows and bounds. Each multiplier is used in the one way that is true:
 
-    primal  largest violation of a row or a bound, in that row's own unit
-    dual    ‖H x + g + Aᵀy + Cᵀz + z_box‖∞, and any multiplier that pushes on a side that is not there
-    gap     Σ |multiplier × distance to the bound it pushes on|
+* λ pushes on the right side of a row that x̂ meets to within the tolerance: the row is *held*, and its bound counts as
+  moved to R x̂. ``primal`` is the largest such move, or the largest violation of any row, in the row's unit;
+* otherwise λ is set to zero.
 
-An answer is *certified* (``ok``) when primal ≤ tol, dual ≤ tol (1 + ‖g‖∞) and
-gap ≤ tol (1 + |cost|), with tol = 1e-6 unless asked otherwise.
+With what is left, r = H x̂ + g + Rᵀλ, the answer x̂ is *exactly* the optimum of a problem whose slope g is moved by
+−r and whose bounds are moved by ``primal`` at most. Let x̃ be the optimum with these bounds and the true slope, and
+d = x̂ − x̃. A held row i has λᵢ Rᵢ d ≥ 0, because R x̂ is at its bound and x̃ is inside; the same holds at x̃. Hence
+
+    |d|²_H ≤ rᵀd ≤ |r|_{H⁻¹} |d|_H,      so      |d|_H ≤ |r|_{H⁻¹},      |Sᵢ d| ≤ |Sᵢ|_{H⁻¹} |r|_{H⁻¹}          (1)
+
+for every row Sᵢ of a task, whatever its weight. ``bounds`` holds the right side of (1) for each task, in the task's
+unit, and ``distance`` is the largest of them relative to the size of what is asked, 1 + |target|. A problem that
+names no tasks is judged by its variables: S is the identity, and the size of xⱼ is 1 + |x̂ⱼ|.
+
+For a cost given by its rows, H = D + Sᵀ w S with D diagonal, nothing has to be factored (:func:`spread`): any split
+r = r_D + Sᵀ w ρ gives |r|²_{H⁻¹} ≤ |r_D|²_{D⁻¹} + ρᵀ w ρ, and |Sᵢ|_{H⁻¹} ≤ 1/√wᵢ.
+
+**Directions without curvature.** H may be singular, or its curvature along some direction so small that the rounding
+of r decides where the optimum is. A Cholesky factorisation with pivots splits the variables into curved and flat ones.
+The curvature of a flat one, beside the others, is rounding of the products in H (or, where no tasks say what matters,
+less than rounding of r needs to move the optimum by 1e-4 of its size: what regularisations are). r splits with them:
+the part in the range of H enters (1), and a rest that acts on the flat variables alone is a slope that the answer
+leaves along them. There distance has no meaning, because optima can be any distance apart: ``bounds`` are then those
+with the flat variables where they are, and ``slope`` is that rest relative to the largest term that it is the sum of:
+the cost, the rows, the bounds. It is zero at an optimum.
+
+An answer is *certified* (``ok``) when primal ≤ 1e-6, distance ≤ 1e-4 and slope ≤ 1e-6. Neither depends on the unit
+of the cost. ``dual`` and ``gap`` are the classical residuals ‖H x + g + Rᵀλ‖∞ (and multipliers that push where there
+is no bound) and Σ |λ × distance to the bound it pushes on|, in units of the cost. They must be ≤ 1e-6 of their
+scales, which grow with the cost.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, final
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple, final
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpstrf, dtrtri
 
-from wbc.qp.problem import QP, moderate
-from wbc.types import Vec
+from wbc.qp.problem import QP, Objective, moderate
+from wbc.types import Index, Mat, Vec
 
 TOLERANCE = 1e-6
+#: An answer is certified at tolerance t where it is within 100 t of the optimum, relative to what is asked.
+DISTANCE = 100.0
+
+#: Curvature below this share of a variable's own, times the number of variables, is rounding of the products in H.
+FLAT = 64.0 * float(np.finfo(np.float64).eps)
+_EPS = float(np.finfo(np.float64).eps)
+#: Rounding of a gradient's terms, four times for each variable, beside a distance of 1e-4: it hides less curvature.
+_HIDDEN = 4.0 * _EPS / (DISTANCE * TOLERANCE)
+#: Rounding beyond this share of a slope hides it.
+_HIDES = 1e-2
+_NONE: Mapping[str, float] = MappingProxyType({})
 
 
 @final
 class Certificate(NamedTuple):
-    """Primal residual [unit of the worst row], dual residual and complementarity gap [unit of the cost].
+    """How far an answer is from what it should be; see :mod:`wbc.qp.certificate` for the proof.
 
-    ``worst_row`` is the index in ``qp.rows`` of the row that is violated most, −1 when none is.
+    ``primal`` is the largest violation [unit of the worst row], ``dual`` and ``gap`` the stationarity and
+    complementarity residuals [unit of the cost] with the scales they are compared to. ``bounds`` says for each task
+    how far it can be from its optimum [unit of the task], ``distance`` is the largest of these relative to
+    1 + |target|, and ``slope`` the relative slope along variables without curvature. ``worst_row`` is the index in
+    ``qp.rows`` of the row that is violated most, −1 when none is.
     """
 
     primal: float
@@ -35,14 +79,52 @@ class Certificate(NamedTuple):
     scale_dual: float = 1.0
     scale_gap: float = 1.0
     worst_row: int = -1
+    distance: float = 0.0
+    slope: float = 0.0
+    bounds: Mapping[str, float] = _NONE
+
+    def __reduce__(self) -> tuple[type[Certificate], tuple[Any, ...]]:
+        return Certificate, (*self[:-1], dict(self.bounds))
+
+    @classmethod
+    def none(cls) -> Certificate:
+        """The certificate of an answer that is not finite: everything is infinite."""
+        inf = float("inf")
+        return cls(inf, inf, inf, distance=inf, slope=inf)
+
+    @property
+    def level(self) -> float:
+        """The smallest tolerance at which the certificate holds; inf where it holds at none."""
+        parts = self.residual, self.distance / DISTANCE, self.slope
+        return max(parts) if not any(np.isnan(part) for part in parts) else float("inf")
+
+    @property
+    def residual(self) -> float:
+        """The largest of primal, dual and gap, the last two relative to their scales."""
+        return max(self.primal, _share(self.dual, self.scale_dual), _share(self.gap, self.scale_gap))
 
     def within(self, tolerance: float) -> bool:
-        """Whether all three residuals are small enough; NaN never is."""
+        """Whether the certificate holds at this tolerance; NaN never does."""
         return (
             self.primal <= tolerance
             and self.dual <= tolerance * self.scale_dual
             and self.gap <= tolerance * self.scale_gap
+            and self.distance <= DISTANCE * tolerance
+            and self.slope <= tolerance
         )
+
+    def fault(self, tolerance: float = TOLERANCE) -> str:
+        """Why the certificate does not hold at this tolerance; empty where it does."""
+        faults = []
+        if not self.primal <= tolerance:
+            faults.append(f"a bound is missed by {self.primal:.2g} of its unit")
+        if not self.distance <= DISTANCE * tolerance:
+            faults.append(f"an optimum can be {self.distance:.2g} of its size away")
+        if not self.slope <= tolerance:
+            faults.append(f"{self.slope:.2g} of the slope is left along a direction without curvature")
+        if not faults and not self.within(tolerance):
+            faults.append(f"stationarity is missed by {self.dual:.2g} and the gap is {self.gap:.2g}")
+        return "; ".join(faults)
 
     @property
     def ok(self) -> bool:
@@ -51,11 +133,12 @@ class Certificate(NamedTuple):
 
     def __str__(self) -> str:
         word = "certified" if self.ok else "not certified"
-        return f"{word}: primal {self.primal:.1e}, dual {self.dual:.1e}, gap {self.gap:.1e}"
+        text = f"{word}: primal {self.primal:.1e}, dual {self.dual:.1e}, gap {self.gap:.1e}"
+        return f"{text}, distance {self.distance:.1e}" + (f", slope {self.slope:.1e}" if self.slope else "")
 
 
-def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec) -> Certificate:
-    """Residuals of the KKT conditions at (x, y, z, z_box).
+def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float = TOLERANCE) -> Certificate:
+    """The certificate of the answer (x, y, z, z_box); rows met to within ``tolerance`` count as held.
 
     Shapes: x (n,), y (n_eq,), z (n_in,), z_box (n,). An answer that is not finite has infinite residuals.
 
@@ -68,49 +151,127 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec) -> Certificate:
     """
     everything = np.concatenate([x, y, z, z_box])
     if not moderate(everything):
-        return Certificate(np.inf, np.inf, np.inf)
-    forces = everything[len(x) : len(everything) - len(x)]
+        return Certificate.none()
+    m = len(qp.lower)
+    force = np.concatenate([y, z, z_box])
+    values = np.concatenate([qp.matrix.dot(x), x])
+    over, under = values - np.concatenate([qp.upper, qp.ub]), np.concatenate([qp.lower, qp.lb]) - values
+    violation = np.maximum(over, under)
+    worst = int(violation.argmax())
+    room = -np.where(force > 0.0, over, np.where(force < 0.0, under, np.inf))  # to the bound that is pushed on
+    held = room <= tolerance
+    pushing = force != 0.0
+    stray = pushing & np.isinf(room)
+    met = pushing & ~stray
+    primal = max(float(violation[worst]), float(room[held].max(initial=0.0)), 0.0)
+
     curvature = qp.H.dot(x)
-    stationarity = curvature + qp.g
-    stationarity += forces.dot(qp.matrix)
-    stationarity += z_box
-    primal, worst, stray, gap = _side(qp.matrix.dot(x), qp.lower, qp.upper, forces)
-    primal_box, worst_box, stray_box, gap_box = _side(x, qp.lb, qp.ub, z_box)
-    if primal_box > primal:
-        primal, worst = primal_box, worst_box + len(forces)
+    push = force[:m].dot(qp.matrix)
+    stationarity = curvature + qp.g + push + z_box
+    kept = np.where(held, force, 0.0)
+    kept_push = push if (kept[:m] == force[:m]).all() else kept[:m].dot(qp.matrix)
+    size = 1.0 + np.abs(x)
+    asked = np.abs(qp.g) + np.abs(qp.H).dot(size)
+    tasks = qp.tasks or (Objective("x", np.eye(qp.n), x),)
+    terms = np.abs(qp.g) + np.abs(qp.H).dot(np.abs(x)) + np.abs(kept[:m]).dot(np.abs(qp.matrix)) + np.abs(kept[m:])
+    resolved = qp.n * FLAT * qp.H.diagonal()
+    if not qp.tasks:
+        resolved = np.maximum(resolved, qp.n * _HIDDEN * terms / size)
+    cost = _Curved(qp.H, resolved)
+    bounds, distance = cost.bounds(curvature + qp.g + kept_push + kept[m:], terms, tasks)
     return Certificate(
         primal,
-        max(_largest(stationarity), stray, stray_box),
-        gap + gap_box,
-        1.0 + _largest(qp.g),
-        1.0 + abs(float(0.5 * x.dot(curvature) + qp.g.dot(x))),
-        worst if primal > 0.0 else -1,
+        max(_largest(stationarity), _largest(force[stray])),
+        float(np.abs(force[met] * room[met]).sum()),
+        _largest(asked),
+        float(asked.dot(size) + np.abs(force[met]).dot(1.0 + np.abs(values[met]))),
+        worst if violation[worst] > 0.0 else -1,
+        distance,
+        cost.slope(np.column_stack([curvature, qp.g, kept_push, kept[m:]]), _EPS * np.abs(qp.H).dot(np.abs(x))),
+        bounds,
     )
 
 
-def _side(values: Vec, lower: Vec, upper: Vec, forces: Vec) -> tuple[float, int, float, float]:
-    """Largest violation and its index, largest multiplier that has no bound to push on, gap."""
-    if not len(values):
-        return 0.0, -1, 0.0, 0.0
-    over, under = values - upper, lower - values
-    violation = np.maximum(over, under)
-    worst = int(violation.argmax())
-    primal = max(float(violation[worst]), 0.0)
-    pushing = forces.nonzero()[0]
-    if not len(pushing):
-        return primal, worst, 0.0, 0.0
-    force = forces[pushing]
-    slack = np.where(force > 0.0, over[pushing], under[pushing])
-    products = np.abs(force * slack)
-    gap = float(products.sum())
-    if gap < np.inf:
-        return primal, worst, 0.0, gap
-    missing = np.isinf(slack)
-    return primal, worst, _largest(force[missing]), float(products[~missing].sum())
+def spread(r: Vec, curvature: Vec, rho: Vec, weights: Vec) -> float:
+    """An upper bound √(|r|²_{D⁻¹} + ρᵀ w ρ) of |x̂ − x̃|_H for H = D + Sᵀ w S and the gradient split as r + Sᵀ w ρ.
+
+    Every row i of a task with weight wᵢ is within spread/√wᵢ of its optimum, every variable j within spread/√Dⱼ.
+    ``curvature`` (n,) is the diagonal of D. Where it is zero and r is not, the bound is infinite.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.qp.certificate import spread
+        >>> spread(np.array([3e-6]), np.array([4.0]), np.zeros(0), np.zeros(0))
+        1.5e-06
+    """
+    moved = r != 0.0
+    with np.errstate(divide="ignore", over="ignore"):
+        return float(np.sqrt(np.sum(r[moved] ** 2 / curvature[moved]) + weights.dot(rho * rho)))
+
+
+@final
+class _Curved:
+    """H = L Lᵀ with pivots; variables with no more curvature left than ``resolved`` (n,) are flat."""
+
+    def __init__(self, H: Mat, resolved: Vec) -> None:
+        self._unit = 1.0 / np.sqrt(np.where(resolved > 0.0, resolved, 1.0))
+        factor, pivots, rank, _ = dpstrf(H * np.multiply.outer(self._unit, self._unit), tol=1.0, lower=1)
+        self._order: Index = pivots - 1
+        self._inverse: Mat = np.tril(dtrtri(factor[:rank, :rank], lower=1)[0]) if rank else np.zeros((0, 0))
+        self._below: Mat = factor[rank:, :rank]
+        self.rank = int(rank)
+
+    def _split(self, columns: Mat) -> tuple[Mat, Mat]:
+        """Coordinates in the range of H (rank, k), in which |·|_{H⁻¹} is the length, and the rest on flat variables."""
+        turned = (columns * self._unit[:, None])[self._order]
+        inside = self._inverse.dot(turned[: self.rank])
+        return inside, turned[self.rank :] - self._below.dot(inside)
+
+    def bounds(self, r: Vec, terms: Vec, tasks: Sequence[Objective]) -> tuple[Mapping[str, float], float]:
+        """For each task how far it can be from its optimum, and the largest of these relative to its size.
+
+        r is the sum of numbers whose magnitudes add up to ``terms`` (n,): it is only known to their rounding.
+        """
+        rounding = np.abs(self._inverse).dot((_EPS * terms * self._unit)[self._order[: self.rank]])
+        length = float(np.linalg.norm(self._split(r[:, None])[0]) + np.linalg.norm(rounding))
+        found: dict[str, float] = {}
+        worst = 0.0
+        for task in tasks:
+            if not len(task.rows):
+                continue
+            reach, _ = self._split(task.rows.T)
+            off = length * np.sqrt(np.einsum("ij,ij->j", reach, reach))
+            found[task.name] = max(found.get(task.name, 0.0), float(off.max()))
+            worst = max(worst, float((off / (1.0 + np.abs(task.target))).max()))
+        return MappingProxyType(found), worst
+
+    def slope(self, terms: Mat, rounding: Vec) -> float:
+        """The largest sum of ``terms`` (n, k) on a flat variable, relative to the largest term but the first, H x.
+
+        ``rounding`` (n,) is that of H x. Where it hides the other terms, x is so large that nothing is known of it.
+        """
+        if self.rank == len(self._order):
+            return 0.0
+        inside, left = self._split(terms)
+        flat = self._order[self.rank :]
+        hidden = rounding[flat] * self._unit[flat]
+        zero = _largest(terms[:, 1:]) * self._unit[flat] + np.abs(self._below).dot(np.abs(inside[:, 1:]).sum(axis=1))
+        zero *= len(self._order) * FLAT
+        magnitude = np.abs(left[:, 1:]).max(axis=1)
+        sum_of = np.abs(left.sum(axis=1))
+        counts: NDArray[np.bool_] = magnitude > zero
+        rest = sum_of - zero - len(flat) * hidden
+        rest = np.where(counts & (hidden > _HIDES * magnitude), hidden, rest)
+        sloping: NDArray[np.bool_] = rest > 0.0
+        with np.errstate(divide="ignore"):
+            return float((rest[sloping] / magnitude[sloping]).max(initial=0.0))
+
+
+def _share(value: float, scale: float) -> float:
+    if value == 0.0:
+        return 0.0
+    return value / scale if scale > 0.0 else float("inf")
 
 
 def _largest(values: Vec) -> float:
-    if not len(values):
-        return 0.0
-    magnitude = np.abs(values)
-    return float(magnitude[magnitude.argmax()])
+    return float(np.abs(values).max(initial=0.0))

@@ -276,7 +276,8 @@ def least_violation(R: Mat, lower: Vec, upper: Vec) -> tuple[Vec, Vec]:
     that meet the rows. Rows have norm 1, or less.
 
     Newton's method, each step to the least value on its line, from x = 0: rows that all but depend on each other send
-    x far away, where digits are lost.
+    x far away, where digits are lost. A long step may end at the first bound on its way and gain nothing; the next one
+    counts that bound too. So the steps end where none gains and the rows that are pushed on come again.
 
     Example:
         >>> import numpy as np
@@ -289,12 +290,16 @@ def least_violation(R: Mat, lower: Vec, upper: Vec) -> tuple[Vec, Vec]:
     value = R @ x
     s = value - np.clip(value, lower, upper)
     equal, least = lower == upper, np.inf
+    tried: set[bytes] = set()  # the rows pushed on in steps since the last that gained more than rounding
     for _ in range(_STEPS):
         noise = 1e-14 * np.abs(value).max(initial=1.0)
         pushed = equal | (np.abs(s) > noise)
-        if not pushed.any() or s.dot(s) >= least * (1.0 - 1e-12):
+        if s.dot(s) < least * (1.0 - 1e-12):
+            least = float(s.dot(s))
+            tried.clear()
+        if not pushed.any() or pushed.tobytes() in tried:
             break
-        least = float(s.dot(s))
+        tried.add(pushed.tobytes())
         step, *_ = lstsq(R[pushed], -s[pushed], cond=1e-11, lapack_driver="gelsy", check_finite=False)
         x = x + _lowest(value, R @ step, lower, upper) * step
         value = R @ x

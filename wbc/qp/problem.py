@@ -34,6 +34,18 @@ class Row(NamedTuple):
         return f"{self.owner}: {self.label}" if self.label else self.owner
 
 
+class Objective(NamedTuple):
+    """A task whose squared error is a part of the cost: its name, rows S (m, n), target s (m,) and unit of S x − s.
+
+    The certificate says how far S x can be from its optimum.
+    """
+
+    name: str
+    rows: Mat
+    target: Vec
+    unit: str = ""
+
+
 class Shape(NamedTuple):
     """Sizes of a QP: variables, equality rows, two-sided rows."""
 
@@ -50,6 +62,10 @@ class QP:
     bounds. ``rows`` names the equality rows, then the two-sided rows, then the variables.
     All rows live in one block of memory, ``matrix`` = [A; C] with ``lower`` and ``upper`` =
     [b, cl | cu]; ``A``, ``b``, ``C``, ``cl``, ``cu`` are views into it.
+
+    ``tasks`` names parts (name, S (m, n), s (m,), unit) of the cost, each a multiple of |S x − s|². It changes nothing
+    in the answer: the certificate then bounds the distance of each S x from its optimum, in the task's unit. Without
+    tasks it bounds the distance of every variable.
 
     Raises:
         InvalidProblem: wrong shapes, NaN, lb > ub or cl > cu, H not symmetric or not positive semidefinite.
@@ -70,6 +86,7 @@ class QP:
     ub: Vec
     n_eq: int
     rows: tuple[Row, ...]
+    tasks: tuple[Objective, ...]
 
     def __init__(
         self,
@@ -84,6 +101,7 @@ class QP:
         lb: Any = None,
         ub: Any = None,
         rows: Sequence[Row | tuple[str, str, str]] | None = None,
+        tasks: Sequence[Objective | tuple[str, Any, Any, str]] = (),
     ) -> None:
         bad = InvalidProblem
         g = checks.array("g", g, (None,), error=bad)
@@ -107,6 +125,7 @@ class QP:
             H=H, g=g, matrix=np.vstack([A, C]),
             lower=np.concatenate([b, sides["cl"]]), upper=np.concatenate([b, sides["cu"]]),
             lb=sides["lb"], ub=sides["ub"], n_eq=len(A), rows=_named(rows, n, len(A), len(C)),
+            tasks=_objectives(tasks, n),
         )  # fmt: skip
         self.check()
         self._refuse_non_convex()
@@ -116,15 +135,15 @@ class QP:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def empty(cls, shape: Shape, rows: Sequence[Row] | None = None) -> QP:
-        """Memory for a QP of this shape, NaN where something has still to be written."""
+    def empty(cls, shape: Shape, rows: Sequence[Row] | None = None, tasks: Sequence[Objective] = ()) -> QP:
+        """Memory for a QP of this shape, NaN where something has still to be written; ``tasks`` as they are."""
         n, n_eq, n_in = shape
         nan, m = np.nan, n_eq + n_in
         qp = object.__new__(cls)
         qp._set(
             H=np.full((n, n), nan), g=np.full(n, nan), matrix=np.full((m, n), nan),
             lower=np.full(m, nan), upper=np.full(m, nan), lb=np.full(n, -np.inf), ub=np.full(n, np.inf),
-            n_eq=n_eq, rows=_named(rows, n, n_eq, n_in),
+            n_eq=n_eq, rows=_named(rows, n, n_eq, n_in), tasks=tuple(tasks),
         )  # fmt: skip
         return qp
 
@@ -238,11 +257,16 @@ class QP:
                     f"H is not positive semidefinite, the problem is not convex: an eigenvalue is {smallest:g}"
                 ) from None
 
+    def name_tasks(self, tasks: Sequence[Objective]) -> None:
+        """What the cost is made of now, for those who write the problem's memory; not checked."""
+        self._set(tasks=tuple(tasks))
+
     def copy(self) -> QP:
         """The same problem in memory of its own."""
         qp = object.__new__(QP)
         arrays = {name: getattr(self, name).copy() for name in ("H", "g", "matrix", "lower", "upper", "lb", "ub")}
-        qp._set(**arrays, n_eq=self.n_eq, rows=self.rows)
+        tasks = tuple(t._replace(rows=t.rows.copy(), target=t.target.copy()) for t in self.tasks)
+        qp._set(**arrays, n_eq=self.n_eq, rows=self.rows, tasks=tasks)
         return qp
 
     # ---- files and other libraries
@@ -253,10 +277,14 @@ class QP:
             InvalidInput: the file cannot be written.
         """
         names = json.dumps([list(r) for r in self.rows])
+        tasks = json.dumps([[t.name, t.unit, len(t.rows)] for t in self.tasks])
+        task_rows = np.concatenate([np.zeros((0, self.n)), *(t.rows for t in self.tasks)])
+        targets = np.concatenate([np.zeros(0), *(t.target for t in self.tasks)])
         try:
             with open(path, "wb") as file:
                 np.savez(file, H=self.H, g=self.g, A=self.A, b=self.b, C=self.C, cl=self.cl, cu=self.cu,
-                         lb=self.lb, ub=self.ub, rows=np.array(names))  # fmt: skip
+                         lb=self.lb, ub=self.ub, rows=np.array(names), tasks=np.array(tasks), task_rows=task_rows,
+                         targets=targets)  # fmt: skip
         except OSError as cause:
             raise InvalidInput(f"{path} cannot be written: {cause.strerror}") from cause
 
@@ -270,10 +298,11 @@ class QP:
         try:
             data: dict[str, Any] = dict(read_npz(path))
             rows = [Row(*map(_text, r)) for r in read_json("rows", str(data.pop("rows")))]
+            tasks = _stored_tasks(data)
             data = {k: data[k] for k in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")}
-        except (InvalidInput, KeyError, TypeError) as cause:
+        except (InvalidInput, KeyError, TypeError, ValueError) as cause:
             raise InvalidProblem(f"{path} is not a QP saved by this library: {cause}") from cause
-        return cls(data.pop("H"), data.pop("g"), rows=rows, **data)
+        return cls(data.pop("H"), data.pop("g"), rows=rows, tasks=tasks, **data)
 
     def to_qpsolvers(self) -> qpsolvers.Problem:
         """The same problem for the qpsolvers package: G x ≤ h holds each finite side as one row."""
@@ -299,6 +328,35 @@ class QP:
             return matrix.toarray() if hasattr(matrix, "toarray") else matrix
 
         return cls(dense(P), q, A=dense(A), b=b, C=dense(G), cu=h, lb=lb, ub=ub)
+
+
+def _objectives(tasks: Any, n: int) -> tuple[Objective, ...]:
+    """Tasks as given, checked and copied."""
+    bad = InvalidProblem
+    try:
+        given = [Objective(*task) for task in tasks]
+    except TypeError as cause:
+        raise bad(f"tasks must be a list of (name, rows, target, unit), not {tasks!r}") from cause
+    found = []
+    for i, task in enumerate(given):
+        if not (isinstance(task.name, str) and isinstance(task.unit, str)):
+            raise bad(f"tasks[{i}]: name and unit are text, not {task.name!r}, {task.unit!r}")
+        rows = checks.array(f"tasks[{i}].rows", task.rows, (None, n), error=bad)
+        target = checks.array(f"tasks[{i}].target", task.target, (len(rows),), error=bad)
+        found.append(Objective(task.name, rows, target, task.unit))
+    return tuple(found)
+
+
+def _stored_tasks(data: dict[str, Any]) -> list[Objective]:
+    """The tasks of a file; files written before tasks were kept have none."""
+    if "tasks" not in data:
+        return []
+    tasks, start = [], 0
+    for name, unit, size in read_json("tasks", str(data["tasks"])):
+        own = slice(start, start + int(size))
+        tasks.append(Objective(_text(name), data["task_rows"][own], data["targets"][own], _text(unit)))
+        start = own.stop
+    return tasks
 
 
 def _text(value: Any) -> str:
@@ -336,7 +394,10 @@ def _named(rows: Sequence[Row | tuple[str, str, str]] | None, n: int, n_eq: int,
     default += [Row(f"x[{i}]") for i in range(n)]
     if rows is None:
         return tuple(default)
-    given = [Row(*r) for r in rows]
+    try:
+        given = [Row(*r) for r in rows]
+    except TypeError as cause:
+        raise InvalidProblem(f"rows must be a list of (owner, label, unit), not {rows!r}") from cause
     if len(given) not in (n_eq + n_in, n_eq + n_in + n):
         raise InvalidProblem(f"rows must name {n_eq + n_in} rows (or those and {n} variables), not {len(given)}")
     return tuple(given + default[len(given) :])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from time import perf_counter
 from typing import Self, final
@@ -15,7 +15,12 @@ from wbc import checks
 from wbc.errors import InvalidProblem, SolverMissing
 from wbc.qp.certificate import TOLERANCE, Certificate, certificate
 from wbc.qp.problem import QP, Shape
+from wbc.qp.proof import contradiction, descent
+from wbc.qp.refine import Point, refined
 from wbc.types import Status, Vec
+
+#: The share of the tolerance at which an answer is as good as it need be.
+_FINE = 1e-2
 
 
 @final
@@ -37,14 +42,20 @@ class Answer:
         x, y, z, z_box = (np.full(size, np.nan) for size in (shape.n, shape.n_eq, shape.n_in, shape.n))
         return cls(status, x, y, z, z_box, iterations)
 
+    def certificate(self, qp: QP, tolerance: float = TOLERANCE) -> Certificate:
+        """The certificate of this answer, recomputed from the data of ``qp``."""
+        return certificate(qp, self.x, self.y, self.z, self.z_box, tolerance=tolerance)
+
 
 @final
 @dataclass(frozen=True, slots=True)
 class Solution:
     """The answer to a QP: status, x (n,), multipliers y (n_eq,), z (n_in,), z_box (n,).
 
-    ``status`` is SOLVED exactly when our own certificate holds. Times are in seconds: ``build_time``
-    is spent on turning the QP into the back end's form, ``solve_time`` in the back end.
+    ``status`` is SOLVED exactly when our own certificate holds, INFEASIBLE and UNBOUNDED exactly when multipliers or
+    a direction were found that prove it; ``reason`` says in a sentence why there is no certified answer, and is empty
+    where there is one. Times are in seconds: ``build_time`` is spent on turning the QP into the back end's form,
+    ``solve_time`` in the back end and in the refinement of its answer.
     Arrays are NaN where there is no answer, and the best the back end has where it gave up.
 
     Example:
@@ -64,6 +75,7 @@ class Solution:
     build_time: float = 0.0
     solve_time: float = 0.0
     solver: str = ""
+    reason: str = ""
 
 
 @final
@@ -82,7 +94,12 @@ class Counts:
 
 
 class Session(ABC):
-    """Memory of one solver for QPs of one shape: workspace and warm start. ``counts`` is kept by those that guess."""
+    """Memory of one solver for QPs of one shape: workspace and warm start. ``counts`` is kept by those that guess.
+
+    ``exact`` says that answers end at a vertex of the active set: refining them is of use only where they fail.
+    """
+
+    exact = False
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         self.solver = solver
@@ -106,36 +123,66 @@ class Session(ABC):
 
     @final
     def solve(self, qp: QP) -> Solution:
-        """Check the problem, solve it, check the answer.
+        """Check the problem, solve it, check the answer; the same for every back end.
 
-        The certificate decides, not the back end's word: SOLVED means that it holds, an answer that was called
-        solved and fails it is INACCURATE, and one that came with a warning and passes is SOLVED.
+        The certificate decides, not the back end's word. An answer that fails, or that comes from a method which
+        stops beside the optimum and is not a hundred times finer than asked, is refined once with the active rows
+        that its multipliers name (:mod:`wbc.qp.refine`), and the better of the two is kept. Where it still fails, a
+        proof is looked for that there is no answer (:mod:`wbc.qp.proof`). Without one the status says how the back
+        end ended, never INFEASIBLE or UNBOUNDED.
 
         Raises:
             InvalidProblem: what :meth:`QP.check` refuses, or another shape than the session's.
         """
+        if not isinstance(qp, QP):
+            raise InvalidProblem(f"a session solves a QP, not {qp!r}")
         if qp.shape != self.shape:
             raise InvalidProblem(f"this session was opened for {self.shape}, not {qp.shape}")
         qp.check()
+        tolerance = self.solver.tolerance
         start = perf_counter()
         answer = self._solve(qp)
-        elapsed = perf_counter() - start
-        proof = certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
-        start = perf_counter()
+        proof = answer.certificate(qp, tolerance)
         second = self._improve(qp, answer, proof)
         if second is not None:
-            elapsed += perf_counter() - start
-            answer = second
-            proof = certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
-        status = answer.status
-        if proof.within(self.solver.tolerance):
+            answer, proof = second, second.certificate(qp, tolerance)
+        if not proof.within(tolerance if self.exact else _FINE * tolerance):
+            answer, proof = _refined(qp, answer, proof, tolerance)
+        elapsed = perf_counter() - start
+        status, reason = answer.status, ""
+        if proof.within(tolerance):
             status = Status.SOLVED
-        elif status.ok:
-            status = Status.INACCURATE
+        else:
+            status, reason = _verdict(qp, answer.status, proof, tolerance)
+            if status in (Status.INFEASIBLE, Status.UNBOUNDED):
+                answer, proof = Answer.none(qp.shape, status, answer.iterations), Certificate.none()
         return Solution(
             status, answer.x, answer.y, answer.z, answer.z_box, proof, answer.iterations,
-            answer.build_time, elapsed - answer.build_time, self.solver.name,
+            answer.build_time, elapsed - answer.build_time, self.solver.name, reason,
         )  # fmt: skip
+
+
+def _refined(qp: QP, answer: Answer, proof: Certificate, tolerance: float) -> tuple[Answer, Certificate]:
+    """The answer, or the one of its active rows where that is certified better."""
+    point = refined(qp, Point(answer.x, answer.y, answer.z, answer.z_box))
+    if point is None:
+        return answer, proof
+    better = replace(answer, x=point.x, y=point.y, z=point.z, z_box=point.z_box)
+    found = better.certificate(qp, tolerance)
+    return (better, found) if found.level < proof.level else (answer, proof)
+
+
+def _verdict(qp: QP, claimed: Status, proof: Certificate, tolerance: float) -> tuple[Status, str]:
+    """What is true of a problem without a certified answer, and why."""
+    if contradiction(qp, tolerance) is not None:
+        return Status.INFEASIBLE, "multipliers of the rows and bounds prove that no point meets them all"
+    if descent(qp, tolerance) is not None:
+        return Status.UNBOUNDED, "the cost falls for ever along a direction that no row or bound ends"
+    if claimed in (Status.INFEASIBLE, Status.UNBOUNDED):
+        return Status.FAILED, f"the solver says {claimed}, and no proof of that was found"
+    if not proof.level < np.inf:
+        return (Status.INACCURATE if claimed.ok else claimed), "the solver gave no finite answer"
+    return (Status.INACCURATE if claimed.ok else claimed), proof.fault(tolerance)
 
 
 class Solver(ABC):

@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wbc.errors import InvalidInput
@@ -33,13 +33,14 @@ def write(report: Report, folder: Path) -> None:
 def replaced(folder: Path) -> Iterator[Path]:
     """A new folder beside ``folder`` to write into; it takes the name when the block ends well, and vanishes if not.
 
-    A report that already stands there is replaced.
+    A report that already stands there is replaced. The place is tried at once: enter the block before any long work.
 
     Raises:
         InvalidInput: something else stands there, or the place cannot be written.
     """
     check_free(folder)
     folder = folder.resolve()
+    made = [parent for parent in folder.parents if not parent.exists()]
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         pending = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
@@ -57,6 +58,9 @@ def replaced(folder: Path) -> Iterator[Path]:
             os.replace(pending, folder)
     finally:
         shutil.rmtree(pending, ignore_errors=True)
+        with suppress(OSError):  # not empty: the report stands in it
+            for parent in made:
+                parent.rmdir()
 
 
 def check_free(folder: Path) -> None:

@@ -178,8 +178,8 @@ def violations(run: Run) -> dict[str, tuple[float, str]]:
 def contact_track(run: Run, name: str, *, true: bool) -> ContactTrack | None:
     """Normal force, tangential ratio and centre of pressure of a contact; None where it was not recorded.
 
-    The ratio of a command is max(|f_x|, |f_y|) / f_z, that of a true force √(f_x² + f_y²) / f_z; both are NaN
-    while the contact carries less than 1 % of its largest load. CoP = (−m_y, m_x) / f_z.
+    The ratio √(f_x² + f_y²) / f_z is NaN while the contact carries less than 1 % of its largest load. CoP =
+    (−m_y, m_x) / f_z.
     """
     column = f"plant.f.{name}" if true else f"f.{name}"
     if column not in run.columns:
@@ -187,7 +187,7 @@ def contact_track(run: Run, name: str, *, true: bool) -> ContactTrack | None:
     f = np.asarray(run.columns[column], dtype=np.float64)
     loaded = f[:, 2] > 0.01 * max(float(np.nanmax(f[:, 2], initial=0.0)), 1e-9)
     normal = np.where(loaded, f[:, 2], np.nan)
-    tangential = np.hypot(f[:, 0], f[:, 1]) if true else np.maximum(np.abs(f[:, 0]), np.abs(f[:, 1]))
+    tangential = np.hypot(f[:, 0], f[:, 1])
     sole = f.shape[1] == 6 and bool(run.meta.get("contacts", {}).get(name, {}).get("half_size"))
     cop = np.column_stack([-f[:, 4], f[:, 3]]) / normal[:, None] if sole else None
     return ContactTrack(f[:, 2], tangential / normal, cop)

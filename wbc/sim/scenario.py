@@ -13,12 +13,12 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, final
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName, UnknownScenario, WbcError
+from wbc.plugins import one_line, registered
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
@@ -172,20 +172,8 @@ class UnknownHierarchy(UnknownName):
 
 
 def scenarios() -> dict[str, Scenario]:
-    """Every registered scenario by name.
-
-    Raises:
-        InvalidInput: an entry point that cannot be loaded.
-    """
-    found: dict[str, Scenario] = {}
-    for point in entry_points(group=GROUP):
-        try:
-            loaded = point.load()
-        except Exception as cause:
-            raise InvalidInput(f"the scenarios of {point.value} cannot be loaded: {_cause(cause)}") from cause
-        for scenario in loaded.values() if isinstance(loaded, Mapping) else loaded:
-            found[scenario.name] = scenario
-    return found
+    """Every registered scenario by name; a plugin that cannot be loaded is left out with a warning."""
+    return registered(GROUP)
 
 
 def find(text: str) -> Scenario:
@@ -193,22 +181,31 @@ def find(text: str) -> Scenario:
 
     Raises:
         UnknownScenario: no such name.
-        InvalidInput: the module or file cannot be imported, or the name in it is no scenario.
+        InvalidInput: the module or file cannot be imported, the name in it is no scenario, or a file without a name.
     """
     place, colon, name = text.rpartition(":")
+    if not colon and text.endswith(".py"):
+        members = ", ".join(f"{text}:{member}" for member in _scenarios_in(imported(text)))
+        raise InvalidInput(f"{text!r} is a file; name a scenario in it: {members or 'it has none'}")
     if not colon:
-        registered = scenarios()
-        if text not in registered:
-            raise UnknownScenario(text, registered, "or give module:name or file.py:name")
-        return registered[text]
+        known = scenarios()
+        if text not in known:
+            raise UnknownScenario(text, known, "or give module:name or file.py:name")
+        return known[text]
     module = imported(place)
     if not hasattr(module, name):
-        members = (key for key, value in vars(module).items() if _as_scenario(value) is not None)
-        raise UnknownScenario(name, members, f"in {place}")
+        raise UnknownScenario(name, _scenarios_in(module), f"in {place}")
     scenario = _as_scenario(getattr(module, name))
     if scenario is None:
         raise InvalidInput(f"{text} is a {type(getattr(module, name)).__name__}, not a wbc.sim.scenario.Scenario")
     return scenario
+
+
+def _scenarios_in(module: Any) -> list[str]:
+    """Names of the scenarios that a module defines."""
+    own = module.__name__
+    defined = {key: value for key, value in vars(module).items() if _as_scenario(value) is not None}
+    return [key for key, value in defined.items() if getattr(value, "__module__", own) == own]
 
 
 def _as_scenario(value: Any) -> Scenario | None:
@@ -231,8 +228,8 @@ def imported(place: str) -> Any:
         return _execute(path) if is_file else importlib.import_module(place)
     except WbcError:
         raise
-    except Exception as cause:
-        raise InvalidInput(f"{place!r} cannot be imported: {_cause(cause)}") from cause
+    except (Exception, SystemExit) as cause:
+        raise InvalidInput(f"{place!r} cannot be imported: {one_line(cause)}") from cause
 
 
 def _execute(path: Path) -> Any:
@@ -243,10 +240,6 @@ def _execute(path: Path) -> Any:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
-
-
-def _cause(error: BaseException) -> str:
-    return f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else 'no message'}"
 
 
 def _read(key: str, text: str, default: Parameter) -> Parameter:
@@ -263,5 +256,8 @@ def _read(key: str, text: str, default: Parameter) -> Parameter:
         except ValueError:
             raise InvalidInput(f"parameter {key!r} is {text!r}; it must be a whole number such as {default}") from None
     if isinstance(default, float):
-        return checks.number(f"parameter {key!r}", text)
-    return tuple(float(x) for x in checks.array(f"parameter {key!r}", text.split(","), (len(default),)))
+        return checks.typed(f"parameter {key!r}", text)
+    parts = text.split(",")
+    if len(parts) != len(default):
+        raise InvalidInput(f"parameter {key!r} must have shape ({len(default)},), not ({len(parts)},)")
+    return tuple(checks.typed(f"parameter {key!r}[{i}]", part) for i, part in enumerate(parts))

@@ -16,6 +16,7 @@ from wbc.control.explain import reproducer
 from wbc.control.recorder import Recorder, Run
 from wbc.control.setpoint import Setpoint
 from wbc.errors import InvalidInput, SimulationError
+from wbc.models.model import RobotModel
 from wbc.sim.disturbance import Disturbance, Effect, SensorNoise
 from wbc.sim.footprint import Rectangular
 from wbc.sim.joining import guests
@@ -23,6 +24,14 @@ from wbc.sim.plant import Plant
 from wbc.sim.provenance import machine, versions
 from wbc.stack.contact import Contact
 from wbc.types import Status, Vec
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a simulation. ``run`` holds all ticks up to it, ``robot`` is the controller's model."""
+
+    def __init__(self, run: Run, robot: RobotModel) -> None:
+        self.run, self.robot = run, robot
+        super().__init__(str(run.meta["ended"]))
 
 
 def simulate(
@@ -54,6 +63,7 @@ def simulate(
     ``run.meta["ended"]`` says which ("complete" otherwise).
 
     Raises:
+        Interrupted: Ctrl-C; a KeyboardInterrupt whose ``run`` holds the ticks so far, "interrupted at t = ... s".
         InvalidInput: different periods or joints of controller and plant, or a duration shorter than one tick; a
             setpoint that is commanded to a plant that takes torques, which are those of the setpoint.
         UnknownFrame, NotSupported: a disturbance this plant cannot have.
@@ -89,30 +99,38 @@ def simulate(
     failure: dict[str, Any] | None = None
     failed = None
     driver.reset()
-    with threadpool_limits(1):
-        for k in range(ticks):
-            if progress is not None and k % every == 0:
-                progress(k / ticks)
-            row, problem = _tick(driver, plant, effects, before_tick, columns)
-            record.append(row)
-            if failure is None and not controller.status.ok:
-                failure = {"t": row["t"], "why": controller.explain()}
-                failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
-            for guest in present:
-                guest.watch(k, ticks, controller)
-            if problem is not None:
-                ended = problem
-                break
-            controller.compile_waiting()
-            if stop_when_fallen and plant.fallen:
-                ended = f"fallen at t = {plant.t:.3f} s"
-                break
-    if progress is not None:
-        progress(1.0)
+    interrupted = False
+    try:
+        with threadpool_limits(1):
+            for k in range(ticks):
+                if progress is not None and k % every == 0:
+                    progress(k / ticks)
+                row, problem = _tick(driver, plant, effects, before_tick, columns)
+                record.append(row)
+                if failure is None and not controller.status.ok:
+                    failure = {"t": row["t"], "why": controller.explain()}
+                    failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
+                for guest in present:
+                    guest.watch(k, ticks, controller)
+                if problem is not None:
+                    ended = problem
+                    break
+                controller.compile_waiting()
+                if stop_when_fallen and plant.fallen:
+                    ended = f"fallen at t = {plant.t:.3f} s"
+                    break
+        if progress is not None:
+            progress(1.0)
+    except KeyboardInterrupt:
+        if not record.rows:
+            raise
+        interrupted, ended = True, f"interrupted at t = {plant.t:.3f} s"
     about = _about(controller, plant, disturbances, duration)
     about["feedback"] = feedback
     run = record.run({**about, "ended": ended, "fallen": plant.fallen, "failure": failure, **(meta or {})})
     run.failed = failed
+    if interrupted:
+        raise Interrupted(run, controller.model) from None
     return run
 
 
@@ -226,7 +244,7 @@ def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
 
 def _about(controller: Controller, plant: Plant, disturbances: list[Disturbance], duration: float) -> dict[str, Any]:
     """Metadata that the loop knows by itself."""
-    model, stack = controller.model, controller.stack
+    model, stack = controller.model, controller.plans.whole.plan.stack
     objectives = {task.name: task for task in stack.tasks}
     objectives |= {law.name: law.task for law in controller.plan.layout.exact}
     return {

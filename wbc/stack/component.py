@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Vec
 
 if TYPE_CHECKING:
+    from wbc.stack.overrides import Overrides
     from wbc.stack.plan import Plan
 
 
 class Component(ABC):
     """An observer, an adaptive law, a schedule: it remembers between ticks.
 
-    ``before`` may change targets, weights and bounds (``plan.torque_bounds``, ``plan.normal_limits``) and add to the
-    model's bias (``plan.extra_bias``) and inertia (``plan.add_inertia``), which are its own again at the start of each
-    tick, never sizes; ``after`` sees what was decided; ``signals`` is what the recorder writes. Which contacts hold is
-    said by a :class:`~wbc.stack.schedule.Schedule`.
+    In each tick ``before`` returns what it changes there, an :class:`~wbc.stack.overrides.Overrides`, or None;
+    ``after`` sees what was decided; ``signals`` is what the recorder writes. Which contacts hold is said by a
+    :class:`~wbc.stack.schedule.Schedule`. A component that raises, or returns what makes no sense, costs the tick its
+    answer: the command is a bounded fallback, its status is not ok, and ``controller.why`` names the component.
     """
 
     _name: str | None = None
@@ -32,14 +33,26 @@ class Component(ABC):
         """Given, or the class."""
         return self._name or type(self).__name__
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What is remembered, without the plan that was seen last: a copy, or a pickle, sees another one."""
+        from wbc.stack.plan import Plan
+
+        return {name: value for name, value in self.__dict__.items() if not isinstance(value, Plan)}
+
     def prepare(self, model: RobotModel) -> None:
         """Called once when a stack is compiled: fix sizes."""
 
     def reset(self, state: RobotState) -> None:
         """Called before the first tick, and whenever the controller starts again."""
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
-        """Called in each tick before the plan is filled; ``last`` is the previous Command or None."""
+    def check(self, plan: Plan) -> None:
+        """Called once when a controller is made, with the plan of all contacts: refuse what the stack lacks."""
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides | None:
+        """What holds in this tick; called before the plan is filled.
+
+        ``last`` is the previous Command or None. ``plan`` is to be read: it holds what was in force in the tick before.
+        """
 
     def after(self, state: RobotState, command: object) -> None:
         """Called in each tick with the command just decided."""

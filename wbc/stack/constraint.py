@@ -14,12 +14,16 @@ Four kinds, told apart by what they are written about:
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, final
 
+import numpy as np
+
 from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.member import Member
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.types import Index, Mat, Vec
 
@@ -29,7 +33,7 @@ if TYPE_CHECKING:
 Quantity = Literal["position", "velocity", "acceleration", "jerk", "torque"]
 
 
-class Constraint(ABC):
+class Constraint(Member):
     """A law with a name. ``subject`` (a frame, a contact) makes the default name."""
 
     subject: str = ""
@@ -48,7 +52,7 @@ class Constraint(ABC):
         return f"{type(self).__name__}[{self.subject}]" if self.subject else type(self).__name__
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once when a stack is compiled: check arguments against the model and fix sizes."""
+        """Called once on each plan's own copy of the law: check arguments against the model and fix sizes."""
 
     def softly(self, *, weight: Any = 1.0, name: str | None = None) -> Softly:
         """The same law as a wish, to stand among the tasks of a stack: it may be broken, at a cost."""
@@ -100,6 +104,31 @@ class TorqueBySpeed(JointInterval):
         """Narrow torque bounds (nj,) in place for joint velocities v (nj,); 0 stays inside."""
 
 
+def torque_bounds(limits: Sequence[JointInterval], model: RobotModel) -> tuple[Vec, Vec]:
+    """What these limits together leave each joint's torque: lower and upper bounds (nj,) [N m, N].
+
+    Raises:
+        InvalidInput: the limits of a joint exclude each other.
+
+    Example:
+        >>> import wbc
+        >>> from tasks import TorqueLimits
+        >>> from wbc.stack.constraint import torque_bounds
+        >>> low, high = torque_bounds([TorqueLimits()], wbc.load("arm"))
+        >>> bool((low < 0.0).all() and (high > 0.0).all())
+        True
+    """
+    low, high = np.full(model.nj, -np.inf), np.full(model.nj, np.inf)
+    for limit in limits:
+        limit_low, limit_high = limit.bounds(model)
+        np.maximum(low, limit_low, out=low)
+        np.minimum(high, limit_high, out=high)
+    if not (low <= high).all():
+        i = int(np.argmin(low <= high))
+        raise InvalidInput(f"joint {model.joint_names[i]!r} is left no torque: lower {low[i]:g} > upper {high[i]:g}")
+    return low, high
+
+
 class BarrierRows:
     """Where a barrier writes: h (dim,), its Jacobian J = ∂h/∂q (dim, nv), and where h depends on time also by itself
     rate = ∂h/∂t (dim,), zero unless written; drift (dim,) is d²h/dt² at a = 0, which is J̇ v for most."""
@@ -129,6 +158,11 @@ class Barrier(Constraint):
     units: str | tuple[str, ...]
     #: Numbers (dim,) of what each row is about now, where that changes from tick to tick; recorded beside the margins.
     codes: Index | None = None
+    #: What the state that was filled last has and the rows do not say, for ``controller.why``; mostly nothing.
+    note: str = ""
+
+    def reset(self) -> None:
+        """Called when a controller starts: forget what rows were about."""
 
     def __init__(self, *, rate: float = 10.0, slack: float | None = None, name: str | None = None) -> None:
         super().__init__(name=name)
@@ -190,7 +224,7 @@ class _LinearExactly(LinearConstraint):
 
     def __init__(self, task: LinearTask, name: str) -> None:
         super().__init__(name=name)
-        self._task, self._rows = task, LinearRows()
+        self._task = task
         self.contact = task.contact
 
     @property
@@ -200,7 +234,7 @@ class _LinearExactly(LinearConstraint):
 
     def prepare(self, model: RobotModel) -> None:
         self._task.prepare(model)
-        self.dim = self._task.dim
+        self.dim, self._rows = self._task.dim, LinearRows()
         self.units = tuple(self._task.unit(i) for i in range(self.dim))
 
     def fill(self, state: RobotState, out: ConstraintRows) -> None:

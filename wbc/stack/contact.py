@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Self, final
@@ -12,8 +12,10 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.friction import Pyramid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
+from wbc.stack.member import Member
 from wbc.stack.task import TaskRows
 from wbc.stack.tracking import pose_target
 from wbc.types import Mat, Vec
@@ -36,6 +38,9 @@ class Anchor:
         self.rotation: Mat = self.pose.rotation
         self.position: Vec = self.pose.translation
 
+    def __reduce__(self) -> tuple[type[Anchor], tuple[Mat, Vec]]:
+        return Anchor, (np.array(self.rotation), np.array(self.position))
+
 
 class ContactRows(TaskRows):
     """Where a contact writes its motion rows: J (dim, nv), drift (dim,), e (dim,) = anchor − actual. What is beside
@@ -44,14 +49,16 @@ class ContactRows(TaskRows):
     __slots__ = ()
 
 
-class Contact(ABC):
+class Contact(Member):
     """A frame that must not move, and the wrench that holds it.
 
     J a + J̇ v = kp e − kd J v keeps it where it was made; Jᵀ f enters the dynamics, so the rows of J are in the
     axes of the contact surface (z the normal), where ``cone`` K f <= 0 is constant. The cost is ½ force_weight ‖f‖².
 
     ``friction`` µ; ``target`` the pose the contact holds (default: where the frame is when the contact is made);
-    ``friction_model`` "outer" means |f_x|, |f_y| <= µ f_z, "inner" uses µ/√2, inside the circular cone.
+    The friction cone is a pyramid of ``sides`` 4 or 8. ``friction_model`` "inner", the default, is inside the circular
+    cone: |f_x|, |f_y| <= µ/√2 f_z with 4 sides. "outer" is around it: |f_x|, |f_y| <= µ f_z, so that along the diagonal
+    it allows forces that slip, 1.41 µ f_z (with 8 sides 1.08 µ f_z). See :class:`~wbc.friction.Pyramid`.
     """
 
     dim: int
@@ -66,7 +73,8 @@ class Contact(ABC):
         frame: str,
         *,
         friction: float,
-        friction_model: str = "outer",
+        friction_model: str = "inner",
+        sides: int = 4,
         kp: float = 100.0,
         kd: float | None = None,
         force_weight: float = 1e-6,
@@ -75,10 +83,8 @@ class Contact(ABC):
     ) -> None:
         self.frame = frame
         self._name = name
-        self.friction = checks.number(f"{self.name}.friction", friction, low=0.0, strict=True)
-        if friction_model not in ("outer", "inner"):
-            raise InvalidInput(f"{self.name}.friction_model is {friction_model!r}; it must be 'outer' or 'inner'")
-        self.friction_model = friction_model
+        self.pyramid = Pyramid(friction, friction_model, sides, name=self.name)
+        self.friction, self.friction_model, self.sides = self.pyramid.friction, friction_model, self.pyramid.sides
         self.kp = checks.number(f"{self.name}.kp", kp, low=0.0)
         self.kd = 2.0 * self.kp**0.5 if kd is None else checks.number(f"{self.name}.kd", kd, low=0.0)
         self.force_weight = checks.number(f"{self.name}.force_weight", force_weight, low=0.0)
@@ -96,7 +102,7 @@ class Contact(ABC):
 
     @target.setter
     def target(self, value: Any) -> None:
-        if np.shape(value) == (3,) and self.dim != 3:
+        if _is_position(value) and self.dim != 3:
             raise InvalidInput(f"{self.name}.target is a position; a contact of {self.dim} rows needs a pose")
         self._target = None if value is None else _as_anchor(f"{self.name}.target", value)
 
@@ -124,11 +130,11 @@ class Contact(ABC):
 
     @property
     def mu(self) -> float:
-        """The coefficient of the four-sided pyramid."""
-        return self.friction if self.friction_model == "outer" else self.friction / 2.0**0.5
+        """The coefficient of the pyramid's sides: µ, or of an inner one µ cos(π / sides)."""
+        return self.pyramid.mu
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once when a stack is compiled: check arguments against the model."""
+        """Called once on each plan's own copy of the contact: check arguments against the model."""
         model.check_frame(self.frame)
 
     @classmethod
@@ -173,10 +179,14 @@ def keys(contacts: Sequence[Contact]) -> Iterator[tuple[str, str]]:
             yield contact.frame, contact.name
 
 
+def _is_position(value: Any) -> bool:
+    return checks.ndim(value) == 1 and len(value) == 3
+
+
 def _as_anchor(name: str, target: Any) -> Anchor:
     """From a pinocchio.SE3, a 4x4 pose, or for a point a position (3,)."""
     if isinstance(target, Anchor):
         return target
-    if np.shape(target) == (3,):
+    if _is_position(target):
         return Anchor(np.eye(3), checks.array(name, target, (3,)))
     return Anchor(*pose_target(name, target, True))

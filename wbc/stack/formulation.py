@@ -16,9 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Formulation(ABC):
-    """A level. ``regularisation`` ½ ε ‖x‖² is on every unknown, and printed, never hidden."""
+    """A level.
+
+    ``regularisation`` ½ ε ‖x‖² is on every unknown, and printed, never hidden. ``lm_damping`` λ >= 0 is the factor of
+    the Levenberg-Marquardt damping of joints that grows with the part of the errors that cannot be reduced, and that
+    leads to rest where a target is out of reach (:class:`~wbc.stack.damping.ResidualDamping`), under ``Weighted``; 0
+    for none.
+    """
 
     regularisation: float = 1e-8
+    lm_damping: float = 0.05
 
     #: Differentiation order of the unknown: 1 velocities, 2 accelerations.
     order: ClassVar[int]
@@ -29,6 +36,7 @@ class Formulation(ABC):
 
     def __post_init__(self) -> None:
         checks.number("regularisation", self.regularisation, low=0.0, strict=True)
+        checks.number("lm_damping", self.lm_damping, low=0.0)
 
     @property
     @abstractmethod

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import final
 
 from wbc import checks
-from wbc.qp.lexicographic import LexicographicSolver, Part, Stage, way_for
+from wbc.qp.lexicographic import LexicographicSolver, Part, Stage
 from wbc.qp.rows import RowProblem, RowSolver, Wish, open_rows
 from wbc.qp.solver import Solver
 
@@ -45,9 +45,10 @@ class Strict(Hierarchy):
     count within a level. A soft law (``law.softly()``) is an inequality at its level.
 
     While all levels but the last can be met exactly this is one QP. Where one cannot, it and those below it are decided
-    one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach
-    stay where the level above left them; a tick that ends without any answer has the weighted QP as its exit.
-    ``command.levels`` says how each came out.
+    one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach are
+    "not optimised": they stay where the level above left them. A tick without any strict answer minimises the weighted
+    sum instead ("weighted fallback"). Neither is ``ok``. ``command.levels`` says how each level came out, with a
+    certificate of its own.
 
     Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011; Escande, Mansard, Wieber, IJRR 33(7), 2014.
 
@@ -62,7 +63,7 @@ class Strict(Hierarchy):
         ...                   subject_to=[JointVelocityLimits()])
         >>> controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), hierarchy=wbc.Strict())
         >>> [level.how for level in controller.tick(0.0, robot.q0, 0 * robot.q0).levels]
-        ['least', 'least']
+        ['optimal', 'optimal']
     """
 
     budget: int | None = None
@@ -132,4 +133,4 @@ def _ranked(problem: RowProblem, solver: Solver, stages: Sequence[Stage], *, bud
     if len(stages) < 2:
         return weighted
     most = 2 * len(stages) + 1 if budget is None else budget
-    return LexicographicSolver(problem, stages, way_for(solver), budget=most, leave=weighted)
+    return LexicographicSolver(problem, stages, solver, budget=most, leave=weighted)

@@ -40,7 +40,8 @@ class JointIntervals:
     ``velocity``:     q⁺ = q + v dt.   u <= d / dt; with an acceleration limit u <= −B dt + √((B dt)² + 2 B d)
 
     beside the velocity and acceleration limits. It can then brake with B or stop within the tick, and the same holds
-    at the next tick, so the interval is never empty. States that can keep their limits are those with
+    at the next tick, so the interval is never empty. Whether motors can give B is the matter of
+    :class:`~wbc.stack.stopping.Stopping`. States that can keep their limits are those with
     d >= u² / 2B + u dt / 2 at the level of accelerations, d >= u² / 2B at that of velocities.
 
     Outside (noise, a push, limits that shrank) the bounds ask for the way back and are still an interval: back inside
@@ -100,6 +101,7 @@ class JointIntervals:
         # a position limit (−1), whether jerks are limited.
         self._flags = np.zeros(4, dtype=np.int64)
         self._jerk: JerkLimits | None = None
+        self._is_sealed = False
         self._derive()
 
     @property
@@ -127,18 +129,24 @@ class JointIntervals:
         intervals._derive()
         return intervals
 
-    def replace(self, quantity: str, lower: Any, upper: Any) -> None:
+    def seal(self) -> None:
+        """From now on only a plan replaces bounds: others narrow them by ``wbc.Overrides``."""
+        self._is_sealed = True
+
+    def replace(self, quantity: str, lower: Any, upper: Any, *, by_plan: bool = False) -> None:
         """New bounds on ``quantity``, scalar or (nj,), from the next tick on, until ``reset``.
 
         Raises:
-            InvalidInput: no such quantity, NaN, lower > upper, or no 0 in bounds on velocity or acceleration.
+            InvalidInput: no such quantity, NaN, lower > upper, or no 0 in bounds on velocity or acceleration; the
+                intervals of a plan.
         """
+        if self._is_sealed and not by_plan:
+            raise InvalidInput(f"a plan's bounds on {quantity} are to be read; return wbc.Overrides({quantity}=...)")
         if quantity not in _QUANTITIES:
             raise InvalidInput(f"there are no bounds on {quantity!r}; there are: {', '.join(_QUANTITIES)}")
         nj, former = len(self.joint_names), self._limits[quantity].copy()
         for side, (name, value) in enumerate((("upper", upper), ("lower", lower))):
-            given = np.full(nj, value) if np.ndim(value) == 0 else value
-            bound = checks.array(f"{quantity}.{name}", given, (nj,), finite=False)
+            bound = checks.each(f"{quantity}.{name}", value, nj, finite=False)
             self._limits[quantity][side] = -bound if side else bound
         try:
             self._check(quantity, "replace")
@@ -208,6 +216,22 @@ class JointIntervals:
     def braking(self) -> Vec:
         """Deceleration (nj,) that each joint can count on in both directions [rad/s², m/s²]."""
         return np.asarray(-self._minus_B.reshape(2, -1).max(axis=0))
+
+    def nearest(self, q: Vec) -> Vec:
+        """Distance (nj,) of each joint to the nearer of its position limits."""
+        up, down = self._limits["position"]
+        distance: Vec = np.minimum(up - q, down + q)
+        return distance
+
+    def ahead(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
+        """Of each joint (nj,) the deceleration counted on towards the position limit ahead, and the distance to it.
+
+        A joint at rest has the farther of its limits ahead.
+        """
+        (up, down), (above, below) = self._limits["position"], self._minus_B.reshape(2, -1)
+        up, down = up - q, down + q
+        distance = np.where(v > 0.0, up, np.where(v < 0.0, down, np.maximum(up, down)))
+        return np.where(v > 0.0, -above, -below), distance
 
     def _derive(self) -> None:
         """All constants of the formulas."""

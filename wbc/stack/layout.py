@@ -34,14 +34,14 @@ class Layout:
         NotSupported: a member the level cannot carry, by name.
     """
 
-    def __init__(self, model: RobotModel, stack: Stack, level: Formulation) -> None:
+    def __init__(self, model: RobotModel, stack: Stack, level: Formulation, *, prepared: bool = False) -> None:
         self.model, self.level = model, level
         self.contacts: list[Contact] = list(stack.contacts)
         self.linear: list[LinearTask] = _of(stack.tasks, LinearTask)
         self.kinematic: list[Task] = [t for t in _of(stack.tasks, Task) if not t.on_joints]
         self.on_joints: list[Task] = [t for t in _of(stack.tasks, Task) if t.on_joints]
-        for member in (*stack.tasks, *stack.subject_to, *stack.contacts):
-            (member.task if isinstance(member, Exactly) else member).prepare(model)
+        for member in () if prepared else (*stack.tasks, *stack.subject_to, *stack.contacts):
+            member.prepare(model)
         laws = [one for law in stack.subject_to for one in self._each(law)]
         #: Laws that may give way, above every level.
         self.slack = [Softly(law, weight=law.slack, name=law.name) for law in laws if _gives_way(law)]

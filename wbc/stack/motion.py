@@ -12,6 +12,9 @@ from wbc.stack.contact import Contact, ContactRows
 from wbc.stack.task import Task, TaskRows
 from wbc.types import Mat, Vec
 
+#: Relative rounding of gains and dt.
+_ROUNDING = 1e-9
+
 
 @final
 class MotionRows:
@@ -21,13 +24,16 @@ class MotionRows:
     Order 2 (accelerations):  J a = ÿ_ref + kd ė + kp e − J̇ v,   ė = ẏ_ref − J v
 
     ``rows`` (m, width) belong to the row array: J x − wanted = 0 is [J 0 −wanted], J (m, nv). Behind the m rows stand
-    the ``on_joints`` tasks, nj entries each, whose Jacobian is the identity and is never written.
+    the ``on_joints`` tasks, nj entries each, whose Jacobian is the identity and is never written, and last the nj
+    entries that the damping of joints (:class:`~wbc.stack.damping.ResidualDamping`) wants: v = 0, or a = −kd v.
     """
 
-    def __init__(self, order: int, rows: Mat, nv: int, nj: int, n_joint_tasks: int) -> None:
+    def __init__(self, order: int, rows: Mat, nv: int, nj: int, n_joint_tasks: int, *, dt: float) -> None:
+        self._dt = dt
         self.order, self.J, self._right, self._rows_T = order, rows[:, :nv], rows[:, -1], rows.T
         self._flat, self._width = rows.reshape(-1), rows.shape[1]
-        m, n = len(rows), len(rows) + n_joint_tasks * nj
+        self.n_joint_blocks = n_joint_tasks + 1
+        m, n = len(rows), len(rows) + self.n_joint_blocks * nj
         self._m = m
         # What is wanted at order 2 is a sum of five terms, each a gain times what stands in one row of a block.
         self._terms, self._gains, self._weighted = np.zeros((5, n)), np.zeros((5, n)), np.zeros((5, n))
@@ -36,7 +42,7 @@ class MotionRows:
         self.rate_ref, self.acc_ref, self.e, self.drift, self._Jv = self._terms
         self.kd, ones, self.kp, minus_ones, self._minus_kd = self._gains
         ones[:], minus_ones[:] = 1.0, -1.0
-        self.e.fill(np.nan)
+        self.e[: n - nj] = np.nan
         self.drift[:m] = np.nan
         self.rate, self.wanted = np.zeros(n), np.zeros(n)
         self.own_ed = np.full(n, np.nan)
@@ -44,8 +50,8 @@ class MotionRows:
         self._v0 = np.zeros(rows.shape[1])  # v, and zeros for what is no velocity
         self._v = self._v0[:nv]
         self._Jv_rows = self._Jv[:m]
-        self._Jv_joints = self._Jv[m:].reshape(n_joint_tasks, nj)
-        self._has_joints = n_joint_tasks > 0
+        self._Jv_joints = self._Jv[m:].reshape(self.n_joint_blocks, nj)
+        self._damped_kd, self._damped_minus_kd = self.kd[n - nj :], self._minus_kd[n - nj :]
 
     def task_rows(self, first: int, task: Task) -> TaskRows:
         """The views a task writes into; for an ``on_joints`` task, J is left out."""
@@ -59,11 +65,17 @@ class MotionRows:
         self.set_gains(first, task)
         return out
 
+    def set_damping(self, kd: Vec) -> None:
+        """Damp joints at these rates (nj,) [1/s]."""
+        self._damped_kd[:] = kd
+        np.negative(kd, self._damped_minus_kd)
+
     def set_gains(self, first: int, task: Task) -> None:
         """Read the gains of a task.
 
         Raises:
-            InvalidInput: at the velocity level, a task with kp > 0, kd = 0 and no rate.
+            InvalidInput: gains with which errors grow from tick to tick; at the velocity level, a task with kp > 0,
+                kd = 0 and no rate.
         """
         self._set_gains(slice(first, first + task.dim), task, "; give it a rate")
 
@@ -82,6 +94,32 @@ class MotionRows:
         if self.order == 1 and np.isinf(self.rate[rows]).any():
             raise InvalidInput(f"{member.name} has kd = 0, so kp / kd says nothing at the velocity level{advice}")
         self._minus_kd[rows] = -self.kd[rows]
+        self._refuse_unstable(rows, member.name)
+
+    def _refuse_unstable(self, rows: slice, name: str) -> None:
+        """Refuse gains that no time step of this size can carry.
+
+        Order 1: e⁺ = (1 − rate dt) e is stable for rate <= 2/dt. Order 2, with q⁺ = q + v dt + ½ a dt² and
+        v⁺ = v + a dt: both eigenvalues are in the unit circle for kd <= 2/dt and kp <= 2 kd/dt (Jury's criterion).
+        kd = 0, damping left to another task, is allowed up to the largest kp of any kd, 4/dt².
+        """
+        most = 2.0 / self._dt * (1.0 + _ROUNDING)
+        if self.order == 1:
+            checks = [("rate", self.rate[rows], np.full(rows.stop - rows.start, most), "2/dt")]
+        else:
+            kp, kd = self.kp[rows], self.kd[rows]
+            checks = [
+                ("kd", kd, np.full(len(kd), most), "2/dt"),
+                ("kp", kp, most * np.where(kd > 0.0, kd, most), "2 kd/dt, or 4/dt² without kd"),
+            ]
+        for what, value, limit, formula in checks:
+            beyond = value > limit
+            if beyond.any():
+                i = int(np.argmax(beyond))
+                raise InvalidInput(
+                    f"{name}.{what} is {value[i]:g}; with dt = {self._dt:g} s more than {limit[i]:g} ({formula}) makes "
+                    "the error grow from tick to tick"
+                )
 
     def clear(self) -> None:
         """References that a task does not write are zero, in every tick."""
@@ -125,8 +163,7 @@ class MotionRows:
             if self._m:
                 dcopy(v, self._v)
                 dgemv(1.0, self._rows_T, self._v0, 0.0, self._Jv_rows, 0, 1, 0, 1, 1, 1)
-            if self._has_joints:
-                self._Jv_joints[:] = v_joints
+            self._Jv_joints[:] = v_joints
             if self.writes_ed is not None:  # kd ė as it is given: in the place of the reference's rate, without J v
                 np.copyto(self.rate_ref, self.own_ed, where=self.writes_ed)
                 self._Jv[self.writes_ed] = 0.0

@@ -7,51 +7,63 @@ applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.probl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, MemberFailed
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, Wish
-from wbc.stack.actuators import Actuators
-from wbc.stack.constraint import Barrier, TorqueBySpeed
-from wbc.stack.contact import Anchor, Contact, keys
+from wbc.stack.applied import Applied
+from wbc.stack.constraint import TorqueBySpeed, torque_bounds
+from wbc.stack.contact import Anchor, Contact
+from wbc.stack.damping import ResidualDamping
 from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
+from wbc.stack.member import Binding
 from wbc.stack.motion import MotionRows
+from wbc.stack.overrides import Overrides
+from wbc.stack.plan_view import PlanView
 from wbc.stack.schedule import Schedule
 from wbc.stack.stack import Stack
+from wbc.stack.stopping import Stopping
 from wbc.stack.task import Objective, Task
 from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
-from wbc.types import Mat, Vec
+from wbc.types import Vec
 
 if TYPE_CHECKING:
     from wbc.stack.compiled.fill import CompiledFill
 
 
 @final
-class Plan:
+class Plan(PlanView):
     """A compiled stack: sizes, memory, views and row names; made by ``level.compile(model, stack, dt=…)``.
 
-    Components may write into ``torque_bounds`` (lower, upper), (nj,) each, and ``extra_bias`` (nv,), a generalised
-    force added to h, before the plan is filled, and may ``replace`` bounds on position, velocity and acceleration in
-    ``intervals`` (None where the stack has none). ``normal_limits`` (contacts,) [N], in the order of the whole stack's
-    contacts, bounds their normal forces from above, in a stack with a schedule ``normal_floors`` from below; they are
-    ±inf until a component writes into them. ``actuators`` says what motors make of a command. ``add_inertia`` adds to M
-    for one tick.
+    ``stack`` holds the plan's own copies of the members, prepared for the model and to be read: what users assign to
+    the members themselves reaches them at the next ``fill``, what components override reaches them by ``apply``.
+
+    To be read too is what holds in this tick (:class:`~wbc.stack.applied.Applied`): ``torque_bounds`` (lower, upper),
+    (nj,) each [N m, N]; ``bounds(quantity)`` on a joint's position, velocity and acceleration; ``extra_bias`` (nv,), a
+    generalised force added to h, and ``extra_inertia`` (nv, nv) or None, added to M; ``normal_limits`` and
+    ``normal_floors`` (contacts,) [N], in the order of the whole stack's contacts; ``actuators``, what motors make of a
+    command.
     """
 
     def __init__(
         self, model: RobotModel, stack: Stack, level: Formulation, dt: float, like: Plan | None = None
     ) -> None:
-        self.model, self.stack, self.level, self.dt = model, stack, level, dt
+        self.model, self.level, self.dt = model, level, dt
         for component in () if like else stack.components:
             component.prepare(model)
-        self.layout = layout = Layout(model, stack, level)
+        # The members of a plan like another are copies already.
+        self.binding: Binding = Binding() if like is None else like.binding
+        self.stack = stack = stack.bound(self.binding) if like is None else stack
+        self.layout = layout = Layout(model, stack, level, prepared=like is not None)
+        if like is None:
+            self.binding.close()
         self.problem = p = RowProblem(
             layout.n_u, layout.n - layout.n_u, n_range=layout.n_range, n_soft=layout.n_soft, n_law=layout.n_law,
             rows=layout.names(), regularisation=level.regularisation,
@@ -59,8 +71,9 @@ class Plan:
         nv, nb = model.nv, model.nb
         self._column = p.G[:, p.n]
         motion = slice(layout.motion_row, layout.n_rows)
-        self.motion = MotionRows(level.order, p.G[motion], nv, model.nj, len(layout.on_joints))
+        self.motion = MotionRows(level.order, p.G[motion], nv, model.nj, len(layout.on_joints), dt=dt)
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
+        self._failure: MemberFailed | None = None
         self._has_components = bool(stack.components)
         self._is_scheduled = any(isinstance(component, Schedule) for component in stack.components)
         self._share(like)
@@ -76,40 +89,42 @@ class Plan:
             self._bound_joints = self.intervals.velocity if level.order == 1 else self.intervals.acceleration
         self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
-        #: Of each task on the joints: its share of the cost of each joint, and what it wants there.
+        #: Of each task on the joints, and of their damping: its share of each joint's cost, and what it wants there.
         self.shares = np.zeros(joint_wanted.shape)
         self._pulls = list(zip(self.shares, joint_wanted, strict=True))
-        self._further_pulls = self._pulls[1:]
+        self.damping = ResidualDamping(layout, self.motion, p, level.lm_damping, dt)
+        self._damps = level.lm_damping > 0.0 and bool(layout.kinematic)
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
+        #: Why gains that were assigned between ticks cannot be used; until others are, no tick has an answer.
+        self._refusal = ""
         #: What a unit of each force (nf,) in the problem is [N, N m]; a new array where it changes.
         self.force_scale = np.ones(layout.nf)
         self._read_weights()
         above = [layout.slack] if layout.slack else []
         p.levels = [[self._wish(task) for task in tasks] for tasks in (*above, *stack.levels)]
         self._qp: QP | None = None
-        self.extra_inertia: Mat | None = None
         self._compiled: CompiledFill | None = None
+        #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
+        self.stopping = Stopping.of(self)
         self._first_fill(like)
+        for component in () if like else stack.components:
+            component.check(self)
 
     def _share(self, like: Plan | None) -> None:
         """What is remembered from tick to tick: the plans of one stack have it in common."""
         model, contacts, limits = self.model, self.layout.contacts, self.layout.motion_limits
         if like is None:
-            order = {contact.name: i for i, contact in enumerate(contacts)}
-            self.places = {key: order[name] for key, name in keys(contacts)}
-            self.extra_bias = np.zeros(model.nv)
-            self.normal_limits, self.normal_floors = np.full((2, len(contacts)), [[np.inf], [-np.inf]])
-            self.intervals = JointIntervals.compose(limits, model, self.dt) if limits else None
-            self.actuators = Actuators(model.nj)
+            intervals = JointIntervals.compose(limits, model, self.dt) if limits else None
+            torque = torque_bounds(self.layout.torque_limits, model)
+            self.applied = Applied(model, self.level, self.binding, contacts, intervals=intervals, torque=torque)
             self.anchors = [Anchor(np.eye(3), np.zeros(3)) for _ in contacts]
         else:
-            self.places = like.places
-            self.extra_bias = like.extra_bias
-            self.normal_limits, self.normal_floors = like.normal_limits, like.normal_floors
-            self.intervals, self.actuators = like.intervals, like.actuators
+            self.applied = like.applied
             self.anchors = [like.anchors[self.places[contact.name]] for contact in contacts]
+        self.intervals: JointIntervals | None = self.applied.intervals
+        self.extra_bias: Vec = self.applied.bias
         self._place = np.array([self.places[contact.name] for contact in contacts], dtype=np.intp)
 
     # ---- compile: who writes where
@@ -147,21 +162,9 @@ class Plan:
         ]
         self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()
-        #: Bounds on the torques (lower, upper), (nj,) each, as they were filled last.
-        self.torque_range = self.torque_bounds = low, high = lower[: model.nj], upper[: model.nj]
-        for law in layout.torque_limits:
-            law_low, law_high = law.bounds(model)
-            np.maximum(low, law_low, out=low)
-            np.minimum(high, law_high, out=high)
-        if (low > high).any():
-            i = int(np.argmax(low > high))
-            raise InvalidInput(
-                f"joint {model.joint_names[i]!r} is left no torque: lower {low[i]:g} > upper {high[i]:g}"
-            )
-        self._torque_laws = low.copy(), high.copy()
+        self._torque_range = lower[: model.nj], upper[: model.nj]
         self._by_speed = _of(layout.torque_limits, TorqueBySpeed)
-        if self._by_speed:
-            self.torque_bounds = low.copy(), high.copy()
+        self._take_torque_bounds()
         self._force_weights = np.concatenate(
             [np.full(c.dim, c.force_weight) for c in layout.contacts] or [np.zeros(0)]
         )  # fmt: skip
@@ -189,7 +192,7 @@ class Plan:
         for soft, row, column in zip(layout.soft_laws, layout.soft_law_rows, layout.give_columns, strict=True):
             writers.append(SoftLawWriter(soft, (row, column), p, layout, self.dt))
         if self.level.dynamics and self._by_speed:
-            writers.append(TorqueSpeedWriter(self._by_speed, self.torque_bounds, self.torque_range))
+            writers.append(TorqueSpeedWriter(self._by_speed, self.torque_bounds, self._torque_range))
         return writers
 
     def _wish(self, task: Objective) -> Wish:
@@ -242,12 +245,7 @@ class Plan:
     # ---- weights: read again when a task was assigned to
     def _read_weights(self) -> None:
         layout, p = self.layout, self.problem
-        exact = [law.task for law in layout.exact]
-        self._tasks: list[Objective] = [
-            *layout.linear, *layout.kinematic, *layout.on_joints, *layout.soft_laws, *exact
-        ]  # fmt: skip
-        self._changes = Objective.changes
-        self._stamp = sum(task.stamp for task in self._tasks)
+        self._stamp = self.binding.stamp
         self._read_gains()
         p.weights[:] = np.concatenate([t.weights() for t in (*layout.linear, *layout.kinematic)] or [np.zeros(0)])
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
@@ -256,11 +254,10 @@ class Plan:
             weights[:] = task.weights()
         for weights, _ in zip(self._pull_weights, layout.on_joints, strict=False):
             joints += weights
-        for (share, _), weights in zip(self._pulls, self._pull_weights, strict=False):
-            np.divide(weights, joints, out=share)
         p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
-        p.metric[nb - n_u : nv - n_u] = joints / p.unit
+        self.damping.base[:] = joints
+        self._share_joints()
         if layout.nf:
             forces = self._force_weights + eps
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
@@ -270,6 +267,21 @@ class Plan:
         for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
             p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
         p.version += 1
+
+    def _share_joints(self) -> None:
+        """The metric of the joints, and what part of it each task on them and their damping has."""
+        p, damping = self.problem, self.damping
+        joints = damping.base + damping.applied
+        for share, weights in zip(self.shares[:-1], self._pull_weights, strict=False):
+            np.divide(weights, joints, out=share)
+        np.divide(damping.applied, joints, out=self.shares[-1])
+        p.metric[damping.columns] = joints / p.unit
+
+    def observe(self) -> None:
+        """Before a fill: damp the joints by what the answer to the one before left of the kinematic tasks."""
+        if self._damps and self.damping.observe():
+            self._share_joints()
+            self.problem.version += 1
 
     def _read_gains(self) -> None:
         layout, first = self.layout, self.layout.motion_row
@@ -281,40 +293,50 @@ class Plan:
 
     # ---- the hot path
     def start(self, state: RobotState) -> None:
-        """Make the contacts where the robot is now (or at their targets), and take back what components changed."""
-        self.extra_bias[:] = 0.0
-        self.extra_inertia = None
-        self.actuators.reset()
-        if self.level.dynamics:
-            for bounds, laws in zip(self.torque_bounds, self._torque_laws, strict=True):
-                bounds[:] = laws
-        if self.intervals is not None:
-            self.intervals.reset()
-        self.normal_limits.fill(np.inf)
-        self.normal_floors.fill(-np.inf)
+        """Make the contacts where the robot is now (or at their targets); nothing is overridden."""
+        self.applied.reset()
+        self.binding.refresh()
+        if self.stopping is not None:
+            self.stopping.reset()
+        for writer in self._barriers:
+            writer.barrier.reset()
+        if self.damping.is_on:
+            self.damping.reset()
+            self._share_joints()
+            self.problem.version += 1
         for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
             _make(contact, anchor, state)
 
     def take_over(self, former: Plan, state: RobotState) -> None:
-        """Go on where another plan of the same stack stands: make the contacts that it has not, keep its bounds."""
+        """Go on where another plan of the same stack stands: make the contacts that it has not."""
+        self.binding.refresh()
         for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
             if not any(contact is held for held in former.layout.contacts):
                 _make(contact, anchor, state)
-        if self.level.dynamics:
-            for bounds, before in zip(self.torque_bounds, former.torque_bounds, strict=True):
-                bounds[:] = before
 
-    def add_inertia(self, more: Mat) -> None:
-        """Add ``more`` (nv, nv) to M in this tick, to what other components add."""
-        self.extra_inertia = more if self.extra_inertia is None else self.extra_inertia + more
+    def apply(self, said: Sequence[tuple[str, Overrides]]) -> None:
+        """From the next ``fill`` on these overrides hold, by the names of those who said them, and no others.
+
+        Raises:
+            WbcError: something in them makes no sense, by the component's name; then nothing has changed.
+        """
+        self.applied.apply(said)
 
     def fill(self, state: RobotState) -> None:
-        """Write every row of the problem for this state. The tick spends its time here."""
-        if Objective.changes != self._changes:
-            self._changes = Objective.changes
-            if sum(task.stamp for task in self._tasks) != self._stamp:
+        """Write every row of the problem for this state. The tick spends its time here.
+
+        Raises:
+            MemberFailed: a member's ``fill`` or target raised, or a bound is NaN; all other rows are written.
+        """
+        self._failure = None
+        self.binding.refresh()
+        if self.binding.stamp != self._stamp:
+            self._refusal = ""
+            try:
                 self._read_weights()
-        if self._compiled is not None and state is self._compiled.state and self.extra_inertia is None:
+            except InvalidInput as cause:
+                self._refusal = str(cause)
+        if self._compiled is not None and state is self._compiled.state and self.applied.inertia is None:
             self._compiled()
             bounded = self.intervals is None or not self.intervals.remembers
         else:
@@ -322,13 +344,43 @@ class Plan:
             bounded = self.intervals is None
         if not bounded:
             self._bound_joints(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
-        if self._has_components and self.level.dynamics:
-            p, scale = self.problem, self.problem.scale[self._normal]
-            p.ub[self._normal] = self.normal_limits[self._pressing] / scale
-            if self._is_scheduled:
-                p.lb[self._normal] = self.normal_floors[self._pressing] / scale
-        for writer in self._writers:
-            writer.fill(state)
+        if self.level.dynamics:
+            if self._torque_version != self.applied.version:
+                self._take_torque_bounds()
+            if self._has_components:
+                p, scale = self.problem, self.problem.scale[self._normal]
+                p.ub[self._normal] = self.normal_limits[self._pressing] / scale
+                if self._is_scheduled:
+                    p.lb[self._normal] = self.normal_floors[self._pressing] / scale
+        if self._writers:
+            for writer in self._writers:
+                try:
+                    writer.fill(state)
+                except Exception as cause:
+                    self.failed(writer.name, cause)
+            self._refuse_nan_bounds()
+        if self._failure is not None:
+            raise self._failure
+        if self._refusal:
+            raise InvalidInput(self._refusal)
+
+    def failed(self, name: str, cause: Exception) -> None:
+        """A member's ``fill`` raised: the first to do so is the one that :meth:`fill` tells of."""
+        if self._failure is None:
+            self._failure = MemberFailed(f"{name}.fill", cause)
+            self._failure.__cause__ = cause
+
+    def _refuse_nan_bounds(self) -> None:
+        bad = np.isnan(self.problem.bounds).any(axis=0)
+        if bad.any():
+            i = int(np.argmax(bad))
+            row = self.problem.rows[i - self.problem.first_row if i > self.problem.n else self.layout.n_rows + i]
+            self.failed(row.owner, InvalidInput(f"a bound of {row} is NaN"))
+
+    def _take_torque_bounds(self) -> None:
+        self._torque_version = self.applied.version
+        for bound, now in zip(self.torque_bounds, self._torque_range, strict=True):
+            now[:] = bound
 
     @property
     def is_fast(self) -> bool:
@@ -348,15 +400,20 @@ class Plan:
     def _fill_rows(self, state: RobotState) -> None:
         self.motion.clear()
         for fill, out in self._task_fills:
-            fill(state, out)
+            try:
+                fill(state, out)
+            except Exception as cause:
+                self.failed(_owner(fill), cause)
         for fill, anchor, out in self._contact_fills:
-            fill(state, anchor, out)
+            try:
+                fill(state, anchor, out)
+            except Exception as cause:
+                self.failed(_owner(fill), cause)
         self.motion.lower(state.v, state.v_joints)
-        if self._pulls:
-            share, wanted = self._pulls[0]
-            np.multiply(share, wanted, self._centre_joints)
-            for share, wanted in self._further_pulls:
-                self._centre_joints += share * wanted
+        share, wanted = self._pulls[0]
+        np.multiply(share, wanted, self._centre_joints)
+        for share, wanted in self._pulls[1:]:
+            self._centre_joints += share * wanted
         if self.level.dynamics:
             self._fill_dynamics(state)
 
@@ -369,10 +426,15 @@ class Plan:
             self._T_f[:] = self._scaled_J_T
         if self._has_components:
             self._T_h += self.extra_bias
-            if self.extra_inertia is not None:
-                self._T_a += self.extra_inertia
+            if self.applied.inertia is not None:
+                self._T_a += self.applied.inertia
 
     # ---- what others read
+    @property
+    def torque_range(self) -> tuple[Vec, Vec]:
+        """The same as they were filled last: where limits move with the speed, for the speed of that state."""
+        return self._torque_range
+
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
 
@@ -391,51 +453,6 @@ class Plan:
         self.problem.write_qp(self._qp)
         return self._qp
 
-    def not_finite(self) -> str:
-        """Which row is not a number, or nothing."""
-        bad = ~np.isfinite(self.problem.G[: self.layout.n_rows].sum(axis=1))
-        if bad[self.layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
-            bad[: self.layout.motion_row] = False
-        return f"{self.problem.rows[int(np.argmax(bad))]} is not finite" if bad.any() else ""
-
-    def errors(self) -> Mapping[str, Vec]:
-        """Error e of each kinematic task (dim,), a copy."""
-        layout, e = self.layout, self.motion.e
-        first = layout.motion_row
-        found = {
-            task.name: e[row - first : row - first + task.dim].copy()
-            for task, row in zip(layout.kinematic, layout.kinematic_rows, strict=True)
-        }
-        nj, behind = self.model.nj, layout.n_rows - first
-        for i, task in enumerate(layout.on_joints):
-            found[task.name] = e[behind + i * nj : behind + (i + 1) * nj].copy()
-        for law, row in zip(layout.exact, layout.exact_rows, strict=True):
-            found[law.name] = e[row - first : row - first + law.task.dim].copy()
-        return found
-
-    def margins(self) -> Mapping[str, tuple[Barrier, Vec]]:
-        """Each barrier and its h (dim,), a copy, in the state that was filled last."""
-        return {writer.name: (writer.barrier, writer.margins.copy()) for writer in self._barriers}
-
-    def about(self, row: int) -> str:
-        """What a row of G is about in the state that was filled last, where that is not always the same; or nothing."""
-        for writer in self._barriers:
-            barrier, at = writer.barrier, row - writer.row
-            if 0 <= at < barrier.dim and barrier.codes is not None:
-                return barrier.about(at)
-        return ""
-
-    def pressed(self) -> list[int]:
-        """The unknowns that are normal forces."""
-        return [int(i) for i in self._normal] if self.level.dynamics else []
-
-    def bound_owner(self, unknown: int, *, upper: bool) -> str:
-        """Which law gives an unknown the bound it has now."""
-        joint = unknown - self.model.nb
-        if self.intervals is not None and 0 <= joint < self.model.nj:
-            return self.intervals.owner(joint, upper=upper)
-        return self.problem.rows[self.layout.n_rows + unknown].owner
-
     def __repr__(self) -> str:
         n, n_eq, n_in = self.problem.qp_shape
         return (
@@ -448,6 +465,11 @@ def _make(contact: Contact, anchor: Anchor, state: RobotState) -> None:
     """The contact is where the robot is now, or at its target."""
     made = contact.target or contact.anchor(state)
     anchor.rotation[:], anchor.position[:] = made.rotation, made.position
+
+
+def _owner(fill: Callable[..., None]) -> str:
+    """Name of the member whose method this is."""
+    return str(getattr(getattr(fill, "__self__", None), "name", fill))
 
 
 def _of(members: Any, kind: type[Any]) -> list[Any]:

@@ -10,6 +10,7 @@ from wbc.errors import InvalidInput
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
+from wbc.stack.member import Binding
 from wbc.stack.task import Exactly, Objective, force_of
 
 
@@ -87,6 +88,14 @@ class Stack:
             contacts=contacts,
             components=self.components,
         )
+
+    def bound(self, binding: Binding) -> Stack:
+        """The same stack of a plan's own copies of the members; components, which have memory, are the same."""
+        same = object.__new__(Stack)
+        for name in ("levels", "subject_to", "contacts"):
+            object.__setattr__(same, name, binding.own(getattr(self, name)))
+        object.__setattr__(same, "components", self.components)
+        return same
 
     def _refuse_equal_names(self) -> None:
         seen: set[str] = set()

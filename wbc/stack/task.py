@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from abc import abstractmethod
+from collections.abc import Sequence
 from copy import copy
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -13,6 +13,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows, JointRows
+from wbc.stack.member import Member
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class LinearRows:
     b: Vec
 
 
-class Objective(ABC):
+class Objective(Member):
     """Anything that can stand among the tasks of a stack: a name, a weight, a switch.
 
     ``weight`` is a scalar or one number per row and multiplies the squared error: the cost is
@@ -77,9 +78,6 @@ class Objective(ABC):
     _name: str | None = None
     _weight: float | Vec = 1.0
     _active: bool = True
-    #: Counts the assignments to this task, and ``changes`` those to any task: one look says that nothing changed.
-    stamp: int = 0
-    changes: ClassVar[int] = 0
     #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
     is_scaled: bool = False
 
@@ -103,7 +101,7 @@ class Objective(ABC):
 
     @weight.setter
     def weight(self, value: Any) -> None:
-        if np.ndim(value) == 0:
+        if checks.ndim(value) == 0:
             self._weight = checks.number(f"{self.name}.weight", value, low=0.0)
         else:
             weights = checks.array(f"{self.name}.weight", value, (getattr(self, "dim", None),))
@@ -112,7 +110,6 @@ class Objective(ABC):
                 raise InvalidInput(f"{self.name}.weight[{i}] is {weights[i]:g}; a weight is >= 0")
             weights.flags.writeable = False  # assign to change it: writing into it would go unseen
             self._weight = weights
-        self._changed()
 
     @property
     def active(self) -> bool:
@@ -122,11 +119,6 @@ class Objective(ABC):
     @active.setter
     def active(self, value: bool) -> None:
         self._active = bool(value)
-        self._changed()
-
-    def _changed(self) -> None:
-        self.stamp += 1
-        Objective.changes += 1
 
     def weights(self) -> Vec:
         """The weight of each row (dim,), zero when inactive."""
@@ -135,7 +127,7 @@ class Objective(ABC):
 
     def _rows(self, what: str, value: float | Vec) -> Vec:
         """``value`` for each row (dim,), a copy. A vector given before ``dim`` was known is checked here."""
-        if np.ndim(value) == 0:
+        if checks.ndim(value) == 0:
             return np.full(self.dim, value)
         return checks.array(f"{self.name}.{what}", value, (self.dim,))
 
@@ -148,8 +140,10 @@ class Objective(ABC):
         return self.labels[row] if self.labels else ""
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once when a stack is compiled: check arguments against the model, fix ``dim``. Must not depend
-        on anything but the model, so that one task can serve several plans of the same robot."""
+        """Called once on each plan's own copy of the task: check arguments against the model, fix ``dim``.
+
+        What depends on the model is written here and nowhere else, so that one task serves plans of several robots.
+        """
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
@@ -194,7 +188,6 @@ class Task(Objective):
     @kp.setter
     def kp(self, value: Any) -> None:
         self._kp = self._gain("kp", value)
-        self._changed()
 
     @property
     def kd(self) -> float | Vec | None:
@@ -204,7 +197,6 @@ class Task(Objective):
     @kd.setter
     def kd(self, value: Any) -> None:
         self._kd = None if value is None else self._gain("kd", value)
-        self._changed()
 
     @property
     def rate(self) -> float | Vec | None:
@@ -214,10 +206,9 @@ class Task(Objective):
     @rate.setter
     def rate(self, value: Any) -> None:
         self._rate = None if value is None else self._gain("rate", value)
-        self._changed()
 
     def _gain(self, what: str, value: Any) -> float | Vec:
-        if np.ndim(value) == 0:
+        if checks.ndim(value) == 0:
             return checks.number(f"{self.name}.{what}", value, low=0.0)
         gains = checks.array(f"{self.name}.{what}", value, (getattr(self, "dim", None),))
         if (gains < 0).any():
@@ -280,7 +271,7 @@ class Task(Objective):
         return same
 
 
-class Exactly:
+class Exactly(Member):
     """A task turned into a law (an equality); made by ``task.exactly()``, used in ``subject_to``."""
 
     def __init__(self, task: Task, *, name: str | None = None) -> None:
@@ -293,6 +284,9 @@ class Exactly:
     def name(self) -> str:
         """Name of the law."""
         return self._name or f"{self.task.name} exactly"
+
+    def prepare(self, model: RobotModel) -> None:
+        self.task.prepare(model)
 
     def __repr__(self) -> str:
         return self.name
@@ -327,79 +321,3 @@ def force_of(member: Any) -> tuple[str, ...]:
         return ()
     contact: str | tuple[str, ...] = member.contact
     return (contact,) if isinstance(contact, str) else contact
-
-
-class Target:
-    """A reference: a value, or a function of time giving a value or (value, rate, acceleration).
-
-    ``convert(name, value, strict)`` turns what a user gives into what a task reads. It is strict (shape, finite)
-    when a target is assigned; in a tick only types and shapes are looked at, because a robot needs a command: a
-    NaN that comes later is caught by the certificate. Rates and accelerations are (dim,).
-    """
-
-    __slots__ = ("_convert", "_function", "_name", "_shape", "_still", "has_rates", "rate", "second", "value")
-
-    def __init__(self, name: str, value: Any, dim: int, convert: Callable[[str, Any, bool], Any]) -> None:
-        self._name, self._shape, self._convert = name, (dim,), convert
-        self._function: Callable[[float], Any] | None = None
-        self.value: Any = None
-        self._still = np.zeros(dim)
-        self.rate = self.second = self._still
-        #: Whether the value came with a rate and an acceleration; else both are zero.
-        self.has_rates = False
-        if callable(value):
-            self._function = value
-            self.value = convert(name, self._without_rates(value(0.0), strict=True), True)
-        else:
-            self.value = convert(name, value, True)
-
-    @property
-    def moves(self) -> bool:
-        """Whether it is a function of time."""
-        return self._function is not None
-
-    def at(self, t: float) -> Target:
-        """Evaluate at time t [s]; then read ``value``, ``rate``, ``second``."""
-        if self._function is not None:
-            value = self._function(t)
-            if self.has_rates or isinstance(value, tuple):
-                value = self._without_rates(value, strict=False)
-            self.value = self._convert(self._name, value, False)
-        return self
-
-    def _without_rates(self, result: Any, strict: bool) -> Any:
-        """The value of what a function gave, whose rate and acceleration are read where there are some."""
-        if not isinstance(result, tuple):
-            self.rate, self.second, self.has_rates = self._still, self._still, False
-            return result
-        if len(result) != 3:
-            raise InvalidInput(f"{self._name}(t) must give a value or (value, rate, acceleration)")
-        value, rate, second = result
-        if strict or not type(rate) is type(second) is np.ndarray or not rate.shape == second.shape == self._shape:
-            rate = self._vector("rate", rate, strict)
-            second = self._vector("acceleration", second, strict)
-        self.rate, self.second, self.has_rates = rate, second, True
-        return value
-
-    def _vector(self, what: str, value: Any, strict: bool) -> Vec:
-        if strict:
-            return checks.array(f"{self._name} {what}", value, self._shape)
-        vector = np.asarray(value, float)
-        if vector.shape != self._shape:
-            raise InvalidInput(f"{self._name} {what} must have shape {self._shape}, not {vector.shape}")
-        return vector
-
-
-def vector_target(dim: int) -> Callable[[str, Any, bool], Vec]:
-    """The converter of a :class:`Target` whose values are vectors (dim,)."""
-
-    def convert(name: str, value: Any, strict: bool) -> Vec:
-        if strict:
-            return checks.array(name, value, shape)
-        vector = value if type(value) is np.ndarray else np.asarray(value, dtype=np.float64)
-        if vector.shape != shape:
-            raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
-        return vector
-
-    shape = (dim,)
-    return convert

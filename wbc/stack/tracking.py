@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pinocchio
@@ -12,14 +12,12 @@ from scipy.linalg.blas import dgemm
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.stack.task import Objective, Target
+from wbc.stack.target import Convert, Target, floats
+from wbc.stack.task import Objective
 from wbc.types import Mat, Vec
 
 _IDENTITY = np.eye(3)
 _SE3, _log3 = pinocchio.SE3, pinocchio.log3
-
-#: ``convert(name, value, strict)``: strict when assigned, shapes only in a tick; see :class:`~wbc.stack.task.Target`.
-Convert = Callable[[str, Any, bool], Any]
 
 
 class Tracking(Objective):
@@ -40,8 +38,6 @@ class Tracking(Objective):
     convert: Convert
     #: Size of the target's rate and acceleration where it is not the task's ``dim``.
     target_dim: int | None = None
-    #: Counts the targets assigned to any task: one look says that all are those of the tick before.
-    assignments: ClassVar[int] = 0
     _given: Any = None
     _reference: Target
 
@@ -61,7 +57,6 @@ class Tracking(Objective):
             value = value.copy()
             value.flags.writeable = False
         self._given = value
-        Tracking.assignments += 1
 
     def reference(self, t: float) -> Target:
         """The target at time t [s]."""
@@ -78,7 +73,7 @@ def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
         if not strict:
             return value.rotation, value.translation
         value = value.homogeneous
-    matrix = checks.array(name, value, (4, 4)) if strict else np.asarray(value, dtype=np.float64)
+    matrix = checks.array(name, value, (4, 4)) if strict else floats(value)
     if matrix.shape != (4, 4):
         raise InvalidInput(f"{name} must be a pinocchio.SE3 or a 4x4 matrix, not of shape {matrix.shape}")
     if strict:
@@ -94,7 +89,7 @@ def rotation_target(name: str, value: Any, strict: bool) -> Mat:
     Raises:
         InvalidInput: another shape; strict: not finite, not a rotation.
     """
-    matrix = checks.array(name, value, (3, 3)) if strict else np.asarray(value, dtype=np.float64)
+    matrix = checks.array(name, value, (3, 3)) if strict else floats(value)
     if matrix.shape != (3, 3):
         raise InvalidInput(f"{name} must have shape (3, 3), not {matrix.shape}")
     if strict:
@@ -108,7 +103,7 @@ def wrench_target(name: str, value: Any, strict: bool) -> Vec:
     Raises:
         InvalidInput: another shape; strict: not finite.
     """
-    vector = checks.array(name, value, (None,)) if strict else np.asarray(value, dtype=np.float64)
+    vector = checks.array(name, value, (None,)) if strict else floats(value)
     if vector.shape not in ((3,), (6,)):
         raise InvalidInput(f"{name} must have shape (3,) or (6,), not {vector.shape}")
     return np.concatenate([vector, np.zeros(6 - len(vector))])
@@ -116,16 +111,16 @@ def wrench_target(name: str, value: Any, strict: bool) -> Vec:
 
 def joints_target(model: RobotModel, full: int) -> Convert:
     """Reader of joint vectors: (nj,), or (full,) with the joints last, as q (nq,) and v (nv,) have them."""
-    nj = model.nj
+    return partial(_joints, (model.nj, full, model.name))
 
-    def convert(name: str, value: Any, strict: bool) -> Vec:
-        vector = checks.array(name, value, (None,)) if strict else np.asarray(value, dtype=np.float64)
-        if vector.shape not in ((nj,), (full,)):
-            sizes = f"({nj},)" if full == nj else f"({nj},) or ({full},)"
-            raise InvalidInput(f"{name} must have shape {sizes} on {model.name}, not {vector.shape}")
-        return vector[-nj:]
 
-    return convert
+def _joints(sizes: tuple[int, int, str], name: str, value: Any, strict: bool) -> Vec:
+    nj, full, robot = sizes
+    vector = checks.array(name, value, (None,)) if strict else floats(value)
+    if vector.shape not in ((nj,), (full,)):
+        shapes = f"({nj},)" if full == nj else f"({nj},) or ({full},)"
+        raise InvalidInput(f"{name} must have shape {shapes} on {robot}, not {vector.shape}")
+    return vector[-nj:]
 
 
 def rotation_error(target: Mat, actual: Mat) -> Vec:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
 from wbc.errors import InvalidInput
+from wbc.npz import read_json
 
 RESULTS = "results.jsonl"
+_HEADER = {"scenario", "sweep", "runs", "seed", "date", "machine", "versions", "plan"}
 
 
 @final
@@ -28,10 +31,14 @@ class Lines:
                 file.truncate(len(complete))
         try:
             first, *lines = complete.decode("utf-8").splitlines()
-            self.header: dict[str, Any] = json.loads(first)
-            self.results: dict[int, dict[str, Any]] = {line["run"]: line for line in map(json.loads, lines)}
+            self.header: dict[str, Any] = read_json(str(path), first)
+            self.results: dict[int, dict[str, Any]] = {
+                line["run"]: line for line in map(partial(read_json, str(path)), lines)
+            }
         except (ValueError, KeyError, TypeError) as cause:
             raise InvalidInput(f"{path} does not hold the results of a sweep: {cause}") from cause
+        if not isinstance(self.header, dict) or not _HEADER <= set(self.header):
+            raise InvalidInput(f"{path} does not hold the results of a sweep: its first line is not their header")
 
     @classmethod
     def begin(cls, path: Path, header: dict[str, Any]) -> Lines:

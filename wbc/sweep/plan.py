@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from wbc.errors import InvalidInput
 from wbc.qp.solvers import by_name
 from wbc.sim.disturbance import Disturbance
 from wbc.sim.scenario import Scenario, UnknownParameter, find
-from wbc.sweep.draw import Choice, Drawn, DrawnDisturbance, Range
+from wbc.sweep.draw import Choice, Drawn, DrawnDisturbance, Range, from_plain, to_plain
 
 #: A scenario's parameter of this name gets a number of its own in every run.
 SEED = "seed"
@@ -49,7 +49,8 @@ class Sweep:
         seed: another seed, other runs.
 
     Raises:
-        InvalidInput, UnknownName: a scenario, parameter, solver, hierarchy or plant that does not exist.
+        InvalidInput, UnknownName: a scenario, parameter, solver, hierarchy or plant that does not exist, or something
+            in ``vary`` or ``disturbances`` that cannot be drawn.
 
     Example:
         >>> from wbc.sweep import Range, Sweep
@@ -71,11 +72,15 @@ class Sweep:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        place, colon, name = self.scenario.rpartition(":")
-        if colon and place.endswith(".py"):  # workers run elsewhere
-            object.__setattr__(self, "scenario", f"{Path(place).resolve()}:{name}")
+        object.__setattr__(self, "scenario", _absolute(self.scenario))  # workers run in other folders
         checks.number("runs", self.runs, low=1)
         checks.number("seed", self.seed, low=0)
+        for name, value in self.vary.items():
+            if not isinstance(value, Drawn):
+                raise InvalidInput(f"vary[{name!r}] is {value!r}; it must be a Range or a Choice")
+        for one in self.disturbances:
+            if not isinstance(one, DrawnDisturbance):
+                raise InvalidInput(f"disturbances holds {one!r}; each must be a RandomPush, RandomPayload, ...")
         scenario = find(self.scenario)
         for key in (*self.vary, *self.fixed):
             if key not in scenario.parameters:
@@ -112,6 +117,32 @@ class Sweep:
         joining = [one.draw(rng, settings["duration"]) for one in self.disturbances]
         return Trial(run, self.scenario, parameters, solver, settings, joining)
 
+    def to_json(self) -> dict[str, Any]:
+        """The settings as JSON values, classes by name.
+
+        Raises:
+            InvalidInput: a value or a class of one's own that JSON cannot name.
+        """
+        return {one.name: to_plain(getattr(self, one.name)) for one in fields(self)}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any], *, scenario: str | None = None) -> Self:
+        """The sweep that :meth:`to_json` wrote. No class is looked up by a name from the file, and no file is executed.
+
+        ``scenario`` is the user's consent to execute ``file.py:name`` or ``module:name``, where the file names one.
+
+        Raises:
+            InvalidInput: other fields, or a scenario outside the registered ones that ``scenario`` does not name.
+        """
+        names = {one.name for one in fields(cls)}
+        if not isinstance(data, Mapping) or not set(data) <= names or not isinstance(data.get("scenario"), str):
+            raise InvalidInput("the file does not hold the settings of a sweep")
+        check_consent(data["scenario"], scenario)
+        try:
+            return cls(**{name: from_plain(value) for name, value in data.items()})
+        except (TypeError, AttributeError) as cause:
+            raise InvalidInput(f"the file does not hold the settings of a sweep: {cause}") from cause
+
     def __str__(self) -> str:
         words = [f"{key} = {drawn}" for key, drawn in self.vary.items()]
         words += [f"{key} = {value}" for key, value in self.fixed.items()]
@@ -121,6 +152,23 @@ class Sweep:
         words += [f"plant {self.plant}"] if self.plant else []
         words += [f"{self.duration:g} s"] if self.duration else []
         return ", ".join(words)
+
+
+def check_consent(stored: str, given: str | None) -> None:
+    """Refuse to execute code that a file names, unless the user names it too.
+
+    Raises:
+        InvalidInput: ``stored`` is ``file.py:name`` or ``module:name``, and ``given`` is something else.
+    """
+    if ":" in stored and _absolute(given or "") != _absolute(stored):
+        raise InvalidInput(
+            f"the file says that its scenario is the Python code {stored}; name that scenario in the command to run it"
+        )
+
+
+def _absolute(scenario: str) -> str:
+    place, colon, name = scenario.rpartition(":")
+    return f"{Path(place).resolve()}:{name}" if colon and place.endswith(".py") else scenario
 
 
 def read_variations(scenario: Scenario, texts: Iterable[str]) -> dict[str, Drawn]:
@@ -142,7 +190,7 @@ def read_variations(scenario: Scenario, texts: Iterable[str]) -> dict[str, Drawn
             found[key] = Choice(tuple(scenario.parse([f"{key}={value}"])[key] for value in values.split(",")))
             continue
         whole = isinstance(scenario.parameters[key], int) and not isinstance(scenario.parameters[key], bool)
-        low, high = (checks.number(f"--vary {key}", bound) for bound in number.groups())
+        low, high = (checks.typed(f"--vary {key}", bound) for bound in number.groups())
         if isinstance(scenario.parameters[key], bool | tuple):
             raise InvalidInput(f"--vary {key} is no number: give its values, separated by commas")
         if isinstance(scenario.parameters[key], str):  # such as a force that may be "auto"

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import os
-import pickle
 import shutil
 from datetime import datetime
 from pathlib import Path
@@ -65,38 +63,46 @@ def sweep(
         "date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
         "machine": machine(),
         "versions": versions(),
-        "plan": base64.b64encode(pickle.dumps(plan)).decode("ascii"),
+        "plan": _plain(plan),
     }
     lines = Lines.begin(folder / RESULTS, header)
     return _finished(plan, lines, out, progress, scheduler=scheduler, workers=workers)
 
 
 def resume(
-    out: str | Path, *, scheduler: str | None = None, workers: int | None = None, progress: Progress = silent
+    out: str | Path,
+    *,
+    scenario: str | None = None,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Progress = silent,
 ) -> Report:
-    """Do the runs that an interrupted sweep left undone; what it was asked stands in its results.
+    """Do the runs that an interrupted sweep left undone, with the settings that its results hold.
+
+    A scenario that is Python code (``file.py:name``, ``module:name``) is executed only if ``scenario`` names it too:
+    the results may come from someone else.
 
     Raises:
-        InvalidInput: there is none.
+        InvalidInput: no unfinished sweep there, settings that cannot be read, or code that ``scenario`` does not name.
     """
     out = Path(out)
     folder = unfinished(out)
     if not (folder / RESULTS).is_file():
         raise InvalidInput(f"there is no unfinished sweep {folder}; start one without --resume")
     lines = Lines(folder / RESULTS)
-    return _finished(plan_of(lines), lines, out, progress, scheduler=scheduler, workers=workers)
+    return _finished(plan_of(lines, scenario), lines, out, progress, scheduler=scheduler, workers=workers)
 
 
-def repeat(folder: str | Path, run: int) -> dict[str, Any]:
-    """One run of a finished or unfinished sweep once more, in this process.
+def repeat(folder: str | Path, run: int, *, scenario: str | None = None) -> dict[str, Any]:
+    """One run of a finished or unfinished sweep once more, in this process; ``scenario`` as for :func:`resume`.
 
     Raises:
-        InvalidInput: no sweep there, or no such run.
+        InvalidInput: no sweep there, no such run, or code that ``scenario`` does not name.
     """
     place = next((p / RESULTS for p in (Path(folder), unfinished(Path(folder))) if (p / RESULTS).is_file()), None)
     if place is None:
         raise InvalidInput(f"{folder} is not the folder of a sweep: it has no {RESULTS}")
-    return done(plan_of(Lines(place)).trial(run))
+    return done(plan_of(Lines(place), scenario).trial(run))
 
 
 def unfinished(out: Path) -> Path:
@@ -104,19 +110,24 @@ def unfinished(out: Path) -> Path:
     return out.with_name(f"{out.name}.unfinished")
 
 
-def plan_of(lines: Lines) -> Sweep:
-    """What was asked. It is unpickled: only from a folder of one's own.
+def plan_of(lines: Lines, scenario: str | None = None) -> Sweep:
+    """The sweep whose results these are. The file is read as plain JSON.
 
     Raises:
-        InvalidInput: the header has none.
+        InvalidInput: the header holds no settings, or they name code that ``scenario`` does not name.
     """
+    stored = lines.header.get("plan")
+    if stored is None:
+        raise InvalidInput("the results hold no settings: a value or class of the sweep had no form in JSON")
+    return Sweep.from_json(stored, scenario=scenario)
+
+
+def _plain(plan: Sweep) -> dict[str, Any] | None:
+    """The settings for the header; None where they cannot be read back, and so neither resumed nor repeated."""
     try:
-        plan = pickle.loads(base64.b64decode(lines.header["plan"]))
-    except Exception as cause:
-        raise InvalidInput(f"the results say nothing that can be repeated: {cause}") from cause
-    if not isinstance(plan, Sweep):
-        raise InvalidInput("the results are not those of a sweep")
-    return plan
+        return plan.to_json()
+    except InvalidInput:
+        return None
 
 
 def _finished(

@@ -43,17 +43,17 @@ def check_constraint(
         check_task(law.task, model, states)
         return
     given = None if states is None else list(states)
-    for robot in robots_for(law, model):
+    for own, robot in robots_for(law, model):
         when = moments(robot) if given is None else given
-        if isinstance(law, Laws):
-            for one in law.laws(frozenset(_QUANTITIES)):
+        if isinstance(own, Laws):
+            for one in own.laws(frozenset(_QUANTITIES)):
                 check_constraint(one, robot, when, contact_dim=contact_dim)
-        elif isinstance(law, JointInterval):
-            _check_interval(law, robot)
-        elif isinstance(law, Barrier):
-            _check_barrier(law, robot, when)
-        elif isinstance(law, LinearConstraint):
-            _check_linear(law, robot, when, contact_dim)
+        elif isinstance(own, JointInterval):
+            _check_interval(own, robot)
+        elif isinstance(own, Barrier):
+            _check_barrier(own, robot, when)
+        elif isinstance(own, LinearConstraint):
+            _check_linear(own, robot, when, contact_dim)
         else:
             require(False, f"{law!r} is no JointInterval, Barrier, LinearConstraint, Laws or task.exactly()")
 

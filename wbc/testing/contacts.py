@@ -39,14 +39,14 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
         check_task(contact.task, model, states)
         return
     given = None if states is None else list(states)
-    for robot in robots_for(contact, model):
+    for own, robot in robots_for(contact, model):
         when = moments(robot) if given is None else given
-        require(contact.dim == len(contact.wrench_axes), f"{contact.name}.wrench_axes must be {contact.dim}, its dim")
-        units = contact.motion_units()
-        require(len(units) == contact.dim, f"{contact.name} has {len(units)} motion units for {contact.dim} rows")
-        _check_cone(contact)
+        require(own.dim == len(own.wrench_axes), f"{own.name}.wrench_axes must be {own.dim}, its dim")
+        units = own.motion_units()
+        require(len(units) == own.dim, f"{own.name} has {len(units)} motion units for {own.dim} rows")
+        _check_cone(own)
         for first, second in zip(when, [*when[1:], when[0]], strict=True):
-            _check_moment(contact, robot, first, second)
+            _check_moment(own, robot, first, second)
 
 
 def _check_cone(contact: Contact) -> None:

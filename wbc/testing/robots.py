@@ -11,6 +11,7 @@ import numpy as np
 from wbc.errors import WbcError
 from wbc.models import load
 from wbc.models.model import RobotModel
+from wbc.stack.member import bound
 from wbc.testing.failure import CheckFailed
 from wbc.types import Vec
 
@@ -38,23 +39,22 @@ def moments(model: RobotModel, count: int = 3, seed: int = 0) -> list[Moment]:
     ]
 
 
-def robots_for(member: Any, model: RobotModel | None) -> Iterator[RobotModel]:
-    """``model``, or those of our robots that ``member`` can be prepared for; it is, each time.
+def robots_for(member: Any, model: RobotModel | None) -> Iterator[tuple[Any, RobotModel]]:
+    """A copy of ``member`` that is prepared for ``model``, or for each of our robots that it can be; and the robot.
 
     Raises:
         CheckFailed: none of them, with the reasons.
     """
     if model is not None:
-        member.prepare(model)
-        yield model
+        yield bound(member, model), model
         return
     refused = []
     for robot in robots():
         try:
-            member.prepare(robot)
+            own = bound(member, robot)
         except WbcError as reason:
             refused.append(f"{robot.name}: {reason}")
         else:
-            yield robot
+            yield own, robot
     if len(refused) == len(robots()):
         raise CheckFailed(f"{member.name} fits none of our robots, so give a model; " + "; ".join(refused))

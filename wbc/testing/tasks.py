@@ -55,13 +55,13 @@ def check_task(
         >>> check_task(CenterOfMass(target=[0.0, 0.0, 0.5]))
     """
     given = None if states is None else list(states)
-    for robot in robots_for(task, model):
+    for own, robot in robots_for(task, model):
         when = moments(robot) if given is None else given
-        _check_description(task)
-        if isinstance(task, Task):
-            _KinematicCheck(task, robot).run(when)
-        elif isinstance(task, LinearTask):
-            _check_linear(task, robot, when, contact_dim)
+        _check_description(own)
+        if isinstance(own, Task):
+            _KinematicCheck(own, robot).run(when)
+        elif isinstance(own, LinearTask):
+            _check_linear(own, robot, when, contact_dim)
         else:
             require(False, f"{task.name} is neither a Task nor a LinearTask")
 

@@ -9,7 +9,11 @@ Level = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def random_hierarchy(seed: int) -> tuple[list[Level], np.ndarray, np.ndarray]:
-    """One to four levels of equations, inequalities and repeated rows, most of them in conflict; bounds contain 0."""
+    """One to four levels of equations, inequalities and repeated rows, most of them in conflict; bounds contain 0.
+
+    One hierarchy in three is of small integers, so that rows meet in corners; rows of zeros, rows that are nearly
+    parallel, and columns that no row of a level reads are among the others.
+    """
     rng = np.random.default_rng(seed)
     n = int(rng.integers(3, 12))
     levels = []
@@ -22,6 +26,17 @@ def random_hierarchy(seed: int) -> tuple[list[Level], np.ndarray, np.ndarray]:
         lo = np.where(below & ~above & ~equal, -np.inf, wanted)
         hi = np.where(equal, wanted, np.where(above, np.inf, wanted + rng.random(m)))
         levels.append((A, lo, hi))
+    made = np.random.default_rng([seed, 1])
+    if made.random() < 1 / 3:
+        levels = [(np.round(A), np.round(lo), np.round(hi)) for A, lo, hi in levels]
+    for A, _, _ in levels:
+        kind = made.integers(12)
+        if kind == 0:
+            A[made.integers(len(A))] = 0.0
+        if kind == 1:
+            A[-1] = A[0] + 1e-3 * A[-1]
+        if kind == 2:
+            A[:, made.random(n) < 0.3] = 0.0
     lb = np.where(rng.random(n) < 0.3, -np.inf, -rng.random(n))
     ub = np.where(rng.random(n) < 0.3, np.inf, rng.random(n))
     return levels, lb, ub

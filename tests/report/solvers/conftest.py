@@ -54,6 +54,6 @@ def compared(ticks: ProblemSet, files: Path, tmp_path_factory: pytest.TempPathFa
     reach = f"{Path(__file__).with_name('reaching.py')}:reach"
     data = compare(
         [ticks, files, reach], solvers=["pdas", "osqp"], out=folder, rounds=2, ticks=20, classes=CLASSES,
-        settings=["way=0.25"], growth=False,
+        settings=["way=0.25"], torture=True, growth=False,
     )  # fmt: skip
     return Compared(data, folder)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wbc.qp.lexicographic.function import lexicographic
-from wbc.qp.lexicographic.solver import LexicographicSolver, way_for
+from wbc.qp.lexicographic.solver import LexicographicSolver
 from wbc.qp.lexicographic.stages import Part, Stage
 
-__all__ = ["LexicographicSolver", "Part", "Stage", "lexicographic", "way_for"]
+__all__ = ["LexicographicSolver", "Part", "Stage", "lexicographic"]

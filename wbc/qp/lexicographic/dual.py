@@ -25,12 +25,13 @@ from scipy.linalg.blas import dgemm, dgemv, dsyrk
 from scipy.linalg.lapack import dposv, dpotrf, dpotrs
 
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.asked import Answer, Box, Rows, Wished, ask_daqp
+from wbc.qp.lexicographic.asked import Answer, Box, Finder, Rows, Wished
 from wbc.qp.lexicographic.least import largest
+from wbc.qp.lexicographic.proof import Above, certified, met
 from wbc.qp.lexicographic.rest import Asked, Rest, multipliers
 from wbc.qp.lexicographic.stages import MET, StagedProblem
-from wbc.qp.lexicographic.way import Way
 from wbc.qp.rows.pivoting import Pivoting
+from wbc.qp.rows.proof import RowProof
 from wbc.qp.solver import Counts
 from wbc.types import Index, Mat, Status, Vec
 
@@ -49,13 +50,19 @@ _NOBODY: Vec = np.zeros(0)
 
 
 @final
-class DualStages(Way):
-    """Guess and verify, stage by stage, ``tries`` times before DAQP or a descent finds the answer."""
+class DualStages:
+    """Guess and verify, stage by stage, ``tries`` times before the finder or a descent finds the answer.
 
-    form = "dual"
+    In one tick: ``begin`` once, then ``solve(k)``, ``certificate(k)`` and ``hold(k)`` for stages in order of rank.
+    ``solve(k)`` takes the stages above k as laws, whether they were solved in this tick and are held, or are only hoped
+    to be met. Without ``guesses`` every stage is asked of the finder first.
+    """
 
-    def __init__(self, staged: StagedProblem, *, tolerance: float, tries: int) -> None:
+    def __init__(
+        self, staged: StagedProblem, finder: Finder, *, tolerance: float, tries: int, guesses: bool = True
+    ) -> None:
         self.staged, self.tolerance, self.tries = staged, tolerance, tries
+        self._finder, self._guesses = finder, guesses
         self._pivoting = Pivoting()
         self.counts, self.iterations = Counts(), 0
         self.problem = p = staged.problem
@@ -71,6 +78,7 @@ class DualStages(Way):
         self._G_T, self._bounded = p.G.T, p.item(self._first)
         self._over, self._under = np.zeros(self._bounded), np.zeros(self._bounded)
         self._version = -1
+        self._proof, self._above = RowProof(p), Above(staged)
         self._rest: Rest | None = None  # what is left below a stage that was not met, or is not known to be
         self._unmet: list[tuple[slice, Vec, Vec]] = []  # such stages: columns, weights and residual
         self._lam = self._wrong = self._give = self._side = self._pinned_at = _NOBODY
@@ -82,15 +90,19 @@ class DualStages(Way):
         self.begin_over()
 
     def begin_over(self) -> None:
+        """Forget all earlier ticks."""
         #: Working set of each stage in the last tick: items, and on which side.
         self._memory = [(_NONE, np.zeros(0)) for _ in self.staged.stages]
+        self._finder.reset()
 
     # ---- one tick
     def begin(self) -> bool:
+        """Take over what the problem's memory says now. False: the base cannot be eliminated."""
         p, m = self.problem, self._m
         if p.version != self._version:
             self._read_weights()
         self._rest, self._unmet = None, []
+        self._above = Above(self.staged)
         if p.n_u:
             self._B[:] = p.G[: p.n_u]
             if dposv(self._Bu, self._X, 1, 1, 1)[2]:
@@ -118,6 +130,7 @@ class DualStages(Way):
         return reduced
 
     def solve(self, k: int) -> Status:
+        """Minimise stage k; what stands above it holds."""
         own = self.staged.rows[k]
         self._last = k == len(self.staged.stages) - 1
         self._column, self._wished = own.start - self._first, own.stop - own.start
@@ -125,7 +138,7 @@ class DualStages(Way):
             return self._solve_least(k)
         self._give = self._compliance
         self._work_on(*self._memory[k])
-        if not self._guess() and not self._ask():
+        if not (self._guesses and self._guess()) and not self._ask():
             return self._why
         self._memory[k] = self._items, self._side
         return Status.SOLVED
@@ -294,14 +307,15 @@ class DualStages(Way):
 
     # ---- when guessing does not end
     def _ask(self) -> bool:
-        """DAQP's answer to the last stage, sharpened by a solve of our own with its active set."""
+        """The finder's answer to the last stage, sharpened by solves of our own from its active set."""
         p, wished = self.problem, self._wished
-        asked = self._daqp()
+        asked = self._found()
         if not asked.status.ok:
             return False
         self._work_on(*self._active_in(asked))
-        if self._decide() and self._verify():
+        if self._guess():
             return True
+        self._work_on(*self._active_in(asked))
         self._y[:] = asked.y
         self._values()
         self._lam = np.concatenate([
@@ -311,8 +325,8 @@ class DualStages(Way):
         self._why = Status.SOLVED if self._primal <= _ENOUGH else Status.INACCURATE
         return self._why.ok
 
-    def _daqp(self) -> Answer:
-        """The stage as DAQP answers it, from the centre."""
+    def _found(self) -> Answer:
+        """The stage as the finder answers it, from the centre."""
         self.counts.fallback += 1
         p, n_u, wished = self.problem, self.problem.n_u, self._wished
         ranges, unknowns = slice(p.item(p.range.start), self._bounded), slice(n_u, p.n)
@@ -324,13 +338,13 @@ class DualStages(Way):
             rows[:, :-1], rows[:, -1], np.append(p.lower[ranges], zero), np.append(p.upper[ranges], zero), len(zero)
         )
         box = Box(p.lower[unknowns], p.upper[unknowns], self._free_root, p.centre)
-        asked = ask_daqp(Wished(wish[:, :-1], wish[:, -1], self._give), bounded, box)
+        asked = self._finder.ask(Wished(wish[:, :-1], wish[:, -1], self._give), bounded, box)
         self.iterations += asked.iterations
         self._why = asked.status
         return asked
 
     def _active_in(self, asked: Answer) -> tuple[Index, Vec]:
-        """Items at a bound in an answer of DAQP, and on which side."""
+        """Items at a bound in an answer of the finder, and on which side."""
         p, side = self.problem, np.zeros(self._bounded)
         side[p.n_u : p.n] = np.sign(asked.bounds)
         side[p.item(p.range.start) :] = np.sign(asked.rows[: p.n_range])
@@ -369,8 +383,8 @@ class DualStages(Way):
         p = self.problem
         ranges = slice(p.item(p.range.start), self._bounded)
         low, high = (np.concatenate([side[ranges], side[p.n_u : p.n]]) for side in (p.lower, p.upper))
-        rest = Rest(self._reduced(p.G[p.range])[:-1], low, high, self._free_root,
-                    tolerance=self.tolerance, tries=self.tries)  # fmt: skip
+        rest = Rest(self._reduced(p.G[p.range])[:-1], low, high, self._free_root, self._finder,
+                    tolerance=self.tolerance, tries=self.tries, guesses=self._guesses)  # fmt: skip
         firm = self._Er[:, self._column + self._wished : self._m]
         rest.open(firm[:-1], firm[-1], p.centre)
         rest.stay(rest.y, self._values_at(rest.y))
@@ -397,6 +411,7 @@ class DualStages(Way):
 
     # ---- on to the next stage
     def hold(self, k: int) -> Vec:
+        """From here on stage k keeps what it has; its residual (rows of the stage,)."""
         rows, rest = self.staged.rows[k], self._rest
         assert rest is not None  # all stages above the last are solved there
         residual = self.staged.hold(k)
@@ -406,6 +421,7 @@ class DualStages(Way):
             self._unmet.append((own, self.staged.weights[k], residual))
         p = self.problem
         rest.stay(self._y, np.concatenate([p.value[p.item(p.range.start) : self._bounded], self._y]))
+        self._above.add(self._Er[:-1, own])
         rest.narrow(self._Er[:-1, own], residual)
         return residual
 
@@ -433,15 +449,22 @@ class DualStages(Way):
         return worst
 
     # ---- what explain() and the reports ask for
-    def certificate(self) -> Certificate:
-        slots = len(self._slots)
-        if not len(self._items):
-            return Certificate(max(self._primal, 0.0), 0.0, 0.0)
-        gap = float(np.abs(self._lam[-slots:]).dot(np.abs(self._missing[-slots:]))) if slots else 0.0
-        wrong, unit = max(float(self._wrong[self._wrong.argmax()]), 0.0), self.problem.unit
-        return Certificate(max(self._primal, 0.0), unit * wrong, unit * gap)
+    def met(self, k: int, residual: Vec) -> Certificate:
+        """The certificate of a stage whose residual is next to nothing: there is none smaller than zero."""
+        return met(self.staged, k, residual)
+
+    def certificate(self, k: int) -> Certificate:
+        """The certificate of stage k, which was solved last."""
+        if self._rest is not None:
+            own = slice(self._column, self._column + self._wished)
+            return certified(self._above, k, self._Er[:-1, own], self._weigh[k], rest=self._rest, primal=self._primal)
+        p, lam, slots, push = self.problem, self._lam, len(self._slots), np.zeros(self.problem.n_rows)
+        push[p.soft.start :] = -lam[: len(lam) - slots]
+        push[self._slots] = -lam[len(lam) - slots :]
+        return self._proof.certify(push, factor=self._Bu if p.n_u else None)
 
     def active(self) -> tuple[Index, Vec]:
+        """Items at a bound in the last answer, and on which side."""
         rest, p = self._rest, self.problem
         if rest is None:
             return self._items, self._side
@@ -450,9 +473,11 @@ class DualStages(Way):
         return items, np.where(p.upper[items] - p.value[items] <= p.value[items] - p.lower[items], 1.0, -1.0)
 
     def guess(self, items: Index, side: Vec) -> None:
+        """Take these as active in the next answers."""
         self._memory = [(items, side) for _ in self._memory]
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
+        """y, z and z_box of the last answer in the standard form of its own problem."""
         return self._own_multipliers() if self._rest is None else multipliers(self.problem, self._rest)
 
     def _own_multipliers(self) -> tuple[Vec, Vec, Vec]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from time import perf_counter
 from typing import Any
@@ -12,13 +13,13 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidProblem
 from wbc.qp.certificate import Certificate, certificate
-from wbc.qp.lexicographic.solver import LexicographicSolver, way_for
+from wbc.qp.lexicographic.solver import LexicographicSolver
 from wbc.qp.lexicographic.stages import Part, Stage
 from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.rows import RowProblem, Wish
 from wbc.qp.solver import Answer, Solution, Solver
 from wbc.qp.solvers import by_name
-from wbc.types import Index, Mat, Vec
+from wbc.types import Index, Mat, Status, Vec
 
 
 def lexicographic(
@@ -37,10 +38,10 @@ def lexicographic(
 
     Returns:
         x, and the multipliers z (rows of all levels,) and z_box (n,) of the last problem, ½ ‖x‖² with every level held:
-        x + Aᵀz + z_box = 0. The certificate is of that problem.
+        x + Aᵀz + z_box = 0. The certificate is of that problem; SOLVED needs that and a certificate of every level.
 
     Raises:
-        InvalidProblem: wrong shapes, NaN, crossed bounds, no level.
+        InvalidProblem: wrong shapes, NaN, crossed bounds, no level, a level without rows.
         UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
 
     Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011; Escande, Mansard, Wieber, IJRR 33(7), 2014.
@@ -52,7 +53,7 @@ def lexicographic(
         >>> wbc.lexicographic([first, second], lb=[-9, -9], ub=[2.5, 9]).x.round(6)
         array([ 2.5, -0.5])
     """
-    named = [_level(i, *level) for i, level in enumerate(levels)]
+    named = [_level(i, *parts) for i, parts in enumerate(_parts(levels))]
     if not named:
         raise InvalidProblem("levels is empty; give at least one (A, lo, hi)")
     n = named[0][0].shape[1]
@@ -61,11 +62,33 @@ def lexicographic(
             raise InvalidProblem(f"levels[{i}]: A has {A.shape[1]} columns, that of levels[0] has {n}")
     low, high = _bounds("lb", lb, n, -np.inf), _bounds("ub", ub, n, np.inf)
     QP(np.eye(n), np.zeros(n), lb=low, ub=high)  # refuses bounds that leave nothing
-    return _solve(named, low, high, by_name(solver))
+    return _judged(_solve(named, low, high, by_name(solver)))
+
+
+def _judged(answer: Solution) -> Solution:
+    """SOLVED exactly with a certificate. Where only bounds are hard there is an answer, and it is never infeasible."""
+    if answer.status.ok and not answer.certificate.ok:
+        return replace(answer, status=Status.INACCURATE, reason=answer.certificate.fault())
+    status = Status.FAILED if answer.status in (Status.INFEASIBLE, Status.UNBOUNDED) else answer.status
+    return answer if status.ok else replace(answer, status=status, reason="a level has no certificate")
+
+
+def _parts(levels: Any) -> list[tuple[Any, Any, Any]]:
+    """The levels as triples, or InvalidProblem."""
+    try:
+        given = [(level, len(level)) for level in levels]
+    except TypeError as cause:
+        raise InvalidProblem(f"levels must be a list of (A, lo, hi), not {levels!r}") from cause
+    for i, (level, size) in enumerate(given):
+        if size != 3 or isinstance(level, str):
+            raise InvalidProblem(f"levels[{i}] must be (A, lo, hi), not {level!r}")
+    return [tuple(level) for level, _ in given]
 
 
 def _level(i: int, A: Any, lo: Any, hi: Any) -> tuple[Mat, Vec, Vec]:
     A = checks.array(f"levels[{i}].A", A, (None, None), error=InvalidProblem)
+    if not A.size:
+        raise InvalidProblem(f"levels[{i}].A has shape {A.shape}; a level has at least one row and one column")
     sides = [
         checks.array(f"levels[{i}].{name}", side, (len(A),), finite=False, error=InvalidProblem)
         for name, side in (("lo", lo), ("hi", hi))
@@ -86,13 +109,13 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec, solver: Solv
     equal = lo == hi
     rows, stages = _row_problem(A, lo, hi, ends)
     rows.lb[:n], rows.ub[:n] = low, high
-    ranked = LexicographicSolver(rows, [*stages, []], way_for(solver), budget=4 * len(stages) + 4)
+    ranked = LexicographicSolver(rows, [*stages, []], solver, budget=4 * len(stages) + 4)
     start = perf_counter()
     status = ranked.solve()
     elapsed = perf_counter() - start
-    if not status.ok:
+    if not status.ok and status is not Status.INACCURATE:
         none = Answer.none(Shape(n, 0, len(lo)), status)
-        proof = Certificate(np.inf, np.inf, np.inf)
+        proof = Certificate.none()
         return Solution(status, none.x, none.y, none.z, none.z_box, proof, ranked.iterations, 0.0, elapsed, solver.name)
     x, z = rows.x[:n].copy(), np.zeros(len(lo))
     y, z[~equal], box = ranked.multipliers()

@@ -17,7 +17,7 @@ from typing import NamedTuple, final
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dormqr, dtrtrs
 
-from wbc.qp.lexicographic.asked import Box, Rows, Wished, ask_daqp
+from wbc.qp.lexicographic.asked import Box, Finder, Rows, Wished
 from wbc.qp.lexicographic.least import Cost, Held, Within, largest, rank_of
 from wbc.qp.lexicographic.stages import MET
 from wbc.qp.problem import QP
@@ -33,7 +33,10 @@ _SLIGHT = 1e-3
 _BARELY = 1e-4
 #: ε of a stage above the last, as a share of the steepest row's curvature.
 _DELTA = 1e-14
-#: The same where DAQP is asked for a point to begin with: the next one where it finds none.
+#: Proximal steps: each begins where the last one ended, until ε pulls by less than this beside the stage. Else a row
+#: that pushes against ε alone would be taken for one that holds the stage back.
+_STEPS, _BIAS = 4, 1e-12
+#: The same where the finder is asked for a point to begin with: the next one where it finds none.
 _COARSE = 1e-8, 1e-5, 1e-2
 #: What such a point may be beyond a bound.
 _ENOUGH = 1e-7
@@ -60,12 +63,15 @@ class Asked(NamedTuple):
 class Rest:
     """The space that is left. ``rows`` (n_y, m) are the gradients of the bounded rows; the bounds on y come behind.
 
-    ``low`` and ``high`` (m + n_y,) say what they may be; ``root`` (n_y,) is √D⁻¹.
+    ``low`` and ``high`` (m + n_y,) say what they may be; ``root`` (n_y,) is √D⁻¹. The finder
+    is asked where guesses fail, or before any is made.
     """
 
-    def __init__(self, rows: Mat, low: Vec, high: Vec, root: Vec, *, tolerance: float, tries: int) -> None:
-        self._low, self._high, self._root = low, high, root
-        self._tolerance, self._tries = tolerance, tries
+    def __init__(
+        self, rows: Mat, low: Vec, high: Vec, root: Vec, finder: Finder, *, tolerance: float, tries: int, guesses: bool
+    ) -> None:
+        self._low, self._high, self.root, self._finder = low, high, root, finder
+        self._tolerance, self._tries, self._guesses = tolerance, tries, guesses
         self._rows: Mat = rows * root[:, None]
         self._nothing = _DEPENDENT * np.concatenate([_lengths(self._rows), root])
         self.y = self.values = np.zeros(0)
@@ -78,11 +84,22 @@ class Rest:
 
     def open(self, firm: Mat, right: Vec, centre: Vec) -> None:
         """Begin at the point nearest to the centre where firmᵀ y + right = 0, and go on only where that holds."""
-        scaled = firm * self._root[:, None]
+        #: The gradients of the rows that hold from the start, times ``root``.
+        self.firm = scaled = firm * self.root[:, None]
         length = _lengths(scaled)
-        self.basis, nearest = _complement(scaled / length, -(right + centre @ firm) / length)
-        self.y = centre + self._root * nearest
+        self.basis, nearest = complement(scaled / length, -(right + centre @ firm) / length)
+        self.y = centre + self.root * nearest
         self._follow()
+
+    def gradients(self, numbers: Index) -> Mat:
+        """Gradients (n_y, m) of some rows and bounds, times ``root``."""
+        m = self._rows.shape[1]
+        columns: Mat = np.zeros((len(self.root), len(numbers)))
+        row = numbers < m
+        columns[:, row] = self._rows[:, numbers[row]]
+        at = numbers[~row] - m
+        columns[at, np.flatnonzero(~row)] = self.root[at]
+        return columns
 
     def stay(self, y: Vec, values: Vec) -> None:
         """From here on the space begins at y, where the bounded rows and bounds have these values."""
@@ -94,7 +111,7 @@ class Rest:
         In what is left beside the rows that pushed, Σ wᵢ rᵢ ownᵢ = 0: the condition for the least. As an equation this
         combination would be nothing but rounding, so own rows are counted coarsely where there is a residual.
         """
-        scaled = own * self._root[:, None]
+        scaled = own * self.root[:, None]
         mine = self.basis.T @ scaled
         mine /= np.maximum(_lengths(mine), _BARELY * _lengths(scaled))
         missed = largest(residual) > _SLIGHT
@@ -106,16 +123,16 @@ class Rest:
         self._follow()
 
     def _keep(self, columns: Mat, tolerance: float = _DEPENDENT) -> Mat:
-        left, _ = _complement(columns, None, tolerance)
+        left, _ = complement(columns, None, tolerance)
         self.basis = self.basis @ left
         return left
 
     def _follow(self) -> None:
         """The rows in the coordinates z, and which of them nothing moves any more."""
         m = self._rows.shape[1]
-        self._free: Mat = np.empty((m + len(self._root), self.basis.shape[1]))
+        self._free: Mat = np.empty((m + len(self.root), self.basis.shape[1]))
         np.dot(self._rows.T, self.basis, self._free[:m])
-        np.multiply(self.basis, self._root[:, None], self._free[m:])
+        np.multiply(self.basis, self.root[:, None], self._free[m:])
         self._reach = _lengths(self._free.T)
         self._fixed = self._reach <= self._nothing
 
@@ -127,7 +144,7 @@ class Rest:
             np.minimum(low, 0.0, out=low)
             np.maximum(high, 0.0, out=high)
         own, right, weigh, centre, last, rows, side = asked
-        scaled = own * (self._root[:, None] * weigh)
+        scaled = own * (self.root[:, None] * weigh)
         free = self.basis.T @ scaled
         square = _squares(free)
         still = square <= _DEPENDENT**2 * _squares(scaled)
@@ -136,27 +153,38 @@ class Rest:
         steepest = float(square.max(initial=0.0)) or 1.0
         eps, enough = (1.0, -1.0) if last else (_DELTA * steepest, 1e-2 * MET)
         columns = np.empty((len(free), len(weigh) + 1), order="F")
-        columns[:, :-1], columns[:, -1] = free, ((centre - self.y) / self._root) @ self.basis
+        columns[:, :-1], columns[:, -1] = free, ((centre - self.y) / self.root) @ self.basis
         cost = Cost(columns, (self.y @ own + right) * weigh, eps, float(square.sum()) ** 0.5, enough)
         within = Within(self._free, low, high, length=self._reach, fixed=self._fixed, tolerance=self._tolerance)
-        held, status = within.guess(cost, rows, side, tries=self._tries), Status.SOLVED
+        held, status = within.guess(cost, rows, side, tries=self._tries) if self._guesses else None, Status.SOLVED
         if held is None:
             held, status = self._search(within, cost, steepest, inside=inside)
+        for _ in range(0 if last or held is None else _STEPS):
+            assert held is not None
+            missing = columns[:, :-1].T @ held.z + cost.a
+            away = cost.eps * float(np.linalg.norm(held.z - columns[:, -1]))
+            if away <= _BIAS * cost.size * float(np.linalg.norm(missing)) or largest(missing) <= enough:
+                break
+            columns[:, -1] = held.z
+            nearer = within.guess(cost, held.rows, held.side, tries=self._tries)
+            if nearer is None:
+                break
+            held = nearer
         self.iterations += within.iterations
         if held is None:
             return status, self.y
         self.rows, self.side, self.force, self._holds = held.rows, held.side, held.force, held.holds
-        return Status.SOLVED, self.y + self._root * (self.basis @ held.z)
+        return Status.SOLVED, self.y + self.root * (self.basis @ held.z)
 
     def _search(self, within: Within, cost: Cost, steepest: float, *, inside: bool) -> tuple[Held | None, Status]:
-        """DAQP's answer where ε is larger, and the way down from there."""
+        """The finder's answer where ε is larger, and the way down from there."""
         self.fallbacks += 1
         m, d = within.A.shape
         free, rows = np.full(d, np.inf), Rows(within.A, np.zeros(m), within.low, within.high, 0)
         status = Status.INACCURATE
         for share in _COARSE:
             wish = Wished(cost.columns[:, :-1].T, cost.a, np.full(len(cost.a), max(cost.eps, share * steepest)))
-            found = ask_daqp(wish, rows, Box(-free, free, np.ones(d), cost.columns[:, -1]))
+            found = self._finder.ask(wish, rows, Box(-free, free, np.ones(d), cost.columns[:, -1]))
             self.iterations += found.iterations
             if not found.status.ok:
                 status = found.status
@@ -203,7 +231,7 @@ def _squares(columns: Mat) -> Vec:
     return squares
 
 
-def _complement(columns: Mat, right: Vec | None, tolerance: float = _DEPENDENT) -> tuple[Mat, Vec]:
+def complement(columns: Mat, right: Vec | None, tolerance: float = _DEPENDENT) -> tuple[Mat, Vec]:
     """An orthonormal basis of what is orthogonal to these columns (n, m); the shortest x with columnsᵀ x = right."""
     n, m = columns.shape
     if not n or not m:

@@ -11,36 +11,47 @@ It is exact: J x of a stage is the same for all its minimisers, so holding it at
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import final
 
 import numpy as np
 
+from wbc.qp.certificate import Certificate
+from wbc.qp.lexicographic.asked import Finder
+from wbc.qp.lexicographic.dual import DualStages
 from wbc.qp.lexicographic.stages import MET, Stage, StagedProblem
-from wbc.qp.lexicographic.way import Way
-from wbc.qp.rows import Outcome, RowProblem, RowSolver
+from wbc.qp.rows import RowProblem, RowSolver
+from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED, Outcome
 from wbc.qp.solver import Solver
+from wbc.qp.solvers.pdas import Pdas
 from wbc.types import Index, Status, Vec
 
 
 @final
 class LexicographicSolver(RowSolver):
-    """A row problem whose wishes are ranked. ``budget`` QPs a tick; ``leave`` solves the weighted sum instead."""
+    """A row problem whose wishes are ranked. ``budget`` QPs a tick; ``leave`` solves the weighted sum instead.
+
+    Every stage is solved and certified from the rows (:mod:`wbc.qp.lexicographic.dual`). The default solver guesses
+    active rows and asks DAQP where guesses fail; of any other solver the active rows of its answers are the guess.
+    """
+
+    form = "levels"
 
     def __init__(
-        self, source: RowProblem, stages: Sequence[Stage], way: Callable[[StagedProblem], Way], *,
+        self, source: RowProblem, stages: Sequence[Stage], solver: Solver, *,
         budget: int, leave: RowSolver | None = None,
     ) -> None:  # fmt: skip
         super().__init__(source)
         self.staged = StagedProblem(source, stages)
-        self.way = way(self.staged)
+        if isinstance(solver, Pdas):
+            self.way = DualStages(self.staged, Finder(None), tolerance=solver.accuracy, tries=solver.tries)
+        else:
+            self.way = DualStages(self.staged, Finder(solver), tolerance=1e-8, tries=5, guesses=False)
         self._more = self.staged.problem.n - source.n
-        self.form = self.way.form
         self.counts = self.way.counts
         self.budget, self._leave = budget, leave
         self._last = len(stages) - 1
         self._names = [tuple(str(part) for part in stage) for stage in stages]
-        self._met = [Outcome(names, "met", 0.0) for names in self._names]
         #: QPs of the last tick.
         self.qps = 0
         self.reset()
@@ -54,45 +65,49 @@ class LexicographicSolver(RowSolver):
 
     # ---- one tick
     def solve(self) -> Status:
+        """SOLVED: every stage is certified. MAX_ITERATIONS: some were not optimised, or all weighed instead."""
         self.staged.fill()
+        self.shortfall = ""
         way, self.way.iterations, self.qps = self.way, 0, 0
         self._weighed = False
         status, k = self._start() if way.begin() else (Status.FAILED, 0)
         if not status.ok:
             return self._weigh(status)
-        self._hope = k
+        self._hope, first = k, k
         while k < self._last and self._go_on(k):
             k += 1
         self._decided = k
-        self.outcomes = (*self._found, *self._below(k))
+        self.outcomes = (*self._met(first), *self._found, *self._below(k))
         if k < self._last:
             self.staged.settle(k + 1)
         self.staged.give_back()
         self.iterations = way.iterations
-        return Status.SOLVED
+        self.certificate = worst(outcome.certificate for outcome in self.outcomes if outcome.how != NOT_OPTIMISED)
+        if k < self._last:
+            self.shortfall, self.certificate = NOT_OPTIMISED, self.certificate._replace(distance=np.inf)
+            return Status.MAX_ITERATIONS
+        return Status.SOLVED if self.certificate.ok else Status.INACCURATE
 
     def _start(self) -> tuple[Status, int]:
         """The first answer, and the stage it minimises: all above that are met."""
         k = self._hope
+        self._found: list[Outcome] = []
         status = self._try(k)
         while not status.ok and k and self.qps < self.budget:
             k -= 1
             status = self._try(k)
-        self._found = self._met[:k]
         return status, k
 
     def _try(self, k: int) -> Status:
         self.qps += 1
-        status = self.way.solve(k)
-        if status.ok:
-            self.certificate = self.way.certificate()
-        return status
+        return self.way.solve(k)
 
     def _go_on(self, k: int) -> bool:
         """Hold what stage k came to and decide the next; False: it stays at this."""
+        proof = self.way.certificate(k)
         residual = self.way.hold(k)
         met = float(np.abs(residual).max(initial=0.0)) <= MET
-        self._found = [*self._found, self._outcome(k, "met" if met else "least", residual)]
+        self._found.append(self._outcome(k, "met" if met else "optimal", residual, proof))
         if met and self._hope == k:
             self._hope = k + 1
         if self.qps >= self.budget:
@@ -104,25 +119,36 @@ class LexicographicSolver(RowSolver):
         value[:] = best
         return False
 
-    def _outcome(self, k: int, how: str, residual: Vec) -> Outcome:
-        return Outcome(self._names[k], how, float((self.staged.weights[k] * residual).dot(residual)) ** 0.5)
+    def _outcome(self, k: int, how: str, residual: Vec, proof: Certificate) -> Outcome:
+        length = float((self.staged.weights[k] * residual).dot(residual)) ** 0.5
+        return Outcome(self._names[k], how, length, proof)
+
+    def _met(self, first: int) -> Iterator[Outcome]:
+        """The stages that held exactly from the start."""
+        for i in range(first):
+            residual = self.staged.residual(i)
+            yield Outcome(self._names[i], "met", 0.0, self.way.met(i, residual))
 
     def _below(self, k: int) -> Iterator[Outcome]:
         """What was decided last, and what was left after that."""
-        p = self.staged.problem
-        for i in range(len(self._found), self._last + 1):
-            rows, how = self.staged.rows[i], "least" if k == self._last else "left"
-            yield self._outcome(i, how, p.value[p.item(rows.start) : p.item(rows.stop)])
+        if k == self._last:
+            yield self._outcome(k, "optimal", self.staged.residual(k), self.way.certificate(k))
+            return
+        for i in range(k + 1, self._last + 1):
+            yield self._outcome(i, NOT_OPTIMISED, self.staged.residual(i), Certificate.none())
 
     def _weigh(self, status: Status) -> Status:
-        """The exit: one QP in which the weights speak."""
+        """The exit: one QP in which the weights speak. It is not what was asked."""
         self._weighed = True
-        self.outcomes = tuple(Outcome(names, "weighed", np.nan) for names in self._names)
+        none = Certificate.none()
+        self.outcomes = tuple(Outcome(names, WEIGHTED, np.nan, none) for names in self._names)
+        self.certificate = none
         if self._leave is None:
             return status
         status = self._leave.solve()
         self.certificate, self.iterations = self._leave.certificate, self._leave.iterations
-        return status
+        self.shortfall = WEIGHTED if status.ok else ""
+        return Status.MAX_ITERATIONS if status.ok else status
 
     # ---- what others read
     @property
@@ -152,21 +178,12 @@ class LexicographicSolver(RowSolver):
         self.way.guess(np.where(items < self.problem.n, items, items + self._more), side)
 
 
-def way_for(solver: Solver) -> Callable[[StagedProblem], Way]:
-    """The way that a solver takes: the default works on the rows where their cost is real, any other on QPs."""
-    from wbc.qp.lexicographic.dual import DualStages
-    from wbc.qp.lexicographic.standard import StandardStages
-    from wbc.qp.solvers.pdas import Pdas
-
-    def way(staged: StagedProblem) -> Way:
-        if isinstance(solver, Pdas) and has_real_cost(staged.problem):
-            return DualStages(staged, tolerance=solver.accuracy, tries=solver.tries)
-        return StandardStages(staged, solver)
-
-    return way
-
-
-def has_real_cost(problem: RowProblem) -> bool:
-    """Whether the metric of y means something beside the regularisation of u, which the elimination of u leaves out."""
-    cost = problem.metric[problem.scale[problem.n_u :] == 1.0] * problem.unit
-    return not problem.n_u or float(cost.min(initial=np.inf)) >= 1e3 * problem.regularisation
+def worst(certificates: Iterable[Certificate]) -> Certificate:
+    """The worst number of each kind, and the bounds of all tasks."""
+    bounds: dict[str, float] = {}
+    found = list(certificates)
+    for proof in found:
+        bounds.update(proof.bounds)
+    return max(found, key=lambda proof: proof.level)._replace(
+        primal=max(proof.primal for proof in found), distance=max(proof.distance for proof in found), bounds=bounds
+    )

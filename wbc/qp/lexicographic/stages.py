@@ -7,16 +7,16 @@ A *stage* is what is decided together: a level of a stack, or a part of one. Row
 so that all rows above stage k, and the laws, are the block behind stage k. The last stage is the cost that is left when
 all others are settled: weighted rows, metric and centre, as in the problem it was made from.
 
-A wish that may be done in part gets one unknown σ in [0, 1], what is given up of it, and two kinds of rows:
+A wish that may be done in part gets one unknown σ in [0, ‖t‖∞], what is given up of it in its own unit, so that the
+rows of a large and of a small wish are alike, and two kinds of rows:
 
-    direction   J x + drift − (1 − σ) t = 0      the rest is done along t, in full or in part
-    share       ‖t‖_w σ = 0                      nothing is given up
+    direction   J x + drift − (1 − σ / ‖t‖∞) t = 0      the rest is done along t, in full or in part
+    share       ‖t‖_w / ‖t‖∞ σ = 0                      nothing is given up
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, final
@@ -24,6 +24,7 @@ from typing import Literal, final
 import numpy as np
 from scipy.linalg.blas import dgemv
 
+from wbc.qp.lexicographic.least import largest
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, Wish
 from wbc.types import Vec
@@ -64,12 +65,15 @@ class StagedProblem:
         upper = list(stages[:-1])
         # The unknowns that the last stage pulls on are in its metric and need no rows.
         last = [part for part in stages[-1] if part.kind == "share" or part.wish.rows is not None]
+        if source.n_u:  # nothing is left out of the cost where u is eliminated
+            none, weights = np.zeros(source.n_u), np.full(source.n_u, source.regularisation)
+            last.append(Part(Wish("regularisation", None, slice(0, source.n_u), weights, none, none)))
         sizes = [sum(_size(part) for part in stage) for stage in [*upper, last]]
         n_soft, n_law = sizes[-1], sum(sizes[:-1]) + source.n_law
         names = self._names([last, *reversed(upper)])
         p = RowProblem(
             source.n_u, source.n_y + len(scaled), n_range=source.n_range, n_soft=n_soft, n_law=n_law,
-            rows=names, regularisation=source.regularisation,
+            rows=names, regularisation=0.0,
         )  # fmt: skip
         self.problem, self._plain = p, not scaled
         stops = p.law.start + np.cumsum([0, *sizes[-2::-1]])
@@ -80,8 +84,11 @@ class StagedProblem:
         self._order[p.n_rows - source.n_law : p.n_rows] = np.arange(source.law.start, source.law.stop)
         self._order[p.soft.start : p.n_rows - source.n_law] = 0
         self._place(list(zip([*upper, last], self.rows, self.weights, strict=True)))
+        #: Rows of each task within its stage.
+        self.parts = [_places(stage) for stage in [*upper, last]]
+        p.levels = [self._last_wishes(last)]
         self._buffer = np.zeros((0 if self._plain else p.n_rows, source.n + 1))
-        p.lb[source.n :], p.ub[source.n :] = 0.0, 1.0
+        p.lb[source.n :] = 0.0
         self._version = -1
         self._ends = source.item(source.soft.start), p.item(p.soft.start)
         for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
@@ -131,6 +138,16 @@ class StagedProblem:
         self._source_rows_T = source.G[: source.n_rows].T
         self._source_values = source.value[source.first_row : source.item(source.n_rows)]
 
+    def _last_wishes(self, last: Stage) -> list[Wish]:
+        """The tasks of the last stage, where they stand here: in its rows, or in the metric."""
+        p, found = self.problem, list[Wish]()
+        for part, place in zip(last, self.parts[-1].values(), strict=True):
+            rows = slice(p.soft.start + place.start, p.soft.start + place.stop)
+            one = np.ones(place.stop - place.start)
+            found.append(Wish(str(part), rows, None, one, one, one))
+        pulling = [part.wish for part in self.stages[-1] if part.kind != "share" and part.wish.rows is None]
+        return found + pulling
+
     def fill(self) -> None:
         """Take over rows, bounds, weights, metric and centre as they are now."""
         source, p, n = self.source, self.problem, self._n
@@ -152,10 +169,14 @@ class StagedProblem:
             rows[at, p.n] = -wish.wanted
         for column, wish in self._directions:
             np.add(wish.wanted, wish.drift, column)
+            length = max(largest(column), _LEAST_SHARE)
+            p.ub[self._shares[id(wish)]] = length
+            column /= length
         for row, share, wish in self._lengths:
             rows[row] = 0.0
             asked = wish.wanted + wish.drift
-            rows[row, share] = max(float(np.sqrt((wish.weights * asked * asked).sum())), _LEAST_SHARE)
+            whole = max(float(np.sqrt((wish.weights * asked * asked).sum())), _LEAST_SHARE)
+            rows[row, share] = whole / max(largest(asked), _LEAST_SHARE)
         start, stop = self._ends
         for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
             mine[:n] = side[:n]
@@ -177,32 +198,17 @@ class StagedProblem:
         p.version += 1
         self._version = source.version
 
-    def at(self, k: int) -> RowProblem:
-        """Stage k as a problem of its own, in the same memory: stages above are laws, those below have no say.
-
-        Its cost is ½ Σ w r² over the rows of the stage and a trace, ``unit``, of the last stage's metric, so that the
-        answer is one point. ``unit``, ``centre`` and ``regularisation`` are its own.
-        """
-        p, q = self.problem, copy(self.problem)
-        if k == len(self.stages) - 1:
-            return p
-        rows = self.rows[k]
-        q.range, q.soft, q.law = slice(p.range.start, rows.start), rows, slice(rows.stop, p.law.stop)
-        q.n_range, q.n_soft, q.n_law = rows.start - p.range.start, rows.stop - rows.start, p.law.stop - rows.stop
-        q.weights, q.centre = self.weights[k], p.centre.copy()
-        q.bounds = p.bounds.copy()
-        q.lower, q.upper = q.bounds
-        ignored = slice(p.item(p.soft.start), p.item(rows.start))
-        q.lower[ignored], q.upper[ignored] = -np.inf, np.inf
-        return q
+    def residual(self, k: int) -> Vec:
+        """What the rows of stage k come to now, beside what they are held at."""
+        p, rows = self.problem, self.rows[k]
+        return p.value[p.item(rows.start) : p.item(rows.stop)].copy()
 
     def hold(self, k: int) -> Vec:
         """From here on the rows of stage k are laws that ask for what they have now: their residual, before."""
         p, rows = self.problem, self.rows[k]
-        items = slice(p.item(rows.start), p.item(rows.stop))
-        residual = p.value[items].copy()
+        residual = self.residual(k)
         p.G[rows, p.n] -= residual
-        p.value[items] = 0.0
+        p.value[p.item(rows.start) : p.item(rows.stop)] = 0.0
         return residual
 
     def settle(self, k: int) -> None:
@@ -221,6 +227,15 @@ class StagedProblem:
         for _, wish in self._pulls:
             source.x[wish.unknowns] /= source.scale[wish.unknowns]
         dgemv(1.0, self._source_rows_T, source.x1, 0.0, self._source_values, 0, 1, 0, 1, 1, 1)
+
+
+def _places(stage: Stage) -> dict[str, slice]:
+    """Where the rows of each part stand within its stage."""
+    found, row = {}, 0
+    for part in stage:
+        found[str(part)] = slice(row, row + _size(part))
+        row += _size(part)
+    return found
 
 
 def _size(part: Part) -> int:

@@ -19,12 +19,12 @@ def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:
     The default solver works on the rows: in the dual form where that fits, by DAQP's box solver where there are only
     bounds. Any other solver, and any other problem, gets the standard form.
     """
+    from wbc.qp.rows.dual import DualSolver, fits_dual
     from wbc.qp.rows.standard import StandardSolver
     from wbc.qp.solvers.pdas import Pdas
 
     if isinstance(solver, Pdas):
         from wbc.qp.rows.box import BoxSolver
-        from wbc.qp.rows.dual import DualSolver, fits_dual
 
         if not (problem.n_u or problem.n_range or problem.n_law):
             if solver.compiled:

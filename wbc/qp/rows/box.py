@@ -30,8 +30,9 @@ import numpy as np
 from scipy.linalg.blas import dasum, daxpy, dcopy, ddot, dgemm, dgemv, dsyrk, idamax
 from scipy.linalg.lapack import dposv
 
-from wbc.qp.certificate import Certificate
+from wbc.qp.rows.dual import DualSolver
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.proof import RowProof
 from wbc.qp.rows.solver import RowSolver
 from wbc.types import Index, Status, Vec
 
@@ -81,7 +82,8 @@ class BoxSolver(RowSolver):
         self._sides, self._free, self._known = np.zeros(n), np.ones(n), np.zeros(n + 1)
         self._known[n], self._held = 1.0, self._known[:n]
         self._at_upper, self._at_lower = np.zeros(n, bool), np.zeros(n, bool)
-        self._z_box: Vec | None = None
+        self._proof, self._settler = RowProof(problem), DualSolver(problem)
+        self.proof = self._proof  # of the last answer
         self._version = -1
         self.reset()
 
@@ -159,8 +161,7 @@ class BoxSolver(RowSolver):
 
     def _verified(self) -> bool:
         """Bounds, and the gradient: zero where free, against its bound where held. NaN is neither."""
-        gradient, tolerance, unit = self._slope_at_answer(), self.tolerance, self.problem.unit
-        self._z_box = None
+        gradient, tolerance = self._slope_at_answer(), self.tolerance
         if not self._is_held:
             dual = _size_of(gradient)
         else:
@@ -170,10 +171,14 @@ class BoxSolver(RowSolver):
                 pull[self._lb == self._ub] = 0.0
                 wrong = pull[pull.argmax()]
             dual = max(_size_of(np.multiply(gradient, self._free, self._part)), float(wrong))
-        primal = max(self._beyond_bounds(), 0.0)
         size = 1.0 if dual <= tolerance else self._size()
-        self.certificate = Certificate(primal, dual * unit, 0.0, size * unit, size * unit)
-        return primal <= tolerance and dual <= tolerance * size
+        return self._beyond_bounds() <= tolerance and dual <= tolerance * size and self._certified()
+
+    def _certified(self) -> bool:
+        """Prove the answer from the rows; their pushes are √w times their weighted residuals."""
+        np.multiply(self._weights, self._rows, self._push)
+        self.certificate, self.proof = self._proof.certify(self._push), self._proof
+        return self.certificate.ok
 
     def _slope_at_answer(self) -> Vec:
         """D (x − c) + Σ wᵢ Sᵢᵀ (Sᵢ x̂), from the data; the rows' values on the way."""
@@ -222,13 +227,12 @@ class BoxSolver(RowSolver):
         if flag <= 0:
             self.reset()
             return _STATUS.get(flag, Status.FAILED)
-        return self._accept(x, info["lam"], 1.0 + _size_of(g))
+        return self._accept(x, info["lam"])
 
-    def _accept(self, x: Vec, z: Vec, size: float) -> Status:
-        """Take DAQP's answer and its multipliers, if they are certified; what pushes is the next guess."""
+    def _accept(self, x: Vec, z: Vec) -> Status:
+        """Take DAQP's answer, or what follows from the bounds that push, if one is certified."""
         pins = (np.abs(z, self._part) > _ROUNDING * _size_of(z)).nonzero()[0]
-        push = z[pins]
-        side = np.sign(push)
+        side = np.sign(z[pins])
         changes = self._changes + 1
         if pins.tobytes() != self._pins.tobytes() or side.tobytes() != self._side.tobytes():
             self.guess(pins, side)
@@ -236,20 +240,18 @@ class BoxSolver(RowSolver):
         else:
             self._changes = 0
         self._x[:] = x
-        self._z_box = z
-        primal, dual = max(self._beyond_bounds(), 0.0), _size_of(self._slope_at_answer() + z)
-        pushed = pins + (side < 0.0) * len(z)  # among [over, under]
-        gap = float(dasum(push * self._beyond[pushed])) if len(pins) else 0.0
-        unit = self.problem.unit
-        self.certificate = Certificate(primal, dual * unit, gap * unit, size * unit, size * unit)
-        sound = primal <= self.tolerance and dual <= self.tolerance * size and gap <= self.tolerance * size
-        return Status.SOLVED if sound else Status.INACCURATE
+        self._slope_at_answer()
+        if self._certified():
+            return Status.SOLVED
+        if self._settler.settle(pins, side):
+            self.certificate, self.proof = self._settler.certificate, self._settler.proof
+            return Status.SOLVED
+        self._x[:] = x
+        self._slope_at_answer()
+        return Status.INACCURATE
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        z_box = self._z_box
-        if z_box is None:
-            z_box = np.where(self._free == 0.0, -self._gradient, 0.0)
-        return np.zeros(0), np.zeros(0), z_box * self.problem.unit / self.problem.scale
+        return self.proof.multipliers()
 
     @property
     def active_count(self) -> int:

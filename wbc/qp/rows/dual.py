@@ -24,14 +24,13 @@ from __future__ import annotations
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg.blas import dasum, daxpy, dgemm, dgemv, dsyrk, idamax
+from scipy.linalg.blas import daxpy, dgemm, dgemv, dsyrk, idamax
 from scipy.linalg.lapack import dposv, dpotrs
 
-from wbc.qp.certificate import Certificate
 from wbc.qp.rows.pivoting import Pivoting
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.proof import RowProof
 from wbc.qp.rows.solver import RowSolver
-from wbc.qp.solver import Solution
 from wbc.types import Index, Mat, Status, Vec
 
 # A soft row of weight zero: so compliant that it pushes on nothing.
@@ -52,7 +51,7 @@ class _Views:
 
     __slots__ = ("E", "E_T", "Ed", "Eu_T", "Ey_T", "G_T", "beyond", "bounded", "compliance", "lam", "lam_slots",
                  "lam_soft", "lower", "over", "rows", "slots", "slots_right", "soft", "soft_to_slots", "under", "upper",
-                 "value", "value_slots")  # fmt: skip
+                 "value")  # fmt: skip
 
     def __init__(self, p: RowProblem, k: int) -> None:
         first, m = p.soft.start, p.n_soft + p.n_law + k
@@ -74,7 +73,6 @@ class _Views:
         self.bounded[p.n_u : p.n] = self.bounded[p.item(p.range.start) : soft] = True
         self.rows = p.value[p.first_row : items]
         self.soft, self.soft_to_slots = p.value[soft : soft + p.n_soft], p.value[soft:items]
-        self.value_slots = p.value[items - k : items]
 
 
 @final
@@ -100,9 +98,10 @@ class DualSolver(RowSolver):
         self._version, self._weak, self._uniform, self._pinned = -1, False, True, False
         self._pivoting = Pivoting()
         self._fallback: Any = None
+        self._foreign = False  # whether the last answer is the fallback's
         self._Er = self._Ed = self._factor = np.zeros((0, 0))
         self._primal, self._wrong, self._rounding = np.inf, _NOTHING, 0.0
-        self._foreign: Solution | None = None
+        self.proof, self._push, self._pushed = RowProof(problem), np.zeros(p.n_rows), np.zeros(0, np.intp)
         self.reset()
 
     def reset(self) -> None:
@@ -156,7 +155,7 @@ class DualSolver(RowSolver):
         for views in self._views.values():
             self._write_compliance(views)
         self._version = p.version
-        self._weak = not fits_dual(p)
+        self._weak = not has_real_cost(p)
         self._work_on(self._items, self._side)
 
     def _place(self) -> None:
@@ -171,16 +170,25 @@ class DualSolver(RowSolver):
 
     # ---- one tick
     def solve(self) -> Status:
+        return Status.SOLVED if self._guessed() else self._give_up()
+
+    def settle(self, items: Index, side: Vec) -> bool:
+        """Whether the answer follows from this working set, which is repaired a few times; no other solver is asked."""
+        self.guess(items, side)
+        return self._guessed()
+
+    def _guessed(self) -> bool:
+        """Guess, verify, repair; the answer and its certificate are there where this is True."""
         p = self.problem
         if p.version != self._version:
             self._read_weights()
-        self._foreign = None
+        self._foreign = False
         if self._weak:
-            return self._give_up()
+            return False
         if p.n_u:
             self._B[:] = self._base_rows
             if dposv(self._Bu, self._X, 1, 1, 1)[2]:
-                return self._give_up()
+                return False
         self._place()
         for attempt in range(self.tries):
             self.iterations = attempt + 1
@@ -189,17 +197,33 @@ class DualSolver(RowSolver):
                 if not self._leave_out(failing_pivot):
                     break
                 continue
-            if self._verify() or (self.tolerance < self._primal <= _LITTLE and self._refined()):
-                if attempt:
-                    self.counts.repaired += 1
-                else:
-                    self.counts.first += 1
-                return Status.SOLVED
+            if self._verified():
+                self.counts.repaired += attempt > 0
+                self.counts.first += attempt == 0
+                return True
             if not attempt:
                 self._pivoting.restart()
             if not self._repair():
                 break
-        return self._give_up()
+        return False
+
+    def _verified(self) -> bool:
+        """The working set is right and the answer certified, at once or after a step of refinement."""
+        if self._verify():
+            return self._certified() or self._refined(self.proof.left)
+        return self.tolerance < self._primal <= _LITTLE and self._refined(None)
+
+    def _certified(self) -> bool:
+        """Prove the answer from the rows, with what this working set pushes with."""
+        p, lam, push = self.problem, self._now.lam, self._push
+        if len(self._pushed):
+            push[self._pushed] = 0.0
+        np.negative(lam[: p.n_soft + p.n_law], push[p.soft.start :])
+        if len(self._slot_rows):
+            self._pushed = self._slot_rows
+            push[self._pushed] = -self._now.lam_slots
+        self.certificate = self.proof.certify(push, factor=self._Bu if p.n_u else None)
+        return self.certificate.ok
 
     def _step(self) -> int:
         """From y₀ to the answer for the working set. Returns the index of a failing pivot, or 0."""
@@ -238,18 +262,26 @@ class DualSolver(RowSolver):
         now = self._now
         dgemv(1.0, now.G_T, self.problem.x1, 0.0, now.rows, 0, 1, 0, 1, 1, 1)
 
-    def _refined(self) -> bool:
-        """Where little is missing, once more with the residual: forces of long chains lose digits. Then verify."""
-        p, now = self.problem, self._now
-        if not len(now.E):
-            return False
-        residual = now.soft_to_slots.copy()
-        residual[: p.n_soft] += self._give
-        change = -dpotrs(self._factor, residual)[0]
-        now.lam += change
-        self._pull(change)
+    def _refined(self, left: Vec | None) -> bool:
+        """Once more with the residual: forces of long chains lose digits. Then verify.
+
+        ``left`` (n_y,) is what is left of the gradient; it has the regularisation of u, which the elimination left out.
+        """
+        p, now, root = self.problem, self._now, self._root
+        if left is not None:
+            self._y -= root * root * left
+        if len(now.E):
+            residual = now.soft_to_slots.copy()
+            residual[: p.n_soft] += self._give
+            if left is not None:
+                residual -= dgemv(1.0, self._Ed, root * left, trans=1)
+            change = -dpotrs(self._factor, residual)[0]
+            now.lam += change
+            self._pull(change)
+        elif p.n_u:
+            dgemv(-1.0, self._X, self._y1, 0.0, self._u, 0, 1, 0, 1, 0, 1)
         self._read_rows()
-        return self._verify()
+        return self._verify() and self._certified()
 
     def _verify(self) -> bool:
         """All rows and bounds within tolerance in their own units, all multipliers of the right sign."""
@@ -264,16 +296,11 @@ class DualSolver(RowSolver):
             daxpy(give, now.soft, p.n_soft, -1.0)
         beyond = now.beyond
         self._primal = beyond.item(beyond.argmax())
-        dual = gap = self._rounding = 0.0
+        pull = self._rounding = 0.0
         self._wrong = _NOTHING
         if len(self._items):
-            dual = self._largest_wrong()
-            if len(self._slot_rows):
-                gap = p.unit * float(dasum(now.lam_slots * now.value_slots))
-        if not (self._primal <= self.tolerance and dual <= self._rounding):  # NaN is not
-            return False
-        self.certificate = Certificate(max(self._primal, 0.0), max(dual * p.unit, 0.0), gap)
-        return True
+            pull = self._largest_wrong()
+        return self._primal <= self.tolerance and pull <= self._rounding  # NaN is not
 
     def _largest_wrong(self) -> float:
         """The largest pull the wrong way; what is rounding beside the multipliers is kept in ``_rounding``."""
@@ -334,52 +361,25 @@ class DualSolver(RowSolver):
         return True
 
     def _give_up(self) -> Status:
-        """Ask DAQP; its active set is the next guess."""
+        """Ask DAQP. Its active set is settled here, and is the next guess."""
         from wbc.qp.rows.standard import StandardSolver
         from wbc.qp.solvers import by_name
 
         self.counts.fallback += 1
         if self._fallback is None:
-            self._fallback = StandardSolver(self.problem, by_name("daqp"))
+            self._fallback = StandardSolver(self.problem, by_name("daqp"), settler=None if self._weak else self)
         status: Status = self._fallback.solve()
         self.certificate, self.iterations = self._fallback.certificate, self._fallback.iterations
-        self._foreign = self._fallback.solution
-        if status.ok:
-            items, side = self._fallback.active()
-            if np.count_nonzero(items >= self.problem.n) <= self.problem.n_slots:
-                self._work_on(items, side)
-        else:
+        self._foreign = status.ok and not self._fallback.is_settled
+        if not status.ok:
             self.reset()
+        elif not self._fallback.is_settled:
+            self.guess(*self._fallback.active())
         return status
 
     # ---- what explain() and the reports ask for
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        if self._foreign is not None:
-            return self._foreign.y, self._foreign.z, self._foreign.z_box
-        return multipliers_of(self.problem, self._items, self._now.lam)
-
-
-def multipliers_of(problem: RowProblem, items: Index, lam: Vec) -> tuple[Vec, Vec, Vec]:
-    """y, z and z_box of the standard form, from what the dual form found: λ of the soft rows, laws and held rows.
-
-    ``items`` are the unknowns and rows held at a bound, rows in the order of their λ.
-    """
-    p, held = problem, items >= problem.n
-    rows, pins = items[held] - p.first_row, items[~held]
-    m0 = p.n_soft + p.n_law
-    E = np.vstack([p.G[p.soft.start : p.n_rows], p.G[rows]])
-    z, z_box, y = np.zeros(p.n_range), np.zeros(p.n), np.zeros(p.n_u + p.n_law)
-    z[rows - p.range.start] = -p.unit * lam[m0:]
-    y[p.n_u :] = -p.unit * lam[p.n_soft : m0]
-    pull = p.metric * (p.x[p.n_u :] - p.centre) - E[:, p.n_u : p.n].T @ lam
-    if p.n_u:
-        # Stationarity in u determines the multipliers of the rows that were eliminated.
-        B, push = p.G[: p.n_u, : p.n], E[:, : p.n_u].T @ lam
-        forces = np.linalg.solve(B[:, : p.n_u].T, np.column_stack([push, p.regularisation * p.x[: p.n_u]]))
-        pull += B[:, p.n_u :].T @ forces[:, 0]
-        y[: p.n_u] = p.unit * forces[:, 0] - forces[:, 1]
-    z_box[pins] = -p.unit * pull[pins - p.n_u] / p.scale[pins]
-    return y, z, z_box
+        return self._fallback.multipliers() if self._foreign else self.proof.multipliers()
 
 
 def write_compliance(problem: RowProblem, out: Vec) -> None:
@@ -392,10 +392,16 @@ def fits_dual(problem: RowProblem) -> bool:
     """Whether the dual form is right and pays.
 
     It pays with fewer rows than unknowns, and as long as its products stay below what making the standard form costs.
-    It needs on every unscaled y a cost well above the regularisation: the elimination of u leaves the regularisation
-    of u out, which is a relative error of regularisation / cost.
     """
-    cost = problem.metric[problem.scale[problem.n_u :] == 1.0] * problem.unit
     rows = problem.n_soft + problem.n_law
     pays = rows < problem.n_y or rows**2 * (rows / 3.0 + problem.n_y) < _PAYS
-    return pays and float(cost.min(initial=np.inf)) >= 1e3 * problem.regularisation
+    return pays and has_real_cost(problem)
+
+
+def has_real_cost(problem: RowProblem) -> bool:
+    """Whether every unscaled y costs far more than the regularisation of u, which the elimination of u leaves out.
+
+    It is a relative error of regularisation / cost; without u there is none.
+    """
+    cost = problem.metric[problem.scale[problem.n_u :] == 1.0] * problem.unit
+    return not problem.n_u or float(cost.min(initial=np.inf)) >= 1e3 * problem.regularisation

@@ -23,9 +23,9 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.problem import QP, Row, Shape
+from wbc.qp.problem import QP, Objective, Row, Shape
 from wbc.qp.rows.wish import Wish
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 
 @final
@@ -115,7 +115,7 @@ class RowProblem:
         return QP.empty(self.qp_shape, names)
 
     def write_qp(self, qp: QP) -> None:
-        """Write the standard form, in physical units: forces unscaled, cost not divided."""
+        """Write the standard form, in physical units: forces unscaled, cost not divided. Its tasks are the wishes."""
         n, n_u = self.n, self.n_u
         unscale = 1.0 / self.scale
         rows, right = self.G[: self.n_rows, :n] * unscale, self.G[: self.n_rows, n]
@@ -139,3 +139,22 @@ class RowProblem:
         np.subtract(high, right[self.range], out=qp.upper[qp.n_eq :])
         np.multiply(self.lb, self.scale, out=qp.lb)
         np.multiply(self.ub, self.scale, out=qp.ub)
+        qp.name_tasks(self._tasks(rows, right, unscale))
+
+    def _tasks(self, rows: Mat, right: Vec, unscale: Vec) -> list[Objective]:
+        """What counts in the cost, in physical units: the wishes, or all soft rows where nobody named them."""
+        wishes = [wish for level in self.levels for wish in level]
+        if not wishes:
+            wishes = [Wish("rows", self.soft, None, self.weights, self.weights, self.weights)] if self.n_soft else []
+        found = []
+        for wish in wishes:
+            counts = np.flatnonzero(wish.weights)
+            if wish.rows is not None:
+                own = counts + wish.rows.start
+                found.append(Objective(wish.name, rows[own], -right[own], self.rows[wish.rows.start].unit))
+            elif wish.unknowns is not None:
+                own = counts + wish.unknowns.start
+                target = self.centre[own - self.n_u] * self.scale[own]
+                unit = self.rows[self.n_rows + wish.unknowns.start].unit
+                found.append(Objective(wish.name, np.eye(self.n)[own], target, unit))
+        return found

@@ -23,6 +23,8 @@ class RowSolver(ABC):
     form: str
     #: How what was ranked came out in the last answer; nothing where nothing is ranked.
     outcomes: tuple[Outcome, ...] = ()
+    #: Why an answer that meets all constraints is not what was asked: "not optimised", "weighted fallback"; or nothing.
+    shortfall = ""
 
     def __init__(self, problem: RowProblem) -> None:
         self.problem = problem

@@ -2,68 +2,106 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
 from wbc.errors import InvalidProblem
-from wbc.qp.certificate import Certificate
+from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.proof import RowProof
 from wbc.qp.rows.solver import RowSolver
 from wbc.qp.solver import Solution, Solver
 from wbc.types import Index, Status, Vec
 
+if TYPE_CHECKING:
+    from wbc.qp.rows.dual import DualSolver
+
 
 @final
 class StandardSolver(RowSolver):
-    """Writes the rows out as a :class:`~wbc.qp.problem.QP` and hands it to a session of ``solver``."""
+    """Writes the rows out as a :class:`~wbc.qp.problem.QP` and hands it to a session of ``solver``.
+
+    Its answer is certified from the rows. One that is not is settled by ``settler``: the linear system of the rows that
+    it says are active is solved and verified there, because products lose digits that the rows have.
+    """
 
     form = "standard"
 
-    def __init__(self, problem: RowProblem, solver: Solver) -> None:
+    def __init__(self, problem: RowProblem, solver: Solver, *, settler: DualSolver | None = None) -> None:
         super().__init__(problem)
         self.solver = solver
         self.qp = problem.empty_qp()
         self.session = solver.open(self.qp.shape)
         self.solution: Solution | None = None
+        self.proof, self._push, self._settler = RowProof(problem), np.zeros(problem.n_rows), settler
+        #: Whether the last answer is the settler's.
+        self.is_settled = False
         self.counts = self.session.counts  # a session that guesses counts; for others they stay zero
 
     def solve(self) -> Status:
         p = self.problem
         p.write_qp(self.qp)
-        self.solution = None
+        self.solution, self.is_settled = None, False
         try:
             solution = self.session.solve(self.qp)
         except InvalidProblem:  # NaN or crossed bounds reached the rows: the controller falls back
-            self.certificate = Certificate(np.inf, np.inf, np.inf)
+            self.certificate = Certificate.none()
             return Status.FAILED
         self.solution = solution
         self.certificate, self.iterations = solution.certificate, solution.iterations
-        if solution.status.ok:
-            np.divide(solution.x, p.scale, out=p.x)
-            # A thousandth of a millionth in a velocity is a millionth in the acceleration of a tick.
-            np.clip(p.x, p.lb, p.ub, out=p.x)
-            np.dot(p.G[: p.n_rows], p.x1, out=p.value[p.first_row : p.first_row + p.n_rows])
-        return solution.status
+        if not np.isfinite(solution.x).all():
+            return solution.status
+        self._take(solution)
+        if self.certificate.ok:
+            return Status.SOLVED
+        best = p.value.copy()
+        if self._settler is not None and self._settler.settle(*self.active()):
+            self.certificate, self.is_settled = self._settler.certificate, True
+            return Status.SOLVED
+        p.value[:] = best
+        return Status.INACCURATE if solution.status.ok else solution.status
+
+    def _take(self, solution: Solution) -> None:
+        """Write the answer where the problem keeps it, and certify it there."""
+        p, push = self.problem, self._push
+        np.divide(solution.x, p.scale, out=p.x)
+        # A thousandth of a millionth in a velocity is a millionth in the acceleration of a tick.
+        np.clip(p.x, p.lb, p.ub, out=p.x)
+        value = p.value[p.first_row : p.first_row + p.n_rows]
+        np.dot(p.G[: p.n_rows], p.x1, out=value)
+        push[p.range] = solution.z / p.unit
+        push[p.law] = solution.y[p.n_u :] / p.unit
+        np.multiply(p.weights / p.unit, value[p.soft], out=push[p.soft])
+        self.certificate = self.proof.certify(push)
+        if not self.certificate.ok and p.n_soft and np.isfinite(self.certificate.distance):
+            self.certificate = self.proof.certify(self.proof.sharpened())
 
     def reset(self) -> None:
         self.session.reset()
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
+        if self.is_settled and self._settler is not None:
+            return self._settler.multipliers()
         if self.solution is None:
             n, n_eq, n_in = self.qp.shape
             return np.full(n_eq, np.nan), np.full(n_in, np.nan), np.full(n, np.nan)
         return self.solution.y, self.solution.z, self.solution.z_box
 
-    def active(self, threshold: float = 1e-9) -> tuple[Index, Vec]:
-        """Items whose multiplier is not zero, and the side they push on."""
-        _, z, z_box = self.multipliers()
-        pushing = np.concatenate([z_box, z])
-        items = np.flatnonzero(np.abs(pushing) > threshold)
-        side = np.sign(pushing[items])
+    def active(self) -> tuple[Index, Vec]:
+        """Items whose multiplier exceeds the distance to the bound that it pushes on, and the side of that."""
+        if self.solution is None:
+            return np.zeros(0, np.intp), np.zeros(0)
         p = self.problem
-        return np.where(items < p.n, items, items - p.n + p.item(p.range.start)), side
+        force = np.concatenate([self.solution.z_box * p.scale, self.solution.z]) / p.unit
+        items = np.concatenate([np.arange(p.n), np.arange(p.item(p.range.start), p.item(p.range.stop))])
+        value, side = p.value[items], np.sign(force)
+        room = np.where(side > 0.0, p.upper[items] - value, value - p.lower[items])
+        held = np.abs(force) > np.maximum(room, 0.0)
+        return items[held], side[held]
 
     @property
     def active_count(self) -> int:
-        return len(self.active(1e-7)[0]) if self.solution is not None else 0
+        if self.is_settled and self._settler is not None:
+            return self._settler.active_count
+        return len(self.active()[0]) if self.certificate.primal < TOLERANCE else 0

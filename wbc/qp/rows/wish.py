@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
+from wbc.qp.certificate import Certificate
 from wbc.types import Vec
 
 
@@ -33,17 +34,23 @@ class Wish:
         return len(self.weights)
 
 
-class Outcome(NamedTuple):
-    """How wishes that were decided together came out: their names, ``how``, and what is left of them, √Σ wᵢ rᵢ².
+#: How a level came out that has no certificate of its own.
+NOT_OPTIMISED, WEIGHTED = "not optimised", "weighted fallback"
 
-    ``how`` is "met": nothing is left. "least": the least that what ranks above leaves. "left": the budget ended before
-    it was decided. "weighed": there was no strict answer, and the weighted sum was the exit.
+
+class Outcome(NamedTuple):
+    """How tasks that were decided together came out: their names, ``how``, what is left of them, √Σ wᵢ rᵢ², the proof.
+
+    ``how`` is "met": nothing is left. "optimal": the least that the levels above leave. "not optimised": the budget
+    ended first, and the tasks are where the levels above left them. "weighted fallback": there was no strict answer,
+    and one weighted sum of all levels was minimised instead.
     """
 
     wishes: tuple[str, ...]
     how: str
     residual: float
+    certificate: Certificate
 
     def __str__(self) -> str:
-        left = "" if self.how == "met" or self.residual != self.residual else f", {self.residual:.3g} is left of it"
+        left = "" if self.how == "met" or self.residual != self.residual else f", residual {self.residual:.3g}"
         return f"{' + '.join(self.wishes) or 'regularisation'}: {self.how}{left}"

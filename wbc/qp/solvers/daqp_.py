@@ -14,7 +14,7 @@ import numpy as np
 from wbc import checks
 from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
-from wbc.qp.reduce import Equilibrated
+from wbc.qp.reduce import proximal
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession
 from wbc.types import Status
@@ -81,6 +81,8 @@ class Daqp(Solver):
 class DaqpSession(KeptSession):
     """A kept model, which remembers its active set. Its items: the bounds on x, then the rows [A; C]."""
 
+    exact = True
+
     def __init__(self, solver: Daqp, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._daqp = solver
@@ -88,20 +90,18 @@ class DaqpSession(KeptSession):
         self._lower, self._upper = np.empty(n + n_eq + n_in), np.empty(n + n_eq + n_in)
         self._sense = np.zeros(n + n_eq + n_in, np.intc)
         self._sense[n : n + n_eq] = EQUALITY
-        # Equalities are eliminated first; left to choose, DAQP does not do so from a warm start.
+        # Its own elimination of equalities takes problems for infeasible where H is singular on what is left.
         self._settings = {
             "primal_tol": solver.primal_tol, "eps_prox": solver.eps_prox, "eta_prox": solver.eta_prox,
-            "iter_limit": solver.max_iter, "eq_reduction": 1,
+            "iter_limit": solver.max_iter, "eq_reduction": 0,
         }  # fmt: skip
         self._flag = 0
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        """A failure is only believed in other units too: rows that are small in theirs are taken for zero."""
+        """A failure is only believed of the problem without its equalities, in other units, made strictly convex."""
         if proof.within(self.solver.tolerance):
             return None
-        scaled = Equilibrated(qp)
-        again = scaled.undo(DaqpSession(self._daqp, self.shape)._solve(scaled.qp))
-        return again if again.status.ok or not answer.status.ok else None
+        return proximal(qp, lambda shape: DaqpSession(self._daqp, shape)._solve, self.solver.tolerance)
 
     def _write(self, qp: QP) -> bool:
         n, lower, upper = qp.n, self._lower, self._upper

@@ -9,7 +9,6 @@ from typing import Any, final
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.types import Index, Mat, Status, Vec
@@ -63,26 +62,6 @@ class KeptSession(Session):
             self._workspace = None
         answer.build_time = build_time
         return answer
-
-    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        return explained(qp, answer, proof, self.solver.tolerance)
-
-
-def explained(qp: QP, answer: Answer, proof: Certificate, tolerance: float = TOLERANCE) -> Answer | None:
-    """Why there is no answer, where the back end does not know or is mistaken.
-
-    DAQP is asked whether the rows can be met and the cost has a minimum; never for the answer itself.
-    """
-    from wbc.qp.solvers.daqp_ import Daqp
-
-    if proof.within(tolerance):
-        return None
-    status = Daqp().solve(qp).status
-    if status in (Status.INFEASIBLE, Status.UNBOUNDED):
-        return Answer.none(qp.shape, status, answer.iterations)
-    if status.ok and answer.status in (Status.INFEASIBLE, Status.UNBOUNDED):
-        return Answer.none(qp.shape, Status.FAILED, answer.iterations)
-    return None
 
 
 @final

@@ -12,10 +12,9 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import KeptSession, Pattern, explained
+from wbc.qp.solvers.kept import KeptSession, Pattern
 from wbc.types import Status
 
 INFINITY = 1e30
@@ -94,18 +93,13 @@ class OsqpSession(KeptSession):
         return same_cost and same_rows
 
     def _make(self, qp: QP) -> Any:
-        return self._set_up(qp)
-
-    def _set_up(self, qp: QP, **settings: Any) -> Any:
         import osqp
 
         workspace = osqp.OSQP()
         cost, rows = self._cost.sparse(self._upper_H), self._rows.sparse(self._matrix)
         try:
             # OSQP keeps what it is given: nothing of it may be the caller's, or ours.
-            workspace.setup(
-                cost, qp.g.copy(), rows, self._lower.copy(), self._upper.copy(), **{**self._settings, **settings}
-            )
+            workspace.setup(cost, qp.g.copy(), rows, self._lower.copy(), self._upper.copy(), **self._settings)
         except osqp.OSQPException:
             return None
         return workspace
@@ -115,21 +109,6 @@ class OsqpSession(KeptSession):
             q=qp.g.copy(), l=self._lower.copy(), u=self._upper.copy(),
             Px=self._cost.entries(self._upper_H), Ax=self._rows.entries(self._matrix),
         )  # fmt: skip
-
-    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        """Its scaling sometimes makes a sound problem look infeasible, and its steps, adapted on the way, may come to a
-        halt beside a sharp corner: try without the one, and without the other."""
-        if proof.within(self.solver.tolerance):
-            return None
-        without: list[dict[str, Any]] = [{"scaling": 0}]
-        if answer.status is Status.MAX_ITERATIONS:
-            without.append({"adaptive_rho": False, "rho": 10.0})
-        for settings in without:
-            plain = self._set_up(qp, **settings)
-            again = self._run(qp, plain) if plain is not None else answer
-            if again.status.ok:
-                return again
-        return explained(qp, answer, proof, self.solver.tolerance)
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
         from osqp import SolverStatus

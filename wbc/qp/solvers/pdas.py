@@ -26,7 +26,7 @@ from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from wbc import checks
-from wbc.qp.certificate import Certificate, certificate
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape, moderate
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.qp.solvers.daqp_ import Daqp
@@ -86,6 +86,8 @@ class Pdas(Solver):
 class PdasSession(Session):
     """The active set between solves, and what came of the guesses in ``counts``."""
 
+    exact = True
+
     def __init__(self, solver: Pdas, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._settings = solver
@@ -107,7 +109,7 @@ class PdasSession(Session):
     def unguarded(self, qp: QP) -> Answer:
         """A guess is nothing without the certificate: DAQP's word where it fails."""
         answer = self._solve(qp)
-        proof = certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
+        proof = self._proof(qp, answer)
         return self._improve(qp, answer, proof) or answer
 
     def _solve(self, qp: QP) -> Answer:
@@ -125,7 +127,7 @@ class PdasSession(Session):
         return answer if answer is not None and moderate(answer.x) else None
 
     def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        if proof.within(self._settings.accuracy) and not (self._guessed and self._pulls(qp, answer).any()):
+        if self._accurate(proof) and not (self._guessed and self._pulls(qp, answer).any()):
             if self._guessed:
                 self.counts.first += 1
                 self._misses = 0
@@ -139,7 +141,7 @@ class PdasSession(Session):
             self._hold(before)
             answer = self._ask_daqp(qp)
             proof = self._proof(qp, answer)
-            if proof.within(self._settings.accuracy):
+            if self._accurate(proof):
                 return answer
         return self._polished(qp, self._daqp._improve(qp, answer, proof) or answer)
 
@@ -150,7 +152,7 @@ class PdasSession(Session):
             guess = self._guess(qp)
             if guess is None:
                 return None
-            if self._proof(qp, guess).within(self._settings.accuracy) and not self._pulls(qp, guess).any():
+            if self._accurate(self._proof(qp, guess)) and not self._pulls(qp, guess).any():
                 guess.iterations = tried + 1
                 return guess
             answer = guess
@@ -177,7 +179,11 @@ class PdasSession(Session):
         return pulls
 
     def _proof(self, qp: QP, answer: Answer) -> Certificate:
-        return certificate(qp, answer.x, answer.y, answer.z, answer.z_box)
+        return answer.certificate(qp, self._settings.tolerance)
+
+    def _accurate(self, proof: Certificate) -> bool:
+        """Whether an answer is certified, and its residuals are as small as a factorisation leaves them."""
+        return proof.within(self._settings.tolerance) and proof.residual <= self._settings.accuracy
 
     def _ask_daqp(self, qp: QP) -> Answer:
         """DAQP's answer; its active set is the next guess."""
@@ -199,7 +205,7 @@ class PdasSession(Session):
             polished = self._guess(qp)
             if (
                 polished is not None
-                and self._proof(qp, polished).within(self._settings.accuracy)
+                and self._accurate(self._proof(qp, polished))
                 and not self._pulls(qp, polished).any()
             ):
                 return polished

@@ -16,10 +16,8 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import UnknownSolver
-from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
-from wbc.qp.solvers.kept import explained
 from wbc.types import Status, Vec
 
 
@@ -134,9 +132,6 @@ class QpSolversSession(Session):
         y, z_box = _vector(found.y, qp.n_eq), _vector(found.z_box, qp.n)
         status = Status.SOLVED if found.found else Status.FAILED  # the best it has may still pass the certificate
         return Answer(status, np.array(found.x), y, z, z_box, 0, build_time + (found.build_time or 0.0))
-
-    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        return explained(qp, answer, proof, self.solver.tolerance)
 
 
 def _vector(values: Any, size: int) -> Vec:

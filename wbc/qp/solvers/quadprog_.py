@@ -12,11 +12,9 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
-from wbc.qp.reduce import Equilibrated
 from wbc.qp.solver import Answer, Session, Solver
-from wbc.qp.solvers.kept import OneSided, explained
+from wbc.qp.solvers.kept import OneSided
 from wbc.types import Status
 
 
@@ -39,6 +37,8 @@ class Quadprog(Solver):
 class QuadprogSession(Session):
     """Nothing is kept but the list of finite sides."""
 
+    exact = True
+
     def __init__(self, solver: Quadprog, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._form: OneSided | None = None
@@ -60,11 +60,3 @@ class QuadprogSession(Session):
             return Answer.none(qp.shape, status)
         dual = dual if rows else np.empty(0)
         return Answer(Status.SOLVED, x, *form.multipliers(np.array(dual)), int(iterations[0]), build_time)
-
-    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        """Rows and costs that are small in their units are taken for zero: try again in others."""
-        if proof.within(self.solver.tolerance):
-            return None
-        scaled = Equilibrated(qp)
-        again = scaled.undo(self._solve(scaled.qp))
-        return again if again.status.ok else explained(qp, answer, proof, self.solver.tolerance)

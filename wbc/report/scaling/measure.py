@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from math import isfinite
 from time import perf_counter_ns
 from typing import Any, final
@@ -14,7 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from wbc import checks
 from wbc.control.controller import Controller
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import UnknownName
+from wbc.plugins import registered
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
@@ -44,18 +44,8 @@ class InStandardForm(Hierarchy):
 
 
 def axes() -> dict[str, Axis]:
-    """Every registered axis by name.
-
-    Raises:
-        InvalidInput: an entry point that cannot be loaded.
-    """
-    found: dict[str, Axis] = {}
-    for point in entry_points(group=GROUP):
-        try:
-            found |= point.load()
-        except Exception as cause:
-            raise InvalidInput(f"the axes of {point.value} cannot be loaded: {cause}") from cause
-    return found
+    """Every registered axis by name; a plugin that cannot be loaded is left out with a warning."""
+    return registered(GROUP)
 
 
 def scaled(

@@ -82,8 +82,10 @@ def _limits(data: Data) -> list[str]:
         "The default settings are those that a name stands for in this library (docs/solvers.md), not the back "
         "end's own. Asking an active-set solver (pdas, daqp, quadprog) for less accuracy saves nothing: their steps "
         "end at a vertex.",
-        "A solve counts as solved by one certificate for everybody: stationarity and gap are relative to the size "
-        "of the problem, rows are not. A solver that stops by another measure may miss 1e-9 by a factor and be "
+        "A solve counts as solved by one certificate for everybody: rows are judged in their own units, answers by "
+        "how far they can be from the optimum. Methods that stop beside the optimum are refined once with the rows "
+        "that they found active, and what is judged is the refined answer. A solver that stops by another measure "
+        "may miss 1e-9 by a factor and be "
         "counted out.",
     ]
     once = [s["name"] for s in data["solvers"] if not s["repeatable"]]

@@ -91,11 +91,15 @@ def compare(
         return _finished(request, folder, place, progress)
 
 
-def resume(out: str | Path, *, progress: Progress = silent) -> Data:
-    """Take up a comparison that was interrupted, where it stood: everything that was asked is in its journal.
+def resume(out: str | Path, *, trusted: Sequence[str | Solver] = (), progress: Progress = silent) -> Data:
+    """Take up a comparison that was interrupted; its journal holds the request, as plain JSON.
+
+    The journal may come from someone else. Code that it names is executed only if the user names it too: ``trusted``
+    lists scenarios given as ``file.py:name`` or ``module:name``, and solvers of one's own.
 
     Raises:
-        InvalidInput: there is none, or other versions of the packages are installed now.
+        InvalidInput: no unfinished comparison there, other versions of the packages are installed now, or code that
+            ``trusted`` does not name.
     """
     folder = unfinished(Path(out))
     journal = folder / _JOURNAL
@@ -103,10 +107,14 @@ def resume(out: str | Path, *, progress: Progress = silent) -> Data:
         raise InvalidInput(f"there is no unfinished comparison {folder}; start one without --resume")
     header = Journal(journal).header
     now = raw.surroundings("")["versions"]
-    changed = [name for name, version in header["surroundings"]["versions"].items() if now.get(name) != version]
+    try:
+        begun = dict(header["surroundings"]["versions"])
+    except (KeyError, TypeError, ValueError) as cause:
+        raise InvalidInput(f"{journal} is not the journal of a comparison: {cause!r}") from cause
+    changed = [name for name, version in begun.items() if now.get(name) != version]
     if changed:
         raise InvalidInput(f"{folder} was begun with other versions of {', '.join(changed)}; start anew")
-    return _finished(Request.from_json(header["request"]), folder, Path(out), progress)
+    return _finished(Request.from_json(header.get("request"), trusted=trusted), folder, Path(out), progress)
 
 
 def redraw(source: Path, out: Path) -> Report:
@@ -117,10 +125,13 @@ def redraw(source: Path, out: Path) -> Report:
     """
     file = source / DATA if source.is_dir() else source
     data = raw.read(file)
-    report = page(data)
     text = file.read_bytes()
     with replaced(out) as pending:
-        write_report(report, pending)
+        try:
+            report = page(data)
+            write_report(report, pending)
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as cause:
+            raise InvalidInput(f"{file} does not hold the data of a comparison: {cause!r}") from cause
         (pending / DATA).write_bytes(text)
     return report
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.errors import InvalidInput
+from wbc.npz import read_json
 from wbc.report.solvers.journal import Journal, Key
 from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
@@ -86,7 +87,7 @@ def read(path: Path) -> Data:
         InvalidInput: not such a file, or of another version of this library.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(str(path), path.read_bytes())
         known = data["format"]
     except (OSError, ValueError, KeyError, TypeError) as cause:
         raise InvalidInput(f"{path} is not the data of a comparison: {cause}") from cause

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, final
 
 from wbc.errors import InvalidInput
+from wbc.npz import read_json
 
 Key = tuple[str | int | None, ...]
 
@@ -48,9 +49,9 @@ class Journal:
                 file.truncate(len(complete))
         try:
             first, *lines = complete.decode("utf-8").splitlines()
-            self.header = json.loads(first)
+            self.header = read_json(str(self._path), first)
             for line in lines:
-                key, finding = json.loads(line)
+                key, finding = read_json(str(self._path), line)
                 self.findings[tuple(key)] = finding
-        except ValueError as cause:
+        except (ValueError, TypeError) as cause:
             raise InvalidInput(f"{self._path} is not the journal of a comparison: {cause}") from cause

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import WbcError
-from wbc.qp.certificate import Certificate
+from wbc.qp.certificate import DISTANCE, Certificate
 from wbc.qp.problem import QP
 from wbc.qp.solver import Session, Solution, Solver
 from wbc.types import Vec
@@ -85,9 +85,10 @@ def _row(i: int, qp: QP, answer: Solution, total: float) -> dict[str, Any]:
 
 
 def residuals(proof: Certificate) -> tuple[float, float, float]:
-    """Primal residual in the row's unit; dual and gap relative to 1 + ‖g‖∞ and 1 + |cost|. The largest of the three is
-    the tolerance at which the certificate holds."""
-    return proof.primal, proof.dual / proof.scale_dual, proof.gap / proof.scale_gap
+    """Primal residual in the row's unit; a hundredth of the distance from the optimum relative to what is asked; the
+    larger of stationarity and gap relative to the cost, and the slope that is left where nothing curves the cost. The
+    largest of the three is the tolerance at which the certificate holds."""
+    return proof.primal, proof.distance / DISTANCE, max(proof.residual, proof.slope)
 
 
 def active_set(qp: QP, answer: Solution) -> Vec:

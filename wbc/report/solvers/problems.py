@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
-from zipfile import BadZipFile
 
 import numpy as np
 
 from wbc.errors import InvalidInput, InvalidProblem
+from wbc.npz import read_json, read_npz
 from wbc.qp.problem import QP, Row
 from wbc.report.solvers.ranked import is_ranked, read_ranked
 from wbc.types import Vec
@@ -72,15 +72,15 @@ class ProblemSet:
             InvalidProblem: not such a file.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                about = json.loads(str(file["about"]))
-                rows = [[Row(*row) for row in about["rows"]["lists"][k]] for k in about["rows"]["which"]]
-                data = [{part: file[f"{i}/{part}"] for part in _PARTS} for i in range(len(rows))]
-        except (OSError, EOFError, BadZipFile, KeyError, ValueError, TypeError) as cause:
+            file = read_npz(path)
+            about = read_json(str(path), str(file["about"]))
+            rows = [[Row(*row) for row in about["rows"]["lists"][k]] for k in about["rows"]["which"]]
+            data: list[dict[str, Any]] = [{part: file[f"{i}/{part}"] for part in _PARTS} for i in range(len(rows))]
+            qps = [QP(part.pop("H"), part.pop("g"), rows=names, **part) for part, names in zip(data, rows, strict=True)]
+            stretches = [(start, end) for start, end in about["stretches"]]
+            return cls(about["name"], about["kind"], about["source"], qps, about["labels"], stretches, about["period"])
+        except (KeyError, ValueError, TypeError, IndexError) as cause:
             raise InvalidProblem(f"{path} is not a problem set saved by this library: {cause}") from cause
-        qps = [QP(part.pop("H"), part.pop("g"), rows=names, **part) for part, names in zip(data, rows, strict=True)]
-        stretches = [(start, end) for start, end in about["stretches"]]
-        return cls(about["name"], about["kind"], about["source"], qps, about["labels"], stretches, about["period"])
 
 
 def sequence(name: str, qps: Sequence[QP], *, source: str = "given QPs", period: float | None = None) -> ProblemSet:
@@ -150,10 +150,9 @@ def read_qp(path: Path) -> QP:
         InvalidProblem: another format, or not a convex QP.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            part = {name: file[name] for name in file.files}
-    except (OSError, EOFError, BadZipFile, ValueError) as cause:
-        raise InvalidProblem(f"{path} cannot be read: {cause}") from cause
+        part = read_npz(path)
+    except InvalidInput as cause:
+        raise InvalidProblem(str(cause)) from cause
     keys = set(part)
     if {"H", "g", "rows"} <= keys:
         return QP.load(path)
@@ -197,9 +196,8 @@ def _open(bound: Any) -> Vec | None:
 
 def _is_set(path: Path) -> bool:
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return "about" in file.files
-    except (OSError, EOFError, BadZipFile, ValueError):
+        return "about" in read_npz(path)
+    except InvalidInput:
         return False
 
 

@@ -14,7 +14,7 @@ from time import monotonic
 from typing import Any, final
 
 from wbc.qp.solver import Solver
-from wbc.report.solvers.request import packed
+from wbc.report.solvers.request import encoded
 
 #: Every BLAS and every OpenMP gets one thread, before it is loaded.
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
@@ -31,7 +31,7 @@ class SolverProcess:
     """Starts the process when it is first asked, and again after it was lost. Use it as a context manager."""
 
     def __init__(self, solver: Solver, folder: Path) -> None:
-        self._solver = packed(solver)
+        self._solver = encoded(solver)
         self._folder = folder
         self._process: subprocess.Popen[bytes] | None = None
         self._rest = b""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any, final
-from zipfile import BadZipFile
 
 import numpy as np
 
-from wbc.errors import InvalidProblem, WbcError
+from wbc.errors import InvalidInput, InvalidProblem, WbcError
+from wbc.npz import read_npz
 from wbc.qp.lexicographic import lexicographic
 from wbc.qp.solver import Solver
 from wbc.report.solvers.measure import plain
@@ -35,9 +35,8 @@ class Ranked:
 def is_ranked(path: Path) -> bool:
     """Whether an .npz holds levels ``A0, l0, u0, A1, …``."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return {"A0", "l0", "u0"} <= set(file.files)
-    except (OSError, EOFError, BadZipFile, ValueError):
+        return {"A0", "l0", "u0"} <= set(read_npz(path))
+    except InvalidInput:
         return False
 
 
@@ -47,13 +46,13 @@ def read_ranked(path: Path) -> Ranked:
     Raises:
         InvalidProblem: shapes that do not fit, or numbers that are none.
     """
-    with np.load(path, allow_pickle=False) as file:
-        count = sum(name.startswith("A") and name[1:].isdigit() for name in file.files)
-        try:
-            levels = [(file[f"A{k}"], file[f"l{k}"], file[f"u{k}"]) for k in range(count)]
-        except KeyError as cause:
-            raise InvalidProblem(f"{path}: a level is not complete: {cause}") from None
-        known = file["solution"] if "solution" in file.files else None
+    file = read_npz(path)
+    count = sum(name.startswith("A") and name[1:].isdigit() for name in file)
+    try:
+        levels = [(file[f"A{k}"], file[f"l{k}"], file[f"u{k}"]) for k in range(count)]
+    except KeyError as cause:
+        raise InvalidProblem(f"{path}: a level is not complete: {cause}") from None
+    known = file.get("solution")
     for k, (A, lower, upper) in enumerate(levels):
         if A.ndim != 2 or A.shape[1] != levels[0][0].shape[1] or lower.shape != upper.shape or len(lower) != len(A):
             raise InvalidProblem(f"{path}: the shapes of level {k} do not fit")

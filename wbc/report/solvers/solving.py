@@ -85,7 +85,7 @@ def _success(data: Data, found: Sequence[Measure], mode: str) -> Table:
     columns = ["solver", *(f"solved, {name}" for name in classes), *(f"wrong, {name}" for name in classes), "lost"]
     note = (
         f"Solved ({mode}): the certificate recomputed from the data holds to what was asked, 1e-6 for the default "
-        "settings: rows in their own units, stationarity relative to 1 + |g|, gap relative to 1 + |cost|. Wrong: "
+        "settings: rows in their own units, and a hundred times that from the optimum relative to its size. Wrong: "
         "says solved but is not. Lost: hangs or crashes, all classes together."
     )
     return Table(columns, rows, note)

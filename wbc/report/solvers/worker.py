@@ -19,7 +19,7 @@ from typing import Any, TextIO, final
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.report.solvers.problems import ProblemSet
-from wbc.report.solvers.request import unpacked
+from wbc.report.solvers.request import received
 
 
 @final
@@ -76,7 +76,7 @@ def main() -> None:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1):
-        worker = Worker(unpacked(first["solver"]), Path(first["folder"]))
+        worker = Worker(received(first["solver"]), Path(first["folder"]))
         worker.warm_up()
         _say(out, {"ready": True})
         gc.disable()

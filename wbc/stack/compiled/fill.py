@@ -13,8 +13,7 @@ from wbc.stack.compiled.fill_kernel import fill
 from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
 from wbc.stack.contact import Contact
 from wbc.stack.frame_rows import FrameRows, JointRows
-from wbc.stack.task import Target
-from wbc.stack.tracking import Tracking
+from wbc.stack.target import Target
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -34,17 +33,17 @@ class CompiledFill:
         self.state = state
         plan.fill(state)  # every row once by its task: what is never written again, and what the state has to compute
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
-        self._calls: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
+        self._calls: list[tuple[Callable[..., None], str, tuple[Any, ...]]] = []
         self._followers: list[_Follower] = []
         self._moving: list[_Follower] = []
-        self._assignments = -1
+        self._plan, self._targets = plan, -1
         self._items = items = _Items(state, model.nv)
         self._motion = motion
         first = layout.motion_row
         for member, row, (call, out) in plan.members():
             rows = member.compiled_rows() if isinstance(state, PinocchioState) else None
             if rows is None:
-                self._calls.append((call, out))
+                self._calls.append((call, member.name, out))
             elif isinstance(member, Contact):
                 items.add(rows, row - first, out[0].rotation, out[0].position)
             else:
@@ -53,7 +52,7 @@ class CompiledFill:
                 items.add(rows, row - first, target, target[_PLACE])
         dynamics, m = plan.level.dynamics, layout.n_rows - first
         sizes = np.array(
-            [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, len(layout.on_joints), first,
+            [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, motion.n_joint_blocks, first,
              layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None], dtype=np.int64,
         )  # fmt: skip
         writes_ed = np.zeros(len(motion.e)) if motion.writes_ed is None else motion.writes_ed.astype(np.float64)
@@ -73,27 +72,37 @@ class CompiledFill:
         t = state.t
         if self._calls:
             self._motion.clear()
-            for call, out in self._calls:
-                call(state, *out)
-        if Tracking.assignments != self._assignments:
-            self._assignments = Tracking.assignments
-            for follower in self._followers:
-                follower.follow(t)
-            self._moving = [follower for follower in self._followers if follower.moves]
+            for call, name, out in self._calls:
+                try:
+                    call(state, *out)
+                except Exception as cause:
+                    self._plan.failed(name, cause)
+        if self._plan.binding.targets != self._targets:
+            self._targets = self._plan.binding.targets
+            self._moving = [follower for follower in self._followers if self._follow(follower, t)]
         else:
             for follower in self._moving:
-                follower.follow(t)
+                self._follow(follower, t)
         fill(self._memory.addresses)
+
+    def _follow(self, follower: _Follower, t: float) -> bool:
+        """Whether this target has to be followed in every tick."""
+        try:
+            follower.follow(t)
+        except Exception as cause:
+            self._plan.failed(follower.name, cause)
+        return follower.moves
 
 
 @final
 class _Follower:
     """Where a task's target goes, and the views for its rates."""
 
-    __slots__ = ("_had_rates", "_out", "_parts", "_reference", "_seen", "moves")
+    __slots__ = ("_had_rates", "_out", "_parts", "_reference", "_seen", "moves", "name")
 
     def __init__(self, task: Any, rows: FrameRows | JointRows, memory: Vec, out: Any) -> None:
         self._reference: Callable[[float], Target] = task.reference
+        self.name: str = task.name
         self._seen: Target | None = None
         #: Whether the target seen last is a function of time.
         self.moves = True

@@ -12,17 +12,17 @@ from wbc.types import Index
 def fill(memory: Index) -> None:
     """What tasks that are followed, :meth:`~wbc.stack.motion.MotionRows.lower` and the plan itself write.
 
-    ``memory``: sizes (order, nv, nb, nf, columns of G, motion rows m, tasks on the joints, first motion row, first
+    ``memory``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
     contact row, columns of u, whether there are dynamics, items, whether joints have intervals), what the code below
     reads by name, from place 22 on what ``fill_rows`` reads, from 32 on what ``joint_bounds`` does.
     """
     sizes = carray(integers(memory[0]), 13)
-    order, nv, nb, nf, columns, m, n_joint_tasks = (
+    order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
     first, contact, n_u, dynamics = sizes[7], sizes[8], sizes[9], sizes[10] > 0
     nj = nv - nb
-    total = m + n_joint_tasks * nj
+    total = m + n_joint_blocks * nj
     G = carray(floats(memory[1]), (first + m, columns))
     e = carray(floats(memory[2]), total)
     drift = carray(floats(memory[3]), total)
@@ -34,7 +34,7 @@ def fill(memory: Index) -> None:
     own_ed = carray(floats(memory[9]), total)
     writes_ed = carray(floats(memory[10]), total)
     wanted = carray(floats(memory[11]), total)
-    share = carray(floats(memory[12]), n_joint_tasks * nj)
+    share = carray(floats(memory[12]), n_joint_blocks * nj)
     centre = carray(floats(memory[13]), nv - n_u)
     v = carray(floats(memory[14]), nv)
 
@@ -54,12 +54,11 @@ def fill(memory: Index) -> None:
             wanted[i] = kp[i] * e[i] + kd[i] * ed + acc_ref[i] - drift[i]
         if i < m:
             G[first + i, columns - 1] = -wanted[i]
-    if n_joint_tasks:
-        for j in range(nj):
-            pull = 0.0
-            for k in range(n_joint_tasks):
-                pull += share[k * nj + j] * wanted[m + k * nj + j]
-            centre[nb - n_u + j] = pull
+    for j in range(nj):
+        pull = 0.0
+        for k in range(n_joint_blocks):
+            pull += share[k * nj + j] * wanted[m + k * nj + j]
+        centre[nb - n_u + j] = pull
     if dynamics:
         M = carray(floats(memory[15]), (nv, nv))
         h = carray(floats(memory[16]), nv)

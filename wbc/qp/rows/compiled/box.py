@@ -7,11 +7,11 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.qp.certificate import Certificate
 from wbc.qp.rows.box import RESTLESS, BoxSolver
 from wbc.qp.rows.compiled.box_kernel import solve_box
 from wbc.qp.rows.compiled.dual_kernel import GIVE_UP, REPAIRED
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.proof import RowProof
 from wbc.qp.rows.solver import RowSolver
 from wbc.types import Index, Status, Vec
 
@@ -30,20 +30,18 @@ class CompiledBoxSolver(RowSolver):
         self.tolerance = tolerance
         self.reference = BoxSolver(problem, tolerance=tolerance)
         p, n, m = problem, problem.n, problem.n_soft
-        self._weights, self._held, self._gradient = np.zeros(m), np.zeros(n), np.zeros(n)
-        sizes, self._proof = np.array((n, m, _TRIES), dtype=np.int64), np.zeros(4)
+        self.proof, self._held = RowProof(p), np.zeros(n)
+        sizes, self._proof = np.array((n, m, _TRIES), dtype=np.int64), np.zeros(7)
         self._memory = Memory(
-            p.G[p.soft], p.value, p.lower, p.upper, p.metric, p.centre, self._weights, self._held,
-            np.zeros((m, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), self._gradient,
-            sizes, self._proof,
+            p.G[p.soft], p.value, p.lower, p.upper, p.metric, p.centre, self.proof.weights, self._held,
+            np.zeros((m, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n),
+            sizes, self._proof, self.proof.compliance, self.proof.reach, p.scale, self.proof.push, self.proof.z,
         )  # fmt: skip
-        self._version, self._delegated, self._changes = -1, False, 0
+        self._delegated, self._changes = False, 0
 
     def solve(self) -> Status:
         p = self.problem
-        if p.version != self._version:
-            np.divide(p.weights, p.unit, out=self._weights)
-            self._version = p.version
+        self.proof.read()
         restless = self._changes >= RESTLESS
         code = GIVE_UP if restless else solve_box(self._memory.addresses, p.unit, self.tolerance)
         self._delegated = code == GIVE_UP
@@ -55,8 +53,8 @@ class CompiledBoxSolver(RowSolver):
         else:
             self.counts.first += 1
         self.iterations = 1 + code
-        primal, dual, gap, size = self._proof.tolist()
-        self.certificate = Certificate(primal, dual, gap, size, size)
+        *numbers, spread = self._proof.tolist()
+        self.certificate = self.proof.found(numbers, spread)
         return Status.SOLVED
 
     def _delegate(self) -> Status:
@@ -86,8 +84,7 @@ class CompiledBoxSolver(RowSolver):
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         if self._delegated:
             return self.reference.multipliers()
-        z_box = np.where(self._held != 0.0, -self._gradient, 0.0)
-        return np.zeros(0), np.zeros(0), z_box * self.problem.unit / self.problem.scale
+        return self.proof.multipliers()
 
     @property
     def active_count(self) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from wbc.compiled import carray, floats, integers, kernel
 from wbc.qp.rows.compiled.dual_kernel import FIRST, GIVE_UP, REPAIRED
 from wbc.qp.rows.compiled.linear import factor, solve
+from wbc.qp.rows.compiled.proof_kernel import certify
 from wbc.types import Index, Mat, Vec
 
 
@@ -62,9 +63,9 @@ def _gradient(S: Mat, weights: Vec, metric: Vec, centre: Vec, x: Vec, values: Ve
 def solve_box(memory: Index, unit: float, tolerance: float) -> int:
     """Solve for the bounds that are ``held`` (+1 upper, −1 lower, 0 free), repair that until it is right.
 
-    ``sizes``: n, n_soft, tries. ``proof``: primal, dual, gap and size of the answer. Returns FIRST, REPAIRED, GIVE_UP.
+    ``sizes``: n, n_soft, tries. ``proof``: see :func:`certify`. Returns FIRST, REPAIRED, GIVE_UP.
     """
-    sizes, proof = carray(integers(memory[13]), 3), carray(floats(memory[14]), 4)
+    sizes, proof = carray(integers(memory[13]), 3), carray(floats(memory[14]), 7)
     n, m, tries = sizes[0], sizes[1], sizes[2]
     S = carray(floats(memory[0]), (m, n + 1))
     value = carray(floats(memory[1]), n + 1 + m)
@@ -79,7 +80,12 @@ def solve_box(memory: Index, unit: float, tolerance: float) -> int:
     step = carray(floats(memory[10]), n)
     x0 = carray(floats(memory[11]), n)
     gradient = carray(floats(memory[12]), n)
-    x = value[:n]
+    compliance = carray(floats(memory[15]), m)
+    reach = carray(floats(memory[16]), m + n)
+    scale = carray(floats(memory[17]), n)
+    push = carray(floats(memory[18]), m)
+    z = carray(floats(memory[19]), n)
+    x, g0 = value[:n], z[:0]
 
     fewest, chances, block = 1 << 30, 3, True
     for attempt in range(tries):
@@ -110,26 +116,26 @@ def solve_box(memory: Index, unit: float, tolerance: float) -> int:
             size = max(size, abs(x0[c]))
         size += 1.0
 
-        primal, dual, gap, bad, last, sound = 0.0, 0.0, 0.0, 0, -1, True
+        bad, last, sound = 0, -1, True
         for c in range(n):
             if held[c] == 0.0:
                 broken = max(x[c] - upper[c], lower[c] - x[c])
                 wrong = not broken <= tolerance
-                primal = max(primal, broken)
-                dual = max(dual, abs(gradient[c]))
                 sound = sound and abs(gradient[c]) <= tolerance * size
             else:
                 pull = gradient[c] * held[c]
                 wrong = pull > tolerance * size and lower[c] != upper[c]
-                if not wrong and lower[c] != upper[c]:
-                    dual = max(dual, pull)
             if wrong:
                 bad += 1
                 last = c
         if not sound:
             return GIVE_UP
         if bad == 0:
-            proof[0], proof[1], proof[2], proof[3] = primal, dual * unit, gap * unit, size * unit
+            for r in range(m):
+                push[r] = weights[r] * value[n + 1 + r]
+            if not certify(S, value, lower, upper, metric, centre, weights, compliance, reach, scale, H, push, z, step,
+                           g0, 0, n, 0, m, 0, unit, 0.0, proof):  # fmt: skip
+                return GIVE_UP
             return REPAIRED if attempt else FIRST
         if bad < fewest:
             fewest, chances = bad, 3

@@ -7,10 +7,10 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.qp.certificate import Certificate
 from wbc.qp.rows.compiled.dual_kernel import GIVE_UP, REPAIRED, solve_dual
-from wbc.qp.rows.dual import DualSolver, multipliers_of, write_compliance
+from wbc.qp.rows.dual import DualSolver, write_compliance
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.proof import RowProof
 from wbc.qp.rows.solver import RowSolver
 from wbc.types import Index, Status, Vec
 
@@ -33,13 +33,16 @@ class CompiledDualSolver(RowSolver):
         self._lam = np.zeros(most)
         work = [np.zeros(shape) for shape in ((most, p.n_y + 1), (most, p.n_y), (most, most))]
         sizes = (p.n_u, p.n_y, p.n_range, p.n_soft, p.n_law, p.n_slots, _TRIES, 0)
-        self._sizes, self._proof = np.array(sizes, dtype=np.int64), np.zeros(3)
+        self._sizes, self._proof = np.array(sizes, dtype=np.int64), np.zeros(7)
         self._items, self._side = np.zeros(p.n + p.n_slots, np.int64), np.zeros(p.n + p.n_slots)
+        self.proof = proof = RowProof(p)
         self._memory = Memory(
             p.G, p.value, p.lower, p.upper, p.metric, self._free_root, p.centre, self._give,
             np.zeros((p.n_u, p.n_u)), np.zeros((p.n_u, p.n_y + 1)), *work, self._lam,
             np.zeros(p.n_y), np.zeros(p.n_y), np.zeros(p.n + p.n_slots),
             self._sizes, self._items, self._side, self._proof, np.zeros(most),
+            proof.weights, proof.compliance, proof.reach, p.scale, proof.push, proof.z, np.zeros(p.n_u),
+            proof.left,
         )  # fmt: skip
         self._version, self._delegated = -1, False
 
@@ -52,8 +55,9 @@ class CompiledDualSolver(RowSolver):
         if p.version != self._version:
             np.divide(1.0, np.sqrt(p.metric), out=self._free_root)
             write_compliance(p, self._give)
+            self.proof.read()
             self._version = p.version
-        code = solve_dual(self._memory.addresses, self.tolerance)
+        code = solve_dual(self._memory.addresses, p.unit, p.regularisation / p.unit, self.tolerance)
         if code == GIVE_UP:
             return self._delegate()
         self._delegated = False
@@ -62,8 +66,8 @@ class CompiledDualSolver(RowSolver):
         else:
             self.counts.first += 1
         self.iterations = 1 + code
-        primal, dual, gap = self._proof.tolist()
-        self.certificate = Certificate(primal, dual * p.unit, gap * p.unit)
+        *numbers, spread = self._proof.tolist()
+        self.certificate = self.proof.found(numbers, spread)
         return Status.SOLVED
 
     def _delegate(self) -> Status:
@@ -95,9 +99,7 @@ class CompiledDualSolver(RowSolver):
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         if self._delegated:
             return self.reference.multipliers()
-        p, (items, _) = self.problem, self.working_set()
-        rows = p.n_soft + p.n_law + int((items >= p.n).sum())
-        return multipliers_of(p, items, self._lam[:rows])
+        return self.proof.multipliers()
 
     @property
     def active_count(self) -> int:

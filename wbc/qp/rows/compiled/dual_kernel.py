@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from wbc.compiled import carray, floats, integers, kernel
 from wbc.qp.rows.compiled.linear import factor, solve, solve_rows
+from wbc.qp.rows.compiled.proof_kernel import certify
 from wbc.types import Index, Mat, Vec
 
 #: How a kernel ends: the first guess was right, or a repaired one; or it is for another solver.
@@ -87,13 +88,13 @@ def _reduce_base(G: Mat, B: Mat, X: Mat, n_u: int, n_y: int) -> bool:
 
 
 @kernel
-def solve_dual(memory: Index, tolerance: float) -> int:
+def solve_dual(memory: Index, unit: float, regular: float, tolerance: float) -> int:
     """Solve for the working set ``active`` (items) on ``side`` (+1 upper, −1 lower), repair it until it is right.
 
     ``memory`` is what is read by name below. ``sizes``: n_u, n_y, n_range, n_soft, n_law, n_slots, tries, and k, how
-    many are active, which changes. ``proof``: primal, dual and gap of the answer. Returns FIRST, REPAIRED or GIVE_UP.
+    many are active, which changes. ``proof``: see :func:`certify`. Returns FIRST, REPAIRED or GIVE_UP.
     """
-    sizes, proof = carray(integers(memory[17]), 8), carray(floats(memory[20]), 3)
+    sizes, proof = carray(integers(memory[17]), 8), carray(floats(memory[20]), 7)
     n_u, n_y, n_range, n_soft, n_law = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     n_slots, tries, k = sizes[5], sizes[6], sizes[7]
     n, m0, first = n_u + n_y, n_soft + n_law, n_u + n_range
@@ -117,6 +118,14 @@ def solve_dual(memory: Index, tolerance: float) -> int:
     wrong = carray(floats(memory[16]), n + n_slots)
     active, side = carray(integers(memory[18]), n + n_slots), carray(floats(memory[19]), n + n_slots)
     change = carray(floats(memory[21]), most)
+    weights = carray(floats(memory[22]), n_soft)
+    compliance = carray(floats(memory[23]), n_soft)
+    reach = carray(floats(memory[24]), n_soft + n_y)
+    scale = carray(floats(memory[25]), n)
+    push = carray(floats(memory[26]), rows)
+    z = carray(floats(memory[27]), n)
+    base = carray(floats(memory[28]), n_u)
+    slope = carray(floats(memory[29]), n_y)
     y = value[n_u:n]
 
     if not _reduce_base(G, B, X, n_u, n_y):
@@ -141,7 +150,7 @@ def solve_dual(memory: Index, tolerance: float) -> int:
         if not _pull(E, Es, K, lam, give, root, y0, y, m, m0, n_soft, n_y):
             return GIVE_UP
         # what must be zero at the solution of the linear system, whatever the guess; where it is not, once more with it
-        primal, gap, largest = 0.0, 0.0, 0.0
+        primal, largest = 0.0, 0.0
         for refinement in range(2):
             for j in range(n_u):
                 value[j] = -(_dot(X[j], y, n_y) + X[j, n_y])
@@ -184,18 +193,15 @@ def solve_dual(memory: Index, tolerance: float) -> int:
                     pull -= E[i, c] * lam[i]
             else:
                 pull = lam[row]
-                if K[row, row] > 0.0:
-                    gap += abs(pull) * abs(value[item] - (upper[item] if side[q] > 0.0 else lower[item]))
                 row += 1
             wrong[q] = 0.0 if lower[item] == upper[item] else pull * side[q]
             largest = max(largest, abs(pull))
         if not primal <= tolerance:
             return GIVE_UP
         # count what is wrong: pulls of the wrong sign, dependent rows, bounds that are broken
-        rounding, bad, last, dual = _ROUNDING * largest, 0, -1, 0.0
+        rounding, bad, last = _ROUNDING * largest, 0, -1
         row = m0
         for q in range(k):
-            dual = max(dual, wrong[q])
             if active[q] >= n:
                 if K[row, row] == 0.0:
                     wrong[q] = 2.0 * rounding + 1.0  # it leaves, and comes back if it is broken without it
@@ -210,11 +216,47 @@ def solve_dual(memory: Index, tolerance: float) -> int:
             if not broken <= tolerance:
                 bad += 1
                 last = max(last, i)
-            primal = max(primal, broken)
         if bad == 0:
             sizes[7] = k
-            proof[0], proof[1], proof[2] = primal, dual, gap
-            return REPAIRED if attempt else FIRST
+            for i in range(first):
+                push[i] = 0.0
+            for refinement in range(2):
+                for i in range(m0):
+                    push[first + i] = -lam[i]
+                row = m0
+                for q in range(k):
+                    if active[q] >= n:
+                        push[active[q] - items] = -lam[row]
+                        row += 1
+                if certify(G, value, lower, upper, metric, centre, weights, compliance, reach, scale, B, push, z, slope,
+                           base, n_u, n_y, n_range, n_soft, n_law, unit, regular, proof):  # fmt: skip
+                    return REPAIRED if attempt else FIRST
+                if refinement == 1:
+                    return GIVE_UP
+                # once more with the residuals of rows and gradient, which has the regularisation of u
+                for c in range(n_y):
+                    slope[c] *= root[c]
+                row = m0
+                for i in range(m0):
+                    change[i] = value[items + first + i] + (give[i] * lam[i] if i < n_soft else 0.0)
+                for q in range(k):
+                    if active[q] >= n:
+                        change[row] = value[active[q]] - (upper[active[q]] if side[q] > 0.0 else lower[active[q]])
+                        row += 1
+                for i in range(m):
+                    change[i] -= _dot(Es[i], slope, n_y)
+                solve(K, m, change)
+                for c in range(n_y):
+                    y[c] -= slope[c] * root[c]
+                for i in range(m):
+                    lam[i] -= change[i]
+                    share, scaled = change[i], Es[i]
+                    for c in range(n_y):
+                        y[c] -= share * scaled[c] * root[c]
+                for j in range(n_u):
+                    value[j] = -(_dot(X[j], y, n_y) + X[j, n_y])
+                for i in range(rows):
+                    value[items + i] = _dot(G[i], value, n + 1)
 
         # block principal pivoting: all at once while their number falls, then one at a time
         block = True

@@ -1,0 +1,42 @@
+"""Every help page shows its texts whole, units in brackets too, and ends with exit code 0."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import typer
+
+from wbc.cli.app import app
+
+
+def pages(command, words=()):
+    """Each command with the words that reach it."""
+    yield words, command
+    for name, inner in getattr(command, "commands", {}).items():
+        yield from pages(inner, (*words, name))
+
+
+PAGES = dict(pages(typer.main.get_command(app)))
+
+
+def squeezed(text: str) -> str:
+    """Letters, digits and brackets alone: tables break lines wherever they like."""
+    return re.sub(r"[^A-Za-z0-9\[\]=]", "", text)
+
+
+@pytest.mark.parametrize("words", PAGES, ids=" ".join)
+def test_help_shows_every_text(wbc, words, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "400")
+    answer = wbc(*words, "--help")
+    assert answer.code == 0 and not answer.err
+    shown = squeezed(answer.out)
+    for parameter in PAGES[words].params:
+        text = getattr(parameter, "help", None)
+        assert not text or squeezed(text) in shown, parameter.name
+
+
+@pytest.mark.parametrize("words", [(), ("report",)])
+def test_a_command_that_only_has_verbs_shows_its_help(wbc, words):
+    answer = wbc(*words)
+    assert answer.code == 0 and "Usage: " in answer.out and not answer.err

@@ -1,0 +1,43 @@
+"""The last torques that are left, contacts' default damping, and sensors that give no number: signs and sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks import MomentumObserver, Point, Posture, Sole, TorqueLimits, feet
+from wbc.control.fallback import BRAKE_TIME, Fallback
+from wbc.testing.strategies import states
+
+ARM, QUADRUPED = wbc.load("arm"), wbc.load("quadruped")
+PLAN = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits(1e6)]), level=wbc.InverseDynamics())
+
+
+@given(state=states(ARM), carrying=st.one_of(st.none(), st.lists(st.floats(-50.0, 50.0), min_size=7, max_size=7)))
+def test_where_nothing_else_is_a_number_the_last_torques_take_energy_out_of_every_joint(state, carrying):
+    PLAN.tick(0.0, state.q, 0.0 * state.v)
+    before = None if carrying is None else np.asarray(carrying)
+    tau = Fallback(PLAN.plan).torque(state, np.full(7, np.nan), None, before)
+    damping = tau - (0.0 if before is None else before)
+    np.testing.assert_allclose(damping, -np.diag(state.M) * state.v / BRAKE_TIME, rtol=1e-9, atol=1e-9)
+
+
+@given(kp=st.floats(1e-2, 1e4))
+def test_what_holds_a_contact_in_place_is_critically_damped_by_default(kp: float):
+    for contact in (Point("foot", friction=0.5, kp=kp), Sole("sole", half_size=(0.1, 0.05), friction=0.5, kp=kp)):
+        np.testing.assert_allclose(np.roots([1.0, contact.kd, contact.kp]), -np.sqrt(kp), rtol=1e-6)
+
+
+def test_a_foot_whose_sensor_gives_no_number_is_left_out_of_the_residual():
+    contacts = feet(QUADRUPED)
+    wrenches = {contact.frame: np.zeros(6) for contact in contacts}
+    observer = MomentumObserver(gain=50.0, wrenches=lambda: wrenches)
+    stack = wbc.Stack([Posture(QUADRUPED.q0)], contacts=contacts, components=[observer])
+    controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
+    for tick in range(6):
+        if tick == 3:
+            wrenches[contacts[0].frame] = np.array([np.nan, 0.0, 30.0, 0.0, 0.0, np.inf])
+        controller.tick(1e-3 * tick, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
+        assert np.isfinite(observer.residual).all(), tick

@@ -1,0 +1,111 @@
+"""Gains that a time step cannot carry are refused by the task's name: while building, and in ticks when assigned there.
+
+The oracle moves one coordinate by hand as commands move it and takes the eigenvalues of that map.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks import Point, Posture
+from wbc.errors import InvalidInput
+from wbc.testing.strategies import magnitudes
+
+ARM = wbc.load("arm")
+LEVELS = [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()]
+
+
+def growth(kp: float, kd: float, dt: float) -> float:
+    """Spectral radius of (e, v) -> (e, v) under a = kp e − kd v, held for dt."""
+    columns = []
+    for e, v in ((1.0, 0.0), (0.0, 1.0)):
+        a = kp * e - kd * v
+        columns.append((e - v * dt - 0.5 * a * dt**2, v + a * dt))
+    return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
+
+
+def build(level: Any, dt: float, **gains: Any) -> wbc.Controller:
+    return wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0, **gains)]), level=level, dt=dt)
+
+
+@given(st.floats(0.01, 4.0), st.floats(0.01, 8.0), magnitudes(1e-4, 1e-2))
+def test_accelerations_are_refused_exactly_where_errors_grow(damping: float, stiffness: float, dt: float) -> None:
+    kd, kp = damping / dt, stiffness / dt**2
+    radius = growth(kp, kd, dt)
+    if abs(radius - 1.0) < 1e-6:
+        return
+    if radius < 1.0:
+        build(wbc.AccelerationLevel(), dt, kp=kp, kd=kd)
+    else:
+        with pytest.raises(InvalidInput, match=r"Posture\.k[pd] is .*makes the error grow"):
+            build(wbc.AccelerationLevel(), dt, kp=kp, kd=kd)
+
+
+@given(magnitudes(1e-4, 1e-2), st.floats(0.1, 4.0))
+def test_rates_are_refused_beyond_two_per_tick(dt: float, per_tick: float) -> None:
+    if abs(per_tick - 2.0) < 1e-6:
+        return
+    if per_tick < 2.0:
+        build(wbc.VelocityLevel(), dt, rate=per_tick / dt)
+    else:
+        with pytest.raises(InvalidInput, match=r"Posture\.rate is .*2/dt"):
+            build(wbc.VelocityLevel(), dt, rate=per_tick / dt)
+
+
+@pytest.mark.parametrize("dt", [1e-4, 1e-3, 3e-3, 7e-3, 1e-2])
+def test_deadbeat_and_the_edge_are_allowed(dt: float) -> None:
+    for rate in (1.0 / dt, 2.0 / dt):
+        build(wbc.VelocityLevel(), dt, rate=rate)
+    build(wbc.InverseDynamics(), dt, kp=1.0 / dt**2, kd=2.0 / dt)
+    build(wbc.InverseDynamics(), dt, kp=4.0 / dt**2, kd=0.0)
+
+
+def test_an_infinite_rate_is_refused() -> None:
+    with pytest.raises(InvalidInput, match=r"rate is inf"):
+        build(wbc.VelocityLevel(), 1e-3, rate=np.inf)
+
+
+def test_contacts_are_refused_too() -> None:
+    stack = wbc.Stack([Posture(ARM.q0)], contacts=[Point("tool", friction=0.5, kp=100.0, kd=3000.0)])
+    with pytest.raises(InvalidInput, match=r"Point\[tool\]\.kd is 3000"):
+        wbc.Controller(ARM, stack, level=wbc.InverseDynamics(), dt=1e-3)
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+@pytest.mark.parametrize("fast", [False, pytest.param(True, marks=pytest.mark.deep)])
+def test_gains_assigned_between_ticks_are_refused_in_the_tick(level: Any, fast: bool) -> None:
+    task = Posture(ARM.q0, kp=100.0, rate=5.0)
+    controller = wbc.Controller(ARM, wbc.Stack([task]), level=level, dt=1e-3, fast=fast)
+    q, v = np.array(ARM.q0) + 0.1, np.zeros(ARM.nv)
+    assert controller.tick(0.0, q, v).status.ok
+    task.rate, task.kd = 5000.0, 5000.0
+    for k in range(1, 4):
+        command = controller.tick(k * 1e-3, q, v)
+        assert not command.status.ok
+        assert "Posture" in controller.why and "makes the error grow" in controller.why
+        assert np.isfinite(command.v).all()
+    task.rate, task.kd = 50.0, None
+    assert controller.tick(4e-3, q, v).status.ok
+
+
+def test_a_contact_comes_back_to_its_place_without_overshoot_as_fast_as_it_can() -> None:
+    """Of all damping, 2 √kp is that of e(t) = (1 + ω t) exp(−ω t), ω = √kp."""
+    kp, dt = 225.0, 1e-3
+    start = ARM.state().frame("tool").position.copy()
+    contact = Point("tool", friction=0.5, kp=kp, target=start + np.array([0.0, 0.0, 0.01]))
+    stack = wbc.Stack([Posture(ARM.q0, weight=1e-3)], contacts=[contact])
+    controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel(), dt=dt)
+    q, v, state = np.array(ARM.q0), np.zeros(ARM.nv), ARM.state()
+    for k in range(600):
+        state.update(k * dt, q, v)
+        omega, t = np.sqrt(kp), k * dt
+        left = 0.01 * (1.0 + omega * t) * np.exp(-omega * t)
+        np.testing.assert_allclose(start[2] + 0.01 - state.frame("tool").position[2], left, atol=2e-4)
+        command = controller.tick(t, q, v)
+        q, v = command.q, command.v

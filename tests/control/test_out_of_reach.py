@@ -1,0 +1,154 @@
+"""A target out of reach leads to rest at the nearest point, and back when it comes back; what can be met is met."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import least_squares
+
+import wbc
+from tasks import Damping, Frame, JointLimits, Position, Posture
+from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
+from wbc.types import Vec
+
+ARM, UR5 = wbc.load("arm"), wbc.load("ur5")
+LEVELS = [VelocityLevel, AccelerationLevel, InverseDynamics]
+DT = 2e-3
+SECOND_ORDER = "a level that ranks above another has no damping, and no certificate for a damped optimum"
+each_level = pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+
+
+def far_away(seed: int) -> Any:
+    """A pose at two to three metres: neither arm is longer than 1.2 m."""
+    rng = np.random.default_rng(seed)
+    direction, axis = rng.normal(size=(2, 3))
+    place = direction / np.linalg.norm(direction) * (2.0 + rng.random())
+    return pin.SE3(pin.exp3(axis / np.linalg.norm(axis)), place)
+
+
+def hand_of(robot: Any) -> str:
+    return "tool" if robot is ARM else "tool0"
+
+
+def moved(controller: Controller, q: Vec, v: Vec, seconds: float, start: float = 0.0) -> tuple[Vec, Vec, list[Vec]]:
+    """The state in the end, and all velocities on the way."""
+    seen = []
+    for k in range(round(seconds / DT)):
+        command = controller.tick(start + k * DT, q, v)
+        assert command.status.ok, controller.why
+        q, v = command.q, command.v
+        seen.append(v)
+    return q, v, seen
+
+
+def best(robot: Any, frame: str, target: Vec, q: Vec) -> float:
+    """How near the frame can come from here, by an optimiser that shares nothing with the controller."""
+    state = robot.state(drifts=False)
+
+    def error(q: Vec) -> Vec:
+        state.update(0.0, q, np.zeros(robot.nv))
+        return np.asarray(target - state.frame(frame).position, dtype=np.float64)
+
+    low, high = robot.limits.q_min, robot.limits.q_max
+    found = least_squares(error, np.clip(q, low + 1e-9, high - 1e-9), bounds=(low, high), xtol=1e-12, ftol=1e-12)
+    return float(np.linalg.norm(found.fun))
+
+
+@each_level
+@pytest.mark.parametrize("robot", [ARM, UR5], ids=lambda robot: robot.name)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_out_of_reach_is_rest_at_the_nearest_point_and_back_in_reach_is_the_target(level: Any, robot: Any, seed: int):
+    frame, target = hand_of(robot), far_away(seed).translation
+    reach = Position(frame, target=target)
+    controller = Controller(robot, Stack([reach], subject_to=[JointLimits()]), level=level(), dt=DT)
+    q, v, seen = moved(controller, np.array(robot.q0), np.zeros(robot.nv), 4.0)
+    last = np.array(seen[-250:])
+    assert np.abs(last).max() < 1e-2
+    flips = (last[1:] * last[:-1] < 0.0) & (np.abs(last[1:]) > 1e-3)
+    assert flips.mean() < 0.01
+    state = robot.state(drifts=False)
+    state.update(0.0, q, v)
+    distance = float(np.linalg.norm(target - state.frame(frame).position))
+    assert distance == pytest.approx(best(robot, frame, target, q), abs=1e-4)
+
+    state.update(0.0, np.array(robot.q0), v)
+    reach.target = home = state.frame(frame).position.copy()
+    q, v, _ = moved(controller, q, v, 2.5, start=4.0)
+    state.update(0.0, q, v)
+    assert np.linalg.norm(home - state.frame(frame).position) < 5e-3
+
+
+@each_level
+def test_without_damping_the_joints_chatter_at_their_limits(level: Any):
+    """What the damping is there for: else the tests above could not fail."""
+    stack = Stack([Position("tool", target=far_away(0).translation)], subject_to=[JointLimits()])
+    controller = Controller(ARM, stack, level=level(lm_damping=0.0), dt=DT)
+    _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0)
+    assert np.abs(seen[-50:]).max() > 1.0
+
+
+@each_level
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "fast"])
+def test_what_can_be_met_gets_the_same_command_with_and_without(level: Any, fast: bool):
+    if fast:
+        pytest.importorskip("numba")
+    start = ARM.state().frame("tool").placement
+    near = Frame("tool", target=start * pin.SE3(pin.exp3(np.array([0.1, 0.0, 0.2])), np.array([0.05, -0.05, 0.02])))
+    commands = []
+    for factor in (0.0, 0.05):
+        stack = Stack([near, Damping(weight=1e-6)], subject_to=[JointLimits()])
+        controller = Controller(ARM, stack, level=level(lm_damping=factor), dt=DT, fast=fast)
+        q, v, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.5)
+        commands.append(np.concatenate([q, v, *seen]))
+    np.testing.assert_allclose(commands[0], commands[1], atol=1e-4)
+
+
+@each_level
+def test_fast_and_plain_ticks_damp_alike(level: Any):
+    pytest.importorskip("numba")
+    found = []
+    for fast in (False, True):
+        stack = Stack([Frame("tool", target=far_away(3)), Posture(ARM.q0, weight=1e-3)], subject_to=[JointLimits()])
+        controller = Controller(ARM, stack, level=level(), dt=DT, fast=fast)
+        q, v, _ = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.5)
+        assert controller.plan.damping.is_on
+        found.append(np.concatenate([q, v]))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
+
+
+@pytest.mark.xfail(strict=True, reason=SECOND_ORDER)
+@each_level
+@pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda hierarchy: type(hierarchy).__name__)
+def test_a_level_that_cannot_be_met_comes_to_rest_where_nothing_ranks_below_it_but_a_rate(level: Any, hierarchy: Any):
+    stack = Stack(
+        [[Position("tool", target=far_away(1).translation)], [Damping(weight=1.0)]], subject_to=[JointLimits()]
+    )
+    controller = Controller(ARM, stack, level=level(), hierarchy=hierarchy, dt=DT)
+    _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0)
+    assert np.abs(seen[-50:]).max() < 1e-2
+
+
+def test_a_reset_forgets_the_damping_and_explain_says_it():
+    stack = Stack([Position("tool", target=[2.0, 0.5, 0.5])], subject_to=[JointLimits()])
+    controller = Controller(ARM, stack, level=VelocityLevel(), dt=DT)
+    first = [v.tobytes() for v in moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.2)[2]]
+    assert "damping of the joints" in controller.explain()
+    assert controller.solution().certificate.ok
+    controller.reset()
+    assert first == [v.tobytes() for v in moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.2)[2]]
+
+
+def test_explain_says_the_size_of_each_unit_of_a_task_by_itself():
+    target = ARM.state().frame("tool").placement * pin.SE3(pin.exp3(np.array([0.0, 0.3, 0.0])), np.array([0.1, 0, 0]))
+    controller = Controller(ARM, Stack([Frame("tool", target=target)]), level=VelocityLevel(), dt=DT)
+    controller.tick(0.0, np.array(ARM.q0), np.zeros(ARM.nv))
+    assert "error 0.1 m, 0.3 rad, residual" in controller.explain()
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+def test_a_negative_factor_is_refused(level: Any):
+    with pytest.raises(wbc.errors.InvalidInput, match="lm_damping is -1"):
+        level(lm_damping=-1.0)

@@ -1,0 +1,112 @@
+"""Joints stay within their limits wherever motors can hold them up, however hard targets pull, however weak they are.
+
+The oracle integrates the torques of the commands with Pinocchio's forward dynamics; it reads no acceleration of ours.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import JointLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
+from tests.control.random_arms import arm, holding_torque, restless_posture, walk
+from wbc.models.model import RobotModel
+from wbc.types import Vec
+
+
+def kept(robot: RobotModel, tau_max: Vec, seed: int, ticks: int, **settings: Any) -> None:
+    """Walk with targets that jump and pull into the limits, and find every joint within them after every tick."""
+    rng = np.random.default_rng(seed)
+    kp, dt = float(rng.choice([30.0, 100.0, 400.0, 2500.0])), float(rng.choice([1e-3, 2e-3, 4e-3]))
+    every = float(rng.choice([0.1, 0.3, 1.0]))
+    tasks: list[Any] = [Posture(restless_posture(robot, seed, every), kp=kp)]
+    if rng.random() < 0.3:
+        tasks = [
+            Position(robot.frame_names[-1], target=rng.uniform(-1.0, 1.0, 3), kp=kp),
+            Posture(restless_posture(robot, seed, every), kp=0.25 * kp, weight=1e-2),
+        ]
+    if rng.random() < 0.3:
+        limits: list[Any] = [JointLimits(tau_max=tau_max, a_max=float(10.0 ** rng.uniform(0.5, 2.3)))]
+    else:
+        limits = [JointPositionLimits(), JointVelocityLimits(), TorqueLimits(tau_max)]
+    stack = wbc.Stack(tasks, subject_to=limits)
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=dt, **settings)
+    low, high = robot.limits.q_min, robot.limits.q_max
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    q = middle + 0.8 * half * rng.uniform(-1.0, 1.0, robot.nj)
+    found = walk(robot, controller, q, np.zeros(robot.nv), ticks)
+    assert found["outside"] == 0 and found["too fast"] == 0, dict(found)
+    assert found["SOLVED/solved"] + found["INFEASIBLE/relaxed"] == ticks, dict(found)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_arms_that_can_hold_themselves_up_stay_within_their_limits(seed: int, tmp_path: Path) -> None:
+    robot, tau_max = arm(seed, tmp_path, share=0.5 + 0.05 * seed)
+    kept(robot, tau_max, seed, 150)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("seed", range(100, 200))
+def test_many_arms_stay_within_their_limits(seed: int, tmp_path: Path) -> None:
+    robot, tau_max = arm(seed, tmp_path, share=np.random.default_rng(seed).uniform(0.3, 0.9))
+    kept(robot, tau_max, seed, 1000)
+
+
+@pytest.mark.parametrize("name", ["arm", "quadruped", "humanoid"])
+def test_our_robots_stay_within_their_limits_with_feet_in_the_air(name: str) -> None:
+    robot = wbc.load(name, base="fixed")
+    kept(robot, np.maximum(holding_torque(robot) / 0.7, 0.5), 1, 80)
+
+
+@pytest.mark.deep
+def test_compiled_ticks_stay_within_the_limits_too(tmp_path: Path) -> None:
+    robot, tau_max = arm(3, tmp_path)
+    kept(robot, tau_max, 3, 150, fast=True)
+
+
+def test_a_decision_that_can_be_braked_is_left_as_it_is(tmp_path: Path) -> None:
+    """With strong motors ticks are to the bit what they are without the torque limits."""
+    robot, _ = arm(2, tmp_path)
+    commands = []
+    for strong in ([], [TorqueLimits(1e6)]):
+        stack = wbc.Stack(
+            [Posture(restless_posture(robot, 2, 0.3), kp=400.0)],
+            subject_to=[JointPositionLimits(), JointVelocityLimits(), *strong],
+        )
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
+        q, v = 0.5 * (robot.limits.q_min + robot.limits.q_max), np.zeros(robot.nv)
+        for k in range(150):
+            command = controller.tick(k * controller.dt, q, v)
+            q, v = command.q, command.v
+        commands.append(command)
+    np.testing.assert_allclose(commands[0].q, commands[1].q, atol=1e-9)
+    np.testing.assert_allclose(commands[0].a, commands[1].a, atol=1e-6)
+
+
+def test_a_fast_arm_is_braked_while_its_motor_can_still_stop_it(tmp_path: Path) -> None:
+    """One joint without gravity: with the deceleration τ / I it comes to rest at its limit, at most 15 % earlier."""
+    inertia, tau_max, limit = 2.0, 3.0, 1.5
+    path = tmp_path / "turntable.urdf"
+    path.write_text(
+        '<robot name="turntable"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+        f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+        f'<limit lower="-{limit}" upper="{limit}" velocity="10" effort="{tau_max}"/></joint></robot>'
+    )
+    robot = wbc.load(str(path))
+    stack = wbc.Stack([Posture(lambda t: np.array([9.0 * (t > 0.0)]), kp=400.0)], subject_to=[JointLimits()])
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=5e-3)
+    q, v, fastest = np.array([-1.4]), np.zeros(1), 0.0
+    for k in range(700):
+        command = controller.tick(k * controller.dt, q, v)
+        assert command.status is wbc.Status.SOLVED
+        q, v = command.q, command.v
+        fastest = max(fastest, float(v[0]))
+        assert q[0] <= limit + 1e-9
+    best = np.sqrt(tau_max / inertia * (limit + 1.4))  # half of the way speeding up, half of it braking
+    assert 0.85 * best <= fastest <= best
+    assert limit - 1e-3 <= q[0]

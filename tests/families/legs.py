@@ -1,0 +1,180 @@
+"""Random stacks on legs against an independent oracle: ``python -m tests.families.legs --count 1000 --seed 1``.
+
+Humanoids and quadrupeds on points, lines and soles, in mild and wild states, friction from 1e-6 to 1.5, weights from
+1e-6 to 1e6, under every hierarchy, with every solver that may run in a loop.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+import wbc
+from tasks import (
+    CenterOfMass,
+    Edge,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Orientation,
+    Point,
+    Position,
+    Posture,
+    Sole,
+    TorqueLimits,
+)
+from tests.families.oracle import (
+    FEASIBLE,
+    Physical,
+    judge_scaled,
+    judge_strict,
+    judge_weighted,
+    margin,
+    read,
+)
+
+SOLVERS = ("pdas", "pdas", "daqp", "proxqp", "piqp", "osqp", "clarabel", "quadprog")
+HIERARCHIES = (wbc.Weighted(), wbc.Strict(), wbc.Scaled())
+JUDGES = {"Weighted": judge_weighted, "Strict": judge_strict, "Scaled": judge_scaled}
+_HANDS = {"humanoid": ("left_hand", "right_hand", "head"), "quadruped": ("trunk", "front_left_foot", "rear_right_foot")}
+
+
+@cache
+def robot_named(name: str) -> Any:
+    """The robot, loaded once."""
+    return wbc.load(name)
+
+
+def contacts(robot: Any, rng: np.random.Generator) -> list[Any]:
+    """Some of the feet, each on a point, a line or a sole."""
+    names = list(robot.feet)
+    least = 1 if len(names) == 2 else 2
+    chosen = rng.permutation(names)[: rng.integers(least, len(names) + 1)]
+    friction = 0.5 if rng.uniform() < 0.5 else float(10.0 ** rng.uniform(-6.0, np.log10(1.5)))
+    kind = str(rng.choice(["point", "line", "sole"]))
+    found: list[Any] = []
+    for frame in map(str, chosen):
+        if kind == "point":
+            found.append(Point(frame, friction=friction))
+        elif kind == "line":
+            found.append(Edge(frame, half_length=0.05, friction=friction))
+        else:
+            found.append(Sole(frame, half_size=(0.11, 0.05), friction=friction))
+    return found
+
+
+def stack(name: str, rng: np.random.Generator, *, wild: bool) -> wbc.Stack:
+    """Tasks in one to four levels, ordinary or extreme weights, any of three limits."""
+    robot, state = robot_named(name), robot_named(name).state()
+    extreme = rng.uniform() < 0.3
+
+    def weight(usual: float) -> float:
+        return float(10.0 ** rng.uniform(-6.0, 6.0)) if extreme else usual
+
+    reach = 1.0 if wild else 0.1
+    tasks: list[Any] = [
+        CenterOfMass(target=state.com + reach * rng.normal(size=3) * 0.3, kp=100, weight=weight(1.0)),
+        Orientation(robot.frame_names[0], target=np.eye(3), kp=100, weight=weight(0.1)),
+    ]
+    for frame in rng.permutation(_HANDS[name])[: rng.integers(0, 3)]:
+        target = state.frame(str(frame)).position + reach * rng.normal(size=3)
+        tasks.append(Position(str(frame), target=target, kp=100, weight=weight(1.0)))
+    tasks = [tasks[i] for i in rng.permutation(len(tasks))]
+    cuts = sorted(set(rng.integers(1, len(tasks) + 1, size=rng.integers(0, 3)).tolist()))
+    levels = [list(part) for part in np.split(np.array(tasks, dtype=object), cuts) if len(part)]
+    posture = Posture(robot.q0, kp=10, weight=weight(1e-3))
+    if rng.uniform() < 0.8:
+        levels.append([posture])
+    else:
+        levels[-1].append(posture)
+    limits = [limit for limit in (TorqueLimits(), JointVelocityLimits(), JointPositionLimits()) if rng.uniform() < 0.8]
+    return wbc.Stack(levels, contacts=contacts(robot, rng), subject_to=limits)
+
+
+def draw(seed: int) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
+    """A controller, a state and what it is."""
+    rng = np.random.default_rng(seed)
+    name, wild = str(rng.choice(["humanoid", "quadruped"])), bool(rng.uniform() < 0.4)
+    robot = robot_named(name)
+    hierarchy = HIERARCHIES[rng.integers(3)]
+    index = int(rng.integers(len(SOLVERS)))
+    solver, fast = SOLVERS[index], index == 0
+    made = stack(name, rng, wild=wild)
+    control = wbc.Controller(
+        robot, made, level=wbc.InverseDynamics(), hierarchy=hierarchy, solver=solver, fast=fast
+    )  # fmt: skip
+    noise, speed = (1.0, 3.0) if wild else (0.1, 0.1)
+    q = robot.integrate(robot.q0, noise * rng.normal(size=robot.nv) * ([0.1] * 6 + [1.0] * robot.nj))
+    v = speed * rng.normal(size=robot.nv)
+    kind = type(hierarchy).__name__
+    return control, q, v, f"{kind} {'fast' if fast else solver}"
+
+
+def judge(control: wbc.Controller, command: Any, kind: str) -> tuple[str, str]:
+    """One word for the table, and why."""
+    p: Physical = read(control)
+    numbers = np.concatenate([command.tau, command.a, command.v])
+    if not np.isfinite(numbers).all():
+        return "wrong", "not finite"
+    low, high = control.plan.torque_range
+    beyond = float(np.maximum(command.tau - high, low - command.tau).max(initial=0.0))
+    if beyond > FEASIBLE:
+        return "wrong", f"torque {beyond:.2g} N m beyond its limit"
+    if not command.status.ok:
+        room = margin(p.constraints)
+        if command.status.name == "INFEASIBLE" and room > FEASIBLE:
+            return "wrong", f"called infeasible, and a point is {room:.2g} inside all limits"
+        return f"not ok: {command.rung}{', feasible' if room > FEASIBLE else ''}", str(command.status)
+    if not command.certificate.ok:
+        return "uncertified", str(command.certificate)
+    excess = p.constraints.excess(p.x)
+    if excess > FEASIBLE:
+        return "wrong", f"a constraint is violated by {excess:.2g}"
+    found = JUDGES[kind](p)
+    return found.word, found.why
+
+
+def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False) -> dict[str, Counter[str]]:
+    """Verdicts by hierarchy and solver."""
+    table: dict[str, Counter[str]] = {}
+    for k in range(count):
+        control, q, v, kind = draw(seed * 1_000_003 + k)
+        for tick in range(ticks):
+            command = control.tick(1e-3 * tick, q, v)
+            word, why = judge(control, command, kind.split()[0])
+            table.setdefault(kind, Counter())[word] += 1
+            if verbose and word in ("wrong", "uncertified"):
+                print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)
+            q, v = command.q, command.v
+            if not np.isfinite(q).all() or np.abs(v).max() > 1e3:
+                break
+    return table
+
+
+def show(table: dict[str, Counter[str]]) -> int:
+    """Print the table; how many verdicts are wrong."""
+    words = sorted({word for row in table.values() for word in row})
+    total: Counter[str] = sum(table.values(), Counter())
+    wide = max(map(len, [*table, "all"]))
+    for kind, row in [*sorted(table.items()), ("all", total)]:
+        print(f"{kind:{wide}s}  " + "  ".join(f"{word}: {row[word]}" for word in words if row[word]))
+    return total["wrong"] + total["uncertified"]
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--ticks", type=int, default=2)
+    given = parser.parse_args()
+    print(f"seed {given.seed}")
+    sys.exit(1 if show(run(given.count, given.seed, ticks=given.ticks, verbose=True)) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,305 @@
+"""An oracle for controllers that shares no solver with them: HiGHS for feasibility, Clarabel and numpy for optima.
+
+It reads the rows that a plan has written (dynamics, contacts, limits, wanted accelerations) and nothing of how the
+library solves them. A hierarchy is checked level by level, given what the answer under test came to above: the level's
+least squares, with all tasks above held where the answer has them, within all constraints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import clarabel
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csc_matrix
+
+import wbc
+from wbc.types import Mat, Vec
+
+#: Largest violation of a constraint, in its unit.
+FEASIBLE = 1e-6
+#: What a task may be off by, as a share of one unit and what the task asks for.
+SHARE = 1e-4
+_NONE = np.zeros(0)
+
+
+class Rows(NamedTuple):
+    """A task: ½ Σ w (A x − b)², A (m, n), in the task's unit."""
+
+    name: str
+    A: Mat
+    b: Vec
+    w: Vec
+    asked: Vec | None = None
+    """What a task that may be done in part asks for, its drift included; None for any other."""
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """E x = e, cl ≤ C x ≤ cu (bounds on unknowns included)."""
+
+    E: Mat
+    e: Vec
+    C: Mat
+    cl: Vec
+    cu: Vec
+
+    def excess(self, x: Vec) -> float:
+        """The largest violation."""
+        value = self.C @ x
+        parts = [np.abs(self.E @ x - self.e), value - self.cu, self.cl - value]
+        return float(np.concatenate(parts).max(initial=0.0))
+
+    def wider(self, columns: int) -> Constraints:
+        """The same with unknowns in [0, 1] appended."""
+        n = self.C.shape[1]
+        C = np.block([[self.C, np.zeros((len(self.C), columns))], [np.zeros((columns, n)), np.eye(columns)]])
+        ends = np.zeros(columns), np.ones(columns)
+        E = np.hstack([self.E, np.zeros((len(self.E), columns))])
+        return Constraints(E, self.e, C, np.append(self.cl, ends[0]), np.append(self.cu, ends[1]))
+
+
+class Physical(NamedTuple):
+    """A controller's problem in physical units; ``diagonal`` and ``centre``: ½ Σ d (x − c)² of the last level."""
+
+    constraints: Constraints
+    levels: list[list[Rows]]
+    diagonal: Vec
+    centre: Vec
+    unit: Vec
+    x: Vec
+
+
+def read(controller: wbc.Controller) -> Physical:
+    """The rows of the last tick, and the x that was commanded."""
+    p = controller.plan.problem
+    n, n_u, m = p.n, p.n_u, p.n_rows
+    G, right = p.G[:m, :n] / p.scale, p.G[:m, n]
+    E = np.concatenate([G[:n_u], G[p.law]])
+    e = -np.concatenate([right[:n_u], right[p.law]])
+    lower, upper = p.range_bounds()
+    C = np.concatenate([G[p.range], np.eye(n)])
+    cl = np.concatenate([lower - right[p.range], p.lb * p.scale])
+    cu = np.concatenate([upper - right[p.range], p.ub * p.scale])
+    levels = [[_rows(wish, G, right, n) for wish in level] for level in p.levels]
+    diagonal, centre = np.full(n, p.regularisation), np.zeros(n)
+    diagonal[n_u:] = p.unit * p.metric / p.scale[n_u:] ** 2
+    centre[n_u:] = p.centre * p.scale[n_u:]
+    x: Vec = np.array(p.x * p.scale)
+    unit = np.where(p.scale == 1.0, 1.0, 100.0)
+    return Physical(Constraints(E, e, C, cl, cu), levels, diagonal, centre, unit, x)
+
+
+def _rows(wish: Any, G: Mat, right: Vec, n: int) -> Rows:
+    if wish.rows is not None:
+        A, b = G[wish.rows], -right[wish.rows]
+    else:
+        A, b = np.eye(n)[wish.unknowns], np.array(wish.wanted, dtype=float)
+    asked = wish.wanted + wish.drift if wish.scaled or wish.kinematic else None
+    return Rows(wish.name, A, b, np.array(wish.weights), asked)
+
+
+def margin(c: Constraints) -> float:
+    """How far inside all inequalities a point can be while the equations hold, at most 1 (HiGHS); below 0: infeasible.
+
+    Rows count in units of their own length.
+    """
+    n = c.C.shape[1]
+    length = np.maximum(np.linalg.norm(c.C, axis=1), 1e-12)
+    up, low = np.isfinite(c.cu), np.isfinite(c.cl)
+    A = np.vstack([np.hstack([c.C[up], length[up, None]]), np.hstack([-c.C[low], length[low, None]])])
+    b = np.concatenate([c.cu[up], -c.cl[low]])
+    E = np.hstack([c.E, np.zeros((len(c.E), 1))])
+    cost = np.append(np.zeros(n), -1.0)
+    found = linprog(cost, A, b, E, c.e, bounds=[*[(None, None)] * n, (None, 1.0)], method="highs")
+    return float(found.x[-1]) if found.status == 0 else np.nan
+
+
+class Optimum(NamedTuple):
+    """x of a least squares problem; ``proved``: its optimality conditions were recomputed and hold."""
+
+    x: Vec
+    proved: bool
+
+
+def least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec) -> Optimum | None:
+    """Minimise ½ ‖F x − f‖² within the constraints: Clarabel finds the active rows, numpy solves for them.
+
+    ``unit`` (n,) is the size of each unknown. None: Clarabel found nothing.
+    """
+    n, m = F.shape[1], len(F)
+    top = float(np.abs(F * unit).max(initial=0.0)) or 1.0
+    up, low = np.isfinite(c.cu) & (c.cu > c.cl), np.isfinite(c.cl) & (c.cu > c.cl)
+    fixed = c.cu == c.cl
+    E, e = np.vstack([c.E, c.C[fixed]]), np.append(c.e, c.cl[fixed])
+    # unknowns [x / unit; r]: r = F x − f, so that nothing is squared
+    equal = np.block([[E * unit, np.zeros((len(E), m))], [F * unit / top, -np.eye(m)]])
+    within = np.vstack([c.C[up], -c.C[low]]) * unit
+    P = np.zeros((n + m, n + m))
+    P[range(n, n + m), range(n, n + m)] = 1.0
+    rows = np.vstack([equal, np.hstack([within, np.zeros((len(within), m))])])
+    right = np.concatenate([e, f / top, c.cu[up], -c.cl[low]])
+    length = np.maximum(np.abs(rows).max(axis=1), 1e-12)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    settings.max_iter = 200
+    cones = [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(len(within))]
+    found = clarabel.DefaultSolver(
+        csc_matrix(np.triu(P)), np.zeros(n + m), csc_matrix(rows / length[:, None]), right / length, cones, settings
+    ).solve()
+    if str(found.status) not in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations"):
+        return None
+    x = np.array(found.x)[:n] * unit
+    z, s = np.array(found.z)[len(equal) :], np.array(found.s)[len(equal) :]
+    best: Optimum | None = None
+    for share in (1.0, 1e-3, 1e3):
+        active = z > share * s
+        refined = _refined(F, f, E, e, within[active] / unit, np.concatenate([c.cu[up], -c.cl[low]])[active], x, unit)
+        if refined is None:
+            continue
+        if c.excess(refined[0]) <= 1e-7 and refined[1]:
+            best = Optimum(refined[0], True)
+            break
+    return best or (Optimum(x, False) if c.excess(x) <= FEASIBLE else None)
+
+
+def _refined(F: Mat, f: Vec, E: Mat, e: Vec, A: Mat, a: Vec, x: Vec, unit: Vec) -> tuple[Vec, bool] | None:
+    """From x the shortest step to the minimum with E and A as equations; whether A pushes the right way there."""
+    try:
+        held, right = np.vstack([E, A]) * unit, np.append(e, a)
+        length = np.maximum(np.linalg.norm(held, axis=1), 1e-12)
+        held, right = held / length[:, None], right / length
+        y = x / unit
+        for _ in range(2):
+            y = y + np.linalg.lstsq(held, right - held @ y, rcond=1e-11)[0]
+        _, size, V = np.linalg.svd(held, full_matrices=True)
+        rank = int((size > 1e-11 * size.max(initial=1.0)).sum())
+        N, W = V[rank:].T, F * unit
+        for _ in range(2):
+            y = y + N @ np.linalg.lstsq(W @ N, f - W @ y, rcond=1e-13)[0]
+        gradient = W.T @ (W @ y - f)
+        force = np.linalg.lstsq(held.T, -gradient, rcond=1e-11)[0]
+    except np.linalg.LinAlgError:
+        return None
+    scale = np.abs(W).max(initial=0.0) * np.abs(W @ y - f).max(initial=0.0) + 1e-12
+    # multipliers of dependent rows are not unique: a wrong sign may be exchanged against others
+    left = held.T @ force + gradient
+    if np.abs(left).max(initial=0.0) > 1e-8 * scale:
+        return y * unit, False
+    if len(A) and force[len(E) :].min() < -1e-8 * scale:
+        from scipy.optimize import nnls
+
+        free = held[: len(E)]
+        columns = np.hstack([free.T, -free.T, held[len(E) :].T])
+        try:
+            _, missed = nnls(columns, -gradient, maxiter=30 * columns.shape[1])
+        except RuntimeError:
+            return y * unit, False
+        return y * unit, bool(missed <= 1e-7 * scale)
+    return y * unit, True
+
+
+class Verdict(NamedTuple):
+    """``word`` is "right", "undecided" or "wrong"; ``why`` says which task, and by how much."""
+
+    word: str
+    why: str = ""
+
+
+def _compare(x: Vec, best: Optimum, tasks: list[Rows], F: Mat, f: Vec, place: str) -> Verdict:
+    """Each task of the answer against the oracle's; an answer that costs less is not wrong."""
+    mine, other = np.linalg.norm(F @ x - f), np.linalg.norm(F @ best.x - f)
+    for task in tasks:
+        off = float(np.abs(task.A @ (x - best.x)).max(initial=0.0))
+        if off > SHARE * (1.0 + float(np.abs(task.b).max(initial=0.0))):
+            if not best.proved or mine <= other * (1.0 + 1e-12):
+                return Verdict("undecided", f"{place} {task.name}")
+            return Verdict(
+                "wrong", f"{place} {task.name} is {off:.3g} from its optimum, cost {mine:.9g} for {other:.9g}"
+            )
+    return Verdict("right")
+
+
+def judge_weighted(p: Physical) -> Verdict:
+    """One least squares problem of all tasks and the diagonal cost."""
+    tasks = [task for level in p.levels for task in level]
+    F, f = _stack(tasks, p)
+    best = least_squares(F, f, p.constraints, p.unit)
+    if best is None:
+        return Verdict("undecided", "no reference")
+    return _compare(p.x, best, tasks, F, f, "weighted")
+
+
+def judge_strict(p: Physical) -> Verdict:
+    """Level by level, what is above held where the answer has it."""
+    return _judge_levels(p, [list(level) for level in p.levels])
+
+
+def judge_scaled(p: Physical) -> Verdict:
+    """The same with a share for each kinematic task: first the directions, then the shares, then the others."""
+    n = len(p.x)
+    k = sum(task.asked is not None for level in p.levels for task in level)
+    given_up, at = np.zeros(k), n
+    stages: list[list[Rows]] = []
+    for i, level in enumerate(p.levels):
+        directions, shares, others = [], [], []
+        for task in level:
+            wide = task._replace(A=np.hstack([task.A, np.zeros((len(task.b), k))]))
+            if task.asked is None:
+                others.append(wide)
+                continue
+            # J x + drift = (1 − σ) asked, so that J x − wanted + σ asked = 0
+            wide.A[:, at] = task.asked
+            length = max(float((task.w * task.asked**2).sum()), 1e-12)
+            left = task.A @ p.x - task.b
+            given_up[at - n] = np.clip(-float((task.w * task.asked) @ left) / length, 0.0, 1.0)
+            directions.append(wide._replace(name=f"direction of {task.name}"))
+            shares.append(Rows(f"share of {task.name}", np.eye(n + k)[[at]], np.zeros(1), np.array([length])))
+            at += 1
+        if directions:
+            stages += [directions, shares]
+        if others or i == len(p.levels) - 1:
+            stages.append(others)
+    zero, one = np.zeros(k), np.ones(k)
+    return _judge_levels(
+        Physical(
+            p.constraints.wider(k), p.levels, np.append(p.diagonal, zero), np.append(p.centre, zero),
+            np.append(p.unit, one), np.append(p.x, given_up),
+        ),
+        stages,
+    )  # fmt: skip
+
+
+def _judge_levels(p: Physical, levels: list[list[Rows]]) -> Verdict:
+    c, x, found = p.constraints, p.x, Verdict("right")
+    for k, level in enumerate(levels):
+        if k == len(levels) - 1:
+            F, f = _stack(level, p)
+        else:
+            heaviest = max(task.w.max(initial=0.0) for task in level) or 1.0
+            roots = [np.sqrt(task.w / heaviest) for task in level]
+            F = np.concatenate([root[:, None] * task.A for root, task in zip(roots, level, strict=True)])
+            f = np.concatenate([root * task.b for root, task in zip(roots, level, strict=True)])
+        best, place = least_squares(F, f, c, p.unit), f"level {k + 1}"
+        verdict = Verdict("undecided", f"{place}: no reference") if best is None else _compare(
+            x, best, level, F, f, place)  # fmt: skip
+        if verdict.word == "wrong":
+            return verdict
+        if verdict.word == "undecided":
+            found = verdict
+        E = np.concatenate([c.E, *(task.A for task in level)])
+        e = np.concatenate([c.e, *(task.A @ x for task in level)])
+        c = Constraints(E, e, c.C, c.cl, c.cu)
+    return found
+
+
+def _stack(tasks: list[Rows], p: Physical) -> tuple[Mat, Vec]:
+    """Rows and right sides of tasks and the diagonal cost; tasks on unknowns are in that already."""
+    root = np.sqrt(p.diagonal)
+    tasks = [task for task in tasks if not (np.count_nonzero(task.A, axis=1) == 1).all()]
+    F = np.concatenate([*(np.sqrt(task.w)[:, None] * task.A for task in tasks), np.diag(root)])
+    f = np.concatenate([*(np.sqrt(task.w) * task.b for task in tasks), root * p.centre])
+    return F, f

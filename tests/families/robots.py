@@ -1,0 +1,144 @@
+"""Random trees of joints against an independent oracle: ``python -m tests.families.robots --count 1000 --ticks 100``.
+
+Trees of 1 to 60 joints, revolute and prismatic, tiny links among them, at the three levels, with limits on position,
+velocity, acceleration and torque at random. Every tick must keep its limits and its certificate; one in ten is judged
+by the oracle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import wbc
+from tasks import (
+    JointAccelerationLimits,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Orientation,
+    Position,
+    Posture,
+    TorqueLimits,
+)
+from tests.families.legs import show
+from tests.families.oracle import FEASIBLE, judge_strict, judge_weighted, margin, read
+
+LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
+SOLVERS = ("pdas", "pdas", "daqp", "clarabel", "proxqp")
+
+
+def tree(rng: np.random.Generator) -> str:
+    """A URDF of a random tree."""
+    joints = int(rng.integers(1, 61)) if rng.uniform() < 0.3 else int(rng.integers(1, 13))
+    links, bars = ['<link name="base"/>'], []
+    for i in range(joints):
+        mass = 10.0 ** rng.uniform(-6.0, -3.0) if rng.uniform() < 0.1 else rng.uniform(0.1, 5.0)
+        inertia = mass * rng.uniform(0.01, 0.05)
+        x, y, z = rng.uniform(-0.2, 0.2, 3)
+        links.append(
+            f'<link name="l{i}"><inertial><origin xyz="{x} {y} {z}"/><mass value="{mass}"/><inertia ixx="{inertia}" '
+            f'iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+        parent = "base" if i == 0 else f"l{i - 1 if rng.uniform() < 0.8 else int(rng.integers(i))}"
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        kind = "prismatic" if rng.uniform() < 0.2 else "revolute"
+        a, b, c = rng.uniform(-0.3, 0.3, 3)
+        half = rng.uniform(0.3, 2.5)
+        bars.append(
+            f'<joint name="j{i}" type="{kind}"><parent link="{parent}"/><child link="l{i}"/>'
+            f'<origin xyz="{a} {b} {c}" rpy="{a} {b} {c}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>'
+            f'<limit lower="{-half}" upper="{half}" velocity="{rng.uniform(0.5, 5.0)}" '
+            f'effort="{10.0 ** rng.uniform(0.0, 2.5)}"/></joint>'
+        )
+    return '<robot name="tree">' + "".join(links + bars) + "</robot>"
+
+
+def draw(seed: int, folder: Path) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
+    """A controller, where it starts, and what it is."""
+    rng = np.random.default_rng(seed)
+    path = folder / "tree.urdf"
+    path.write_text(tree(rng))
+    robot: Any = wbc.load(str(path))
+    level = LEVELS[rng.integers(3)]
+    tip = f"l{robot.nj - 1}"
+    weights = 10.0 ** rng.uniform(-3.0, 3.0, 3)
+    tasks: list[list[Any]] = [[Position(tip, target=rng.normal(size=3), weight=weights[0])]]
+    if rng.uniform() < 0.5:
+        tasks.append([Orientation(tip, target=np.eye(3), weight=weights[1])])
+    tasks.append([Posture(robot.q0, weight=1e-3 * weights[2])])
+    limits: list[Any] = [JointVelocityLimits()]
+    limits += [JointPositionLimits()] if rng.uniform() < 0.7 else []
+    limits += [JointAccelerationLimits(float(rng.uniform(5.0, 100.0)))] if rng.uniform() < 0.4 else []
+    limits += [TorqueLimits()] if level.dynamics and rng.uniform() < 0.7 else []
+    hierarchy = wbc.Weighted() if rng.uniform() < 0.6 else wbc.Strict()
+    index = int(rng.integers(len(SOLVERS)))
+    control = wbc.Controller(
+        robot, wbc.Stack(tasks, subject_to=limits), level=level, hierarchy=hierarchy, solver=SOLVERS[index],
+        fast=index == 0, dt=1e-3,
+    )  # fmt: skip
+    q = np.array(robot.q0)
+    return control, q, np.zeros(robot.nv), f"{level.name}, {type(hierarchy).__name__}, {SOLVERS[index]}"
+
+
+def judge(control: wbc.Controller, command: Any, *, optimum: bool) -> tuple[str, str]:
+    """One word for the table, and why."""
+    level = control.level
+    decided = command.v if level.order == 1 else command.tau if level.dynamics else command.a
+    if not np.isfinite(decided).all():
+        return "wrong", "not finite"
+    if level.dynamics:
+        low, high = control.plan.torque_range
+        if np.maximum(command.tau - high, low - command.tau).max(initial=0.0) > FEASIBLE:
+            return "wrong", "torque beyond its limit"
+    if not command.status.ok:
+        problem = read(control)
+        if command.status.name == "INFEASIBLE" and margin(problem.constraints) > FEASIBLE:
+            return "wrong", "feasible, and called infeasible"
+        return f"not ok: {command.rung}", str(command.status)
+    if not command.certificate.ok:
+        return "uncertified", str(command.certificate)
+    problem = read(control)
+    if problem.constraints.excess(problem.x) > FEASIBLE:
+        return "wrong", "a constraint is violated"
+    if not optimum:
+        return "certified", ""
+    found = (judge_strict if isinstance(control.hierarchy, wbc.Strict) else judge_weighted)(problem)
+    return found.word, found.why
+
+
+def run(count: int, seed: int, *, ticks: int, verbose: bool = False) -> dict[str, Counter[str]]:
+    """Verdicts by level, hierarchy and solver."""
+    table: dict[str, Counter[str]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(count):
+            control, q, v, kind = draw(seed * 1_000_003 + k, Path(folder))
+            for tick in range(ticks):
+                command = control.tick(1e-3 * tick, q, v)
+                word, why = judge(control, command, optimum=tick % 10 == 0)
+                table.setdefault(kind, Counter())[word] += 1
+                if verbose and word in ("wrong", "uncertified"):
+                    print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)
+                q, v = command.q, command.v
+    return table
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--ticks", type=int, default=100)
+    given = parser.parse_args()
+    print(f"seed {given.seed}")
+    sys.exit(1 if show(run(given.count, given.seed, ticks=given.ticks, verbose=True)) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Torques do not depend on last bits: what another processor rounds otherwise decides nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from tests.methods.problems import integer_task
+from tests.methods.torque_problems import again
+from tests.seeds import generator
+from wbc.methods import WeightedTorque
+
+
+def integer_torque(rng: np.random.Generator) -> WeightedTorque:
+    """Integers: rows and columns that repeat, depend on each other or are zero, and rows that contradict each other."""
+    task = integer_task(rng)
+    J, n = task.J, task.J.shape[1]
+    target, drift = task.target * 1.0, task.drift * rng.integers(0, 2)
+    if rng.random() < 0.5:
+        times = float(rng.integers(-1, 3))
+        J = np.vstack([J, times * J[0]])
+        target = np.append(target, rng.choice([times * target[0], 3.0, 1.0]))
+        drift = np.append(drift, rng.choice([times * drift[0], 0.0, 1.0]))
+    B = rng.integers(-1, 2, size=(n, n)).astype(float)
+    return WeightedTorque(
+        B @ B.T + np.eye(n), rng.integers(-2, 3, size=n), J, target, drift=drift, tau_0=rng.integers(-2, 3, size=n),
+        weight=rng.choice(["inverse_inertia", "identity"]),
+    )  # fmt: skip
+
+
+def test_last_bits_and_the_order_of_joints_and_rows_change_nothing_but_last_bits():
+    """What another processor does: other last bits in every product, other places for ties to be found first."""
+    rng, kinds = generator("order of rows"), Counter[str]()
+    for _ in range(10 * settings().max_examples):
+        task = integer_torque(rng)
+        m, n = task.J.shape
+        rows, joints = rng.permutation(m), rng.permutation(n)
+        named = "inverse_inertia" if not np.array_equal(task.W, np.eye(n)) else "identity"
+        turned = again(
+            task, M=task.M[np.ix_(joints, joints)], n=task.n[joints], J=task.J[np.ix_(rows, joints)],
+            task_acceleration=task.task_acceleration[rows], drift=task.drift[rows], tau_0=task.tau_0[joints],
+            tau_external=task.tau_external[joints], weight=named, tau_min=None, tau_max=None, equalities=None,
+        )  # fmt: skip
+        bits = [1.0 + 4.0 * np.finfo(float).eps * rng.integers(-1, 2, size=size) for size in ((m, n), m, m, n)]
+        near = again(
+            task, J=task.J * bits[0], task_acceleration=task.task_acceleration * bits[1], drift=task.drift * bits[2],
+            tau_0=task.tau_0 * bits[3], weight=named, tau_min=None, tau_max=None,
+        )  # fmt: skip
+        found = task.closed_form()
+        kinds["never" if np.isnan(found.scale) else "whole" if found.feasible else "scaled"] += 1
+        for other, places in ((turned, joints), (near, np.arange(n))):
+            answer = other.closed_form()
+            assert answer.feasible == found.feasible, task
+            assert answer.scale == pytest.approx(found.scale, abs=1e-9, nan_ok=True), task
+            np.testing.assert_allclose(
+                answer.tau, found.tau[places], rtol=0, atol=1e-7 * (1.0 + np.abs(np.nan_to_num(found.tau)).max())
+            )
+    assert min(kinds[kind] for kind in ("never", "whole", "scaled")) >= settings().max_examples // 5, kinds

@@ -1,0 +1,111 @@
+"""The certificate of a row problem: every bound holds, whatever the answer is, and no number in it is assumed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tests.qp.rows.test_row_solvers import row_problem
+from wbc.qp.relax import relaxed
+from wbc.qp.rows.dual import DualSolver
+from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.proof import RowProof
+from wbc.types import Status, Vec
+
+
+def move_to(p: RowProblem, y: Vec) -> None:
+    """Write y, the u that the base's rows give, and all rows."""
+    n_u = p.n_u
+    p.x[n_u:] = y
+    if n_u:
+        p.x[:n_u] = -np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u : p.n] @ y + p.G[:n_u, p.n])
+    p.value[p.first_row : p.first_row + p.n_rows] = p.G[: p.n_rows] @ p.x1
+
+
+def free_problem(seed: int, decades: float) -> RowProblem:
+    """Tasks without limits or laws, weights over some decades: the optimum is one linear system."""
+    p = row_problem(seed, n_range=0, n_law=0, weights=(10.0**-decades, 10.0**decades))
+    p.lb[:], p.ub[:] = -np.inf, np.inf
+    p.regularisation = 0.0
+    p.version += 1
+    return p
+
+
+def optimum(p: RowProblem) -> Vec:
+    """y of the minimum, from the rows."""
+    n_u = p.n_u
+    rows = p.G[p.soft]
+    if n_u:
+        rows = rows[:, n_u:] - rows[:, :n_u] @ np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:])
+    root = np.sqrt(np.concatenate([p.weights, p.unit * p.metric]))
+    F = root[:, None] * np.concatenate([rows[:, :-1], np.eye(p.n_y)])
+    f = root * np.concatenate([-rows[:, -1], p.centre])
+    y: Vec = np.linalg.lstsq(F, f, rcond=None)[0]
+    return y
+
+
+@given(seed=st.integers(0, 10**6), decades=st.sampled_from([0.1, 3.0, 6.0]), size=st.sampled_from([1e-6, 1e-2, 1.0]))
+def test_no_task_is_farther_from_its_optimum_than_its_bound(seed: int, decades: float, size: float) -> None:
+    p, rng = free_problem(seed, decades), np.random.default_rng(seed)
+    best = optimum(p)
+    move_to(p, best)
+    rows, y = p.value[p.first_row :].copy(), best.copy()
+    move_to(p, best + size * rng.normal(size=p.n_y))
+    push = np.zeros(p.n_rows)
+    push[p.soft] = p.weights / p.unit * p.value[p.first_row + p.soft.start : p.first_row + p.soft.stop]
+    push[p.soft] *= rng.uniform(0.5, 1.5)  # any split of the gradient is true
+    proof = RowProof(p)
+    for pushes in (push, None):
+        found = proof.certify(proof.sharpened() if pushes is None else pushes)
+        for i in range(p.n_soft):
+            row = p.soft.start + i
+            off = abs(p.value[p.first_row + row] - rows[row])
+            assert off <= found.bounds[p.rows[row].owner] * (1.0 + 1e-6) + 1e-9
+        for j in range(p.n_y):
+            off = abs(p.x[p.n_u + j] - y[j]) * p.scale[p.n_u + j]
+            assert off <= found.bounds[p.rows[p.n_rows + p.n_u + j].owner] * (1.0 + 1e-6) + 1e-9
+
+
+def test_an_optimum_is_certified_and_a_worse_point_is_not() -> None:
+    p = free_problem(3, 3.0)
+    dual = DualSolver(p)
+    assert dual.solve() is Status.SOLVED and dual.certificate.distance < 1e-8
+    worst = int(p.weights.argmin())
+    move_to(p, p.x[p.n_u :] + 1e-2)
+    assert not dual.proof.certify(dual.proof.push).ok, worst
+
+
+@pytest.mark.parametrize("room", [1e-7, 1e-3])
+def test_the_gap_is_the_push_times_the_room_and_a_push_on_a_distant_bound_counts_for_nothing(room: float) -> None:
+    p = row_problem(1, tight=0.05)
+    dual = DualSolver(p)
+    assert dual.solve() is Status.SOLVED
+    pushing = int(np.abs(dual.proof.push[p.range]).argmax())
+    force = dual.proof.push[p.range][pushing]
+    lower, upper = p.range_bounds()
+    bound = upper if force > 0 else lower
+    bound[pushing] += np.sign(force) * room
+    before = dual.certificate.gap
+    found = dual.proof.certify(dual.proof.push.copy())
+    if room > 1e-6:
+        assert found.distance > 1e-3 and not found.ok
+    else:
+        assert found.gap - before == pytest.approx(p.unit * abs(force) * room, rel=1e-3)
+
+
+@given(seed=st.integers(0, 10**6), tight=st.sampled_from([1.0, 0.05]))
+def test_violations_count_in_their_own_unit(seed: int, tight: float) -> None:
+    p = row_problem(seed, tight=tight)
+    dual = DualSolver(p)
+    assert dual.solve() is Status.SOLVED and dual.certificate.primal <= 1e-7
+    unknown = p.n_u + int(np.random.default_rng(seed).integers(p.n_y))
+    p.ub[unknown] = p.x[unknown] - 1e-3 / p.scale[unknown]
+    assert dual.proof.certify(dual.proof.push.copy()).primal == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_a_relaxed_problem_keeps_its_linear_cost() -> None:
+    qp = wbc.QP([[1.0, 0.0], [0.0, 1.0]], [0.0, -2.0], A=[[1.0, 0.0]], b=[3.0], ub=[1.0, 9.0])
+    assert wbc.solve(relaxed(qp, [0], share=1e-4)).x[:2] == pytest.approx([1.0, 2.0], abs=1e-3)

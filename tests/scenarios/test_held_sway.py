@@ -1,0 +1,193 @@
+"""What a robot can hold without a joint, the sway that stays there, and both sides of a robot treated alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import Sole, Thresholds, feet
+from tasks.scenarios import fault_family
+from tasks.scenarios.fault_trials import Outcome, Stand, trial
+from tasks.scenarios.held_sway import ChangedSway, Held, HeldSway, Region, changed, reserve, table_with
+from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.least_torque import least_torque
+from tasks.scenarios.standing import Stance, standing_stack
+from tests.scenarios.test_faults import run
+from tests.scenarios.test_standing import needs_examples
+from wbc.errors import InvalidInput, UnknownRobot
+from wbc.sim.actuator_fault import ActuatorFault
+
+HUMANOID = wbc.load("humanoid", base="floating")
+LEGS = [f"{joint}" for joint in HUMANOID.joint_names if "hip" in joint or "knee" in joint or "ankle" in joint]
+
+
+def mirrored(joint: str) -> str:
+    return joint.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right")
+
+
+# ---- what can be held
+def test_with_rough_floor_and_all_motors_the_reserve_is_the_way_to_the_edge_of_the_soles() -> None:
+    """All bodies accelerate alike, so the centre of pressure is at c − c̈ z / g, and must stay between the soles."""
+    contacts = [
+        Sole(foot.frame, half_size=foot.half_size, origin=foot.origin, friction=5.0) for foot in HUMANOID.feet.values()
+    ]
+    state, corners = HUMANOID.state(), []
+    for foot in HUMANOID.feet.values():
+        frame = state.frame(foot.frame)
+        assert foot.half_size is not None
+        for x in (-1.0, 1.0):
+            for y in (-1.0, 1.0):
+                corner = np.array(foot.origin) + np.array([x * foot.half_size[0], y * foot.half_size[1], 0.0])
+                corners.append(frame.position + frame.rotation @ corner)
+    low, high, com = np.min(corners, axis=0), np.max(corners, axis=0), state.com
+    way = min(*(com - low)[:2], *(high - com)[:2])
+    height = com[2] - low[2]
+    assert reserve(HUMANOID, contacts, HUMANOID.q0) == pytest.approx(way * 9.81 / height, rel=1e-4)
+
+
+@pytest.mark.parametrize("joint", ["left_knee", "left_ankle_roll", "right_ankle_pitch", "waist_pitch", "left_hip_roll"])
+def test_a_robot_that_stands_still_without_a_joint_is_one_with_a_reserve(joint: str) -> None:
+    for lean in (0.0, 0.05):
+        q = HUMANOID.q0.copy()
+        q[-HUMANOID.nj + HUMANOID.joint("waist_pitch")] += lean
+        torque = least_torque(HUMANOID, feet(HUMANOID), q, joint)
+        assert (reserve(HUMANOID, feet(HUMANOID), q, [joint]) >= 0.0) == (torque == 0.0)
+
+
+def test_losing_joints_never_adds_to_the_reserve_and_both_sides_have_the_same() -> None:
+    contacts = feet(HUMANOID)
+    sound = reserve(HUMANOID, contacts, HUMANOID.q0)
+    for joint in LEGS:
+        lame = reserve(HUMANOID, contacts, HUMANOID.q0, [joint])
+        assert lame <= sound + 1e-9
+        assert lame == pytest.approx(reserve(HUMANOID, contacts, HUMANOID.q0, [mirrored(joint)]), abs=1e-6)
+    assert reserve(HUMANOID, contacts, HUMANOID.q0, ["left_knee", "right_knee"]) <= reserve(
+        HUMANOID, contacts, HUMANOID.q0, ["left_knee"]
+    )
+
+
+# ---- the sway
+@pytest.fixture(scope="module")
+def wide() -> HeldSway:
+    """Our humanoid, swaying wider than a dead knee allows."""
+    stance = replace(STANCES["humanoid"], hand=None, sway=(0.03, 0.05, 0.03))
+    return HeldSway(stance.robot("humanoid"), stance, least=0.2)
+
+
+def test_a_dead_knee_moves_the_sway_to_the_other_side_and_makes_it_smaller(wide: HeldSway) -> None:
+    left, right = wide.held(["left_knee"]), wide.held(["right_knee"])
+    assert left is not None and right is not None
+    assert left.share == right.share < 1.0
+    assert left.offset[1] < 0.0 < right.offset[1]
+    np.testing.assert_allclose(left.offset * [1, -1, 1], right.offset, atol=1e-9)
+    assert left.reserve == pytest.approx(right.reserve, abs=1e-3)
+
+
+def test_what_nothing_else_can_do_is_not_answered_with_a_sway(wide: HeldSway) -> None:
+    assert wide.held(["left_shoulder_pitch"]) is None
+
+
+def test_one_sway_goes_over_into_the_other_without_a_jump() -> None:
+    stance: Stance = STANCES["humanoid"]
+    robot = stance.robot("humanoid")
+    usual = next(task for task in standing_stack(robot, stance).tasks if task.name == "CenterOfMass").target
+    held = Held(np.array([0.01, -0.02, 0.0]), 0.5, 0.3)
+    target = ChangedSway(usual, usual, held, 2.3, 0.8)
+    for now, before in zip(target(2.3), usual(2.3), strict=True):
+        np.testing.assert_allclose(now, before, atol=1e-12)
+    h = 1e-5
+    for t in (2.3 + 0.3 * 0.8, 2.3 + 0.8):
+        (x0, v0, _), (_, v, a), (x1, v1, _) = target(t - h), target(t), target(t + h)
+        np.testing.assert_allclose((x1 - x0) / (2 * h), v, atol=1e-6)
+        np.testing.assert_allclose((v1 - v0) / (2 * h), a, atol=1e-2)
+    late = 2.3 + 2 * 0.8
+    centre = usual(0.0)[0]
+    np.testing.assert_allclose(target(late)[0], centre + held.offset + 0.5 * (usual(late)[0] - centre))
+    np.testing.assert_allclose(target(late)[2], 0.5 * usual(late)[2])
+
+
+def test_the_way_to_a_sway_counts_as_much_as_the_sway() -> None:
+    """Much is left in one half of the box and little in the other. A robot at rest in the middle stays there; one that
+    leaves the box is brought back, on the way that leaves most of all."""
+    x = np.linspace(-1.0, 1.0, 5)[:, None, None] + np.zeros((5, 5, 5))
+    rest = [Held(np.array([at, 0.0, 0.0]), 0.0, 1.0 + at / 0.02) for at in (-0.02, 0.0, 0.02)]
+    region = Region(1.0 + x, np.array([0.02, 0.02, 0.02]), 15.0, [Held(np.zeros(3), 1.0, -0.1), *rest])
+
+    def still(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.zeros(3), np.zeros(3), np.zeros(3)
+
+    def leaving(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.array([-0.02 - 0.05 * t, 0.0, 0.0]), np.array([-0.05, 0.0, 0.0]), np.zeros(3)
+
+    calm, hard = changed(region, still, still, 0.0, least=0.2), changed(region, still, leaving, 0.0, least=0.2)
+    assert calm is not None and hard is not None
+    assert calm.held is rest[1]
+    assert hard.held.share == 0.0
+    way = [float(region.at(hard(t)[0][None])[0] - np.linalg.norm(hard(t)[2][:2])) for t in np.linspace(0.0, 2.2, 25)]
+    for sway in rest:
+        for duration in (0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2):
+            other = ChangedSway(still, leaving, sway, 0.0, duration)
+            left = [
+                float(region.at(other(t)[0][None])[0] - np.linalg.norm(other(t)[2][:2]))
+                for t in np.linspace(0.0, 2.2, 25)
+            ]
+            assert min(*left, sway.reserve) <= min(*way, hard.held.reserve) + 1e-9
+
+
+# ---- both sides, in physics
+@pytest.fixture(scope="module")
+def g1() -> Stand:
+    return Stand("g1", STANCES["g1"], floor=0.5)
+
+
+@needs_examples
+@pytest.mark.physics
+@pytest.mark.slow
+@pytest.mark.parametrize("react", [True, pytest.param(False, id="release alone", marks=pytest.mark.deep)])
+def test_g1_without_either_knee_stands_where_the_sway_asks_most_of_it(g1: Stand, react: bool) -> None:
+    """The sway is back, low and over the dead knee 1.1 s after the fault: of the left one at 2.3 s of its period of
+    10 s, of the right one at 9.3 s. Released alone, both knees are lost there."""
+    sway, threshold = HeldSway.of(g1), np.ones(g1.robot().nj)
+    known = Thresholds(threshold, 0.0 * threshold, 0.0 * threshold, 0.0 * threshold)
+    table = {"table": table_with(sway)} if react else {}
+    outcomes: dict[str, Outcome] = {}
+    for side, begun in (("left", 0.0), ("right", 7.0)):
+        stand = replace(g1, stance=replace(g1.stance, begun=begun))
+        fault = ActuatorFault(joint=f"{side}_knee_joint", start=1.2)
+        outcomes[side] = trial(stand, fault, known, react=True, after=1.8, **table)
+    for outcome in outcomes.values():
+        assert outcome.found is not None and outcome.found.joint_name == outcome.fault.joint
+        assert outcome.delay <= 4e-3
+        assert (outcome.stands and outcome.error[-1] < 1e-3) == react
+        assert outcome.slip < 5e-3 or not react
+
+
+@pytest.mark.physics
+def test_the_family_has_a_row_for_each_joint_and_says_why() -> None:
+    result = run("fault-family", "robot=quadruped", "joints=front_left_hip_roll", "moments=1", duration=0.3)
+    (row,) = result.figures["rows"]
+    assert row["joint"] == "front_left_hip_roll" and row["stood"] == row["moments"] == 1
+    assert row["why"] == "sways on" and row["share"] == 1.0
+    (section,) = [section(result) for section in result.sections]
+    assert section.title == "Every joint"
+
+
+def test_family_parameters_that_make_no_sense_are_refused_before_the_first_tick() -> None:
+    with pytest.raises(UnknownRobot, match="talos"):
+        run("fault-family", "robot=talo")
+    with pytest.raises(InvalidInput, match="elbow"):
+        run("fault-family", "robot=humanoid", "joints=elbow")
+    with pytest.raises(InvalidInput, match="answer"):
+        run("fault-family", "robot=humanoid", "answer=maybe")
+    with pytest.raises(InvalidInput, match="first"):
+        run("humanoid-step", "robot=humanoid", "first=both")
+
+
+@pytest.mark.parametrize("robot, count", [("humanoid", 12), ("quadruped", 12)])
+def test_the_joints_of_the_legs_are_those_that_move_the_feet(robot: str, count: int) -> None:
+    legs = fault_family.leg_joints(wbc.load(robot, base="floating"))
+    assert len(legs) == count
+    assert not any(part in joint for joint in legs for part in ("waist", "shoulder", "elbow", "neck"))

@@ -1,0 +1,38 @@
+"""`make kernels` runs what this processor can and `make test` has not run, and fails where one run fails."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests import kernels
+
+OLD = ["fpu", "sse2", "pni"]
+USUAL = [*OLD, "avx", "fma", "avx2"]
+WIDE = [*USUAL, "avx512f", "avx512dq", "avx512cd", "avx512bw", "avx512vl"]
+
+
+@pytest.mark.parametrize(
+    ("flags", "can"),
+    [
+        ([], []), (OLD, ["Prescott"]), (USUAL, ["Prescott", "Haswell"]), (WIDE[:-1], ["Prescott", "Haswell"]),
+        (WIDE, ["Prescott", "Haswell", "SkylakeX"]),
+    ],
+)  # fmt: skip
+def test_flags_of_the_processor_decide_what_it_can_run(flags: list[str], can: list[str]):
+    assert kernels.runnable(flags) == can
+
+
+@pytest.mark.parametrize("native", ["Prescott", "Haswell", "SkylakeX"])
+def test_what_runs_anyway_is_not_run_twice_and_numba_runs_once_for_any_processor(native: str):
+    names = [run.name for run in kernels.runs(["Prescott", "Haswell", "SkylakeX"], {native})]
+    assert f"OpenBLAS {native}" not in names
+    assert len(names) == 3 and names[-1] == "numba for any processor"
+
+
+@pytest.mark.parametrize("failing", [None, 0, 1])
+def test_the_verdict_is_that_of_the_worst_run(monkeypatch: pytest.MonkeyPatch, failing: int | None):
+    todo = [kernels.Run("one"), kernels.Run("two")]
+    monkeypatch.setattr(kernels, "picked", lambda environment=None: {"Haswell"})
+    monkeypatch.setattr(kernels, "runs", lambda can, native: todo)
+    monkeypatch.setattr(kernels, "passed", lambda run: failing is None or run is not todo[failing])
+    assert kernels.main() == (0 if failing is None else 1)

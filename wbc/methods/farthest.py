@@ -1,0 +1,231 @@
+"""The farthest point of a polyhedron in one direction and, where there are several, the shortest: a finite method.
+
+    maximise gᵀ z, then minimise |z|²   subject to   E z = e,  lower ≤ z ≤ upper,   gᵀ z bounded there.
+
+Both at once are  minimise ½ |z|² − μ gᵀ z  for every μ above some number (Mangasarian). The equations go first,
+
+    z = start + F u,   F orthonormal:   minimise ½ |u|² − μ cᵀ u   subject to   G u ≤ h,   c = Fᵀ g,   G = [F; −F],
+
+and the dual active-set method of Goldfarb and Idnani solves the rest. It keeps a set A of rows held as equations, with
+multipliers y ≥ 0, and its point is the optimum of these rows alone:
+
+    u = μ c − G_Aᵀ y,   G_A u = h_A.
+
+Each step takes a violated row p. With n = G_pᵀ, r = G_A#ᵀ n and the rest d = n − G_Aᵀ r, the multiplier of p grows by
+t, those of A change by −t r, and the violation shrinks by t |d|². The first event ends the step: p is met and joins A,
+or a multiplier is zero and its row leaves. If d = 0 and no multiplier shrinks, −r ≥ 0 combines the rows of A and p to a
+contradiction, 0 ≤ −(violation): the multipliers prove that there is no point. The cost of the optimum grows with each
+row that joins, so no set A comes twice and the method ends, whatever ties there are.
+
+No step multiplies two quantities that depend on μ. They are therefore pairs (a, b) = a μ + b, compared by a first and
+then by b: μ is larger than every number, and no value of it has to be guessed. At the end a = 0 for all of u.
+
+Rounding is judged relative to the problem: columns of F are orthonormal, so d is known to a part of 1 + Σ|r| and a
+violation to a part of the lengths in it. Quantities within that of each other tie. The optimum is unique, so the order
+of steps, and with it the rounding of another processor, changes its last bits only.
+
+Mangasarian: Normal solutions of linear programs, Mathematical Programming Study 22, 1984. Goldfarb, Idnani: A
+numerically stable dual method for solving strictly convex quadratic programs, Mathematical Programming 27, 1983.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from wbc.methods.shared import factors
+from wbc.types import Mat, Vec
+
+#: What is left of a unit vector beside others that it depends on: far above rounding, far below any real rest.
+DEPENDENT = 1e-12
+#: A violation that is rounding, beside the lengths of the point and of the limit.
+MET_EXACTLY = 1e-14
+#: The part of their size by which limits may give way where together they leave no point.
+MET = 5e-9
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Farthest:
+    """The point z (n,), the limits that it keeps (n,) and a μ from which it is the optimum; z is NaN without one.
+
+    ``lower`` and ``upper`` are those given, but for limits that contradict each other by no more than rounding.
+    """
+
+    z: Vec
+    lower: Vec
+    upper: Vec
+    push: float
+
+    @property
+    def feasible(self) -> bool:
+        """Whether there is a point."""
+        return not bool(np.isnan(self.z).any())
+
+
+class _Event(NamedTuple):
+    """What ends a step of this length, a pair: the multiplier at this place is zero, or (``None``) the row is met."""
+
+    step: Vec
+    place: int | None
+
+
+def farthest(equations: tuple[Mat, Vec], lower: Vec, upper: Vec, gain: Vec) -> Farthest:
+    """The z (n,) of largest ``gain`` · z, then of least norm, with E z = e (``equations``) and lower ≤ z ≤ upper.
+
+    Rows of E may depend on each other, and e must be in their range. Some limit must end every way along which
+    ``gain`` · z grows.
+    """
+    found, n = factors(equations[0]), len(lower)
+    search = _Search(found.inverse(equations[1]), found.null.T, lower, upper, found.null @ gain)
+    possible = search.run()
+    low, high, z = -search.limit[n:], search.limit[:n], search.z[:, 1].copy()
+    for row in search.held:
+        z[row % n] = high[row] if row < n else low[row - n]
+    growing = search.y[:, 0] > 0.0
+    push = float((-search.y[growing, 1] / search.y[growing, 0]).max(initial=0.0))
+    return Farthest(z if possible else np.full(n, np.nan), low, high, push if possible else np.nan)
+
+
+def shortest(rows: Mat, lower: Vec, upper: Vec) -> tuple[Vec, Vec] | None:
+    """The shortest u (k,) with lower ≤ ``rows`` u ≤ upper, and multipliers (m,) with u + rowsᵀ multipliers = 0.
+
+    ``rows`` (m, k) are no longer than one. A multiplier is positive at an upper limit. ``None``: multipliers prove that
+    there is no such u.
+    """
+    m = len(rows)
+    search = _Search(np.zeros(m), rows, lower, upper, np.zeros(rows.shape[1]))
+    if not search.run():
+        return None
+    push = np.zeros(2 * m)
+    push[search.held] = search.y[:, 1]
+    return search.u[:, 1], push[:m] - push[m:]
+
+
+@final
+class _Search:
+    """The method on rows z = start + F u and the cost ½ |u|² − μ slope · u; rows of F are no longer than one."""
+
+    def __init__(self, start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec) -> None:
+        F = np.where(np.linalg.norm(F, axis=1)[:, None] > DEPENDENT, F, 0.0)
+        self.start, self.F, self.slope = start, F, slope
+        self.G = np.concatenate([F, -F])
+        self.limit = np.concatenate([upper, -lower])
+        self.held: list[int] = []
+        self._hold()
+
+    def run(self) -> bool:
+        """Rows join and leave until none is violated; whether that is possible."""
+        while (row := self._violated()) is not None:
+            if not self._joined(row):
+                return False
+        return True
+
+    # ---- what follows from the rows held
+    def _hold(self) -> None:
+        """Point and multipliers of the rows held, as pairs: u (k, 2), z (n, 2), y (q, 2)."""
+        N, b = self.G[self.held], self._room()[self.held]
+        self.Q, self.R = np.linalg.qr(N.T)
+        y = np.column_stack([self._coefficients(self.slope), self._coefficients(self._from_values(-b))])
+        along, _ = self._rest(self.slope)
+        self.y = _settled(y)
+        self.u = np.column_stack([along, self._from_values(b)])
+        self.z = self.F @ self.u
+        self.z[:, 1] += self.start
+        self.length = float(np.hypot(np.linalg.norm(self.u[:, 1]), np.linalg.norm(self.start)))
+
+    def _room(self) -> Vec:
+        """h (2 n,): how far each limit is from ``start``."""
+        result: Vec = self.limit - np.concatenate([self.start, -self.start])
+        return result
+
+    def _from_values(self, b: Vec) -> Vec:
+        """G_A# b (k,)."""
+        result: Vec = self.Q @ solve_triangular(self.R, b, trans="T") if self.held else np.zeros(len(self.slope))
+        return result
+
+    def _coefficients(self, n: Vec) -> Vec:
+        """r = G_A#ᵀ n (q,)."""
+        result: Vec = solve_triangular(self.R, self.Q.T @ n) if self.held else np.zeros(0)
+        return result
+
+    def _rest(self, n: Vec) -> tuple[Vec, Vec]:
+        """d = n − G_Aᵀ r, zero where it is rounding, and r."""
+        r, d = self._coefficients(n), n - self.Q @ (self.Q.T @ n)
+        d -= self.Q @ (self.Q.T @ d)
+        if np.linalg.norm(d) <= DEPENDENT * (1.0 + np.abs(r).sum()):
+            d = np.zeros_like(d)
+        return d, r
+
+    # ---- steps
+    def _violated(self) -> int | None:
+        """The row that is violated most; ``None`` where none is."""
+        growth, at = self.G @ self.u[:, 0], np.concatenate([self.z[:, 1], -self.z[:, 1]])
+        finite = np.isfinite(self.limit)
+        finite[self.held] = False
+        if self.u[:, 0].any():
+            return int(np.where(finite, growth, -np.inf).argmax())
+        limit = np.where(finite, self.limit, 0.0)
+        beyond = np.where(finite, at - limit - MET_EXACTLY * (self.length + np.abs(limit)), -1.0)
+        row = int(beyond.argmax()) if len(beyond) else 0
+        return row if len(beyond) and beyond[row] > 0.0 else None
+
+    def _joined(self, row: int) -> bool:
+        """Whether the row could be met: it joins the set, or gives way by what is rounding."""
+        normal, before = self.G[row], list(self.held)
+        violation = np.array([normal @ self.u[:, 0], normal @ self.u[:, 1] - self._room()[row]])
+        while True:
+            rest, r = self._rest(normal)
+            event = self._first(r, violation, float(rest @ rest))
+            if event is None:
+                return self._give_way(row, r, violation[1], before)
+            if event.place is None:
+                self.held.append(row)
+                self._hold()
+                return True
+            self.y = _settled(np.delete(self.y - np.outer(r, event.step), event.place, axis=0))
+            violation = violation - float(rest @ rest) * event.step
+            self.held.pop(event.place)
+            self.Q, self.R = np.linalg.qr(self.G[self.held].T)
+
+    def _first(self, r: Vec, violation: Vec, square: float) -> _Event | None:
+        """The first event as the multiplier of the new row grows; ``None`` where there is none."""
+        shrinks = (r > DEPENDENT * (1.0 + np.abs(r).sum())).nonzero()[0]
+        places: list[int | None] = [*(int(i) for i in shrinks)]
+        steps, rates = self.y[shrinks], r[shrinks]
+        if square:
+            places, steps, rates = [*places, None], np.vstack([steps, violation]), np.append(rates, square)
+        if not places:
+            return None
+        ends = steps / rates[:, None]
+        known = ends[:, 0] + DEPENDENT * (1.0 + np.abs(self.y[:, 0]).sum()) / rates
+        ties = ends[:, 0] - DEPENDENT * (1.0 + np.abs(self.y[:, 0]).sum()) / rates <= known.min()
+        first = int(np.where(ties, ends[:, 1], np.inf).argmin())
+        return _Event(ends[first], places[first])
+
+    def _give_way(self, row: int, r: Vec, violation: float, before: list[int]) -> bool:
+        """Rows that contradict each other give way by equal parts of their sizes, if these are small enough.
+
+        The set is then the one ``before`` the step.
+        """
+        rows = [row, *self.held]
+        weight = np.append(1.0, np.abs(r))
+        n = len(self.start)
+        known = np.where(np.isfinite(self.limit), np.abs(self.limit), 0.0).reshape(2, n).max(axis=0)
+        size = np.maximum(np.tile(known, 2)[rows], 1e-2 * self.length)
+        part = violation / float(weight @ size) if size.any() else np.inf
+        if part > MET:
+            return False
+        self.limit[rows] += part * size * (weight > 0.0) + np.spacing(self.length + np.abs(self.limit[rows]))
+        self.held = before
+        self._hold()
+        return True
+
+
+def _settled(y: Mat) -> Mat:
+    """Multipliers as pairs, zero where what depends on μ is rounding, and not negative."""
+    fixed = np.abs(y[:, 0]) <= DEPENDENT * (1.0 + np.abs(y[:, 0]).sum())
+    return np.column_stack([np.where(fixed, 0.0, y[:, 0]), np.where(fixed, np.maximum(y[:, 1], 0.0), y[:, 1])])

@@ -1,0 +1,73 @@
+"""Shapes for coal, and what of its data a tick reads: placements as views, lines of force."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import InvalidInput
+from wbc.models.geometry import Box, Cylinder, Shape, Sphere
+from wbc.types import Mat
+
+
+def coal_shape(shape: Shape) -> tuple[Any, Any]:
+    """The shape in coal's terms about the middle of its box, and where that middle is: an SE3.
+
+    Raises:
+        InvalidInput: a mesh that spans no volume.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    still = pin.SE3.Identity()
+    if isinstance(shape, Box):
+        return coal.Box(*shape.size), still
+    if isinstance(shape, Sphere):
+        return coal.Sphere(shape.radius), still
+    if isinstance(shape, Cylinder):
+        return coal.Cylinder(shape.radius, shape.length), still
+    points = np.array(coal.MeshLoader().load(str(shape.path), np.array(shape.scale)).vertices())
+    still.translation = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    try:
+        outermost = ConvexHull(points).vertices
+    except (QhullError, ValueError):  # before coal, which a flat hull kills with the whole process
+        raise InvalidInput(f"{shape.path.name} has no convex hull: its points span no volume") from None
+    corners = coal.StdVec_Vec3s()
+    for point in points[outermost] - still.translation:
+        corners.append(point)
+    return coal.ConvexBase.convexHull(corners, False, "Qt"), still
+
+
+def line_of_force(result: Any) -> tuple[float, ...]:
+    """The line of force (6,) along the normal through the witness points, about the world's origin."""
+    nx, ny, nz = result.normal.tolist()
+    px, py, pz = result.getNearestPoint1().tolist()
+    return nx, ny, nz, py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
+
+
+def placements(data: Any) -> tuple[Mat, Any]:
+    """Origins (n, 3) and rotations (n, 3, 3) of all shapes, live views: they lie in memory one behind the other."""
+    origins = [_address(placement.translation) for placement in data.oMg]
+    first, n = data.oMg[0], len(origins)
+    stride = origins[1] - origins[0] if n > 1 else 96
+    assert origins == [origins[0] + i * stride for i in range(n)], "placements are not one behind the other"
+    return (
+        np.asarray(_Memory(origins[0], (n, 3), (stride, 8), data)),
+        np.asarray(_Memory(_address(first.rotation), (n, 3, 3), (stride, 8, 24), data)),
+    )
+
+
+def _address(array: Any) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
+class _Memory:
+    """A strided view of memory that keeps its owner alive."""
+
+    def __init__(self, start: int, shape: tuple[int, ...], strides: tuple[int, ...], owner: object) -> None:
+        self.__array_interface__ = {
+            "data": (start, True), "shape": shape, "strides": strides, "typestr": "<f8", "version": 3,
+        }  # fmt: skip
+        self._owner = owner

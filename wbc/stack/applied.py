@@ -1,0 +1,281 @@
+"""Applied: what holds in the present tick, from the stack's own limits and the overrides of its components."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput, NotSupported, UnknownName
+from wbc.models.model import RobotModel
+from wbc.stack.actuators import Actuators
+from wbc.stack.contact import Contact, keys
+from wbc.stack.formulation import Formulation
+from wbc.stack.interval import JointIntervals
+from wbc.stack.member import Binding
+from wbc.stack.overrides import QUANTITIES, Motor, Overrides
+from wbc.types import Mat, Vec
+
+Said = Sequence[tuple[str, Overrides]]
+_TORQUE, _MOTION = ("torque", "lifted", "motors"), (*QUANTITIES[1:], "lifted")
+_PARTS = (_TORQUE, _MOTION)
+_Bounds = tuple[Vec, Vec]
+
+
+@final
+class Applied:
+    """Bounds, bias, inertia, motors and normal forces of one tick; the plans of one stack share it.
+
+    ``apply`` checks everything before it changes anything: what is refused leaves what held in the tick before.
+    ``version`` rises whenever the bounds on torques change. The arrays are read-only to everybody else, and their
+    memory never moves: compiled code reads it.
+    """
+
+    def __init__(
+        self, model: RobotModel, level: Formulation, binding: Binding, contacts: Sequence[Contact], *,
+        intervals: JointIntervals | None, torque: _Bounds,
+    ) -> None:  # fmt: skip
+        self._model, self._level, self._binding = model, level, binding
+        order = {contact.name: i for i, contact in enumerate(contacts)}
+        #: Place of each contact among those of the stack, by its name, and by its frame where no other has the same.
+        self.places: Mapping[str, int] = {key: order[name] for key, name in keys(contacts)}
+        self.intervals = intervals
+        if intervals is not None:
+            self._own_motion = {quantity: intervals.bounds(quantity) for quantity in QUANTITIES[1:]}
+            self._motion = dict(self._own_motion)
+            intervals.seal()
+        self._own_torque = torque
+        self._torque = torque[0].copy(), torque[1].copy()
+        #: Bounds on the torques (lower, upper), (nj,) each.
+        self.torque_bounds = _read_only(self._torque[0]), _read_only(self._torque[1])
+        self._bias = np.zeros(model.nv)
+        self.bias = _read_only(self._bias)
+        self.inertia: Mat | None = None
+        self._limits, self._floors = np.full(len(contacts), np.inf), np.full(len(contacts), -np.inf)
+        self.normal_limits, self.normal_floors = _read_only(self._limits), _read_only(self._floors)
+        self.actuators = Actuators(np.ones(model.nj), np.zeros(model.nj))
+        self._motors: Mapping[int, Motor] = {}
+        self.version = 0
+        self._said: Said = ()
+        self._keys: Mapping[Any, list[Any]] = {}
+
+    def reset(self) -> None:
+        """Nothing is overridden, and no acceleration is remembered."""
+        self._said, self._keys = [("", Overrides())], {}
+        self.apply(())
+        if self.intervals is not None:
+            self.intervals.reset()
+
+    def apply(self, said: Said) -> None:
+        """From now on these overrides are in force, by the names of the components that said them, and no others.
+
+        Raises:
+            WbcError: something in them makes no sense, by the component's name; then nothing has changed.
+        """
+        if len(said) == len(self._said) and all(one[1] is two[1] for one, two in zip(said, self._said, strict=True)):
+            return
+        motors: dict[int, Motor] = {}
+        settings: Mapping[str, Mapping[str, Any]] = {}
+        for name, overrides in said:
+            motors |= self._checked_motors(name, overrides)
+            settings = self._checked_settings(name, settings, overrides)
+        share, offset = np.ones(self._model.nj), np.zeros(self._model.nj)
+        for joint, motor in motors.items():
+            share[joint], offset[joint] = motor
+        keys_ = {part: [getattr(overrides, what) for _, overrides in said for what in part] for part in _PARTS}
+        torque = self._torques(said, share, offset) if self._moved(keys_, _TORQUE) else None
+        motion = self._motions(said) if self._moved(keys_, _MOTION) else {}
+        limits, floors = self._normals(said)
+        bias, inertia = self._added(said)
+        # Nothing is refused any more.
+        self._said, self._keys = said, keys_
+        self._binding.override(settings)
+        self._take_torques(torque)
+        for quantity, bounds in motion.items():
+            before = self._motion[quantity]
+            if not all(np.array_equal(new, old) for new, old in zip(bounds, before, strict=True)):
+                assert self.intervals is not None, "there are bounds on motion"
+                self._motion[quantity] = bounds
+                self.intervals.replace(quantity, *bounds, by_plan=True)
+        self._limits[:], self._floors[:], self._bias[:], self.inertia = limits, floors, bias, inertia
+        if motors != self._motors:
+            self._motors, self.actuators = motors, Actuators(share, offset)
+
+    @property
+    def lifts(self) -> bool:
+        """Whether limits of some joint are lifted in this tick: it moves as the others move it."""
+        return any(overrides.lifted for _, overrides in self._said)
+
+    def _moved(self, keys_: Mapping[Any, list[Any]], part: tuple[str, ...]) -> bool:
+        """Whether a part of the overrides is made of other objects than those in force."""
+        new, old = keys_[part], self._keys.get(part)
+        return old is None or len(new) != len(old) or any(a is not b for a, b in zip(new, old, strict=True))
+
+    # ---- torques
+    def _torques(self, said: Said, share: Vec, offset: Vec) -> _Bounds | None:
+        if not self._level.dynamics:
+            for name, overrides in said:
+                if overrides.torque is not None or "torque" in overrides.lifted:
+                    raise NotSupported(f"{name}: torques, which the {self._level.name} does not decide")
+            return None
+        own_low, own_high = self._own_torque
+        with np.errstate(invalid="ignore"):  # 0 · inf of a motor that gives nothing and has no limit
+            low = np.maximum(own_low, np.where(share > 0.0, share * own_low, 0.0) - offset)
+            high = np.minimum(own_high, np.where(share > 0.0, share * own_high, 0.0) - offset)
+        if said:
+            name = next((name for name, overrides in reversed(said) if overrides.motors), said[0][0])
+            self._refuse_crossed(f"{name}.motors", "torque", low, high)
+        for name, overrides in said:
+            lifted = self._lifted(name, "torque", overrides)
+            low[lifted], high[lifted] = -np.inf, np.inf
+        for name, overrides in said:
+            low, high = self._narrowed(name, "torque", overrides, low, high)
+        return low, high
+
+    def _take_torques(self, bounds: _Bounds | None) -> None:
+        if bounds is None or all(np.array_equal(new, old) for new, old in zip(bounds, self._torque, strict=True)):
+            return
+        for bound, new in zip(self._torque, bounds, strict=True):
+            bound[:] = new
+        self.version += 1
+
+    def _checked_motors(self, name: str, overrides: Overrides) -> dict[int, Motor]:
+        if overrides.motors and not self._level.dynamics:
+            raise NotSupported(f"{name}: motors take torques, which the {self._level.name} does not decide")
+        found = {}
+        for joint, motor in overrides.motors.items():
+            i = self._joint(name, "motors", joint)
+            share, offset = motor if isinstance(motor, tuple | list) and len(motor) == 2 else (motor, 0.0)
+            share = checks.number(f"{name}.motors[{i}].share", share, low=0.0, high=1.0)
+            if 0.0 < share < _LEAST_SHARE:
+                raise InvalidInput(f"{name}.motors[{i}].share is {share:g}; it must be 0 or at least {_LEAST_SHARE:g}")
+            found[i] = Motor(share, checks.number(f"{name}.motors[{i}].offset", offset))
+        return found
+
+    # ---- motion
+    def _motions(self, said: Said) -> dict[str, _Bounds]:
+        if self.intervals is None:
+            for name, overrides in said:
+                if any(getattr(overrides, quantity) is not None for quantity in QUANTITIES[1:]):
+                    raise NotSupported(f"{name}: bounds on motion, and the stack has no limits on motion to narrow")
+            return {}
+        found = {}
+        for quantity, (low, high) in self._own_motion.items():
+            low, high = low.copy(), high.copy()
+            for name, overrides in said:
+                lifted = self._lifted(name, quantity, overrides)
+                low[lifted], high[lifted] = -np.inf, np.inf
+            for name, overrides in said:
+                low, high = self._narrowed(name, quantity, overrides, low, high)
+            found[quantity] = low, high
+        return found
+
+    # ---- both
+    def _narrowed(self, name: str, quantity: str, overrides: Overrides, low: Vec, high: Vec) -> _Bounds:
+        given = getattr(overrides, quantity)
+        if given is None:
+            return low, high
+        nj = self._model.nj
+        lower, upper = (
+            checks.each(f"{name}.{quantity}.{side}", v, nj, finite=False)
+            for side, v in zip(("lower", "upper"), given, strict=True)
+        )
+        self._refuse_crossed(name, quantity, lower, upper)
+        low, high = np.maximum(low, lower), np.minimum(high, upper)
+        self._refuse_crossed(name, quantity, low, high, " beside the limits that hold already")
+        if quantity in ("velocity", "acceleration") and not ((low <= 0.0) & (high >= 0.0)).all():
+            i = int(np.argmin((low <= 0.0) & (high >= 0.0)))
+            raise InvalidInput(
+                f"{name}: joint {self._model.joint_names[i]!r} must be allowed a {quantity} of 0, "
+                f"not [{low[i]:g}, {high[i]:g}]"
+            )
+        return low, high
+
+    def _refuse_crossed(self, name: str, quantity: str, low: Vec, high: Vec, beside: str = "") -> None:
+        bad = ~((low <= high) & (low < np.inf) & (high > -np.inf))
+        if bad.any():
+            i = int(np.argmax(bad))
+            raise InvalidInput(
+                f"{name}: joint {self._model.joint_names[i]!r} is left no {quantity}{beside}: "
+                f"lower {low[i]:g}, upper {high[i]:g}"
+            )
+
+    def _lifted(self, name: str, quantity: str, overrides: Overrides) -> list[int]:
+        for what in overrides.lifted:
+            if what not in QUANTITIES:
+                raise InvalidInput(f"{name}.lifted has {what!r}; it may have {', '.join(QUANTITIES)}")
+        joints: Any = overrides.lifted.get(quantity, ())
+        if not isinstance(joints, tuple):
+            raise InvalidInput(f"{name}.lifted[{quantity!r}] is {checks.shown(joints)}; it must be indices of joints")
+        return [self._joint(name, f"lifted[{quantity!r}]", joint) for joint in joints]
+
+    def _joint(self, name: str, where: str, joint: Any) -> int:
+        if isinstance(joint, bool) or not isinstance(joint, int | np.integer) or not 0 <= joint < self._model.nj:
+            raise InvalidInput(
+                f"{name}.{where} names joint {checks.shown(joint)}; there are joints 0 to {self._model.nj - 1}"
+            )
+        return int(joint)
+
+    # ---- the rest
+    def _checked_settings(
+        self, name: str, before: Mapping[str, Mapping[str, Any]], overrides: Overrides
+    ) -> Mapping[str, Mapping[str, Any]]:
+        settings = overrides.tasks
+        if not settings:
+            return before
+        try:
+            self._binding.check(settings)
+        except Exception as cause:  # a target function is a user's, and is called here
+            raise InvalidInput(f"{name}.tasks: {type(cause).__name__}: {cause}") from cause
+        if not before:
+            return settings
+        return {**before, **{task: {**before.get(task, {}), **values} for task, values in settings.items()}}
+
+    def _normals(self, said: Said) -> _Bounds:
+        limits, floors = np.full_like(self._limits, np.inf), np.full_like(self._floors, -np.inf)
+        for name, overrides in said:
+            for bounds, values, what, narrower in (
+                (limits, overrides.normal_limits, "normal_limits", min),
+                (floors, overrides.normal_floors, "normal_floors", max),
+            ):
+                for contact, value in values.items():
+                    if contact not in self.places:
+                        raise UnknownName(contact, self.places, f"{name}.{what} speaks of a contact")
+                    if not isinstance(value, int | float | np.number) or np.isnan(value):
+                        raise InvalidInput(
+                            f"{name}.{what}[{checks.shown(contact)}] is {checks.shown(value)}; it must be a number [N]"
+                        )
+                    place = self.places[contact]
+                    bounds[place] = narrower(bounds[place], float(value))
+            crossed = ~((floors <= limits) & (limits >= 0.0) & (floors < np.inf))
+            if crossed.any():
+                i = int(np.argmax(crossed))
+                contact = next(key for key, place in self.places.items() if place == i)
+                raise InvalidInput(
+                    f"{name}: contact {contact!r} is left no normal force: from {floors[i]:g} to {limits[i]:g} N"
+                )
+        return limits, floors
+
+    def _added(self, said: Said) -> tuple[Vec | float, Mat | None]:
+        bias: Vec | float = 0.0
+        inertia: Mat | None = None
+        nv = self._model.nv
+        for name, overrides in said:
+            if overrides.bias is not None:
+                bias = bias + checks.array(f"{name}.bias", overrides.bias, (nv,))
+            if overrides.inertia is not None:
+                more = checks.array(f"{name}.inertia", overrides.inertia, (nv, nv))
+                inertia = more if inertia is None else inertia + more
+        return bias, inertia
+
+
+#: A motor that gives a smaller share is none: commands are divided by it.
+_LEAST_SHARE = 1e-3
+
+
+def _read_only(array: Vec) -> Vec:
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,301 @@
+"""Member: what a stack is made of, and the copy of it that a plan works with.
+
+A member (task, constraint, contact) holds *settings*. One object may stand in many stacks, controllers and threads. A
+plan therefore never writes into it: it makes its own copy, :meth:`Binding.own`, and calls ``prepare`` on that copy.
+What is assigned to the member later is assigned to every copy at the start of that copy's next tick.
+"""
+
+from __future__ import annotations
+
+from abc import ABCMeta
+from collections.abc import Iterable, Iterator, Mapping
+from copy import copy
+from enum import Enum
+from inspect import get_annotations
+from threading import Lock
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, final
+from weakref import WeakSet
+
+from wbc.errors import InvalidInput, MemberFailed, UnknownName
+from wbc.models.model import RobotModel
+from wbc.stack.target import Target
+
+
+class UnknownSetting(UnknownName, AttributeError):  # type: ignore[misc]  # both have a name: the one asked for
+    """The object has no attribute of this name that could be assigned."""
+
+    kind = "setting"
+
+    def __init__(self, name: str, available: Iterable[str], owner: str) -> None:
+        self.owner = owner
+        super().__init__(name, available)
+
+    def _sentence(self) -> str:
+        return f"{self.owner}: {super()._sentence()}"
+
+
+#: Held while the copies of a member are listed: another thread may be making a controller with it.
+_COPIES = Lock()
+#: Attributes that only say where to go: no weight or gain depends on them.
+_FOLLOWED = frozenset({"target", "wrench", "torque", "_reference", "_given"})
+
+
+#: What ``prepare`` writes: of every copy its own.
+_STRUCTURE = frozenset({"dim", "units", "labels", "convert", "codes"})
+
+
+class _Role(Enum):
+    BUILDING = "its __init__ runs"
+    SETTINGS = "built: what users hold"
+    OPEN = "a plan's copy that the plan writes into"
+    CLOSED = "a plan's copy, to be read"
+
+
+class _Built(ABCMeta):
+    """Tells an object that its ``__init__`` has ended."""
+
+    if not TYPE_CHECKING:  # else constructors would lose their types
+
+        def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+            made = super().__call__(*args, **kwargs)
+            made.__dict__["_settings"] = frozenset(name for name in made.__dict__ if name[0] != "_") - _STRUCTURE
+            made.__dict__["_role"] = _Role.SETTINGS
+            return made
+
+
+class Member(metaclass=_Built):
+    """Settings with a name. ``stamp`` counts the assignments since the object was made.
+
+    An attribute that does not exist cannot be assigned once ``__init__`` has ended, so that a slip is told.
+
+    Raises:
+        UnknownSetting: an assignment to an attribute that does not exist, with the names that are near it.
+        InvalidInput: an assignment that a plan with this member cannot take, for example of another size.
+
+    Example:
+        >>> from tasks import Damping
+        >>> task = Damping()
+        >>> task.weigth = 3.0
+        Traceback (most recent call last):
+        ...
+        wbc.stack.member.UnknownSetting: Damping: there is no setting 'weigth'; did you mean 'weight'?
+    """
+
+    stamp: int = 0
+    _role: ClassVar[_Role] = _Role.BUILDING
+    #: Attributes that are settings beside the properties.
+    _settings: ClassVar[frozenset[str]] = frozenset()
+
+    @property
+    def name(self) -> str:
+        """Name of the member in its stack."""
+        return type(self).__name__
+
+    def prepare(self, model: RobotModel) -> None:
+        """Called once on each plan's own copy: check arguments against the model, fix sizes."""
+
+    if not TYPE_CHECKING:  # else any attribute could be assigned
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            role = self._role
+            if name[0] == "_" or role is _Role.BUILDING or role is _Role.OPEN:
+                object.__setattr__(self, name, value)
+            elif role is _Role.CLOSED:
+                if _is_setting(type(self), name):
+                    raise InvalidInput(
+                        f"{self.name}.{name}: a plan's members are to be read; a component returns "
+                        f"wbc.Overrides(tasks={{{self.name!r}: {{{name!r}: ...}}}})"
+                    )
+                object.__setattr__(self, name, value)
+            else:
+                self._assign(name, value)
+
+    def _assign(self, name: str, value: Any) -> None:
+        if name not in self.__dict__ and not hasattr(type(self), name) and name not in _annotated(type(self)):
+            known = {n for n in (*dir(type(self)), *self.__dict__) if not n.startswith("_")}
+            settings = [n for n in known if n in self.__dict__ or _is_setting(type(self), n)]
+            raise UnknownSetting(name, settings, owner=self.name)
+        with _COPIES:
+            copies = tuple(self.__dict__.get("_copies", ()))
+        if name in _STRUCTURE or not (name in self._settings or hasattr(type(self), name)):
+            object.__setattr__(self, name, value)  # what ``prepare`` writes, called on the member itself
+            return
+        for own in copies:
+            trial = copy(own)
+            trial.__dict__["_role"] = _Role.OPEN
+            setattr(trial, name, value)
+        object.__setattr__(self, name, value)
+        stamp = self.stamp + 1
+        self.__dict__.setdefault("_assigned", {})[name] = stamp, value
+        self.__dict__["stamp"] = stamp
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The settings, without what ties them to plans: a copy, or a pickle, is another object."""
+        state = self.__dict__.copy()
+        state.pop("_copies", None)
+        state.pop("_assigned", None)
+        return state
+
+
+def _is_setting(kind: type[Any], name: str) -> bool:
+    found = getattr(kind, name, None)
+    return isinstance(found, property) and found.fset is not None
+
+
+def _annotated(kind: type[Any]) -> set[str]:
+    return {name for base in kind.__mro__ for name in get_annotations(base)}
+
+
+@final
+class _Tie:
+    """One member, the copy of it, and what the copy was before components changed it."""
+
+    __slots__ = ("base", "member", "own", "stamp")
+
+    def __init__(self, member: Member, own: Member) -> None:
+        self.member, self.own, self.stamp = member, own, member.stamp
+        self.base: dict[str, Any] | None = None
+
+
+@final
+class Binding:
+    """The copies of a stack's members that the plans of one controller share.
+
+    ``stamp`` rises whenever a copy changes; ``targets`` whenever one of them may have got another target.
+    """
+
+    def __init__(self) -> None:
+        self._ties: dict[int, _Tie] = {}
+        self._members: list[Member] = []
+        self._seen = 0
+        self.stamp = self.targets = 0
+        self._settings: Mapping[str, Mapping[str, Any]] = {}
+
+    def own(self, value: Any) -> Any:
+        """The copy of a member, the same one each time; members that it holds are copied too. Else ``value``."""
+        if type(value) in (list, tuple):
+            return type(value)(self.own(one) for one in value) if any(map(_holds, value)) else value
+        if not isinstance(value, Member):
+            return value
+        tie = self._ties.get(id(value))
+        if tie is None:
+            own = copy(value)
+            own.__dict__["_role"] = _Role.OPEN
+            tie = self._ties[id(value)] = _Tie(value, own)
+            for name, inner in value.__dict__.items():
+                if name in own.__dict__:
+                    own.__dict__[name] = copy(inner) if isinstance(inner, Target) else self.own(inner)
+            with _COPIES:
+                value.__dict__.setdefault("_copies", WeakSet()).add(own)
+        return tie.own
+
+    def close(self) -> None:
+        """Every copy has been prepared: from now on only :meth:`refresh` and :meth:`override` change them."""
+        for tie in self._ties.values():
+            tie.own.__dict__["_role"] = _Role.CLOSED
+        self._members = [tie.member for tie in self._ties.values()]
+        self._seen = sum(member.stamp for member in self._members)
+
+    def refresh(self) -> None:
+        """Assign to the copies what was assigned to their members since."""
+        seen = 0
+        for member in self._members:
+            seen += member.stamp
+        if seen != self._seen:
+            self._seen = seen
+            self._update(self._settings)
+
+    @property
+    def assigned(self) -> int:
+        """Rises whenever users assigned something to a member."""
+        return self._seen
+
+    def given(self, own: Any) -> Any:
+        """A copy of one of the copies as users set it, without what is overridden."""
+        tie = next(tie for tie in self._ties.values() if tie.own is own)
+        same = copy(own)
+        same.__dict__.update(tie.base or {})
+        return same
+
+    def override(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
+        """In force are, of the members of these names, ``settings``; of all others what users assigned.
+
+        Raises:
+            WbcError: no task of this name, or a value that it refuses; nothing has changed then.
+        """
+        if settings is self._settings or not (settings or self._settings):
+            return
+        self._update(settings)
+
+    def check(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
+        """Refuse what :meth:`override` would refuse."""
+        list(self._tried(settings))
+
+    def _update(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
+        weighs = False
+        for tie in self._ties.values():
+            member, own = tie.member, tie.own
+            stamp = member.stamp
+            if stamp != tie.stamp:
+                if tie.base is not None:
+                    weighs |= not tie.base.keys() <= _FOLLOWED
+                    own.__dict__.update(tie.base)
+                    tie.base = None
+                own.__dict__["_role"] = _Role.OPEN
+                try:
+                    for name, (when, value) in list(member.__dict__.get("_assigned", {}).items()):
+                        if when > tie.stamp:
+                            weighs |= name not in _FOLLOWED
+                            setattr(own, name, value)
+                except Exception as cause:
+                    raise MemberFailed(f"{own.name}.{name}", cause) from cause
+                finally:
+                    tie.stamp = stamp
+                    own.__dict__["_role"] = _Role.CLOSED
+        found = list(self._tried(settings))
+        for tie in self._ties.values():
+            if tie.base is not None:
+                weighs |= not tie.base.keys() <= _FOLLOWED
+                tie.own.__dict__.update(tie.base)
+                tie.base = None
+        for tie, changed in found:
+            weighs |= not changed.keys() <= _FOLLOWED
+            tie.base = {name: tie.own.__dict__.get(name, getattr(type(tie.own), name, None)) for name in changed}
+            tie.own.__dict__.update(changed)
+        self._settings = settings
+        self.targets += 1
+        if weighs:
+            self.stamp += 1
+
+    def _tried(self, settings: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[_Tie, dict[str, Any]]]:
+        """Of each member named, which attributes of its copy change to what."""
+        for name, values in settings.items():
+            tie = next((tie for tie in self._ties.values() if tie.own.name == name), None)
+            if tie is None:
+                raise UnknownName(name, [tie.own.name for tie in self._ties.values()], "an override speaks of a task")
+            trial = copy(tie.own)
+            trial.__dict__.update(tie.base or {})
+            trial.__dict__["_role"] = _Role.OPEN
+            before = dict(trial.__dict__)
+            for what, value in values.items():
+                if not _is_setting(type(trial), what):
+                    known = [n for n in dir(type(trial)) if _is_setting(type(trial), n)]
+                    raise UnknownSetting(what, known, owner=name)
+                setattr(trial, what, value)
+            nothing = object()
+            yield tie, {n: x for n, x in trial.__dict__.items() if before.get(n, nothing) is not x}
+
+
+def _holds(value: Any) -> bool:
+    return isinstance(value, Member | list | tuple)
+
+
+M = TypeVar("M", bound=Member)
+
+
+def bound(member: M, model: RobotModel) -> M:
+    """A copy of ``member`` that is prepared for ``model``; the member itself stays as it is."""
+    binding = Binding()
+    own = binding.own(member)
+    own.prepare(model)
+    return cast(M, own)

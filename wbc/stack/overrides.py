@@ -1,0 +1,137 @@
+"""Overrides: what a component changes in one tick, as a value."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+
+#: Quantities of a joint whose bounds may be narrowed or lifted.
+QUANTITIES = ("torque", "position", "velocity", "acceleration")
+_MAPPINGS = ("lifted", "normal_limits", "normal_floors", "motors", "tasks")
+
+
+class Motor(NamedTuple):
+    """A motor that turns the command u into the torque τ = share u − offset [N m, N]; sound: share 1, offset 0.
+
+    A motor of share 0 gives nothing whatever it is sent, and is sent 0.
+    """
+
+    share: float = 1.0
+    offset: float = 0.0
+
+
+@final
+class _Values(dict[Any, Any]):
+    """A mapping that stays as it was made."""
+
+    def __reduce__(self) -> tuple[type[Any], tuple[dict[Any, Any]]]:
+        return _Values, (dict(self),)
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise InvalidInput("overrides are a value; make other ones")
+
+    __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refuse
+
+
+_NONE = _Values()
+
+
+def _nothing() -> Mapping[Any, Any]:
+    return _NONE
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Overrides:
+    """What ``Component.before`` returns. It holds for this tick and is forgotten: nothing has to be undone.
+
+    The plan checks it before anything changes. What is not finite, crossed or of another shape is refused by the
+    component's name; the tick then answers with a bounded fallback command and a status that is not ok.
+
+    Args:
+        torque, position, velocity, acceleration: bounds (lower, upper) [N m or N, rad or m, and per s and s²], a number
+            or (nj,) each; ±inf where there is none. They only narrow: the limits of the stack hold beside them.
+        lifted: of a quantity ("torque", "position", "velocity", "acceleration") the indices of joints whose limits in
+            the stack do not hold in this tick. Bounds of components hold all the same.
+        bias: generalised force (nv,) added to h [N, N m].
+        inertia: (nv, nv), added to M.
+        normal_limits, normal_floors: upper and lower bounds on the normal force [N] of contacts, by name or frame.
+            Floors need a schedule in the stack.
+        motors: what motors make of a command, by joint index. Torques are bounded by what commands within the torque
+            limits give, and the command sent is the one that gives the torque decided.
+        tasks: settings of members by the member's name: ``{"Posture": {"weight": 0.1, "target": q}}``; of a task
+            ``target``, ``weight``, ``active``, ``kp``, ``kd`` and ``rate``.
+
+    Of several components: bounds intersect, biases and inertias add up, a joint is lifted if one lifts it, and of
+    motors and settings the later component's hold. Torques and motors need the level ``InverseDynamics()``; bias,
+    inertia and normal forces have no effect on the other levels.
+
+    Example:
+        >>> import wbc
+        >>> tired = wbc.Overrides(torque=(-20.0, 20.0), tasks={"Posture": {"kp": 10.0}})
+        >>> tired.torque[1].item(), dict(tired.tasks["Posture"])
+        (20.0, {'kp': 10.0})
+    """
+
+    torque: Any = None
+    position: Any = None
+    velocity: Any = None
+    acceleration: Any = None
+    lifted: Mapping[str, Collection[int]] = field(default_factory=_nothing)
+    bias: Any = None
+    inertia: Any = None
+    normal_limits: Mapping[str, float] = field(default_factory=_nothing)
+    normal_floors: Mapping[str, float] = field(default_factory=_nothing)
+    motors: Mapping[int, Motor] = field(default_factory=_nothing)
+    tasks: Mapping[str, Mapping[str, Any]] = field(default_factory=_nothing)
+
+    def __post_init__(self) -> None:
+        """Copies: what is written later into an array that was given does not reach the plan."""
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if one.name in _MAPPINGS:
+                if type(value) is not _Values:
+                    object.__setattr__(self, one.name, _frozen(one.name, value))
+            elif one.name in QUANTITIES:
+                if value is not None:
+                    object.__setattr__(self, one.name, _bounds(one.name, value))
+            elif isinstance(value, np.ndarray) and value.flags.writeable:
+                object.__setattr__(self, one.name, _copied(value))
+
+
+def _copied(value: Any) -> Any:
+    copied = np.array(value)
+    copied.flags.writeable = False
+    return copied
+
+
+def _frozen(name: str, value: Any) -> Mapping[Any, Any]:
+    if not isinstance(value, Mapping):
+        raise InvalidInput(f"{name} is {checks.shown(value)}; it must be a mapping")
+    return _Values({key: _kept(name, key, one) for key, one in value.items()}) if value else _NONE
+
+
+def _kept(name: str, key: Any, value: Any) -> Any:
+    if name == "lifted" and not isinstance(value, str) and hasattr(value, "__iter__"):
+        return tuple(value)
+    if name != "tasks":
+        return value
+    if not isinstance(value, Mapping):
+        raise InvalidInput(
+            f"tasks[{checks.shown(key)}] is {checks.shown(value)}; it must be a mapping, such as {{'weight': 1.0}}"
+        )
+    return _Values({k: _copied(v) if isinstance(v, np.ndarray) else v for k, v in value.items()})
+
+
+def _bounds(name: str, value: Any) -> Any:
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        raise InvalidInput(f"{name} is {checks.shown(value)}; it must be (lower, upper)")
+    if isinstance(value, tuple) and all(isinstance(v, np.ndarray) and not v.flags.writeable for v in value):
+        return value
+    return tuple(_copied(side) for side in value)

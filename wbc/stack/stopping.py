@@ -1,0 +1,287 @@
+"""Stopping: whether motors can bring joints to rest within their position limits, whatever a tick decides.
+
+A bound on each joint's acceleration says nothing about torques, which joints share through M(q) and the bias h(q, v).
+So each decision is tried out: from the state that it leads to, a braking policy is followed to rest through the
+dynamics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple, final
+
+import numpy as np
+
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.interval import JointIntervals
+from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from wbc.stack.plan import Plan
+
+#: Distances from a limit [rad, m] that are none.
+_ROUNDING = 1e-9
+#: Share of the torque range that the way to rest leaves free on either side: it is computed in few moments.
+_MARGIN = 0.05
+#: Braking policies that are tried, by how gently joints far from their limits stop: the time in which they do, in
+#: stopping times of the joint that needs longest.
+_GENTLE = (0.1, 1.0, 3.0)
+#: Moments that a way to rest has at least, and at most.
+_MOMENTS, _MOST_MOMENTS = 10, 80
+#: What a joint moves [rad, m] between two of them at most.
+_TURN = 0.1
+#: Configurations that bounds of inertia and bias are taken from, and what these are raised by.
+_SAMPLES, _RAISED = 300, 1.25
+#: Shares of the way from braking to what was wanted below which a tick just brakes.
+_LEAST_SHARE = 0.02
+
+
+class _Load(NamedTuple):
+    """What motors can do in this tick, and what they carry beside the robot: τ = (M + inertia) a + h + bias."""
+
+    lower: Vec
+    upper: Vec
+    bias: Vec
+    inertia: Mat | None
+
+    def push(self, M: Mat, a: Vec) -> Vec:
+        """Torques (nv,) of accelerations."""
+        push: Vec = M @ a
+        return push if self.inertia is None else push + self.inertia @ a
+
+
+class _Way(NamedTuple):
+    """A way to rest: from when on [s], the time between its moments [s], and the decelerations (nv,) of each."""
+
+    start: float
+    step: float
+    sizes: list[Vec]
+
+
+@final
+class Stopping:
+    """Braking policies, and what a tick has to leave them.
+
+    A policy is a_i = −β D_i sign(v_i) with one β in [0, 1] for all joints, the largest with which
+    M(q) a + h(q, v) is within the torque limits, and
+
+        D_i = min(B_i, |v_i| / dt, max(|v_i| / T, v_i² / 2 s_i)).
+
+    B_i is the deceleration that position limits count on, s_i the room to the limit ahead, T a time that is the same
+    for all joints. A state is safe where one of the policies comes to rest with no joint past its limit, and the
+    torques hold the robot there. The next tick can then do what the policy does, so positions, velocities and torques
+    can be kept together for ever. A decision that leads to a state that is not safe is taken back: accelerations are
+    bounded by a box around those of the way to rest found last, a quarter as large each time, and the tick is solved
+    again.
+
+    It holds for robots on a fixed base without contacts, whose model, torque limits and states are what they are
+    thought to be. The way to rest is computed with ``_MARGIN`` of the torques in hand. Other rows of the stack that
+    are exact are not looked at. Del Prete, IEEE RA-L 2018, has the same for one joint with a constant B.
+
+    Example:
+        >>> import numpy as np, wbc
+        >>> from tasks import JointLimits, Posture
+        >>> robot = wbc.load("arm")
+        >>> stack = wbc.Stack([Posture(robot.q0)], subject_to=[JointLimits()])
+        >>> stopping = wbc.InverseDynamics().compile(robot, stack, dt=1e-3).stopping
+        >>> [stopping.is_safe(0.0, robot.q0, np.full(robot.nv, speed)) for speed in (0.0, 50.0)]
+        [True, False]
+    """
+
+    @classmethod
+    def of(cls, plan: Plan) -> Stopping | None:
+        """The one of a plan; None where torques or positions have no limits, or the robot has a base or contacts."""
+        layout, limits = plan.layout, plan.intervals
+        if not (layout.torque_limits and limits is not None) or plan.model.nb or layout.nf:
+            return None
+        bounded = np.isfinite(limits.bounds("position")).any()
+        return cls(plan.model, limits, plan.torque_range, plan.dt) if bounded else None
+
+    def __init__(self, model: RobotModel, intervals: JointIntervals, torques: tuple[Vec, Vec], dt: float) -> None:
+        self._model, self._intervals, self._dt = model, intervals, dt
+        self._first = model.nq - model.nj
+        self._state = model.state(drifts=False)
+        fast = model.limits.v_max
+        self._fast = np.where(np.isfinite(fast) & (fast > 0.0), fast, 1.0)
+        self._per_fast, self._half_dt = 1.0 / self._fast, 0.5 * dt
+        self._load = _Load(*torques, np.zeros(model.nv), None)
+        self._sample()
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing was decided yet."""
+        self._gentle, self._share = _GENTLE[0], 1.0
+        #: The last way to rest that was found; None where decelerations that torques surely allow are enough.
+        self._way: _Way | None = None
+
+    def _sample(self) -> None:
+        """Bounds of |M|, of |h| at rest and of what moving at the velocity limits adds, over the position limits."""
+        model, rng, state = self._model, np.random.default_rng(0), self._state
+        low, high = model.limits.q_min, model.limits.q_max
+        finite = np.isfinite(low) & np.isfinite(high)
+        nv = model.nv
+        self._inertia, self._weight, self._moving = np.zeros((nv, nv)), np.zeros(nv), np.zeros(nv)
+        for k in range(_SAMPLES):
+            q = model.random_configuration(rng)
+            if k % 3 == 0:  # a corner
+                q = np.where(finite, np.where(rng.random(model.nj) < 0.5, low, high), q)
+            sides = rng.choice([-1.0, 1.0], nv)
+            state.update(0.0, q, np.zeros(nv))
+            np.maximum(self._inertia, np.abs(state.M), out=self._inertia)
+            at_rest = state.h.copy()
+            np.maximum(self._weight, np.abs(at_rest), out=self._weight)
+            state.update(0.0, q, self._fast * (sides if k % 2 else sides * rng.random(nv)))
+            np.maximum(self._moving, np.abs(state.h - at_rest), out=self._moving)
+        for bound in (self._inertia, self._weight, self._moving):
+            bound *= _RAISED
+
+    # ---- is a state safe?
+    def is_safe(self, t: float, q: Vec, v: Vec) -> bool:
+        """Whether a policy comes to rest from q (nq,), v (nv,) at time t [s], with the torques of this tick.
+
+        The way to rest is then kept, for ticks that find nothing better than to follow it.
+        """
+        if self._load.inertia is None and self._surely(q, v):
+            self._way = None
+            return True
+        for gentle in dict.fromkeys((self._gentle, *_GENTLE)):
+            way = self._way_to_rest(t, q, v, gentle)
+            if way is not None:
+                self._gentle, self._way = gentle, way
+                return True
+        return False
+
+    def _needed(self, q: Vec, v: Vec) -> tuple[Vec, Vec, Vec]:
+        """B (nj,), the room ahead (nj,) that stopping in ticks leaves, and the deceleration v² / 2 s (nj,)."""
+        B, ahead = self._intervals.ahead(q[self._first :], v)
+        speed = np.abs(v)
+        room = ahead - 0.5 * self._dt * speed
+        return B, room, speed * speed / (2.0 * np.maximum(room, _ROUNDING))
+
+    def _surely(self, q: Vec, v: Vec) -> bool:
+        """Braking just enough for the nearer limit takes less than the motors have in any configuration."""
+        speed, load = np.abs(v), self._load
+        room = self._intervals.nearest(q[self._first :])
+        room -= self._half_dt * speed
+        np.maximum(room, _ROUNDING, out=room)
+        needed = speed * speed
+        needed /= room
+        needed *= 0.5
+        if (needed > self._intervals.braking).any():
+            return False
+        speed *= self._per_fast
+        need = np.dot(self._inertia, needed)
+        need += speed.max() ** 2 * self._moving
+        need += self._weight
+        if load.bias.any():
+            need += np.abs(load.bias)
+        return bool((need <= load.upper).all() and (need <= -load.lower).all())
+
+    def _way_to_rest(self, t: float, q: Vec, v: Vec, gentle: float) -> _Way | None:
+        dt, step = self._dt, 0.0
+        sizes: list[Vec] = []
+        last = np.zeros(len(v))
+        for _ in range(_MOST_MOMENTS):
+            B, room, _ = self._needed(q, v)
+            speed = np.abs(v)
+            distance = 0.5 * speed * speed
+            if (distance > B * room + _ROUNDING).any():
+                return None
+            a, holds = self._brake(q, v, gentle, last)
+            if a is None:
+                return None
+            size = np.abs(a)
+            sizes.append(size)
+            if holds and (speed <= 2.0 * dt * size).all() and (distance <= size * room + _ROUNDING).all():
+                return _Way(t, max(step, dt), sizes)
+            brakes = size > 0.0
+            stop = np.divide(speed, size, out=np.full(len(v), np.inf), where=brakes)
+            if not step:
+                longest, fastest = float(stop.max(where=brakes, initial=0.0)), float(speed.max())
+                step = dt * max(1.0, np.floor(min(longest / _MOMENTS, _TURN / max(fastest, _ROUNDING)) / dt))
+            last = np.where(stop < step, 0.0, a)
+            stop = np.minimum(stop, step)
+            turn = (v + 0.5 * a * stop) * stop
+            if (np.abs(turn) > room + 0.5 * dt * speed + _ROUNDING).any():
+                return None
+            q, v = q + turn, v + a * stop
+        return None
+
+    def _brake(self, q: Vec, v: Vec, gentle: float, last: Vec) -> tuple[Vec | None, bool]:
+        """The policy's acceleration (nv,), and whether the torques hold the robot without any.
+
+        None where the torques do not allow it, or no longer allow ``last``, the acceleration up to here.
+        """
+        state, load = self._state, self._load
+        B, _, needed = self._needed(q, v)
+        speed = np.abs(v)
+        time = max(float((speed / np.maximum(B, _ROUNDING)).max(initial=0.0)) * gentle, self._dt)
+        D = np.minimum(np.minimum(B, speed / self._dt), np.maximum(speed / time, needed)) * np.sign(v)
+        state.update(0.0, q, v)
+        bias, push = state.h + load.bias, load.push(state.M, D)
+        above, below = bias - load.lower, bias - load.upper
+        left, free = np.minimum(above, -below), _MARGIN * (above - below)
+        # In hand on either side; where holding the robot leaves less, half of what it leaves.
+        free = np.where(np.isfinite(left), np.where(left > 0.0, np.minimum(free, 0.5 * left), free), 0.0)
+        above, below = above - free, below + free
+        pushed = -load.push(state.M, last)
+        if (pushed > above).any() or (pushed < below).any():
+            return None, False
+        # below <= β push <= above
+        still = push == 0.0
+        ends = np.array([np.where(still, np.inf, above), np.where(still, -np.inf, below)])
+        ends /= np.where(still, 1.0, push)
+        most, least = float(ends.max(axis=0).min(initial=1.0)), float(ends.min(axis=0).max(initial=0.0))
+        outside = (above < 0.0) | (below > 0.0)
+        if least > most or (still & outside).any():
+            return None, False
+        return -most * D, not outside.any()
+
+    # ---- what a tick may decide
+    def narrowings(self, plan: Plan, state: RobotState) -> Iterator[None]:
+        """As long as the decision in the plan's memory is not safe: narrow the bounds of its accelerations, and yield.
+
+        The caller then solves again. The last bounds leave the way to rest alone. While limits of a joint are lifted
+        nothing is narrowed: that joint has no way to rest, and the others count on the constant B.
+        """
+        if plan.applied.lifts:
+            return
+        self._load = _Load(*plan.torque_range, plan.extra_bias, plan.applied.inertia)
+        if self._is_safe_after(plan, state):
+            self._share = 1.0
+            return
+        lower, upper = plan.joint_bound_rows
+        low, high = lower.copy(), upper.copy()
+        brake = self._along_the_way(state)
+        if self._intervals.remembers and not self._intervals.recovering:  # limits on jerk give way
+            low, high = np.minimum(low, brake), np.maximum(high, brake)
+        brake = np.clip(brake, low, high)
+        B, _ = self._intervals.ahead(state.q_joints, state.v_joints)
+        wanted = plan.problem.value[plan.layout.motion_items]
+        reach = float((np.abs(wanted - brake) / np.maximum(B, _ROUNDING)).max()) * B
+        share = min(0.5, 2.0 * self._share)
+        while True:
+            np.maximum(low, brake - share * reach - _ROUNDING, out=lower)
+            np.minimum(high, brake + share * reach + _ROUNDING, out=upper)
+            self._share = share
+            yield
+            if share == 0.0 or self._is_safe_after(plan, state):
+                return
+            share = 0.25 * share if share > _LEAST_SHARE else 0.0
+
+    def _is_safe_after(self, plan: Plan, state: RobotState) -> bool:
+        """Whether the state that the accelerations in the plan's memory lead to is safe."""
+        dt, a = self._dt, plan.problem.value[plan.layout.motion_items]
+        v = state.v + dt * a
+        return self.is_safe(state.t + dt, state.q + self._half_dt * (state.v + v), v)
+
+    def _along_the_way(self, state: RobotState) -> Vec:
+        """The acceleration (nv,) of the way to rest that was found last."""
+        if self._way is None:
+            _, _, size = self._needed(state.q, state.v)
+        else:
+            start, step, sizes = self._way
+            at = int(np.clip((state.t - start) / step + 1e-6, 0, len(sizes) - 1))
+            size = sizes[at]
+        brake: Vec = -np.sign(state.v) * np.minimum(size, np.abs(state.v) / self._dt)
+        return brake

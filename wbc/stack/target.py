@@ -1,0 +1,103 @@
+"""Target: a reference that a task follows, and how what a user gives becomes what a task reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.types import Vec
+
+#: ``convert(name, value, strict)``: strict when assigned, shapes only in a tick; see :class:`Target`.
+Convert = Callable[[str, Any, bool], Any]
+
+
+@final
+class Target:
+    """A reference: a value, or a function of time giving a value or (value, rate, acceleration).
+
+    ``convert(name, value, strict)`` turns what a user gives into what a task reads. It is strict (shape, finite)
+    when a target is assigned; in a tick only types and shapes are looked at, because a robot needs a command: a
+    NaN that comes later is caught by the certificate. Rates and accelerations are (dim,).
+    """
+
+    __slots__ = ("_convert", "_function", "_name", "_shape", "_still", "has_rates", "rate", "second", "value")
+
+    def __init__(self, name: str, value: Any, dim: int, convert: Convert) -> None:
+        self._name, self._shape, self._convert = name, (dim,), convert
+        self._function: Callable[[float], Any] | None = None
+        self.value: Any = None
+        self._still = np.zeros(dim)
+        self.rate = self.second = self._still
+        #: Whether the value came with a rate and an acceleration; else both are zero.
+        self.has_rates = False
+        if callable(value):
+            self._function = value
+            self.value = convert(name, self._without_rates(value(0.0), strict=True), True)
+        else:
+            self.value = convert(name, value, True)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a function of time."""
+        return self._function is not None
+
+    def at(self, t: float) -> Target:
+        """Evaluate at time t [s]; then read ``value``, ``rate``, ``second``."""
+        if self._function is not None:
+            value = self._function(t)
+            if self.has_rates or isinstance(value, tuple):
+                value = self._without_rates(value, strict=False)
+            self.value = self._convert(self._name, value, False)
+        return self
+
+    def _without_rates(self, result: Any, strict: bool) -> Any:
+        """The value of what a function gave, whose rate and acceleration are read where there are some."""
+        if not isinstance(result, tuple):
+            self.rate, self.second, self.has_rates = self._still, self._still, False
+            return result
+        if len(result) != 3:
+            raise InvalidInput(f"{self._name}(t) must give a value or (value, rate, acceleration)")
+        value, rate, second = result
+        if strict or not type(rate) is type(second) is np.ndarray or not rate.shape == second.shape == self._shape:
+            rate = self._vector("rate", rate, strict)
+            second = self._vector("acceleration", second, strict)
+        self.rate, self.second, self.has_rates = rate, second, True
+        return value
+
+    def _vector(self, what: str, value: Any, strict: bool) -> Vec:
+        if strict:
+            return checks.array(f"{self._name} {what}", value, self._shape)
+        vector = floats(value)
+        if vector.shape != self._shape:
+            raise InvalidInput(f"{self._name} {what} must have shape {self._shape}, not {vector.shape}")
+        return vector
+
+
+def vector_target(dim: int) -> Callable[[str, Any, bool], Vec]:
+    """The converter of a :class:`Target` whose values are vectors (dim,)."""
+    return partial(_vector, (dim,))
+
+
+def floats(value: Any) -> Vec:
+    """``value`` as an array of floats, the same object where it is one.
+
+    Raises:
+        TypeError, ValueError: what it holds is not real numbers.
+    """
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        return value
+    return checks.floats(value)
+
+
+def _vector(shape: tuple[int], name: str, value: Any, strict: bool) -> Vec:
+    if strict:
+        return checks.array(name, value, shape)
+    vector = floats(value)
+    if vector.shape != shape:
+        raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
+    return vector
