@@ -79,7 +79,7 @@ class StandFamily(Scenario):
             raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         force = push_force(parameters["push"], PUSH[name])
         load, sides = parameters["load"], int(checks.number("parameter 'sides'", parameters["sides"], low=1))
-        mass = LOAD.get(name, 0.0) if load == "auto" else checks.number("parameter 'load' (or auto)", load, low=0.0)
+        mass = LOAD.get(name, 0.0) if load == "auto" else checks.typed("parameter 'load' (or auto)", load, low=0.0)
         stance = replace(STANCES[name], hand=None)
         robot = stance.robot(name)
         cases = _cases(stance, sides, force, HANDS.get(name, ()), mass)

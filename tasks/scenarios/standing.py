@@ -152,7 +152,7 @@ def push_force(text: str, usual: float) -> float:
     Raises:
         InvalidInput: neither.
     """
-    return usual if text == "auto" else checks.number("parameter 'push' (or auto)", text, low=0.0)
+    return usual if text == "auto" else checks.typed("parameter 'push' (or auto)", text, low=0.0)
 
 
 def pushes_within(duration: float, frame: str, force: float) -> list[Push]:

@@ -187,7 +187,11 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
         float(asked.dot(size) + np.abs(force[met]).dot(1.0 + np.abs(values[met]))),
         worst if violation[worst] > 0.0 else -1,
         distance,
-        cost.slope(np.column_stack([curvature, qp.g, kept_push, kept[m:]]), _EPS * np.abs(qp.H).dot(np.abs(x))),
+        cost.slope(
+            np.column_stack([curvature, qp.g, kept_push, kept[m:]]),
+            _EPS * terms,
+            _EPS * _largest(np.abs(qp.H).dot(size)),
+        ),
         bounds,
     )
 
@@ -245,10 +249,12 @@ class _Curved:
             worst = max(worst, float((off / (1.0 + np.abs(task.target))).max()))
         return MappingProxyType(found), worst
 
-    def slope(self, terms: Mat, rounding: Vec) -> float:
+    def slope(self, terms: Mat, rounding: Vec, least: float) -> float:
         """The largest sum of ``terms`` (n, k) on a flat variable, relative to the largest term but the first, H x.
 
-        ``rounding`` (n,) is that of H x. Where it hides the other terms, x is so large that nothing is known of it.
+        ``rounding`` (n,) is that of the products that the terms are. Where it hides the terms, x or the multipliers are
+        so large that nothing is known of the slope. ``least`` is what rounding of x by its size makes of H x: pushes
+        that are smaller are zero.
         """
         if self.rank == len(self._order):
             return 0.0
@@ -256,7 +262,7 @@ class _Curved:
         flat = self._order[self.rank :]
         hidden = rounding[flat] * self._unit[flat]
         zero = _largest(terms[:, 1:]) * self._unit[flat] + np.abs(self._below).dot(np.abs(inside[:, 1:]).sum(axis=1))
-        zero *= len(self._order) * FLAT
+        zero = len(self._order) * FLAT * zero + least * self._unit[flat]
         magnitude = np.abs(left[:, 1:]).max(axis=1)
         sum_of = np.abs(left.sum(axis=1))
         counts: NDArray[np.bool_] = magnitude > zero

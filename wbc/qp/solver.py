@@ -94,12 +94,7 @@ class Counts:
 
 
 class Session(ABC):
-    """Memory of one solver for QPs of one shape: workspace and warm start. ``counts`` is kept by those that guess.
-
-    ``exact`` says that answers end at a vertex of the active set: refining them is of use only where they fail.
-    """
-
-    exact = False
+    """Memory of one solver for QPs of one shape: workspace and warm start. ``counts`` is kept by those that guess."""
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         self.solver = solver
@@ -125,9 +120,9 @@ class Session(ABC):
     def solve(self, qp: QP) -> Solution:
         """Check the problem, solve it, check the answer; the same for every back end.
 
-        The certificate decides, not the back end's word. An answer that fails, or that comes from a method which
-        stops beside the optimum and is not a hundred times finer than asked, is refined once with the active rows
-        that its multipliers name (:mod:`wbc.qp.refine`), and the better of the two is kept. Where it still fails, a
+        The certificate decides, not the back end's word. An answer that is not a hundred times finer than asked is
+        refined once with the active rows that its multipliers name (:mod:`wbc.qp.refine`), and the better of the two
+        is kept. Where it still fails, a
         proof is looked for that there is no answer (:mod:`wbc.qp.proof`). Without one the status says how the back
         end ended, never INFEASIBLE or UNBOUNDED.
 
@@ -146,7 +141,7 @@ class Session(ABC):
         second = self._improve(qp, answer, proof)
         if second is not None:
             answer, proof = second, second.certificate(qp, tolerance)
-        if not proof.within(tolerance if self.exact else _FINE * tolerance):
+        if not proof.within(_FINE * tolerance):
             answer, proof = _refined(qp, answer, proof, tolerance)
         elapsed = perf_counter() - start
         status, reason = answer.status, ""

@@ -34,7 +34,8 @@ def rounding(qp: QP, answer: Solution) -> np.ndarray:
     boxes = np.maximum(np.abs(np.where(np.isfinite(qp.lb), qp.lb, 0)), np.abs(np.where(np.isfinite(qp.ub), qp.ub, 0)))
     rows, forces = np.abs(qp.matrix) @ x + sides, np.concatenate([y, z])
     pull = np.abs(qp.H) @ x + np.abs(qp.g) + np.abs(qp.matrix).T @ forces + z_box
-    gap = float(forces @ rows + z_box @ (x + boxes))
+    # A multiplier that is zero here can be rounding of the pulls there: other kernels add in another order.
+    gap = float((forces + unit * pull.max()) @ rows + (z_box + unit * pull.max()) @ (x + boxes))
     primal = float(np.max(np.concatenate([rows, x + boxes])))
     return unit * np.array([primal, float(pull.max()) / (1.0 + float(np.abs(qp.g).max())), gap])
 

@@ -81,8 +81,6 @@ class Daqp(Solver):
 class DaqpSession(KeptSession):
     """A kept model, which remembers its active set. Its items: the bounds on x, then the rows [A; C]."""
 
-    exact = True
-
     def __init__(self, solver: Daqp, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._daqp = solver

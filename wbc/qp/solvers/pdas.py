@@ -86,8 +86,6 @@ class Pdas(Solver):
 class PdasSession(Session):
     """The active set between solves, and what came of the guesses in ``counts``."""
 
-    exact = True
-
     def __init__(self, solver: Pdas, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._settings = solver

@@ -37,8 +37,6 @@ class Quadprog(Solver):
 class QuadprogSession(Session):
     """Nothing is kept but the list of finite sides."""
 
-    exact = True
-
     def __init__(self, solver: Quadprog, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._form: OneSided | None = None
