@@ -322,13 +322,13 @@ def test_at_rest_accelerations_are_scaled_like_velocities(angle, v, wanted, limi
     """
     q = np.array([0.0, angle])
     lever = abs(float(ROBOT.J(q)[0, 1]))
-    resting = along_x(q, np.zeros(2), wanted, limit).solve()
-    velocities = NullSpaceSaturation(ROBOT.J(q)[:1], [dt * wanted], lower=-dt * limit, upper=dt * limit).solve()
+    resting = along_x(q, np.zeros(2), wanted, limit).closed_form()
+    velocities = NullSpaceSaturation(ROBOT.J(q)[:1], [dt * wanted], lower=-dt * limit, upper=dt * limit).closed_form()
     assert resting.scale == pytest.approx(velocities.scale, abs=1e-12)
     np.testing.assert_allclose(dt * resting.x, velocities.x, rtol=0, atol=1e-12 * limit)
     for slower in (1e-2, 1e-3):
         task = along_x(q, slower * np.array([0.0, v]), wanted, limit)
-        moving, drift = task.solve(), 0.5 * np.cos(angle) * (slower * v) ** 2
+        moving, drift = task.closed_form(), 0.5 * np.cos(angle) * (slower * v) ** 2
         apart = abs(moving.scale - resting.scale) * wanted + float(np.abs(moving.x - resting.x).max())
         assert 0.5 * drift <= apart
         assert apart * lever <= drift * (1.0 + lever)

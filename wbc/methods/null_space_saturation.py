@@ -31,7 +31,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, SolverFailed
-from wbc.methods.farthest import Farthest, farthest
+from wbc.methods.farthest import MET, Farthest, farthest
 from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.scaling import OUT_OF_RANGE, ScaledTask
@@ -41,6 +41,8 @@ from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
 from wbc.types import Mat, Vec
 
+#: Rounding of J, beside its entries: times its condition, that of an x with J x given.
+LAST_BITS = 4.0 * float(np.finfo(np.float64).eps)
 #: A joint is named as saturated where it is this near to its limit, relative to that.
 AT_LIMIT = 1e-7
 #: Differences that are rounding, beside the length of the answer.
@@ -286,8 +288,18 @@ class _Level:
         self._equations, self._towards = (A, b), np.append(np.zeros(n), 1.0)
         self._found: Farthest | None = None
         if self._possible:
-            low, high = np.append(lower, task.low), np.append(upper, task.high)
+            room = self._room()
+            low, high = np.append(lower - room, task.low), np.append(upper + room, task.high)
             self._found = farthest(self._equations, low, high, self._towards)
+
+    def _room(self) -> float:
+        """By how much limits are wider here: the rounding of an x that does the task.
+
+        A limit that the whole task meets exactly would else stop it or not, as rounding falls.
+        """
+        known = float(np.linalg.norm(_known(self.lower, self.upper)))
+        size = min(self.task.full, known or self.task.full) + float(np.linalg.norm(self.task.drift))
+        return min(LAST_BITS * self.task.condition, MET) * size
 
     @property
     def push(self) -> float:

@@ -20,7 +20,7 @@ class ScaledTask:
     V (r, n) has orthonormal rows, ``direction`` unit length, and σ = ``full`` means s = 1: it is the length of the
     shortest x that does the whole task. ``drift`` is (r,) here. What J cannot reach allows one scale or none
     (low > high). Rows count alike, whatever their units: each is divided by its length, and a row that is short beside
-    the longest by more than rounding is a row of zeros.
+    the longest by more than rounding is a row of zeros. ``condition`` is that of the rows of unit length.
     """
 
     def __init__(self, J: Mat, target: Vec, drift: Vec) -> None:
@@ -29,7 +29,7 @@ class ScaledTask:
         length = np.where(length > RANK * longest, length, longest or 1.0)
         target, drift = target / length, drift / length
         found = factors(J / length[:, None])
-        self.V = found.V
+        self.V, self.condition = found.V, found.condition
         self.drift = found.solve(drift)
         reachable = np.linalg.norm(found.U.T @ target) > OUT_OF_RANGE * np.linalg.norm(target)
         way = found.solve(target) if reachable else np.zeros(len(found.values))

@@ -34,8 +34,10 @@ def rounding(qp: QP, answer: Solution) -> np.ndarray:
     boxes = np.maximum(np.abs(np.where(np.isfinite(qp.lb), qp.lb, 0)), np.abs(np.where(np.isfinite(qp.ub), qp.ub, 0)))
     rows, forces = np.abs(qp.matrix) @ x + sides, np.concatenate([y, z])
     pull = np.abs(qp.H) @ x + np.abs(qp.g) + np.abs(qp.matrix).T @ forces + z_box
-    # A multiplier that is zero here can be rounding of the pulls there: other kernels add in another order.
-    gap = float((forces + unit * pull.max()) @ rows + (z_box + unit * pull.max()) @ (x + boxes))
+    # A multiplier that is zero here can be rounding of the pulls there, and the other way round: data that lie
+    # otherwise in memory are added in another order.
+    stray = 2.0 * unit * pull.max()
+    gap = float((forces + stray) @ rows + (z_box + stray) @ (x + boxes))
     primal = float(np.max(np.concatenate([rows, x + boxes])))
     return unit * np.array([primal, float(pull.max()) / (1.0 + float(np.abs(qp.g).max())), gap])
 
