@@ -27,7 +27,7 @@ try:
 except ImportError:
     raise CompilerMissing from None
 
-__all__ = ["Memory", "carray", "floats", "forget_stale", "integers", "kernel"]
+__all__ = ["Memory", "carray", "floats", "forget_stale", "integers", "kernel", "small_kernel"]
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
 _FAST = {"reassoc", "nsz", "arcp", "contract"}
@@ -39,6 +39,21 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 def kernel(function: _F) -> _F:
     """Compile a function when it is first called; the machine code is kept on disk for the next time."""
     return cast(_F, numba.njit(cache=True, fastmath=_FAST, error_model="numpy")(function))
+
+
+def small_kernel(function: _F) -> _F:
+    """A kernel of a few lines that is written into each of its callers."""
+    return cast(
+        _F,
+        numba.njit(
+            cache=True,
+            fastmath=_FAST,
+            error_model="numpy",
+            forceinline=True,
+            no_cpython_wrapper=True,
+            no_cfunc_wrapper=True,
+        )(function),
+    )
 
 
 def forget_stale(package: Path) -> None:

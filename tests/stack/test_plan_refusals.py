@@ -19,8 +19,6 @@ from tests.stack.conftest import moving, standing
 from tests.stack.test_plan import SharedLoad, controller
 from wbc.errors import InvalidInput, NotSupported, UnknownFrame, UnknownName
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.qp.rows.dual import DualSolver
-from wbc.qp.solvers import Pdas
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
 
@@ -155,13 +153,6 @@ def test_gains_assigned_between_ticks_act_like_a_fresh_stack(arm: PinocchioModel
     after = control.tick(0.0, q, v).tau
     assert np.abs(after - before).max() > 1e-3
     np.testing.assert_allclose(after, controller(arm, stack).tick(0.0, q, v).tau, atol=1e-9)
-
-
-def test_settings_of_the_default_solver_reach_it(arm: PinocchioModel) -> None:
-    stack = wbc.Stack([Position("tool", target=[0.4, 0.1, 0.4]), Posture(arm.q0)], subject_to=[TorqueLimits()])
-    control = controller(arm, stack, solver=Pdas(tries=1, accuracy=1e-6))
-    assert isinstance(control._solver, DualSolver)
-    assert (control._solver.tries, control._solver.tolerance) == (1, 1e-6)
 
 
 def test_what_a_level_cannot_carry_is_refused_by_name(arm: PinocchioModel) -> None:

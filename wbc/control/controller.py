@@ -9,7 +9,6 @@ a bounded command all the same, from the next rung of the ladder (:mod:`wbc.cont
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, final
@@ -29,7 +28,6 @@ from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
-from wbc.qp.solvers.pdas import Pdas
 from wbc.stack.component import Component
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy, Weighted
@@ -117,8 +115,6 @@ class Controller:
                 f"solver {self.solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
             )
         self.fast = bool(fast)
-        if self.fast and isinstance(self.solver, Pdas):
-            self.solver = replace(self.solver, compiled=True)
         self.plans = Plans(robot, stack, level, dt=self.dt, open_solver=self._open)
         self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import wbc
 from tests.qp.rows.test_row_solvers import row_problem
 from wbc.qp.relax import relaxed
-from wbc.qp.rows.dual import DualSolver
+from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.proof import RowProof
 from wbc.types import Status, Vec
@@ -71,25 +71,25 @@ def test_no_task_is_farther_from_its_optimum_than_its_bound(seed: int, decades: 
 
 def test_an_optimum_is_certified_and_a_worse_point_is_not() -> None:
     p = free_problem(3, 3.0)
-    dual = DualSolver(p)
-    assert dual.solve() is Status.SOLVED and dual.certificate.distance < 1e-8
+    core = CoreSolver(p)
+    assert core.solve() is Status.SOLVED and core.certificate.distance < 1e-8
     worst = int(p.weights.argmin())
     move_to(p, p.x[p.n_u :] + 1e-2)
-    assert not dual.proof.certify(dual.proof.push).ok, worst
+    assert not core.proof.certify(core.proof.push).ok, worst
 
 
 @pytest.mark.parametrize("room", [1e-7, 1e-3])
 def test_the_gap_is_the_push_times_the_room_and_a_push_on_a_distant_bound_counts_for_nothing(room: float) -> None:
     p = row_problem(1, tight=0.05)
-    dual = DualSolver(p)
-    assert dual.solve() is Status.SOLVED
-    pushing = int(np.abs(dual.proof.push[p.range]).argmax())
-    force = dual.proof.push[p.range][pushing]
+    core = CoreSolver(p)
+    assert core.solve() is Status.SOLVED
+    pushing = int(np.abs(core.proof.push[p.range]).argmax())
+    force = core.proof.push[p.range][pushing]
     lower, upper = p.range_bounds()
     bound = upper if force > 0 else lower
     bound[pushing] += np.sign(force) * room
-    before = dual.certificate.gap
-    found = dual.proof.certify(dual.proof.push.copy())
+    before = core.certificate.gap
+    found = core.proof.certify(core.proof.push.copy())
     if room > 1e-6:
         assert found.distance > 1e-3 and not found.ok
     else:
@@ -99,11 +99,11 @@ def test_the_gap_is_the_push_times_the_room_and_a_push_on_a_distant_bound_counts
 @given(seed=st.integers(0, 10**6), tight=st.sampled_from([1.0, 0.05]))
 def test_violations_count_in_their_own_unit(seed: int, tight: float) -> None:
     p = row_problem(seed, tight=tight)
-    dual = DualSolver(p)
-    assert dual.solve() is Status.SOLVED and dual.certificate.primal <= 1e-7
+    core = CoreSolver(p)
+    assert core.solve() is Status.SOLVED and core.certificate.primal <= 1e-7
     unknown = p.n_u + int(np.random.default_rng(seed).integers(p.n_y))
     p.ub[unknown] = p.x[unknown] - 1e-3 / p.scale[unknown]
-    assert dual.proof.certify(dual.proof.push.copy()).primal == pytest.approx(1e-3, rel=1e-6)
+    assert core.proof.certify(core.proof.push.copy()).primal == pytest.approx(1e-3, rel=1e-6)
 
 
 def test_a_relaxed_problem_keeps_its_linear_cost() -> None:

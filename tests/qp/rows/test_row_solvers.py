@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, solution_of
-from wbc.qp.rows.box import BoxSolver
-from wbc.qp.rows.dual import DualSolver, fits_dual
+from wbc.qp.rows.core import CoreSolver, fits_rows
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solvers import by_name
 from wbc.types import Status
@@ -53,17 +52,17 @@ def row_problem(seed: int, *, n_u: int = 3, n_y: int = 12, n_range: int = 8, n_s
     seed=st.integers(0, 10**6), tight=st.sampled_from([10.0, 1.0, 0.1, 0.01]), n_u=st.sampled_from([0, 3]),
     n_soft=st.sampled_from([4, 30]),
 )  # fmt: skip
-def test_the_dual_form_gives_the_certified_answer_of_the_standard_form(
+def test_the_core_gives_the_certified_answer_of_the_standard_form(
     seed: int, tight: float, n_u: int, n_soft: int
 ) -> None:
     p = row_problem(seed, tight=tight, n_u=n_u, n_soft=n_soft)
-    dual = DualSolver(p)
-    assert dual.solve() is Status.SOLVED
+    core = CoreSolver(p)
+    assert core.solve() is Status.SOLVED
     qp = p.empty_qp()
     p.write_qp(qp)
-    mine = solution_of(dual, qp, Status.SOLVED)
+    mine = solution_of(core, qp, Status.SOLVED)
     assert mine.certificate.within(1e-7), mine.certificate
-    assert dual.certificate.primal <= 1e-8
+    assert core.certificate.primal <= 1e-8
     other = by_name("daqp").solve(qp)
     np.testing.assert_allclose(mine.x, other.x, atol=1e-6 * (1 + np.abs(other.x).max()))
 
@@ -71,12 +70,12 @@ def test_the_dual_form_gives_the_certified_answer_of_the_standard_form(
 @given(seed=st.integers(0, 10**6))
 def test_a_warm_start_changes_the_work_and_not_the_answer(seed: int) -> None:
     p = row_problem(seed, tight=0.1)
-    warm = DualSolver(p)
+    warm = CoreSolver(p)
     warm.solve()
     p.centre += 0.01
     assert warm.solve() is Status.SOLVED
     x = p.x.copy()
-    assert DualSolver(p).solve() is Status.SOLVED
+    assert CoreSolver(p).solve() is Status.SOLVED
     np.testing.assert_allclose(x, p.x, atol=1e-8)
 
 
@@ -86,7 +85,7 @@ def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits
     p = row_problem(5, tight=0.05, n_u=n_u)
     if uniform:  # and no unknown at a bound: then nothing is scaled
         p.metric[:], p.lb[:], p.ub[:] = 1.0, -np.inf, np.inf
-    solver = DualSolver(p)
+    solver = CoreSolver(p)
     solver.solve()
     assert solver.active_count > 0
     solver.solve()
@@ -99,35 +98,35 @@ def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits
 
 
 @given(seed=st.integers(0, 10**6), n_soft=st.sampled_from([0, 1, 4]), even=st.booleans())
-def test_bounds_alone_are_answered_by_the_box_solver(seed: int, n_soft: int, even: bool) -> None:
+def test_bounds_alone_are_answered_by_the_core(seed: int, n_soft: int, even: bool) -> None:
     p = row_problem(seed, n_u=0, n_range=0, n_law=0, n_soft=n_soft, tight=0.3)
     if even:
         p.weights[:], p.metric[:] = 3.0, 1.0
-    box = BoxSolver(p)
+    core = CoreSolver(p)
     for _ in range(2):
-        assert box.solve() is Status.SOLVED
+        assert core.solve() is Status.SOLVED
         qp = p.empty_qp()
         p.write_qp(qp)
-        assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
-    assert box.counts.first > 0
+        assert solution_of(core, qp, Status.SOLVED).certificate.within(1e-8)
+    assert core.counts.first > 0
 
 
 @given(seed=st.integers(0, 10**6))
 def test_bounds_that_come_and_go_are_found_and_forgotten(seed: int) -> None:
     p = row_problem(seed, n_u=0, n_range=0, n_law=0, tight=0.3)
     lower, upper = p.lb.copy(), p.ub.copy()
-    box = BoxSolver(p)
+    core = CoreSolver(p)
     for width in (100.0, 1.0, 100.0):
         p.lb[:], p.ub[:] = lower - width + 1.0, upper + width - 1.0
-        assert box.solve() is Status.SOLVED
+        assert core.solve() is Status.SOLVED
         qp = p.empty_qp()
         p.write_qp(qp)
-        assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
+        assert solution_of(core, qp, Status.SOLVED).certificate.within(1e-8)
 
 
 def test_a_box_problem_without_any_soft_row_is_its_centre_within_the_bounds() -> None:
     p = row_problem(1, n_u=0, n_range=0, n_law=0, n_soft=0, tight=0.3)
-    assert BoxSolver(p).solve() is Status.SOLVED
+    assert CoreSolver(p).solve() is Status.SOLVED
     np.testing.assert_allclose(p.x, np.clip(p.centre, p.lb, p.ub), atol=1e-9)
 
 
@@ -138,60 +137,44 @@ def bounds_only(seed: int) -> RowProblem:
 def test_unknowns_whose_bounds_are_one_may_be_pulled_either_way_and_are_guessed() -> None:
     p = bounds_only(2)
     p.lb[:4] = p.ub[:4] = p.centre[:4] + 5.0 * np.array([1.0, -1.0, 1.0, -1.0])
-    box = BoxSolver(p)
-    box.solve()
-    box.guess(np.arange(12), np.ones(12))
+    core = CoreSolver(p)
+    core.solve()
+    core.guess(np.arange(12), np.ones(12))
     p.lb[4:] = p.ub[4:] = p.centre[4:] + 3.0
-    assert box.solve() is Status.SOLVED
-    assert box.counts.first == 1
+    assert core.solve() is Status.SOLVED
+    assert core.counts.first == 1
     np.testing.assert_array_equal(p.x, p.lb)
     qp = p.empty_qp()
     p.write_qp(qp)
-    assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
-
-
-def test_bounds_that_change_in_every_tick_are_not_guessed_until_they_stand_still() -> None:
-    p = bounds_only(2)
-    box = BoxSolver(p)
-    guesses, guessed = [], box._guessed
-    box._guessed = lambda: (guesses.append(tick), guessed())[1]  # type: ignore[method-assign]
-    for tick in range(9):
-        if tick < 6:
-            p.centre *= -3.0 if tick % 2 else -1.0 / 3.0
-        assert box.solve() is Status.SOLVED
-        qp = p.empty_qp()
-        p.write_qp(qp)
-        assert solution_of(box, qp, Status.SOLVED).certificate.within(1e-8)
-    assert guesses == [0, 1, 7, 8]
-    assert (box.counts.first, box.counts.fallback) == (2, 7)
+    assert solution_of(core, qp, Status.SOLVED).certificate.within(1e-8)
 
 
 @pytest.mark.parametrize("what", ["rows", "centre", "lb", "ub"])
 def test_nan_in_a_box_problem_is_a_failure_and_never_an_answer(what: str) -> None:
     for weight in (1e-2, 1e2):
         p = bounds_only(6)
-        box = BoxSolver(p)
-        assert box.solve() is Status.SOLVED
+        core = CoreSolver(p)
+        assert core.solve() is Status.SOLVED
         {"rows": p.G[0], "centre": p.centre, "lb": p.lb, "ub": p.ub}[what][2] = np.nan
         p.weights[:], p.version = weight, p.version + 1
-        assert not box.solve().ok
+        assert not core.solve().ok
 
 
 @pytest.mark.parametrize("n_u", [0, 3])
 @pytest.mark.parametrize("tight", [10.0, 0.3, 0.05])
 def test_without_any_task_or_law_only_bounds_and_ranges_move_the_answer_from_the_centre(n_u: int, tight: float) -> None:
     p = row_problem(2, n_u=n_u, n_soft=0, n_law=0, tight=tight)
-    dual = DualSolver(p)
-    assert dual.solve() is Status.SOLVED
+    core = CoreSolver(p)
+    assert core.solve() is Status.SOLVED
     qp = p.empty_qp()
     p.write_qp(qp)
-    assert solution_of(dual, qp, Status.SOLVED).certificate.within(1e-7)
+    assert solution_of(core, qp, Status.SOLVED).certificate.within(1e-7)
 
 
 def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved() -> None:
     p = row_problem(3)
     good = p.G.copy()
-    solver = DualSolver(p)
+    solver = CoreSolver(p)
     p.G[p.law.start] = p.G[p.law.start + 1]
     p.G[p.law.start, -1] += 1.0
     assert solver.solve() is Status.INFEASIBLE
@@ -202,14 +185,14 @@ def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved()
 def test_a_law_given_twice_is_met_all_the_same() -> None:
     p = row_problem(4)
     p.G[p.law.start] = p.G[p.law.start + 1]
-    assert DualSolver(p).solve() is Status.SOLVED
+    assert CoreSolver(p).solve() is Status.SOLVED
 
 
 def test_nan_in_a_row_is_a_failure_and_never_an_answer() -> None:
     for row in ("soft", "law", "range"):
         p = row_problem(6)
         p.G[getattr(p, row).start, 4] = np.nan
-        assert not DualSolver(p).solve().ok
+        assert not CoreSolver(p).solve().ok
         assert not StandardSolver(p, by_name("daqp")).solve().ok
 
 
@@ -217,30 +200,30 @@ def test_a_soft_row_of_weight_zero_counts_for_nothing() -> None:
     p = row_problem(7, tight=10.0)
     p.weights[0] = 0.0
     p.version += 1
-    DualSolver(p).solve()
+    CoreSolver(p).solve()
     with_row = p.x.copy()
     p.G[p.soft.start] = 0.0
-    DualSolver(p).solve()
+    CoreSolver(p).solve()
     np.testing.assert_allclose(with_row, p.x, atol=1e-7)
 
 
-def test_the_dual_form_is_refused_where_the_cost_is_only_regularisation() -> None:
+def test_the_form_in_the_unknowns_is_taken_where_the_cost_is_only_regularisation() -> None:
     p = row_problem(8)
-    assert fits_dual(p)
+    assert CoreSolver(p).form == "rows"
     p.scale[:] = 1.0
     p.metric[0] = 1e-9
-    assert not fits_dual(p)
+    assert not fits_rows(p)
 
 
-@pytest.mark.parametrize(("n_y", "n_soft", "fits"), [(12, 4, True), (12, 60, True), (12, 200, False), (120, 110, True)])
-def test_the_dual_form_is_chosen_for_few_rows_or_few_products(n_y: int, n_soft: int, fits: bool) -> None:
-    assert fits_dual(row_problem(0, n_y=n_y, n_soft=n_soft)) is fits
+@pytest.mark.parametrize(("n_y", "n_soft", "fits"), [(12, 4, True), (12, 40, True), (12, 200, False), (120, 110, True)])
+def test_the_row_form_is_chosen_for_few_rows_or_few_products(n_y: int, n_soft: int, fits: bool) -> None:
+    assert fits_rows(row_problem(0, n_y=n_y, n_soft=n_soft)) is fits
 
 
 @pytest.mark.parametrize("name", ["daqp", "proxqp", "clarabel", "osqp", "pdas"])
 def test_any_solver_answers_the_standard_form(name: str) -> None:
     p = row_problem(9, tight=0.2)
-    assert DualSolver(p).solve() is Status.SOLVED
+    assert CoreSolver(p).solve() is Status.SOLVED
     x = p.x.copy()
     assert StandardSolver(p, by_name(name)).solve() is Status.SOLVED
     np.testing.assert_allclose(p.x, x, atol=1e-4)

@@ -16,28 +16,14 @@ __all__ = ["Counts", "Outcome", "RowProblem", "RowSolver", "Wish", "open_rows", 
 def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:
     """The way this problem is solved, decided once.
 
-    The default solver works on the rows: in the dual form where that fits, by DAQP's box solver where there are only
-    bounds. Any other solver, and any other problem, gets the standard form.
+    The default solver works on the rows (:mod:`wbc.qp.rows.core`). Any other solver gets the standard form.
     """
-    from wbc.qp.rows.dual import DualSolver, fits_dual
+    from wbc.qp.rows.core import CoreSolver
     from wbc.qp.rows.standard import StandardSolver
     from wbc.qp.solvers.pdas import Pdas
 
     if isinstance(solver, Pdas):
-        from wbc.qp.rows.box import BoxSolver
-
-        if not (problem.n_u or problem.n_range or problem.n_law):
-            if solver.compiled:
-                from wbc.qp.rows.compiled.box import CompiledBoxSolver
-
-                return CompiledBoxSolver(problem, tolerance=solver.accuracy)
-            return BoxSolver(problem, tolerance=solver.accuracy)
-        if fits_dual(problem):
-            if solver.compiled:
-                from wbc.qp.rows.compiled.dual import CompiledDualSolver
-
-                return CompiledDualSolver(problem, tolerance=solver.accuracy, tries=solver.tries)
-            return DualSolver(problem, tolerance=solver.accuracy, tries=solver.tries)
+        return CoreSolver(problem)
     return StandardSolver(problem, solver)
 
 

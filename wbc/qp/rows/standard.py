@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, final
+from typing import final
 
 import numpy as np
 
@@ -14,35 +14,29 @@ from wbc.qp.rows.solver import RowSolver
 from wbc.qp.solver import Solution, Solver
 from wbc.types import Index, Status, Vec
 
-if TYPE_CHECKING:
-    from wbc.qp.rows.dual import DualSolver
-
 
 @final
 class StandardSolver(RowSolver):
     """Writes the rows out as a :class:`~wbc.qp.problem.QP` and hands it to a session of ``solver``.
 
-    Its answer is certified from the rows. One that is not is settled by ``settler``: the linear system of the rows that
-    it says are active is solved and verified there, because products lose digits that the rows have.
+    Its answer is certified from the rows.
     """
 
     form = "standard"
 
-    def __init__(self, problem: RowProblem, solver: Solver, *, settler: DualSolver | None = None) -> None:
+    def __init__(self, problem: RowProblem, solver: Solver) -> None:
         super().__init__(problem)
         self.solver = solver
         self.qp = problem.empty_qp()
         self.session = solver.open(self.qp.shape)
         self.solution: Solution | None = None
-        self.proof, self._push, self._settler = RowProof(problem), np.zeros(problem.n_rows), settler
-        #: Whether the last answer is the settler's.
-        self.is_settled = False
+        self.proof, self._push = RowProof(problem), np.zeros(problem.n_rows)
         self.counts = self.session.counts  # a session that guesses counts; for others they stay zero
 
     def solve(self) -> Status:
         p = self.problem
         p.write_qp(self.qp)
-        self.solution, self.is_settled = None, False
+        self.solution = None
         try:
             solution = self.session.solve(self.qp)
         except InvalidProblem:  # NaN or crossed bounds reached the rows: the controller falls back
@@ -55,11 +49,6 @@ class StandardSolver(RowSolver):
         self._take(solution)
         if self.certificate.ok:
             return Status.SOLVED
-        best = p.value.copy()
-        if self._settler is not None and self._settler.settle(*self.active()):
-            self.certificate, self.is_settled = self._settler.certificate, True
-            return Status.SOLVED
-        p.value[:] = best
         return Status.INACCURATE if solution.status.ok else solution.status
 
     def _take(self, solution: Solution) -> None:
@@ -81,8 +70,6 @@ class StandardSolver(RowSolver):
         self.session.reset()
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        if self.is_settled and self._settler is not None:
-            return self._settler.multipliers()
         if self.solution is None:
             n, n_eq, n_in = self.qp.shape
             return np.full(n_eq, np.nan), np.full(n_in, np.nan), np.full(n, np.nan)
@@ -102,6 +89,4 @@ class StandardSolver(RowSolver):
 
     @property
     def active_count(self) -> int:
-        if self.is_settled and self._settler is not None:
-            return self._settler.active_count
         return len(self.active()[0]) if self.certificate.primal < TOLERANCE else 0

@@ -46,7 +46,6 @@ class Pdas(Solver):
         accuracy: the certificate a guess must reach; ten or a hundred times finer than what is asked of an answer.
         refinements: steps of iterative refinement a guess may take.
         fallback: DAQP's settings.
-        compiled: work on the rows of a plan in compiled code (extra ``fast``); see ``Controller(fast=True)``.
 
     Raises:
         InvalidInput: a setting out of its range.
@@ -67,7 +66,6 @@ class Pdas(Solver):
     accuracy: float = 1e-8
     refinements: int = 3
     fallback: Daqp = field(default_factory=Daqp)
-    compiled: bool = False
 
     def __post_init__(self) -> None:
         checks.number("tries", self.tries, low=1)

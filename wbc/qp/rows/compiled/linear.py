@@ -2,77 +2,109 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import hypot, sqrt
 
-from wbc.compiled import kernel
+from wbc.compiled import kernel, small_kernel
 from wbc.types import Mat, Vec
 
 
-@kernel
-def factor(A: Mat, m: int, tolerance: float, kept: int) -> int:
-    """Lower Cholesky factor of A[:m, :m] in place, with the *inverse* of its diagonal.
+@small_kernel
+def dot(a: Vec, b: Vec, n: int) -> float:
+    """Σ a b over the first n entries."""
+    total = 0.0
+    for c in range(n):
+        total += a[c] * b[c]
+    return total
 
-    A pivot below ``tolerance`` of its diagonal entry means dependence: among the first ``kept`` rows the result is
-    that row's number + 1; behind them the row is left out (its inverse pivot is 0). 0: done.
+
+@small_kernel
+def add(share: float, a: Vec, n: int, out: Vec) -> None:
+    """out += share · a, the first n entries."""
+    for c in range(n):
+        out[c] += share * a[c]
+
+
+@small_kernel
+def products(F: Mat, i: int, first: int, n: int, out: Vec) -> None:
+    """out[j] = F[i] · F[j] for first ≤ j ≤ i, four at a time."""
+    row, j = F[i], first
+    while j + 3 <= i:
+        p, q, r, s = F[j], F[j + 1], F[j + 2], F[j + 3]
+        a = b = c = d = 0.0
+        for k in range(n):
+            v = row[k]
+            a += v * p[k]
+            b += v * q[k]
+            c += v * r[k]
+            d += v * s[k]
+        out[j], out[j + 1], out[j + 2], out[j + 3] = a, b, c, d
+        j += 4
+    while j <= i:
+        out[j] = dot(row, F[j], n)
+        j += 1
+
+
+@kernel
+def factor(A: Mat, first: int, last: int, tolerance: float) -> int:
+    """Lower Cholesky factor of A[first:last, first:last] in place, with the *inverse* of its diagonal.
+
+    A row whose pivot is at most ``tolerance`` of its diagonal entry depends on those above it and is left out: its
+    inverse pivot is 0. Returns how many are.
     """
-    for i in range(m):
+    left_out = 0
+    for i in range(first, last):
         row = A[i]
         size = row[i]
-        for j in range(i):
+        pivot = size
+        for j in range(first, i):
             other = A[j]
             value = row[j]
-            for c in range(j):
+            for c in range(first, j):
                 value -= row[c] * other[c]
-            row[j] = value * other[j]
-        pivot = size
-        for c in range(i):
-            pivot -= row[c] * row[c]
+            value *= other[j]
+            row[j] = value
+            pivot -= value * value
         if pivot > tolerance * size:
             row[i] = 1.0 / sqrt(pivot)
-        elif i < kept:
-            return i + 1
         else:
             row[i] = 0.0
-    return 0
+            left_out += 1
+    return left_out
 
 
 @kernel
-def solve(L: Mat, m: int, b: Vec) -> None:
-    """b becomes the solution of L Lᵀ x = b; what was left out is 0."""
-    for i in range(m):
+def forward(L: Mat, first: int, last: int, b: Vec) -> None:
+    """b := L⁻¹ b; what was left out is 0."""
+    for i in range(first, last):
         row = L[i]
         value = b[i]
-        for c in range(i):
+        for c in range(first, i):
             value -= row[c] * b[c]
         b[i] = value * row[i]
-    for back in range(m):
-        i = m - 1 - back
+
+
+@kernel
+def backward(L: Mat, first: int, last: int, b: Vec) -> None:
+    """b := L⁻ᵀ b; what was left out is 0."""
+    for i in range(last - 1, first - 1, -1):
         row = L[i]
         value = b[i] * row[i]
         b[i] = value
-        for c in range(i):
+        for c in range(first, i):
             b[c] -= value * row[c]
 
 
 @kernel
-def solve_rows(L: Mat, m: int, B: Mat, columns: int) -> None:
-    """The rows of B (m, columns) become the solution of L Lᵀ X = B."""
-    for i in range(m):
-        row = B[i]
-        for j in range(i):
-            share, other = L[i, j], B[j]
-            for c in range(columns):
-                row[c] -= share * other[c]
-        scale = L[i, i]
-        for c in range(columns):
-            row[c] *= scale
-    for back in range(m):
-        i = m - 1 - back
-        row = B[i]
-        for j in range(i + 1, m):
-            share, other = L[j, i], B[j]
-            for c in range(columns):
-                row[c] -= share * other[c]
-        scale = L[i, i]
-        for c in range(columns):
-            row[c] *= scale
+def remove(L: Mat, first: int, last: int, j: int) -> None:
+    """The factor without row j: rows below move up, and rotations of columns make it triangular again."""
+    for i in range(j, last - 1):
+        for c in range(first, i + 2):
+            L[i, c] = L[i + 1, c]
+    for i in range(j, last - 1):
+        a, b = L[i, i], 1.0 / L[i, i + 1]
+        size = hypot(a, b)
+        cos, sin = a / size, b / size
+        L[i, i] = 1.0 / size
+        for k in range(i + 1, last - 1):
+            p, q = L[k, i], L[k, i + 1]
+            L[k, i], L[k, i + 1] = cos * p + sin * q, cos * q - sin * p

@@ -1,0 +1,227 @@
+"""The equality problem of a working set W: rows that are held at their bounds, and a Newton step to its optimum.
+
+u = −X [y; 1] turns every row of the problem into E [y; 1]. With the working set held at its bounds b, the optimum has
+
+    [ M  −Eᵀ ] [ dy ]   [ −r ]        r = D (y − c) − Eᵀ λ − ε Xᵀ u     what is left of the gradient
+    [ E   C  ] [ dλ ] = [ −ρ ]        ρ = E y + e − b + C λ             what is left of the rows
+
+from whatever (y, λ) it stands at: the first solution, its refinement and a step after a change of W are the same
+function, :func:`step`. ε is the regularisation of u. Two factorisations:
+
+    rows       M = D,              E = [S; W], C = 1/w on the soft rows     while there are fewer rows than unknowns
+    variables  M = D + Sᵀ w S,     E = W,      C = 0
+
+In both, F = E M^−½ and K = F Fᵀ + C, of which the Cholesky factor is kept. Bounds of unknowns that are guessed to be
+held are *pins*: their entry of M^−½ is 0. The finite method holds them as rows.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from wbc.compiled import kernel, small_kernel
+from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
+from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views
+from wbc.types import Vec
+
+#: A row of a guess depends on others where less than this share of its squared length is left beside them.
+_PIVOT = 1e-12
+#: A D + SᵀwS with a smaller share of its diagonal left is singular.
+_SINGULAR = 1e-15
+#: The weight of a soft row that counts for nothing.
+_WEIGHTLESS = 1e-30
+
+
+@kernel
+def reduce_base(at: int) -> bool:
+    """X = B_u⁻¹ [B_y | b]; False where B_u is not positive definite."""
+    s = views(at)
+    nu, ny = s.sizes[0], s.sizes[1]
+    for i in range(nu):
+        for j in range(nu):
+            s.B[i, j] = s.G[i, j]
+    if factor(s.B, 0, nu, 0.0):
+        return False
+    for i in range(nu):
+        for c in range(ny + 1):
+            s.X[i, c] = s.G[i, nu + c]
+        for j in range(i):
+            add(-s.B[i, j], s.X[j], ny + 1, s.X[i])
+        for c in range(ny + 1):
+            s.X[i, c] *= s.B[i, i]
+    for i in range(nu - 1, -1, -1):
+        for j in range(i + 1, nu):
+            add(-s.B[j, i], s.X[j], ny + 1, s.X[i])
+        for c in range(ny + 1):
+            s.X[i, c] *= s.B[i, i]
+    return True
+
+
+@small_kernel
+def reduced(s: Work, row: Vec, out: Vec) -> None:
+    """A row of G in y alone."""
+    nu, ny = s.sizes[0], s.sizes[1]
+    for c in range(ny + 1):
+        out[c] = row[nu + c]
+    for j in range(nu):
+        if row[j] != 0.0:
+            add(-row[j], s.X[j], ny + 1, out)
+
+
+@small_kernel
+def write_row(s: Work, k: int, item: int) -> None:
+    """An item as row k of E, with its bound on the right side."""
+    nu, ny = s.sizes[0], s.sizes[1]
+    if item < ny:
+        for c in range(ny + 1):
+            s.E[k, c] = 0.0
+        s.E[k, item] = 1.0
+    else:
+        reduced(s, s.G[place_of(s, item) - nu - ny - 1], s.E[k])
+    s.E[k, ny] -= bound_of(s, item)
+    s.item[k] = item
+
+
+# ---- M^−½
+@kernel
+def factor_metric(at: int) -> bool:
+    """M^−½ with the pins of ``free``; False where M is singular."""
+    s = views(at)
+    nu, ny, ns = s.sizes[0], s.sizes[1], s.sizes[3]
+    for c in range(ny):
+        s.root[c] = s.free[c] / sqrt(s.metric[c])
+    if s.sizes[5] != VARIABLES:
+        return True
+    for i in range(ny):
+        for c in range(i + 1):
+            s.H[i, c] = 0.0
+    for k in range(ns + nu):
+        weight = s.weights[k] if k < ns else s.numbers[1]
+        if weight > 0.0:
+            for c in range(ny):
+                s.t[c] = (s.E[k, c] if k < ns else s.X[k - ns, c]) * s.free[c]
+            for i in range(ny):
+                if s.t[i] != 0.0:
+                    add(weight * s.t[i], s.t, i + 1, s.H[i])
+    for i in range(ny):
+        s.H[i, i] = s.H[i, i] + s.metric[i] if s.free[i] != 0.0 else 1.0
+    return bool(factor(s.H, 0, ny, _SINGULAR) == 0)
+
+
+@small_kernel
+def half(s: Work, row: Vec, out: Vec) -> None:
+    """out = M^−½ row, nothing at pins."""
+    ny = s.sizes[1]
+    if s.sizes[5] == VARIABLES:
+        for c in range(ny):
+            out[c] = row[c] * s.free[c]
+        forward(s.H, 0, ny, out)
+    else:
+        for c in range(ny):
+            out[c] = row[c] * s.root[c]
+
+
+@small_kernel
+def back(s: Work, out: Vec) -> None:
+    """out := M^−½ᵀ out."""
+    ny = s.sizes[1]
+    if s.sizes[5] == VARIABLES:
+        backward(s.H, 0, ny, out)
+    else:
+        for c in range(ny):
+            out[c] *= s.root[c]
+
+
+@small_kernel
+def first_row(s: Work) -> int:
+    """The first row of E that K has: soft rows are in M where that is D + Sᵀ w S."""
+    return s.sizes[3] if s.sizes[5] == VARIABLES else 0
+
+
+@small_kernel
+def compliance(s: Work, k: int) -> float:
+    """C of row k of E."""
+    return 1.0 / max(s.weights[k], _WEIGHTLESS) if k < s.sizes[3] else 0.0
+
+
+# ---- the working set and its optimum
+@kernel
+def place(at: int) -> None:
+    """Where the first step starts: the centre, pins at their bounds, nothing pushes."""
+    s = views(at)
+    nu, ny = s.sizes[0], s.sizes[1]
+    for c in range(ny):
+        s.value[nu + c] = s.centre[c] if s.free[c] != 0.0 else bound_of(s, c)
+    for k in range(len(s.lam)):
+        s.lam[k] = 0.0
+
+
+@kernel
+def hold_guess(at: int) -> bool:
+    """Factors of the working set in ``side``: bounds are pins, rows that depend on others are left out."""
+    s = views(at)
+    ny, ns, first = s.sizes[1], s.sizes[3], first_row(s)
+    m = ns
+    for c in range(ny):
+        s.free[c] = 1.0 if s.side[c] == 0.0 else 0.0
+    for item in range(ny, len(s.side)):
+        if s.side[item] != 0.0:
+            if m == len(s.lam):
+                return False
+            write_row(s, m, item)
+            m += 1
+    s.sizes[6] = m
+    if not factor_metric(at):
+        return False
+    for i in range(first, m):
+        half(s, s.E[i], s.F[i])
+        products(s.F, i, first, ny, s.K[i])
+        if i < ns:
+            s.K[i, i] += compliance(s, i)
+        s.length[i] = s.K[i, i]
+    factor(s.K, first, m, _PIVOT)
+    return True
+
+
+@kernel
+def step(at: int, is_first: bool) -> None:
+    """One Newton step on (y, λ) from where they are. ``is_first``: nothing pushes yet and y is the centre."""
+    s = views(at)
+    nu, ny, ns, m, first = s.sizes[0], s.sizes[1], s.sizes[3], s.sizes[6], first_row(s)
+    y, regular = s.value[nu:], s.numbers[1]
+    for i in range(ns, m) if first else range(m):
+        s.rho[i] = -(dot(s.E[i], y, ny) + s.E[i, ny] + compliance(s, i) * s.lam[i])
+    if first > 0 or s.sizes[5] == VARIABLES or not is_first:
+        for c in range(ny):
+            s.r[c] = -s.metric[c] * (y[c] - s.centre[c])
+        for j in range(nu):
+            add(-regular * (dot(s.X[j], y, ny) + s.X[j, ny]), s.X[j], ny, s.r)
+        for i in range(m):
+            share = -s.weights[i] * (dot(s.E[i], y, ny) + s.E[i, ny]) if i < first else s.lam[i]
+            if share != 0.0:
+                add(share, s.E[i], ny, s.r)
+        half(s, s.r, s.t)
+        for i in range(first, m):
+            s.rho[i] -= dot(s.F[i], s.t, ny)
+    else:
+        for c in range(ny):
+            s.t[c] = 0.0
+    forward(s.K, first, m, s.rho)
+    backward(s.K, first, m, s.rho)
+    for i in range(first, m):
+        s.lam[i] += s.rho[i]
+        add(s.rho[i], s.F[i], ny, s.t)
+    back(s, s.t)
+    for c in range(ny):
+        y[c] += s.t[c]
+
+
+@kernel
+def evaluate(at: int) -> None:
+    """u from y, and every row."""
+    s = views(at)
+    nu, ny = s.sizes[0], s.sizes[1]
+    for j in range(nu):
+        s.value[j] = -(dot(s.X[j], s.value[nu:], ny) + s.X[j, ny])
+    for i in range(len(s.G)):
+        s.value[nu + ny + 1 + i] = dot(s.G[i], s.value, nu + ny + 1)

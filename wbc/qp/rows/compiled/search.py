@@ -1,0 +1,141 @@
+"""The working-set loop: guess, solve the equality problem, verify, exchange; then the finite method.
+
+From one tick of a controller to the next the working set rarely changes, so the last one is nearly always right and a
+solve is one factorisation. While the number of wrong items falls, all are exchanged at once (block principal pivoting);
+after a few guesses the finite method starts from the best of them. The two are called apart, so that each is compiled
+on its own. The certificate is the only judge of an answer.
+
+Júdice, Pires: A block principal pivoting algorithm for large-scale strictly monotone linear complementarity problems,
+Computers & Operations Research 21(5), 1994.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from wbc.compiled import kernel, small_kernel
+from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
+from wbc.qp.rows.compiled.finite import finite
+from wbc.qp.rows.compiled.verify import certified, exchange, verify
+from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, UNDECIDED, Work, is_fixed, place_of, views
+
+#: Working sets that are guessed before the finite method is asked.
+_GUESSES = 5
+#: Exchanges in a row that may fail to lower the number of wrong items.
+_CHANCES = 1
+#: Steps of refinement at most.
+_REFINED = 4
+#: An answer is refined while it can be this far from the optimum, relative to what is asked, and a step helps.
+_SHARP = 1e-9
+
+
+@kernel
+def prepare(at: int) -> bool:
+    """Soft rows in y, and the guess as the bounds allow it. False: a number that no problem can have."""
+    s = views(at)
+    nu, ny, nr, ns = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
+    s.sizes[6], s.sizes[7], s.sizes[8] = ns, 0, 0
+    s.value[nu + ny] = 1.0
+    if not reduce_base(at):
+        return False
+    for k in range(ns):
+        reduced(s, s.G[nu + nr + k], s.E[k])
+        s.item[k] = -1
+        if not 0.0 <= s.weights[k] < inf:
+            return False
+    for c in range(ny):
+        if not (0.0 < s.metric[c] < inf and abs(s.centre[c]) < inf):
+            return False
+    for item in range(len(s.side)):
+        low, high = s.lower[place_of(s, item)], s.upper[place_of(s, item)]
+        if not low <= high:
+            return False
+        if not abs(s.side[item]) <= 1.0:
+            s.side[item] = 0.0
+        if low == high:
+            s.side[item] = 1.0
+        elif (s.side[item] > 0.0 and high == inf) or (s.side[item] < 0.0 and low == -inf):
+            s.side[item] = 0.0
+    return True
+
+
+@kernel
+def refined(at: int, wrong: int) -> int:
+    """Steps with the same working set while they help; how many items are wrong then."""
+    s = views(at)
+    for _ in range(_REFINED):
+        distance, held = s.proof[5], s.numbers[3]
+        if wrong or (distance <= _SHARP and held <= 1.0):
+            break
+        step(at, False)
+        evaluate(at)
+        wrong = verify(at)
+        if not (s.proof[5] <= 0.5 * distance or s.numbers[3] <= 0.5 * held):
+            break
+    return wrong
+
+
+@kernel
+def search(at: int) -> bool:
+    """Guess, verify, exchange: whether that ends with a certified answer. The best guess is kept."""
+    s = views(at)
+    fewest, chances = len(s.side) + 1, _CHANCES
+    keep_guess(s)
+    while s.sizes[7] < _GUESSES:
+        s.sizes[7] += 1
+        if not hold_guess(at):
+            break
+        place(at)
+        step(at, True)
+        evaluate(at)
+        wrong = refined(at, verify(at))
+        if wrong == 0:
+            if s.numbers[3] <= 1.0 and certified(s):
+                return True
+            break
+        if wrong < fewest:
+            fewest, chances = wrong, _CHANCES
+            keep_guess(s)
+        elif chances == 0:
+            break
+        else:
+            chances -= 1
+        exchange(at)
+    return False
+
+
+@small_kernel
+def keep_guess(s: Work) -> None:
+    """The working set is the best guess so far."""
+    for item in range(len(s.side)):
+        s.best[item] = s.side[item]
+
+
+@kernel
+def guess(at: int) -> int:
+    """The answer in ``value``, its working set in ``side``, its multipliers in ``push`` and ``z``, and ``proof``.
+
+    UNDECIDED: guesses led nowhere, and the finite method decides, from the best of them.
+    """
+    if not prepare(at):
+        return FAILED
+    return SOLVED if search(at) else UNDECIDED
+
+
+@kernel
+def decide(at: int) -> int:
+    """The same by the finite method, which also finds the proof that there is no answer."""
+    answer = finite(at)
+    s = views(at)
+    if answer == SOLVED:
+        step(at, False)
+        evaluate(at)
+        refined(at, verify(at))
+        if certified(s):
+            return SOLVED
+    if answer == INFEASIBLE:
+        return INFEASIBLE
+    for item in range(len(s.side)):  # no guess is better than one that led nowhere
+        if not is_fixed(s, item):
+            s.side[item] = 0.0
+    return FAILED

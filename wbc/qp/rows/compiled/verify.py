@@ -1,0 +1,258 @@
+"""The verdict on an answer: what breaks its bounds, what pushes the wrong way, and the certificate.
+
+The certificate is that of :mod:`wbc.qp.rows.proof`: the same steps, the same letters.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+from wbc.compiled import kernel, small_kernel
+from wbc.qp.rows.compiled.equality import first_row
+from wbc.qp.rows.compiled.linear import add, backward, forward
+from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views
+
+#: As in the reference: an answer is certified at this tolerance, and within a hundred times that of the optimum.
+_TOLERANCE, _DISTANCE = 1e-6, 1e-4
+#: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
+_BROKEN = 1e-10
+#: Multipliers below this share of the largest have no sign.
+_ROUNDING = 1e-12
+#: How far a proof that there is no answer reaches [unit of the unknowns].
+_RADIUS = 1e7
+#: A wrong push may be worth this part of what is near enough: it is left out, and the certificate counts it.
+_WORTHLESS = 1e-3
+
+
+@kernel
+def certify(at: int) -> bool:
+    """Whether the answer in ``value`` with the pushes ``push`` of range rows, tasks and laws is certified.
+
+    ``push`` gets those of the rows of u, ``z`` the multipliers of the bounds, ``left`` what is left of the gradient and
+    ``proof`` primal, dual, gap, the scales of these two, distance and spread.
+    """
+    s = views(at)
+    n_u, n_y, n_range, n_soft = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
+    n, first_soft, rows = n_u + n_y, n_u + n_range, len(s.G)
+    items, first_law, unit, regular = n + 1, first_soft + n_soft, s.numbers[0], s.numbers[1]
+    push, value, z = s.push, s.value, s.z
+    primal, gap, largest, cost = 0.0, 0.0, 0.0, 0.0
+    for i in range(n_u):
+        size = abs(value[items + i])
+        primal = primal if size <= primal else size
+        over, under = value[i] - s.upper[i], s.lower[i] - value[i]
+        worst = max(over, under) * s.scale[i]
+        primal = primal if worst <= primal else worst
+        push[i] = 0.0
+    for i in range(first_law, rows):
+        size = abs(value[items + i])
+        primal = primal if size <= primal else size
+    for i in range(n_u, first_soft):
+        over, under = value[items + i] - s.upper[items + i], s.lower[items + i] - value[items + i]
+        worst = max(over, under)
+        primal = primal if worst <= primal else worst
+        slack = over if push[i] > 0.0 else under
+        if push[i] != 0.0:
+            if not slack >= -_TOLERANCE:
+                push[i] = 0.0
+            gap += abs(push[i] * slack)
+    for _ in range(2):
+        for c in range(n_u):
+            s.base[c] = regular * value[c]
+        for i in range(rows):
+            if push[i] != 0.0:
+                add(push[i], s.G[i], n_u, s.base)
+        forward(s.B, 0, n_u, s.base)
+        backward(s.B, 0, n_u, s.base)
+        for c in range(n_u):
+            push[c] -= s.base[c]
+    for c in range(n_u, n):
+        z[c] = 0.0
+    for i in range(rows):
+        share = push[i]
+        largest = max(largest, abs(share))
+        cost += abs(share) * (1.0 + abs(value[items + i]))
+        if share != 0.0:
+            add(share, s.G[i][n_u:], n_y, z[n_u:])
+    square, dual, distance, bent = 0.0, 0.0, 0.0, 0.0
+    for j in range(n_y):
+        c = n_u + j
+        away = s.metric[j] * (value[c] - s.centre[j])
+        bent = max(bent, abs(away))
+        left = z[c] + away
+        over, under = (value[c] - s.upper[c]) * s.scale[c], (s.lower[c] - value[c]) * s.scale[c]
+        worst = max(over, under)
+        primal = primal if worst <= primal else worst
+        held = 0.0
+        if (left < 0.0 and over >= -_TOLERANCE) or (left > 0.0 and under >= -_TOLERANCE):
+            held, left = left, 0.0
+            room = s.upper[c] - value[c] if held < 0.0 else value[c] - s.lower[c]
+            gap += abs(held) * max(room, 0.0)
+            cost += abs(held) * (1.0 + abs(value[c]))
+        z[c], s.left[j] = -held, left
+        dual = dual if abs(left) <= dual else abs(left)
+        square += left * left / s.metric[j]
+        distance = max(distance, s.reach[n_soft + j] / (1.0 + abs(value[c] * s.scale[c])))
+    for i in range(n_soft):
+        rho = value[items + first_soft + i] - push[first_soft + i] * s.compliance[i]
+        square += rho * rho * s.weights[i]
+        distance = max(distance, s.reach[i] / (1.0 + abs(s.G[first_soft + i, n])))
+    spread = sqrt(unit * square)
+    s.proof[0], s.proof[1], s.proof[2] = primal, unit * dual, unit * gap
+    s.proof[3], s.proof[4] = 1.0 + unit * (largest + bent), 1.0 + unit * cost
+    s.proof[5], s.proof[6] = distance * spread, spread
+    s.numbers[2] = _TOLERANCE / (sqrt(unit) * distance) if distance > 0.0 else 0.0
+    return certified(s)
+
+
+@small_kernel
+def certified(s: Work) -> bool:
+    """Whether the certificate in ``proof`` holds."""
+    return bool(
+        s.proof[0] <= _TOLERANCE
+        and s.proof[1] <= _TOLERANCE * s.proof[3]
+        and s.proof[2] <= _TOLERANCE * s.proof[4]
+        and s.proof[5] <= _DISTANCE
+        and s.proof[4] < inf
+    )
+
+
+@small_kernel
+def beyond(s: Work, item: int) -> float:
+    """By how much an item breaks its bounds, beside what counts: more than 1 is broken, and NaN is."""
+    place = place_of(s, item)
+    v, low, high = s.value[place], s.lower[place], s.upper[place]
+    if v > high:
+        return (v - high) / (_BROKEN * (1.0 + abs(high)))
+    if v < low:
+        return (low - v) / (_BROKEN * (1.0 + abs(low)))
+    return 0.0 if low <= v <= high else inf
+
+
+@small_kernel
+def largest_push(s: Work) -> float:
+    """The largest push of a row of E, in lengths of F."""
+    nu, nr, m, first = s.sizes[0], s.sizes[2], s.sizes[6], first_row(s)
+    largest = 0.0
+    for i in range(first, m):
+        largest = max(largest, abs(s.lam[i]) * sqrt(s.length[i]))
+    for k in range(first):
+        rho = s.value[nu + s.sizes[1] + 1 + nu + nr + k]
+        largest = max(largest, abs(rho) * sqrt(s.weights[k]))
+    return largest
+
+
+@small_kernel
+def pushes_wrong(s: Work, push: float, side: float, length: float, largest: float) -> bool:
+    """Whether to leave this push out would move the answer, and it is not rounding of the others."""
+    return bool(push * side * length > max(_ROUNDING * largest, _WORTHLESS * s.numbers[2]))
+
+
+@kernel
+def verify(at: int) -> int:
+    """Certify the answer with the pushes of the working set that have the right sign; how many items are wrong.
+
+    These are marked in ``wrong``; ``numbers[3]`` is what held rows are off by, beside what counts.
+    """
+    s = views(at)
+    nu, ny, nr, ns, m = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3], s.sizes[6]
+    first_item, first_soft = nu + ny + 1, nu + nr
+    if first_row(s):
+        for k in range(ns):
+            s.lam[k] = -s.weights[k] * s.value[first_item + first_soft + k]
+    largest, count = largest_push(s), 0
+    for i in range(nu, len(s.G)):
+        s.push[i] = 0.0
+    for k in range(ns):
+        s.push[first_soft + k] = -s.lam[k]
+    for i in range(ns, m):
+        item = s.item[i]
+        if item >= ny and (is_fixed(s, item) or s.lam[i] * s.side[item] < 0.0):
+            s.push[place_of(s, item) - first_item] = -s.lam[i]
+    certify(at)
+    for item in range(len(s.side)):
+        s.wrong[item] = 0.0
+    for i in range(ns, m):
+        item = s.item[i]
+        if item >= ny and not is_fixed(s, item):
+            if pushes_wrong(s, s.lam[i], s.side[item], sqrt(s.length[i]), largest):
+                count += 1
+                s.wrong[item] = 1.0
+    for c in range(ny):
+        if s.side[c] != 0.0 and not is_fixed(s, c):
+            if pushes_wrong(s, s.left[c], s.side[c], 1.0 / sqrt(s.metric[c]), largest):
+                count += 1
+                s.wrong[c] = 1.0
+    s.numbers[3] = 0.0
+    for item in range(len(s.side)):
+        by = beyond(s, item)
+        if s.side[item] != 0.0:
+            s.numbers[3] = max(s.numbers[3], by)
+        elif not by <= 1.0:
+            count += 1
+            s.wrong[item] = 1.0
+    return count
+
+
+@kernel
+def exchange(at: int) -> None:
+    """All that is wrong leaves the working set or enters it."""
+    s = views(at)
+    for item in range(len(s.side)):
+        if s.wrong[item] != 0.0:
+            if s.side[item] != 0.0:
+                s.side[item] = 0.0
+            else:
+                s.side[item] = 1.0 if s.value[place_of(s, item)] > s.upper[place_of(s, item)] else -1.0
+
+
+@kernel
+def disproved(at: int) -> bool:
+    """Whether the multipliers in ``push`` (range rows, laws) and bounds of y prove that no point meets them all.
+
+    Farkas: their sum cancels in every unknown, and what the bounds allow of it is less than its constant; what does not
+    cancel must be too little for every y within a radius.
+    """
+    s = views(at)
+    nu, ny = s.sizes[0], s.sizes[1]
+    n, first_item = nu + ny, nu + ny + 1
+    constant, support, size, left = 0.0, 0.0, 0.0, 0.0
+    for c in range(nu):
+        s.base[c] = 0.0
+    for c in range(ny):
+        s.z[nu + c] = 0.0
+    for item in range(ny, len(s.side)):
+        place = place_of(s, item)
+        row, force = s.G[place - first_item], s.push[place - first_item]
+        if force != 0.0:
+            add(force, row, nu, s.base)
+            add(force, row[nu:], ny, s.z[nu:])
+            constant += force * row[n]
+            bound = s.upper[place] if force > 0.0 else s.lower[place]
+            support += force * bound
+            size += abs(force) * (1.0 + abs(row[n]) + abs(bound))
+    forward(s.B, 0, nu, s.base)
+    backward(s.B, 0, nu, s.base)
+    for j in range(nu):
+        force = -s.base[j]
+        s.push[j] = force
+        add(force, s.G[j][nu:], ny, s.z[nu:])
+        constant += force * s.G[j, n]
+        size += abs(force * s.G[j, n])
+    for c in range(nu):
+        sum_of = 0.0
+        for i in range(len(s.G)):
+            sum_of += s.push[i] * s.G[i, c]
+        left += abs(sum_of)
+    for c in range(nu, n):
+        force = -s.z[c]
+        bound = s.upper[c] if force > 0.0 else s.lower[c]
+        s.z[c] = 0.0
+        if force == 0.0 or abs(bound) == inf:
+            left += abs(force)
+        else:
+            s.z[c] = force
+            support += force * bound
+            size += abs(force) * (1.0 + abs(bound))
+    margin = constant - support - _BROKEN * size  # not even if all bounds are off by what counts as met
+    return bool(margin > 0.0 and margin > _RADIUS * left)
