@@ -90,7 +90,7 @@ NAMES = ["arm velocity", "arm acceleration", "arm torque", "humanoid", "quadrupe
 
 
 @pytest.mark.parametrize(("robot", "stack", "level"), CASES, ids=NAMES)
-def test_a_closed_loop_is_the_same_to_1e_9_with_the_same_working_sets(robot, stack, level):
+def test_a_closed_loop_is_the_same_to_1e_9_with_the_same_pushes(robot, stack, level):
     plain, fast = (Controller(robot, stack(), level=level, fast=fast) for fast in (False, True))
     q, v = np.array(robot.q0), np.zeros(robot.nv)
     rng = np.random.default_rng(1)
@@ -100,7 +100,6 @@ def test_a_closed_loop_is_the_same_to_1e_9_with_the_same_working_sets(robot, sta
         expected, command = plain.tick(1e-3 * k, q, v), fast.tick(1e-3 * k, q, v)
         assert command.status is expected.status is wbc.types.Status.SOLVED, (command, expected, plain.why, fast.why)
         for controller in (plain, fast):
-            # An answer of DAQP keeps the regularisation of the base; with its working set the solver gives its own.
             controller.plan.fill(controller.state)
             assert controller._solver.solve().ok
         a, b = plain.plan.problem, fast.plan.problem
@@ -109,7 +108,10 @@ def test_a_closed_loop_is_the_same_to_1e_9_with_the_same_working_sets(robot, sta
         np.testing.assert_allclose(b.bounds[:, :items], a.bounds[:, :items], rtol=1e-12, atol=1e-9)
         np.testing.assert_allclose(b.centre, a.centre, rtol=0, atol=1e-9 * (1.0 + np.abs(a.centre).max()))
         np.testing.assert_allclose(b.x, a.x, rtol=0, atol=1e-9 * (1.0 + np.abs(a.x).max()))
-        assert fast.active_count == plain.active_count
+        # A row that is just met may be held or not: what pushes is the same.
+        pushes, expected_pushes = fast._solver.multipliers(), plain._solver.multipliers()
+        for mine, other in zip(pushes, expected_pushes, strict=True):
+            np.testing.assert_allclose(mine, other, rtol=0, atol=1e-7 * (1.0 + np.abs(other).max(initial=0.0)))
         assert command.certificate.ok
         q, v = expected.q, expected.v
 
