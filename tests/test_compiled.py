@@ -5,10 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("numba", reason="extra fast is not installed")
-
 from wbc.compiled import forget_stale
 
 

@@ -1,33 +1,26 @@
-"""What compiled code is made with: extra ``fast``, the compiler numba.
+"""What compiled code is made with: the compiler numba.
 
 A kernel gets its arrays as one vector of addresses: numba looks at every array it is given, which for two dozen of
 them costs more than what the kernel does. Addresses are safe here because the memory of a plan never moves:
 :class:`Memory` keeps the arrays it has taken the addresses of.
 
-Nothing imports this module but code that is asked to be fast.
-
-A compiler that keeps machine code looks at the file of a kernel, not at the files of the kernels it has taken in:
-:func:`forget_stale` throws away what is older than any of them.
+Machine code is kept on disk. A compiler that keeps it looks at the file of a kernel, not at the files of the kernels it
+has taken in: :func:`forget_stale` throws away what is older than any of them.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast, final
 
+import numba
 import numpy as np
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from wbc.errors import CompilerMissing
-
-try:
-    import numba
-    from numba.extending import intrinsic
-except ImportError:
-    raise CompilerMissing from None
-
-__all__ = ["Memory", "carray", "floats", "forget_stale", "integers", "kernel", "small_kernel"]
+__all__ = ["Memory", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "small_kernel"]
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
 _FAST = {"reassoc", "nsz", "arcp", "contract"}
@@ -36,24 +29,34 @@ _types: Any = numba.types
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
+def _made(function: _F, **more: bool) -> Any:
+    how = {"fastmath": _FAST, "error_model": "numpy", "nogil": True, **more}
+    try:
+        return _numba.njit(cache=True, **how)(function)
+    except RuntimeError:  # no folder to keep machine code in may be written
+        return _numba.njit(**how)(function)
+
+
 def kernel(function: _F) -> _F:
-    """Compile a function when it is first called; the machine code is kept on disk for the next time."""
-    return cast(_F, numba.njit(cache=True, fastmath=_FAST, error_model="numpy")(function))
+    """A function that other kernels call."""
+    return cast(_F, _made(function))
 
 
 def small_kernel(function: _F) -> _F:
     """A kernel of a few lines that is written into each of its callers."""
-    return cast(
-        _F,
-        numba.njit(
-            cache=True,
-            fastmath=_FAST,
-            error_model="numpy",
-            forceinline=True,
-            no_cpython_wrapper=True,
-            no_cfunc_wrapper=True,
-        )(function),
-    )
+    # Without what Python would need to call it, which takes a third of the time to compile.
+    return cast(_F, _made(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True))
+
+
+def entry(function: _F) -> _F:
+    """A kernel that Python calls with one address; compiled here and now, or read from disk, and not in a tick."""
+    made = _made(function)
+    kept = getattr(getattr(made, "_cache", None), "cache_path", None)
+    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-"
+    if sys.stderr.isatty() and not (kept and any(Path(kept).glob(f"{name}*.nbi"))):
+        print("compiling the solver for this processor, once: about half a minute", file=sys.stderr)
+    made.compile("int64(int64)")
+    return cast(_F, made)
 
 
 def forget_stale(package: Path) -> None:

@@ -63,13 +63,6 @@ class SolverMissing(WbcError):
         super().__init__(f"solver {name!r} is not installed; pip install {package}")
 
 
-class CompilerMissing(WbcError):
-    """Fast ticks were asked for and their compiler is not installed."""
-
-    def __init__(self) -> None:
-        super().__init__("fast=True needs the compiler numba, which is not installed; pip install 'wbc-qp[fast]'")
-
-
 class SolverFailed(WbcError):
     """A solver ended without an answer and without knowing that there is none."""
 

@@ -41,8 +41,6 @@ BUDGETS = {(reaching, False): 97, (reaching, True): 15, (standing, False): 105, 
 
 def ready(make, fast):
     """A controller that has ticked, and its tick with a state that moves a little."""
-    if fast:
-        pytest.importorskip("numba", reason="extra fast is not installed")
     controller = make(fast)
     robot = controller.model
     q, v, step = np.array(robot.q0), np.zeros(robot.nv), 1e-4 * np.sin(np.arange(robot.nv))

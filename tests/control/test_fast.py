@@ -10,8 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-pytest.importorskip("numba", reason="extra fast is not installed")
-
 import wbc
 from tasks import (
     CenterOfMass,
@@ -114,7 +112,7 @@ def test_a_closed_loop_is_the_same_to_1e_9_with_the_same_pushes(robot, stack, le
         np.testing.assert_allclose(b.bounds[:, :items], a.bounds[:, :items], rtol=1e-12, atol=1e-9)
         np.testing.assert_allclose(b.centre, a.centre, rtol=0, atol=1e-9 * (1.0 + np.abs(a.centre).max()))
         np.testing.assert_allclose(b.x, a.x, rtol=0, atol=1e-9 * (1.0 + np.abs(a.x).max()))
-        # A row that is just met may be held or not, and rows that depend on each other share a push: its sum is the same.
+        # A row that is just met may be held or not, and dependent rows share a push: the sum is the same.
         mine, other = pull_of_constraints(fast), pull_of_constraints(plain)
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-7 * (1.0 + np.abs(other).max()))
         assert command.certificate.ok

@@ -93,8 +93,6 @@ def test_without_damping_the_joints_chatter_at_their_limits(level: Any):
 @each_level
 @pytest.mark.parametrize("fast", [False, True], ids=["plain", "fast"])
 def test_what_can_be_met_gets_the_same_command_with_and_without(level: Any, fast: bool):
-    if fast:
-        pytest.importorskip("numba")
     start = ARM.state().frame("tool").placement
     near = Frame("tool", target=start * pin.SE3(pin.exp3(np.array([0.1, 0.0, 0.2])), np.array([0.05, -0.05, 0.02])))
     commands = []
@@ -108,7 +106,6 @@ def test_what_can_be_met_gets_the_same_command_with_and_without(level: Any, fast
 
 @each_level
 def test_fast_and_plain_ticks_damp_alike(level: Any):
-    pytest.importorskip("numba")
     found = []
     for fast in (False, True):
         stack = Stack([Frame("tool", target=far_away(3)), Posture(ARM.q0, weight=1e-3)], subject_to=[JointLimits()])

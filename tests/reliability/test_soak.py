@@ -36,7 +36,6 @@ def test_any_start_has_a_certified_answer(name: str):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", SOAKS)
 def test_compiled_ticks_keep_the_same_promises(name: str, kind: str):
-    pytest.importorskip("numba", reason="extra fast is not installed")
     assert soak(SOAKS[name], fast=True, ticks=200, kind=kind).ok
 
 

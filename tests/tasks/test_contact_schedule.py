@@ -145,7 +145,6 @@ def test_while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate(s
 
 
 def test_nor_does_one_in_compiled_ticks() -> None:
-    pytest.importorskip("numba", reason="the extra `fast`")
     keep_to_the_force_rate(0, 0.05, fast=True)
 
 

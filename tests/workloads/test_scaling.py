@@ -41,8 +41,6 @@ def test_every_size_is_solved_and_is_what_it_says(name: str, size: int):
 @pytest.mark.parametrize("fast", [False, True])
 @pytest.mark.parametrize("limits", [10, 30])
 def test_limits_that_go_on_holding_are_guessed_although_forces_of_a_long_chain_lose_digits(limits: int, fast: bool):
-    if fast:
-        pytest.importorskip("numba", reason="extra fast is not installed")
     counts = ticked(AXES["active rows"].problem(limits), fast=fast).counts
     assert counts.fallback <= 2 and counts.first >= 10, counts
 

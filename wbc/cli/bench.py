@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from functools import partial
-from importlib.util import find_spec
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Protocol
@@ -82,9 +81,7 @@ def bench(
 
 def _in_turns(peers: Peers, name: str, run: Callable[[bool], dict[str, Any]], repeats: int) -> list[dict[str, Any]]:
     """We without and with compiled ticks, and every peer, one after the other, twice; the better row of each counts."""
-    ways: list[Callable[[], dict[str, Any]]] = [lambda: run(False)]
-    if find_spec("numba") is not None:
-        ways.append(lambda: run(True))
+    ways: list[Callable[[], dict[str, Any]]] = [lambda: run(False), lambda: run(True)]
     ways += [partial(peers.row, peer, name, repeats) for peer in peers.names(name)]
     rounds = [[way() for way in ways] for _ in range(_ROUNDS)]
     rows = [min(tries, key=_median) for tries in zip(*rounds, strict=True)]

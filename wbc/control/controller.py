@@ -53,7 +53,7 @@ class Controller:
         hierarchy: ``Weighted()``, the default, ``Strict()`` or ``Scaled()``: what the levels of the stack mean.
         solver: a solver's name or its settings.
         dt: time between ticks [s].
-        fast: fill rows and solve in compiled code (extra ``fast``): the same answers to 1e-9, in a part of the time.
+        fast: write the rows by compiled code: the same answers to 1e-9, in a part of the time.
         recovery: what to do in ticks without an answer.
         watchdog: what is a stale state, a late or a long tick; ``watch`` counts them.
 
@@ -423,7 +423,7 @@ class Controller:
 
     @property
     def form(self) -> str:
-        """How the QP is solved: "dual", "box" or "standard"."""
+        """How the QP is solved: "rows" or "variables" by the core, "standard" by another solver, "levels" in a hierarchy."""
         return self._solver.form
 
     def solution(self) -> Solution:

@@ -388,11 +388,7 @@ class Plan(PlanView):
         return self._compiled is not None
 
     def compile_for(self, state: RobotState) -> None:
-        """From now on fill by compiled code, for this state; any other one is filled as before.
-
-        Raises:
-            CompilerMissing: the extra ``fast`` is not installed.
-        """
+        """From now on fill by compiled code, for this state; any other one is filled as before."""
         from wbc.stack.compiled.fill import CompiledFill
 
         self._compiled = CompiledFill(self, state)

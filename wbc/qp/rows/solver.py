@@ -19,7 +19,7 @@ from wbc.types import Index, Status, Vec
 class RowSolver(ABC):
     """Leaves the answer in ``problem.value``: unknowns and rows, in physical units but for the scaled forces."""
 
-    #: One word for reports: "dual", "box" or "standard".
+    #: One word for reports: "rows", "variables", "standard" or "levels".
     form: str
     #: How what was ranked came out in the last answer; nothing where nothing is ranked.
     outcomes: tuple[Outcome, ...] = ()

@@ -1,1 +1,1 @@
-"""What a plan writes each tick, compiled: extra ``fast``."""
+"""What a plan writes each tick, compiled."""

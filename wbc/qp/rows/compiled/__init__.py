@@ -1,1 +1,1 @@
-"""Row solvers whose tick is compiled: extra ``fast``."""
+"""The kernels of the core."""

@@ -72,7 +72,7 @@ def direction(at: int, item: int) -> float:
             room += compliance(s, i) * s.rho[i] ** 2
         if room > _CANCELLED * before:
             break
-    return room
+    return float(room)
 
 
 @kernel

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from math import inf
 
-from wbc.compiled import kernel, small_kernel
+from wbc.compiled import entry, kernel, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
 from wbc.qp.rows.compiled.verify import certified, exchange, verify
@@ -111,7 +111,7 @@ def keep_guess(s: Work) -> None:
         s.best[item] = s.side[item]
 
 
-@kernel
+@entry
 def guess(at: int) -> int:
     """The answer in ``value``, its working set in ``side``, its multipliers in ``push`` and ``z``, and ``proof``.
 
@@ -122,7 +122,7 @@ def guess(at: int) -> int:
     return SOLVED if search(at) else UNDECIDED
 
 
-@kernel
+@entry
 def decide(at: int) -> int:
     """The same by the finite method, which also finds the proof that there is no answer."""
     answer = finite(at)

@@ -123,9 +123,9 @@ def beyond(s: Work, item: int) -> float:
     place = place_of(s, item)
     v, low, high = s.value[place], s.lower[place], s.upper[place]
     if v > high:
-        return (v - high) / (_BROKEN * (1.0 + abs(high)))
+        return float((v - high) / (_BROKEN * (1.0 + abs(high))))
     if v < low:
-        return (low - v) / (_BROKEN * (1.0 + abs(low)))
+        return float((low - v) / (_BROKEN * (1.0 + abs(low))))
     return 0.0 if low <= v <= high else inf
 
 

@@ -87,9 +87,9 @@ def place_of(s: Work, item: int) -> int:
     """Where an item stands in ``value`` and its bounds."""
     nu, ny, nr, ns = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
     if item < ny:
-        return nu + item
+        return int(nu + item)
     first_range = 2 * nu + ny + 1
-    return first_range + item - ny if item < ny + nr else first_range + item - ny + ns
+    return int(first_range + item - ny if item < ny + nr else first_range + item - ny + ns)
 
 
 @small_kernel
@@ -103,4 +103,4 @@ def is_fixed(s: Work, item: int) -> bool:
 def bound_of(s: Work, item: int) -> float:
     """The bound at which an item is held."""
     place = place_of(s, item)
-    return s.upper[place] if s.side[item] > 0.0 else s.lower[place]
+    return float(s.upper[place] if s.side[item] > 0.0 else s.lower[place])
