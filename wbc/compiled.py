@@ -103,4 +103,6 @@ class Memory:
             if array.dtype not in (np.float64, np.int64):
                 raise ValueError(f"array {i} is of {array.dtype}, neither float64 nor int64")
         self._arrays = arrays
+        #: Of each array, and of this vector.
         self.addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
+        self.address = int(self.addresses.__array_interface__["data"][0])

@@ -423,7 +423,7 @@ class Controller:
 
     @property
     def form(self) -> str:
-        """How the QP is solved: "rows" or "variables" by the core, "standard" by another solver, "levels" in a hierarchy."""
+        """How the QP is solved: "rows" or "variables" by the core, "standard" by another solver, "levels" if ranked."""
         return self._solver.form
 
     def solution(self) -> Solution:

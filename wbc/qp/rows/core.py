@@ -53,7 +53,7 @@ class CoreSolver(RowSolver):
             proof.push, proof.z, proof.left, self._proof, self._numbers, self._sizes, self._side, self._best,
             self._wrong, np.zeros(most, dtype=np.int64), *floats, *(np.zeros(shape) for shape in shapes),
         )  # fmt: skip
-        self._at = int(self._memory.addresses.__array_interface__["data"][0])
+        self._at = self._memory.address
         # Where each item stands in ``value``.
         first = p.first_row
         self._places = np.concatenate([

@@ -1,0 +1,87 @@
+"""The damping of :class:`~wbc.stack.damping.ResidualDamping`, compiled: one task after the other."""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+from wbc.compiled import carray, entry, floats, integers, kernel
+from wbc.types import Vec
+
+#: What :func:`observe` found: nothing to do, another damping, or a number that is not finite.
+UNCHANGED, CHANGED, SPOILT = 0, 1, 2
+#: The Jacobian may grow by this factor before a residual that needed no damping is looked at again.
+_GROWTH = 2.0
+#: What counts as a small angle: a residual over the lever of a joint.
+_WELL = 0.01
+
+
+@kernel
+def _asked(factor: float, square: float, lever: Vec, out: Vec) -> None:
+    """Weight s² l / (s + l/100) for each joint, s = factor √square."""
+    s = factor * sqrt(square)
+    for j in range(len(lever)):
+        out[j] = s * s * lever[j] / (s + _WELL * lever[j]) if lever[j] > 0.0 else 0.0
+
+
+@entry
+def observe(at: int) -> int:
+    """Read what the last answer left of each task; the damping that it needs."""
+    m = carray(integers(at), 17)
+    sizes = carray(integers(m[0]), 5)
+    tasks, rows, nj, width, column = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
+    first = carray(integers(m[1]), tasks + 1)
+    numbers = carray(floats(m[2]), 3)  # λ | step | residual that needs no damping
+    G, x1 = carray(floats(m[3]), (rows, width)), carray(floats(m[4]), width)
+    weights, gain, kd = carray(floats(m[5]), rows), carray(floats(m[6]), rows), carray(floats(m[7]), rows)
+    e, base, applied = carray(floats(m[8]), rows), carray(floats(m[9]), nj), carray(floats(m[10]), nj)
+    asked, rate, residual = carray(floats(m[11]), (tasks, nj)), carray(floats(m[12]), nj), carray(floats(m[13]), rows)
+    lever, needed, most = carray(floats(m[14]), nj), carray(floats(m[15]), nj), carray(floats(m[16]), nj)
+    was_on, largest = False, 0.0
+    for j in range(nj):
+        was_on = was_on or applied[j] != 0.0
+        needed[j] = most[j] = rate[j] = 0.0
+    for i in range(rows):
+        value = 0.0
+        for c in range(width):
+            value += G[i, c] * x1[c]
+        residual[i] = abs(value)
+        largest = max(largest, residual[i])
+    if largest <= numbers[2] and not was_on:
+        return UNCHANGED
+    finite = True
+    for t in range(tasks):
+        square, possible, fastest, damps = 0.0, 0.0, 0.0, 0.0
+        for j in range(nj):
+            lever[j] = 0.0
+        for i in range(first[t], first[t + 1]):
+            left = residual[i] / gain[i] if gain[i] > 0.0 else 0.0
+            possible += weights[i] * left * left
+            left = min(left, abs(e[i]))
+            square += weights[i] * left * left
+            fastest, damps = max(fastest, gain[i]), damps + kd[i]
+            for j in range(nj):
+                lever[j] += weights[i] * G[i, column + j] ** 2
+        for j in range(nj):
+            lever[j] = sqrt(lever[j])
+        factor = max(numbers[1] * fastest, numbers[0])
+        _asked(factor, possible, lever, asked[t])
+        for j in range(nj):
+            most[j] += asked[t, j]
+        _asked(factor, square, lever, asked[t])
+        for j in range(nj):
+            needed[j] += asked[t, j]
+            rate[j] += asked[t, j] * damps / (first[t + 1] - first[t])
+            finite = finite and abs(needed[j]) < inf
+    if not finite:
+        return SPOILT
+    is_on, share = False, 1.0
+    for j in range(nj):
+        applied[j] = max(needed[j] - base[j], 0.0)
+        is_on = is_on or applied[j] > 0.0
+        rate[j] = rate[j] / needed[j] if needed[j] > 0.0 else 0.0
+        if most[j] > 0.0:
+            share = min(share, sqrt(base[j] / most[j]))
+    if not is_on:
+        # The same residuals x times as large need x² times as much at most, also where errors allow for all of them.
+        numbers[2] = largest * share / _GROWTH
+    return CHANGED if is_on or was_on else UNCHANGED
