@@ -65,7 +65,7 @@ class Controller:
 
     Example:
         >>> import wbc
-        >>> from tasks import JointVelocityLimits, Position
+        >>> from wbc.tasks import JointVelocityLimits, Position
         >>> robot = wbc.load("arm")
         >>> reach = Position("tool", target=[0.4, 0.2, 0.5])
         >>> stack = wbc.Stack([reach], subject_to=[JointVelocityLimits()])

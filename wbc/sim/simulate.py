@@ -70,7 +70,7 @@ def simulate(
 
     Example:
         >>> import wbc
-        >>> from tasks import JointVelocityLimits, Position
+        >>> from wbc.tasks import JointVelocityLimits, Position
         >>> from wbc.sim.plant import IntegratorPlant
         >>> from wbc.sim.simulate import simulate
         >>> robot = wbc.load("arm")
