@@ -62,8 +62,11 @@ def _failure(controller: Controller) -> list[str]:
 
 
 def conflict_of(controller: Controller) -> Conflict | None:
-    """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none."""
-    if controller.status is not Status.INFEASIBLE and controller.status is not Status.FAILED:
+    """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none.
+
+    Looked for whatever the solver said of a problem that it did not solve: some stop at an iteration limit.
+    """
+    if controller.status.ok:
         return None
     plan, qp = controller.plan, controller.qp
     try:
