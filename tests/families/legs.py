@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any
 
@@ -40,6 +38,7 @@ from tests.families.oracle import (
     margin,
     read,
 )
+from tests.families.progress import told
 from wbc.qp.solvers import usable
 
 #: The first stands for the compiled tick. One that is not installed is replaced by the default.
@@ -147,7 +146,7 @@ def judge(control: wbc.Controller, command: Any, kind: str) -> tuple[str, str]:
 def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
     """Verdicts by hierarchy and solver, of cases ``first`` to ``first + count`` of this seed."""
     table: dict[str, Counter[str]] = {}
-    for k in told(range(first, first + count), table, verbose):
+    for k in told(range(first, first + count), table.values(), loud=verbose):
         control, q, v, kind = draw(seed * 1_000_003 + k)
         for tick in range(ticks):
             command = control.tick(1e-3 * tick, q, v)
@@ -159,17 +158,6 @@ def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False, first: 
             if not np.isfinite(q).all() or np.abs(v).max() > 1e3:
                 break
     return table
-
-
-def told(cases: Iterable[int], table: dict[str, Counter[str]], verbose: bool) -> Iterator[int]:
-    """The cases, with the sum of the table so far printed every minute."""
-    due = time.monotonic() + 60.0
-    for k in cases:
-        yield k
-        if verbose and time.monotonic() > due:
-            total: Counter[str] = sum(table.values(), Counter())
-            print(f"up to case {k}: {dict(sorted(total.items()))}", flush=True)
-            due = time.monotonic() + 60.0
 
 
 def show(table: dict[str, Counter[str]]) -> int:

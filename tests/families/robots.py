@@ -26,8 +26,9 @@ from tasks import (
     Posture,
     TorqueLimits,
 )
-from tests.families.legs import show, told
+from tests.families.legs import show
 from tests.families.oracle import FEASIBLE, judge_strict, judge_weighted, margin, read
+from tests.families.progress import told
 
 LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
 SOLVERS = ("pdas", "pdas", "daqp", "clarabel", "proxqp")
@@ -117,7 +118,7 @@ def run(count: int, seed: int, *, ticks: int, verbose: bool = False, first: int 
     """Verdicts by level, hierarchy and solver, of cases ``first`` to ``first + count`` of this seed."""
     table: dict[str, Counter[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for k in told(range(first, first + count), table, verbose):
+        for k in told(range(first, first + count), table.values(), loud=verbose):
             control, q, v, kind = draw(seed * 1_000_003 + k, Path(folder))
             for tick in range(ticks):
                 command = control.tick(1e-3 * tick, q, v)
