@@ -1,6 +1,8 @@
 # Needs make and a python >= 3.11 with pip; everything else goes into .venv. Choose another python with PYTHON=...
 PYTHON ?= python3
 SCENARIO ?= humanoid-stand
+# Tests run in one process for each core, eight at most; a file's tests stay together. PARALLEL= runs them in one.
+PARALLEL ?= -n logical --maxprocesses 8 --dist loadfile
 MUTATIONS ?= --count 200 --seed 1 --jobs 2
 VENV := .venv
 VENV_PYTHON := $(VENV)/bin/python
@@ -36,13 +38,13 @@ types: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m mypy
 
 tests: $(VENV)/ready-to-test
-	$(VENV_PYTHON) -m pytest
+	$(VENV_PYTHON) -m pytest $(PARALLEL)
 
 kernels: $(VENV)/ready-to-test
-	$(VENV_PYTHON) -m tests.kernels
+	$(VENV_PYTHON) -m tests.kernels $(PARALLEL)
 
 deep: $(VENV)/ready-to-test
-	$(VENV_PYTHON) -m pytest -m "deep or not deep" --hypothesis-profile=deep
+	$(VENV_PYTHON) -m pytest -m "deep or not deep" --hypothesis-profile=deep $(PARALLEL)
 
 mutations: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m tests.mutations $(MUTATIONS)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tasks.scenarios import SCENARIOS
+from wbc.tasks.scenarios import SCENARIOS
+
 from wbc.report.document import Figure
 from wbc.sim.scenario import silent
 

@@ -7,14 +7,15 @@ from typing import Any, Self, final
 import numpy as np
 import pinocchio
 
-from tasks.motions import pose_motion, swing
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import Target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, pose_target, rotation_error, wrench_target
+
+from .motions import pose_motion, swing
+from .trajectories import Sinusoid
 
 
 @final
@@ -35,7 +36,7 @@ class Admittance(Tracking, Task):
         UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Admittance
+        >>> from wbc.tasks import Admittance
         >>> here = [[1, 0, 0, 0.4], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]
         >>> guided = Admittance("tool", target=here, inertia=2.0, damping=20.0, stiffness=0.0)
         >>> guided.wrench = [5.0, 0.0, 0.0]  # what the sensor reads now

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -24,7 +25,7 @@ class AngularMomentum(Tracking, Task):
         InvalidInput: a target of another shape.
 
     Example:
-        >>> from tasks import AngularMomentum
+        >>> from wbc.tasks import AngularMomentum
         >>> AngularMomentum(kd=20.0, weight=1e-2)
         AngularMomentum(weight=0.01)
     """

@@ -6,11 +6,12 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.directions import direction_target, sight, unit_axis, unit_motion, view_axes
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .directions import direction_target, sight, unit_axis, unit_motion, view_axes
+from .trajectories import Sinusoid
 
 
 @final
@@ -28,7 +29,7 @@ class AxisAlignment(Tracking, Task):
         InvalidInput: a direction that is zero or of another shape. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import AxisAlignment
+        >>> from wbc.tasks import AxisAlignment
         >>> AxisAlignment("tool", axis=[0, 0, 1], target=[0, 0, -1], kp=50).dim  # the tool points down
         2
     """

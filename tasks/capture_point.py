@@ -6,12 +6,13 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -29,7 +30,7 @@ class CapturePoint(Tracking, LinearTask):
         InvalidInput: a target of another shape, a height that is not positive.
 
     Example:
-        >>> from tasks import CapturePoint
+        >>> from wbc.tasks import CapturePoint
         >>> CapturePoint(target=[0.02, 0.0], height=0.8, rate=3.0)
         CapturePoint(weight=1.0)
     """

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-from tasks.trajectories import Sinusoid
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -25,7 +26,7 @@ class CenterOfPressure(Tracking, LinearTask):
         UnknownName: no such contact, when a stack is compiled.
 
     Example:
-        >>> from tasks import CenterOfPressure
+        >>> from wbc.tasks import CenterOfPressure
         >>> CenterOfPressure("left_sole", target=[0.03, 0.0], weight=1e-3)
         CenterOfPressure[left_sole](weight=0.001)
     """

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -23,7 +24,7 @@ class CentroidalMomentum(Tracking, Task):
         InvalidInput: a target of another shape.
 
     Example:
-        >>> from tasks import CentroidalMomentum
+        >>> from wbc.tasks import CentroidalMomentum
         >>> CentroidalMomentum(weight=[1, 1, 1, 10, 10, 10]).units
         ('kg m', 'kg m', 'kg m', 'kg m²', 'kg m²', 'kg m²')
     """

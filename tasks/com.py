@@ -6,12 +6,13 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -24,7 +25,7 @@ class CenterOfMass(Tracking, Task):
         InvalidInput: a target of another shape.
 
     Example:
-        >>> from tasks import CenterOfMass, Sinusoid
+        >>> from wbc.tasks import CenterOfMass, Sinusoid
         >>> sway = Sinusoid([0.0, 0.0, 0.8], amplitude=[0.0, 0.05, 0.0], frequency=0.4)
         >>> CenterOfMass(target=sway, kp=100)
         CenterOfMass(weight=1.0)

@@ -6,13 +6,14 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 _ROWS = np.arange(6)
 
@@ -28,7 +29,7 @@ class ContactForce(Tracking, LinearTask):
         InvalidInput: a target of another shape. UnknownName: no such contact, when a stack is compiled.
 
     Example:
-        >>> from tasks import ContactForce
+        >>> from wbc.tasks import ContactForce
         >>> ContactForce("left_sole", target=[0.0, 0.0, 400.0], weight=1e-4).dim
         3
     """

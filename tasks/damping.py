@@ -13,7 +13,7 @@ class Damping(Task):
     """Velocity level: v_joints = 0. Acceleration level: a_joints = −kd v_joints, kd [1/s]. One row a joint.
 
     Example:
-        >>> from tasks import Damping
+        >>> from wbc.tasks import Damping
         >>> Damping(kd=10, weight=1e-3)
         Damping(weight=0.001)
     """

@@ -6,14 +6,15 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.relative import check_frames
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
+
+from .relative import check_frames
+from .trajectories import Sinusoid
 
 #: Nearer than this [m] two points count as this far apart where one divides by their distance.
 _NEAREST = 1e-3
@@ -34,7 +35,7 @@ class Distance(Tracking, Task):
             compiled.
 
     Example:
-        >>> from tasks import Distance
+        >>> from wbc.tasks import Distance
         >>> Distance("left_hand", to="right_hand", target=0.4).name
         'Distance[left_hand to right_hand]'
     """

@@ -35,7 +35,7 @@ class Edge(Contact):
             compiled.
 
     Example:
-        >>> from tasks import Edge
+        >>> from wbc.tasks import Edge
         >>> toe = Edge("left_sole", half_length=0.05, origin=(0.11, 0.0, 0.0), friction=0.5)
         >>> toe.cone().shape
         (6, 5)

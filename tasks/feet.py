@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from tasks.point import Point
-from tasks.sole import Sole
 from wbc.errors import NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.contact import Contact
+
+from .point import Point
+from .sole import Sole
 
 
 def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any) -> list[Contact]:
@@ -22,7 +23,7 @@ def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any)
 
     Example:
         >>> import wbc
-        >>> from tasks import feet
+        >>> from wbc.tasks import feet
         >>> feet(wbc.load("quadruped"))[0]
         Point[front_left_foot](friction=0.48)
     """

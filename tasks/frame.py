@@ -6,12 +6,13 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.motions import pose_motion, swing
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, pose_target, rotation_error
+
+from .motions import pose_motion, swing
+from .trajectories import Sinusoid
 
 
 @final
@@ -25,7 +26,7 @@ class Frame(Tracking, Task):
         InvalidInput: a target that is no pose. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Frame
+        >>> from wbc.tasks import Frame
         >>> Frame("tool", target=[[1, 0, 0, 0.4], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]], kp=400).name
         'Frame[tool]'
     """

@@ -25,7 +25,7 @@ class FrozenJoints(Task):
         InvalidInput: no joints, one twice, a position that is not finite. UnknownJoint: when a stack is compiled.
 
     Example:
-        >>> from tasks import FrozenJoints
+        >>> from wbc.tasks import FrozenJoints
         >>> FrozenJoints(["wrist_roll", "wrist_pitch"]).exactly()
         FrozenJoints[wrist_roll, wrist_pitch] exactly
         >>> FrozenJoints({"elbow": 1.2}, kp=400).dim

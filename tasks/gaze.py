@@ -6,13 +6,14 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.directions import sight, unit_axis, unit_motion, view_axes
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .directions import sight, unit_axis, unit_motion, view_axes
+from .trajectories import Sinusoid
 
 
 @final
@@ -30,7 +31,7 @@ class Gaze(Tracking, Task):
         InvalidInput: an axis that is zero, a target of another shape. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Gaze
+        >>> from wbc.tasks import Gaze
         >>> Gaze("head", axis=[1, 0, 0], target=[2.0, 0.5, 1.0], kp=50)
         Gaze[head](weight=1.0)
     """

@@ -7,12 +7,13 @@ from typing import Any, Self, final
 import numpy as np
 from scipy.linalg import lapack
 
-from tasks.motions import pose_motion, swing
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking, pose_target, rotation_error
+
+from .motions import pose_motion, swing
+from .trajectories import Sinusoid
 
 
 @final
@@ -31,7 +32,7 @@ class Impedance(Tracking, LinearTask):
         InvalidInput: a target that is no pose, negative stiffness or damping. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Impedance
+        >>> from wbc.tasks import Impedance
         >>> here = [[1, 0, 0, 0.4], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]
         >>> Impedance("tool", target=here, stiffness=[500, 500, 200, 20, 20, 20], damping=[60, 60, 40, 2, 2, 2])
         Impedance[tool](weight=1.0)

@@ -8,7 +8,6 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.point import Point
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
@@ -16,6 +15,8 @@ from wbc.stack.contact import Contact
 from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
+
+from .point import Point
 
 
 @final
@@ -33,7 +34,7 @@ class InternalForce(Tracking, LinearTask):
             shape. UnknownName: no such contact, when a stack is compiled.
 
     Example:
-        >>> from tasks import InternalForce, Point
+        >>> from wbc.tasks import InternalForce, Point
         >>> left, right = Point("left_hand", friction=0.8), Point("right_hand", friction=0.8)
         >>> InternalForce([left, right], target=20.0, weight=1e-2).dim
         1

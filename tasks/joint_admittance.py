@@ -6,7 +6,6 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
@@ -14,6 +13,8 @@ from wbc.stack.target import Target, vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -31,7 +32,7 @@ class JointAdmittance(Tracking, Task):
 
     Example:
         >>> import wbc
-        >>> from tasks import JointAdmittance
+        >>> from wbc.tasks import JointAdmittance
         >>> guided = JointAdmittance(wbc.load("arm").q0, inertia=0.5, damping=4.0, stiffness=0.0)
         >>> guided.torque = [0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0]  # what the sensors of the joints read now
     """

@@ -28,7 +28,7 @@ class JointCoupling(Task):
         UnknownJoint: when a stack is compiled.
 
     Example:
-        >>> from tasks import JointCoupling
+        >>> from wbc.tasks import JointCoupling
         >>> JointCoupling("elbow", to={"shoulder_pitch": -2.0}).exactly()
         JointCoupling[elbow] exactly
     """

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, joints_target
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -21,7 +22,7 @@ class JointVelocity(Tracking, Task):
         InvalidInput: when a stack is compiled: a target, weight or gain of another size.
 
     Example:
-        >>> from tasks import JointVelocity
+        >>> from wbc.tasks import JointVelocity
         >>> JointVelocity([0.1, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0], kd=20)
         JointVelocity(weight=1.0)
     """

@@ -20,7 +20,7 @@ class KineticEnergy(Task):
     L̇ = L Φ(L⁻¹ Ṁ L⁻ᵀ), Φ the lower half and half the diagonal, Ṁ = C + Cᵀ.
 
     Example:
-        >>> from tasks import KineticEnergy
+        >>> from wbc.tasks import KineticEnergy
         >>> KineticEnergy(kd=5.0, weight=1e-3)
         KineticEnergy(weight=0.001)
     """

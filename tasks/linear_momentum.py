@@ -6,11 +6,12 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -25,7 +26,7 @@ class LinearMomentum(Tracking, Task):
         InvalidInput: a target of another shape.
 
     Example:
-        >>> from tasks import LinearMomentum
+        >>> from wbc.tasks import LinearMomentum
         >>> LinearMomentum(kd=20.0, weight=1e-3)
         LinearMomentum(weight=0.001)
     """

@@ -7,14 +7,15 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.criteria.manipulability import ROWS
-from tasks.relative import check_frames, relative_motion
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.tracking import rotation_error
 from wbc.types import Mat
+
+from .criteria.manipulability import ROWS
+from .relative import check_frames, relative_motion
 
 
 @final
@@ -38,7 +39,7 @@ class LoopClosure(Contact):
 
     Example:
         >>> import numpy as np
-        >>> from tasks import LoopClosure
+        >>> from wbc.tasks import LoopClosure
         >>> LoopClosure("crank_pin", to="rod_end", rows=["x", "z"], target=np.eye(4), kp=2500.0).wrench_axes
         (0, 2)
     """

@@ -16,7 +16,7 @@ class LowAcceleration(Task):
     state, as far as the robot followed.
 
     Example:
-        >>> from tasks import LowAcceleration
+        >>> from wbc.tasks import LowAcceleration
         >>> LowAcceleration(weight=1e-2)
         LowAcceleration(weight=0.01)
     """

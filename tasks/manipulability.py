@@ -7,14 +7,15 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.criteria.manipulability import ROWS, Manipulability, change_along_joints, cross
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Mat, Vec
+
+from .criteria.manipulability import ROWS, Manipulability, change_along_joints, cross
+from .trajectories import Sinusoid
 
 
 @final
@@ -35,7 +36,7 @@ class ManipulabilityTask(Tracking, Task):
         UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import ManipulabilityTask
+        >>> from wbc.tasks import ManipulabilityTask
         >>> ManipulabilityTask("tool", target=0.08, kp=10, weight=0.1)
         ManipulabilityTask[tool](weight=0.1)
     """

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from tasks.joint_coupling import JointCoupling
 from wbc.errors import NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
+
+from .joint_coupling import JointCoupling
 
 
 def mimic_joints(robot: PinocchioModel, **settings: Any) -> list[JointCoupling]:
@@ -21,7 +22,7 @@ def mimic_joints(robot: PinocchioModel, **settings: Any) -> list[JointCoupling]:
 
     Example:
         >>> import wbc
-        >>> from tasks import mimic_joints
+        >>> from wbc.tasks import mimic_joints
         >>> mimic_joints(wbc.load("arm"))
         []
     """

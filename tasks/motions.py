@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pinocchio
 
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.types import Mat, Vec
+
+from .trajectories import Sinusoid
 
 Motion = Callable[[float], tuple[Any, Vec, Vec]]
 
@@ -21,7 +22,7 @@ def swing(rotation: Any, axis: Any, *, angle: float, frequency: float, ramp: flo
 
     Example:
         >>> import numpy as np
-        >>> from tasks.motions import swing
+        >>> from wbc.tasks.motions import swing
         >>> swing(np.eye(3), axis=[0, 0, 1], angle=0.5, frequency=1.0, ramp=0.0)(0.0)[1].round(3)
         array([0.   , 0.   , 3.142])
     """
@@ -42,8 +43,8 @@ def pose_motion(position: Motion, rotation: Motion) -> Motion:
 
     Example:
         >>> import numpy as np
-        >>> from tasks import Sinusoid
-        >>> from tasks.motions import pose_motion, swing
+        >>> from wbc.tasks import Sinusoid
+        >>> from wbc.tasks.motions import pose_motion, swing
         >>> circle = Sinusoid([0.4, 0.0, 0.5], amplitude=0.1, frequency=0.5, phase=[0.0, np.pi / 2, 0.0])
         >>> pose_motion(circle, swing(np.eye(3), [0, 0, 1], angle=0.3, frequency=0.5))(0.0)[1].shape
         (6,)

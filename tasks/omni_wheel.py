@@ -6,10 +6,11 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.wheels import Wheel
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
+
+from .wheels import Wheel
 
 
 @final
@@ -27,7 +28,7 @@ class OmniWheel(Task):
 
     Example:
         >>> import numpy as np
-        >>> from tasks import OmniWheel
+        >>> from wbc.tasks import OmniWheel
         >>> OmniWheel("front_left_wheel", radius=0.1, roller=np.pi / 4).exactly()
         OmniWheel[front_left_wheel] exactly
     """

@@ -6,11 +6,12 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.motions import swing
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, rotation_error, rotation_target
+
+from .motions import swing
 
 
 @final
@@ -24,7 +25,7 @@ class Orientation(Tracking, Task):
         InvalidInput: a target that is no rotation. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Orientation
+        >>> from wbc.tasks import Orientation
         >>> Orientation("torso", kp=100, weight=0.1)
         Orientation[torso](weight=0.1)
     """

@@ -28,7 +28,7 @@ class Point(Contact):
         InvalidInput: axes that are no rotation, a negative radius. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Point
+        >>> from wbc.tasks import Point
         >>> Point("foot", friction=0.5, radius=0.02, friction_model="outer").cone()
         array([[ 1. ,  0. , -0.5],
                [-1. ,  0. , -0.5],

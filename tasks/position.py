@@ -6,7 +6,6 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.trajectories import Sinusoid
 from wbc.errors import InvalidInput
 from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
@@ -14,6 +13,8 @@ from wbc.stack.frame_rows import FrameRows
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 #: Rows of a frame's Jacobian by axes; slices, so that views of the state are taken and not copies.
 _ROWS = {
@@ -34,7 +35,7 @@ class Position(Tracking, Task):
         UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Position
+        >>> from wbc.tasks import Position
         >>> Position("tool", target=[0.4, 0.0, 0.5]).units, Position("tool", target=[0.5], axes="z").dim
         ('m', 1)
     """

@@ -6,12 +6,13 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.trajectories import Sinusoid
 from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import JointRows
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, joints_target
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -26,7 +27,7 @@ class Posture(Tracking, Task):
 
     Example:
         >>> import wbc
-        >>> from tasks import Posture
+        >>> from wbc.tasks import Posture
         >>> Posture(wbc.load("arm").q0, kp=10, weight=1e-3)
         Posture(weight=0.001)
     """

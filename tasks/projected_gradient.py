@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-from tasks.criteria.clearance import Clearance
-from tasks.criteria.criterion import Criterion
-from tasks.criteria.manipulability import Manipulability
-from tasks.criteria.mid_range import MidRange
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
+
+from .criteria.clearance import Clearance
+from .criteria.criterion import Criterion
+from .criteria.manipulability import Manipulability
+from .criteria.mid_range import MidRange
 
 
 @final
@@ -31,7 +32,7 @@ class ProjectedGradient(Task):
             refuses.
 
     Example:
-        >>> from tasks import Manipulability, ProjectedGradient
+        >>> from wbc.tasks import Manipulability, ProjectedGradient
         >>> ProjectedGradient(Manipulability("tool"), gain=2.0, weight=1e-2)
         ProjectedGradient[manipulability of tool](weight=0.01)
     """

@@ -32,7 +32,7 @@ def relative_motion(state: RobotState, frame: str, reference: str) -> RelativeMo
 
     Example:
         >>> import wbc
-        >>> from tasks.relative import relative_motion
+        >>> from wbc.tasks.relative import relative_motion
         >>> state = wbc.load("humanoid").state()
         >>> relative_motion(state, "left_sole", "right_sole").position.round(3)
         array([0.  , 0.18, 0.  ])

@@ -6,12 +6,13 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.motions import pose_motion, swing
-from tasks.relative import check_frames, relative_motion
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, pose_target, rotation_error
+
+from .motions import pose_motion, swing
+from .relative import check_frames, relative_motion
+from .trajectories import Sinusoid
 
 
 @final
@@ -25,7 +26,7 @@ class RelativeFrame(Tracking, Task):
         InvalidInput: a target that is no pose; the same frame twice. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import RelativeFrame
+        >>> from wbc.tasks import RelativeFrame
         >>> bar = [[1, 0, 0, 0], [0, 1, 0, 0.4], [0, 0, 1, 0], [0, 0, 0, 1]]
         >>> RelativeFrame("left_hand", reference="right_hand", target=bar).name
         'RelativeFrame[left_hand in right_hand]'

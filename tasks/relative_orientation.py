@@ -6,11 +6,12 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.motions import swing
-from tasks.relative import check_frames, relative_motion
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking, rotation_error, rotation_target
+
+from .motions import swing
+from .relative import check_frames, relative_motion
 
 
 @final
@@ -25,7 +26,7 @@ class RelativeOrientation(Tracking, Task):
         InvalidInput: a target that is no rotation; the same frame twice. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import RelativeOrientation
+        >>> from wbc.tasks import RelativeOrientation
         >>> RelativeOrientation("left_hand", reference="right_hand", weight=0.1).name
         'RelativeOrientation[left_hand in right_hand]'
     """

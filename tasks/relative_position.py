@@ -6,12 +6,13 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.relative import check_frames, relative_motion
-from tasks.trajectories import Sinusoid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
+
+from .relative import check_frames, relative_motion
+from .trajectories import Sinusoid
 
 
 @final
@@ -25,7 +26,7 @@ class RelativePosition(Tracking, Task):
         InvalidInput: a target of another shape; the same frame twice. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import RelativePosition
+        >>> from wbc.tasks import RelativePosition
         >>> RelativePosition("left_hand", reference="torso", target=[0.4, 0.2, 0.0]).name
         'RelativePosition[left_hand in torso]'
     """

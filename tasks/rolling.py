@@ -6,10 +6,11 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.wheels import Wheel
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
+
+from .wheels import Wheel
 
 
 @final
@@ -29,7 +30,7 @@ class Rolling(Task):
         InvalidInput: a radius that is not positive, an axle that is zero. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Rolling
+        >>> from wbc.tasks import Rolling
         >>> Rolling("left_wheel", radius=0.1).exactly(), Rolling("left_wheel", radius=0.1, ground=0.0).dim
         (Rolling[left_wheel] exactly, 3)
     """

@@ -34,7 +34,7 @@ class Sole(Contact):
         InvalidInput: sizes that are not positive. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Sole
+        >>> from wbc.tasks import Sole
         >>> Sole("left_sole", half_size=(0.10, 0.065), friction=0.3).cone().shape
         (16, 6)
     """

@@ -8,7 +8,6 @@ from typing import Any, Self, final
 import numpy as np
 from scipy.linalg import lapack
 
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
@@ -16,6 +15,8 @@ from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -33,7 +34,7 @@ class Torque(Tracking, LinearTask):
         UnknownJoint: when a stack is compiled.
 
     Example:
-        >>> from tasks import Torque
+        >>> from wbc.tasks import Torque
         >>> Torque(weight="inverse_inertia")
         Torque(weight=1.0)
         >>> Torque(0.0, joints=["wrist_roll"], name="passive wrist").exactly()

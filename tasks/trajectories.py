@@ -29,7 +29,7 @@ class Sinusoid:
         InvalidInput: shapes that do not fit, NaN, a negative ramp.
 
     Example:
-        >>> from tasks import Sinusoid
+        >>> from wbc.tasks import Sinusoid
         >>> sway = Sinusoid([0.0, 0.0, 0.9], amplitude=[0.0, 0.05, 0.0], frequency=0.5)
         >>> value, rate, acceleration = sway(0.0)
         >>> value
@@ -76,7 +76,7 @@ class MinimumJerk:
         InvalidInput: shapes that do not fit, NaN, a duration that is not positive.
 
     Example:
-        >>> from tasks import MinimumJerk
+        >>> from wbc.tasks import MinimumJerk
         >>> shift = MinimumJerk([0.0, 0.0, 0.9], [0.0, 0.1, 0.9], duration=1.0, start_time=0.5)
         >>> value, rate, acceleration = shift(1.0)
         >>> value, rate.max().round(6)
@@ -135,7 +135,7 @@ class PoseInterpolation:
 
     Example:
         >>> import numpy as np, pinocchio
-        >>> from tasks import PoseInterpolation
+        >>> from wbc.tasks import PoseInterpolation
         >>> ahead = pinocchio.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
         >>> step = PoseInterpolation(pinocchio.SE3.Identity(), ahead, duration=1.0, lift=0.05)
         >>> step(0.5)[0].translation
@@ -182,7 +182,7 @@ class Piecewise:
         InvalidInput: no piece, or starts that do not increase.
 
     Example:
-        >>> from tasks import MinimumJerk, Piecewise
+        >>> from wbc.tasks import MinimumJerk, Piecewise
         >>> there = MinimumJerk([0.0], [1.0], duration=1.0)
         >>> back = MinimumJerk([1.0], [0.0], duration=1.0, start_time=2.0)
         >>> [float(Piecewise([(0.0, there), (2.0, back)])(t)[0][0]) for t in (0.5, 1.5, 2.5)]

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple, final
 import numpy as np
 import pinocchio
 
-from tasks.directions import unit_axis
 from wbc import checks
 from wbc.models.model import RobotState
 from wbc.types import Mat, Vec
+
+from .directions import unit_axis
 
 _NO_DRIFT = np.full(3, np.nan)
 #: A wheel that lies nearly flat has no heading: the sine of its lean counts as at least this.

@@ -7,14 +7,15 @@ from typing import Any, Self, final
 import numpy as np
 import pinocchio
 
-from tasks.directions import unit_axis
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
+
+from .directions import unit_axis
+from .trajectories import Sinusoid
 
 #: Below this length of its shadow on the ground an axis counts as having that one: upright, it points nowhere.
 _SHORTEST = 1e-2
@@ -34,7 +35,7 @@ class Yaw(Tracking, Task):
         InvalidInput: an axis that is zero, a target that is no number. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import Yaw
+        >>> from wbc.tasks import Yaw
         >>> Yaw("torso", target=0.5, kp=50)
         Yaw[torso](weight=1.0)
     """

@@ -7,13 +7,14 @@ from typing import Any, Self, final
 import numpy as np
 import pinocchio
 
-from tasks.trajectories import Sinusoid
 from wbc import checks
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
+
+from .trajectories import Sinusoid
 
 
 @final
@@ -30,7 +31,7 @@ class ZeroMomentPoint(Tracking, LinearTask):
         InvalidInput: a target of another shape. NotSupported: when a stack is compiled, gravity that is not along −z.
 
     Example:
-        >>> from tasks import ZeroMomentPoint
+        >>> from wbc.tasks import ZeroMomentPoint
         >>> ZeroMomentPoint(target=[0.02, 0.0], weight=10.0)
         ZeroMomentPoint(weight=10.0)
     """

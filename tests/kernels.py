@@ -2,7 +2,8 @@
 
 OpenBLAS has its own products for each family of processors, and numba compiles for the one it finds. Both differ in the
 last bits. The folders below run under each family of OpenBLAS that this processor can run, except under the one that it
-picks by itself, which `make test` runs, and once with numba aimed at any x86-64 processor. Two runs go on at a time.
+picks by itself, which `make test` runs, and once with numba aimed at any x86-64 processor. Arguments are passed on to
+pytest: `-n 2 --dist loadfile` runs two processes at a time.
 
 The exit status is 1 if a run fails, and 0 else.
 """
@@ -15,8 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -80,24 +80,24 @@ def runs(can: Iterable[str], native: set[str]) -> list[Run]:
     return [*others, Run("numba for any processor", GENERIC)]
 
 
-def passed(run: Run) -> bool:
-    """Whether the tests pass; prints what pytest says when it is done."""
+def passed(run: Run, options: Sequence[str]) -> bool:
+    """Whether the tests pass under these options of pytest; prints what it says when it is done."""
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, **run.environment}
         if "NUMBA_CPU_NAME" in run.environment:
             environment["NUMBA_CACHE_DIR"] = cache  # kept machine code is for the processor found
         done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *FOLDERS], cwd=ROOT, env=environment,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *FOLDERS],
+            cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
     verdict = "passed" if done.returncode == 0 else "FAILED"
     print(f"=== {run.name}: {verdict} after {time.monotonic() - began:.0f} s\n{done.stdout}", flush=True)
     return done.returncode == 0
 
 
-def main() -> int:
-    """Every run; the status of the command."""
+def main(options: Sequence[str] = ()) -> int:
+    """Every run, under these options of pytest; the status of the command."""
     native, can = picked(), runnable(flags())
     print(
         f"{platform.processor() or platform.machine()}: OpenBLAS picks {', '.join(sorted(native)) or 'nothing known'};"
@@ -109,12 +109,11 @@ def main() -> int:
         if name is not None and picked(run.environment) != {name}:
             print(f"OPENBLAS_CORETYPE={name} has no effect on this OpenBLAS")
             return 1
-    with ThreadPoolExecutor(max_workers=min(2, os.cpu_count() or 1)) as pool:
-        verdicts = list(pool.map(passed, todo))
+    verdicts = [passed(run, options) for run in todo]
     for run, verdict in zip(todo, verdicts, strict=True):
         print(f"{run.name}: {'passed' if verdict else 'FAILED'}")
     return 0 if all(verdicts) else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

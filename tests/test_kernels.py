@@ -34,5 +34,11 @@ def test_the_verdict_is_that_of_the_worst_run(monkeypatch: pytest.MonkeyPatch, f
     todo = [kernels.Run("one"), kernels.Run("two")]
     monkeypatch.setattr(kernels, "picked", lambda environment=None: {"Haswell"})
     monkeypatch.setattr(kernels, "runs", lambda can, native: todo)
-    monkeypatch.setattr(kernels, "passed", lambda run: failing is None or run is not todo[failing])
+    monkeypatch.setattr(kernels, "passed", lambda run, options: failing is None or run is not todo[failing])
     assert kernels.main() == (0 if failing is None else 1)
+
+
+def test_options_are_passed_on_to_pytest(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(kernels, "FOLDERS", ("tests/test_kernels.py",))
+    assert kernels.passed(kernels.Run("one"), ["-k", "flags_of"])
+    assert not kernels.passed(kernels.Run("one"), ["-k", "no test has this name"])

@@ -26,7 +26,7 @@ KINDS: dict[str, tuple[str, type]] = {
     ),
     "Linear tasks": ("On torques or forces, so with `InverseDynamics`.", LinearTask),
     "Limits": ("In `subject_to`.", Constraint),
-    "Contacts": ("In `contacts`; `tasks.feet(robot)` makes those of a robot's own feet.", Contact),
+    "Contacts": ("In `contacts`; `wbc.tasks.feet(robot)` makes those of a robot's own feet.", Contact),
     "Components": ("In `components`: what remembers between ticks.", Component),
 }
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from wbc import errors as errors
     from wbc import methods as methods
     from wbc import models as models
+    from wbc import tasks as tasks
     from wbc import testing as testing
     from wbc.control.command import Command as Command
     from wbc.control.controller import Controller as Controller
@@ -94,7 +95,7 @@ _HOME = {
     "run_many": "wbc.control.many",
     "solve": "wbc.qp",
 }
-_PACKAGES = ("errors", "methods", "models", "qp", "sim", "stack", "testing")
+_PACKAGES = ("errors", "methods", "models", "qp", "sim", "stack", "tasks", "testing")
 
 
 def __getattr__(name: str) -> Any:

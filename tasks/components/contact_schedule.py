@@ -51,7 +51,7 @@ class ContactSchedule(Schedule):
         UnknownContact: a name the stack has not, when a controller is made.
 
     Example:
-        >>> from tasks import ContactSchedule
+        >>> from wbc.tasks import ContactSchedule
         >>> left, right = "left_sole", "right_sole"
         >>> step = ContactSchedule([(0.0, [left, right]), (1.0, [left]), (1.8, [left, right])])
         >>> step.holds(right)

@@ -8,10 +8,11 @@ from typing import final
 
 import numpy as np
 
-from tasks.components.load import Load, LoadFit
-from tasks.components.momentum_observer import MomentumObserver
 from wbc.models.model import RobotState
 from wbc.types import Vec
+
+from .load import Load, LoadFit
+from .momentum_observer import MomentumObserver
 
 #: What can be wrong: of an actuator, or with the robot's surroundings.
 ACTUATOR = ("total", "partial", "bias", "saturation")

@@ -6,8 +6,9 @@ from typing import final
 
 import numpy as np
 
-from tasks.components.adaptive_law import InertialLaw
 from wbc.types import Mat
+
+from .adaptive_law import InertialLaw
 
 #: Eigenvalues are computed once in so many ticks.
 EVERY = 20

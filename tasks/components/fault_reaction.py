@@ -8,10 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import numpy as np
 
-from tasks.components.diagnosis import ACTUATOR, KINDS, Diagnoser, Diagnosis
-from tasks.components.draft import Draft
-from tasks.components.momentum_observer import MomentumObserver
-from tasks.components.reactions import Cap, Derate, Reaction, Release
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
@@ -19,6 +15,11 @@ from wbc.stack.component import Component
 from wbc.stack.overrides import Overrides
 from wbc.stack.task import Task, TaskRows
 from wbc.types import Vec
+
+from .diagnosis import ACTUATOR, KINDS, Diagnoser, Diagnosis
+from .draft import Draft
+from .momentum_observer import MomentumObserver
+from .reactions import Cap, Derate, Reaction, Release
 
 if TYPE_CHECKING:
     from wbc.stack.plan import Plan
@@ -100,7 +101,7 @@ class FaultReaction(Component):
 
     Example:
         >>> import wbc
-        >>> from tasks import Derate, FaultReaction, MomentumObserver, Posture, Release, TorqueLimits, When
+        >>> from wbc.tasks import Derate, FaultReaction, MomentumObserver, Posture, Release, TorqueLimits, When
         >>> robot = wbc.load("arm")
         >>> observer = MomentumObserver(gain=100.0, threshold=1.0, persistence=2)
         >>> reaction = FaultReaction(observer, table=[When("total", [Release()]), When("partial", [Derate()])])

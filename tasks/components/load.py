@@ -31,7 +31,7 @@ class Load:
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks.components.load import Load
+        >>> from wbc.tasks.components.load import Load
         >>> state = wbc.load("arm").state()
         >>> load = Load("tool", mass=2.0, centre=np.zeros(3))
         >>> lift = state.frame("tool").jacobian()[2] * 2.0 * 9.81
@@ -83,7 +83,7 @@ class LoadRegressor:
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks.components.load import LoadRegressor
+        >>> from wbc.tasks.components.load import LoadRegressor
         >>> state, regressor = wbc.load("arm").state(), LoadRegressor("tool")
         >>> regressor.step(state, 1e-3) is None  # the first state; from the next on there is an interval
         True
@@ -127,7 +127,7 @@ class LoadFit:
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks.components.load import LoadFit
+        >>> from wbc.tasks.components.load import LoadFit
         >>> robot = wbc.load("arm")
         >>> fit = LoadFit("tool", scale=np.full(robot.nj, 0.3), counted=np.ones(robot.nj))
         >>> fit.add(robot.state(), 1e-3, missing=np.zeros(robot.nj), rows=None)

@@ -29,7 +29,7 @@ class MeasuredWrench(Component):
         InvalidInput: a wrench of another shape, or not finite when given. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import MeasuredWrench
+        >>> from wbc.tasks import MeasuredWrench
         >>> sensor = MeasuredWrench("tool", wrench=[0.0, 0.0, -5.0])
         >>> sensor.wrench = [0.0, 0.0, -5.2, 0.0, 0.1, 0.0]  # what it reads now
     """

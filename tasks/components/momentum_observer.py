@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.components.load import Load, LoadRegressor
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import MomentumResidual
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
 from wbc.types import Mat, Vec
+
+from .load import Load, LoadRegressor
 
 if TYPE_CHECKING:
     from wbc.stack.plan import Plan
@@ -60,7 +61,7 @@ class MomentumObserver(Component):
 
     Example:
         >>> import wbc
-        >>> from tasks import MomentumObserver, Posture
+        >>> from wbc.tasks import MomentumObserver, Posture
         >>> robot = wbc.load("arm")
         >>> observer = MomentumObserver(gain=50.0, threshold=2.0)
         >>> stack = wbc.Stack([Posture(robot.q0)], components=[observer])

@@ -6,9 +6,10 @@ from typing import final
 
 import numpy as np
 
-from tasks.components.adaptive_law import InertialLaw
 from wbc.models.model import RobotState
 from wbc.types import Mat, Vec
+
+from .adaptive_law import InertialLaw
 
 
 @final

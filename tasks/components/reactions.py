@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
-from tasks.components.diagnosis import Diagnosis
-from tasks.components.draft import Draft, task_of
-from tasks.components.momentum_observer import MomentumObserver
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotState
 from wbc.stack.overrides import Motor
 from wbc.stack.task import Task
+
+from .diagnosis import Diagnosis
+from .draft import Draft, task_of
+from .momentum_observer import MomentumObserver
 
 if TYPE_CHECKING:
     from wbc.stack.plan import Plan

@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from tasks.components.adaptive_law import InertialLaw, law_of, spread
-from tasks.components.excitation import Excitation
-from tasks.components.prediction import Prediction
-from tasks.components.reference import JointReference, TaskReference
-from tasks.torque import Torque
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
 from wbc.stack.overrides import Overrides
 from wbc.types import Mat, Vec
+
+from ..torque import Torque
+from .adaptive_law import InertialLaw, law_of, spread
+from .excitation import Excitation
+from .prediction import Prediction
+from .reference import JointReference, TaskReference
 
 if TYPE_CHECKING:
     from wbc.stack.plan import Plan
@@ -76,7 +77,7 @@ class SlotineLi(Component):
 
     Example:
         >>> import wbc
-        >>> from tasks import SlotineLi
+        >>> from wbc.tasks import SlotineLi
         >>> from wbc.models import Planar4P
         >>> adaptive = SlotineLi([0.1, 0.2, 0.0, 0.0], kp=50.0, kd=20.0, gain=2.0)
         >>> stack = wbc.Stack([adaptive.torque], components=[adaptive])

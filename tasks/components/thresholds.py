@@ -41,7 +41,7 @@ class Thresholds:
 
         Example:
             >>> import numpy as np
-            >>> from tasks import Thresholds
+            >>> from wbc.tasks import Thresholds
             >>> noise = 0.1 * np.random.default_rng(0).normal(size=(4000, 1))
             >>> bool(0.7 < Thresholds.learnt(noise, gain=100.0, dt=1e-3).value[0] < 0.8)
             True
@@ -68,7 +68,7 @@ class Thresholds:
 
         Example:
             >>> import wbc
-            >>> from tasks import Thresholds
+            >>> from wbc.tasks import Thresholds
             >>> state = wbc.load("arm").state()
             >>> bool((Thresholds.predicted(state, velocity=0.01, gain=100.0, dt=1e-3).value > 0.0).all())
             True

@@ -6,11 +6,12 @@ from typing import Any, final
 
 import numpy as np
 
-from tasks.criteria.criterion import Criterion
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Vec
+
+from .criterion import Criterion
 
 
 @final
@@ -27,7 +28,7 @@ class Clearance(Criterion):
 
     Example:
         >>> import wbc
-        >>> from tasks import Clearance
+        >>> from wbc.tasks import Clearance
         >>> robot, above_table = wbc.load("arm"), Clearance("forearm", plane=([0, 0, 1], 0.1), reach=0.2)
         >>> above_table.prepare(robot)
         >>> above_table.value(robot.state())

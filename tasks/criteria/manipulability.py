@@ -7,10 +7,11 @@ from typing import final
 
 import numpy as np
 
-from tasks.criteria.criterion import Criterion
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Mat, Vec
+
+from .criterion import Criterion
 
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -32,7 +33,7 @@ class Manipulability(Criterion):
 
     Example:
         >>> import wbc
-        >>> from tasks import Manipulability
+        >>> from wbc.tasks import Manipulability
         >>> robot, dexterity = wbc.load("arm"), Manipulability("tool")
         >>> dexterity.prepare(robot)
         >>> dexterity.value(robot.state()) > 0.0, dexterity.gradient(robot.state()).shape

@@ -6,10 +6,11 @@ from typing import final
 
 import numpy as np
 
-from tasks.criteria.criterion import Criterion
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Vec
+
+from .criterion import Criterion
 
 
 @final
@@ -24,7 +25,7 @@ class MidRange(Criterion):
 
     Example:
         >>> import wbc
-        >>> from tasks import MidRange
+        >>> from wbc.tasks import MidRange
         >>> robot, middle = wbc.load("arm"), MidRange()
         >>> middle.prepare(robot)
         >>> middle.value(robot.state()) <= 0.0

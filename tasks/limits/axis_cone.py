@@ -6,10 +6,11 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.limits.directions import unit
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
+
+from .directions import unit
 
 
 @final
@@ -24,7 +25,7 @@ class AxisConeLimit(Barrier):
             compiled.
 
     Example:
-        >>> from tasks import AxisConeLimit
+        >>> from wbc.tasks import AxisConeLimit
         >>> AxisConeLimit("tool", axis=[0, 0, 1], direction=[0, 0, -1], angle=0.3)
         AxisConeLimit[tool]
     """

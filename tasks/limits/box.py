@@ -26,7 +26,7 @@ class BoxLimits(Barrier):
 
     Example:
         >>> import numpy as np
-        >>> from tasks import BoxLimits
+        >>> from wbc.tasks import BoxLimits
         >>> workspace = BoxLimits("tool", lower=[0.2, -0.5, 0.05], upper=[0.8, 0.5, np.inf])
         >>> workspace.dim, workspace.label(4)
         (5, 'y upper')

@@ -50,7 +50,7 @@ class CollisionAvoidance(Barrier):
 
     Example:
         >>> import numpy as np, pinocchio, wbc
-        >>> from tasks import CollisionAvoidance, Obstacle
+        >>> from wbc.tasks import CollisionAvoidance, Obstacle
         >>> from wbc.models.geometry import Sphere
         >>> ball = Obstacle("ball", Sphere(0.1), pinocchio.SE3(np.eye(3), np.array([0.4, 0.0, 0.4])))
         >>> law = CollisionAvoidance([ball], margin=0.03)

@@ -6,10 +6,11 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.limits.directions import unit
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
+
+from .directions import unit
 
 #: Radius [m] within which the axis of the cone is rounded: there the distance to the cone has no gradient.
 _ROUND = 1e-3
@@ -26,7 +27,7 @@ class ConeLimit(Barrier):
         InvalidInput: an axis of length zero, an angle out of range. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import ConeLimit
+        >>> from wbc.tasks import ConeLimit
         >>> ConeLimit("tool", apex=[0.5, 0, 0], axis=[0, 0, 1], angle=0.5)  # approach from above
         ConeLimit[tool]
     """

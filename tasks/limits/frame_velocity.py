@@ -27,7 +27,7 @@ class FrameVelocityLimits(LinearConstraint):
         InvalidInput: zero, negative, NaN, or no limit at all. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import FrameVelocityLimits
+        >>> from wbc.tasks import FrameVelocityLimits
         >>> FrameVelocityLimits("tool", linear=0.25, angular=1.0).dim  # at most 0.25 m/s beside people
         6
     """

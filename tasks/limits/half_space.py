@@ -6,10 +6,11 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.limits.directions import unit
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
+
+from .directions import unit
 
 
 @final
@@ -22,7 +23,7 @@ class HalfSpaceLimit(Barrier):
         InvalidInput: a normal of length zero, numbers that are not finite. UnknownFrame: when a stack is compiled.
 
     Example:
-        >>> from tasks import HalfSpaceLimit
+        >>> from wbc.tasks import HalfSpaceLimit
         >>> HalfSpaceLimit("tool", normal=[0, 0, 1], offset=0.05)  # never below 5 cm
         HalfSpaceLimit[tool]
     """

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Self, final
 
-from tasks.limits.joint_acceleration import JointAccelerationLimits
-from tasks.limits.joint_jerk import JointJerkLimits
-from tasks.limits.joint_position import JointPositionLimits
-from tasks.limits.joint_velocity import JointVelocityLimits
-from tasks.limits.torque import TorqueLimits
-from tasks.limits.torque_speed import TorqueSpeedLimits
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.constraint import Constraint, JointInterval, Laws
+
+from .joint_acceleration import JointAccelerationLimits
+from .joint_jerk import JointJerkLimits
+from .joint_position import JointPositionLimits
+from .joint_velocity import JointVelocityLimits
+from .torque import TorqueLimits
+from .torque_speed import TorqueSpeedLimits
 
 _OPTIONAL = ("position", "velocity", "torque")
 
@@ -38,7 +39,7 @@ class JointLimits(Laws):
 
     Example:
         >>> import wbc
-        >>> from tasks import JointLimits
+        >>> from wbc.tasks import JointLimits
         >>> limits = JointLimits(a_max=20.0, j_max=500.0, without=["torque"])
         >>> [law.name for law in limits.laws(wbc.InverseDynamics().bounds)]
         ['JointLimits.position', 'JointLimits.velocity', 'JointLimits.acceleration', 'JointLimits.jerk']

@@ -6,10 +6,11 @@ from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
-from tasks.limits.per_joint import per_joint, positive
 from wbc.models.model import RobotModel
 from wbc.stack.constraint import JointInterval, Quantity
 from wbc.types import Vec
+
+from .per_joint import per_joint, positive
 
 
 @final
@@ -25,7 +26,7 @@ class JointJerkLimits(JointInterval):
 
     Example:
         >>> import wbc
-        >>> from tasks import JointJerkLimits
+        >>> from wbc.tasks import JointJerkLimits
         >>> lower, upper = JointJerkLimits(500.0).bounds(wbc.load("arm"))
         >>> float(lower[0]), float(upper[0])
         (-500.0, 500.0)

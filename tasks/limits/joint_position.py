@@ -6,12 +6,13 @@ from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
-from tasks.limits.per_joint import per_joint
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.constraint import JointInterval, Quantity
 from wbc.types import Vec
+
+from .per_joint import per_joint
 
 
 @final
@@ -28,7 +29,7 @@ class JointPositionLimits(JointInterval):
 
     Example:
         >>> import wbc
-        >>> from tasks import JointPositionLimits
+        >>> from wbc.tasks import JointPositionLimits
         >>> robot = wbc.load("arm")
         >>> law = JointPositionLimits(upper={robot.joint_names[0]: 0.5}, braking=10.0)
         >>> float(law.bounds(robot)[1][0])

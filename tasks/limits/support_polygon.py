@@ -27,7 +27,7 @@ class SupportPolygon(Barrier):
 
     Example:
         >>> import wbc
-        >>> from tasks import SupportPolygon
+        >>> from wbc.tasks import SupportPolygon
         >>> robot = wbc.load("quadruped", base="floating")
         >>> SupportPolygon.under(robot, margin=0.02).dim
         4

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, final
 
-from tasks.limits.per_joint import per_joint, positive
 from wbc.models.model import RobotModel
 from wbc.stack.constraint import JointInterval, Quantity
 from wbc.types import Vec
+
+from .per_joint import per_joint, positive
 
 
 @final
@@ -19,7 +20,7 @@ class TorqueLimits(JointInterval):
 
     Example:
         >>> import wbc
-        >>> from tasks import TorqueLimits
+        >>> from wbc.tasks import TorqueLimits
         >>> lower, upper = TorqueLimits(40.0).bounds(wbc.load("arm"))
         >>> float(lower[0]), float(upper[0])
         (-40.0, 40.0)

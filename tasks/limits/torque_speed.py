@@ -6,11 +6,12 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from tasks.limits.per_joint import per_joint, positive
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.constraint import TorqueBySpeed
 from wbc.types import Vec
+
+from .per_joint import per_joint, positive
 
 
 @final
@@ -27,7 +28,7 @@ class TorqueSpeedLimits(TorqueBySpeed):
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks import TorqueSpeedLimits
+        >>> from wbc.tasks import TorqueSpeedLimits
         >>> law, robot = TorqueSpeedLimits(4.0, 40.0), wbc.load("arm")
         >>> law.prepare(robot)
         >>> lower, upper = law.bounds(robot)

@@ -9,7 +9,17 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import (
+from wbc.errors import InvalidInput
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure, style
+from wbc.report.document import Section, Table, Text
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.types import Vec
+
+from .. import (
     Brake,
     FaultReaction,
     JointPositionLimits,
@@ -22,16 +32,7 @@ from tasks import (
     TorqueLimits,
     When,
 )
-from tasks.scenarios.arm_reach import TOOLS
-from wbc.errors import InvalidInput
-from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
-from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
-from wbc.sim.simulate import simulate
-from wbc.types import Vec
+from .arm_reach import TOOLS
 
 FAULT, RECOVERY = 3.0, 1.0  # seconds
 #: At this moment the second joint stops where the others cannot reach all of the path [s].

@@ -9,20 +9,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import (
-    Comply,
-    FaultReaction,
-    JointPositionLimits,
-    JointVelocityLimits,
-    MomentumObserver,
-    Position,
-    Posture,
-    Sinusoid,
-    TorqueLimits,
-    When,
-)
-from tasks.components.diagnosis import Diagnosis
-from tasks.scenarios.arm_reach import TOOLS
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.methods import ContactEstimate
@@ -34,6 +20,21 @@ from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
+
+from .. import (
+    Comply,
+    FaultReaction,
+    JointPositionLimits,
+    JointVelocityLimits,
+    MomentumObserver,
+    Position,
+    Posture,
+    Sinusoid,
+    TorqueLimits,
+    When,
+)
+from ..components.diagnosis import Diagnosis
+from .arm_reach import TOOLS
 
 #: When something pushes, and for how long [s].
 YIELDING = 0.2  # share of the damping that is left

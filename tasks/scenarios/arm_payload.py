@@ -9,8 +9,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import Sinusoid, SlotineLi, TorqueLimits
-from tasks.scenarios import judge
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
@@ -22,6 +20,9 @@ from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
+
+from .. import Sinusoid, SlotineLi, TorqueLimits
+from . import judge
 
 #: When the load is picked up [s], and the end of the run whose error is compared [s].
 PICK, END = 3.0, 2.0

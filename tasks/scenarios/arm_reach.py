@@ -9,8 +9,6 @@ import numpy as np
 import pinocchio
 
 import wbc
-from tasks import Frame, JointPositionLimits, JointVelocityLimits, Posture, Sinusoid, TorqueLimits
-from tasks.scenarios import judge
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
@@ -19,6 +17,9 @@ from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.stack.formulation import Formulation
+
+from .. import Frame, JointPositionLimits, JointVelocityLimits, Posture, Sinusoid, TorqueLimits
+from . import judge
 
 STEP_TIME = 1.5  # [s]
 TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp", "arm": "tool"}

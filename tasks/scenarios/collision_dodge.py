@@ -11,8 +11,6 @@ import numpy as np
 import pinocchio
 
 import wbc
-from tasks import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
-from tasks.scenarios import judge
 from wbc.errors import InvalidInput
 from wbc.models.collision import Distances
 from wbc.models.geometry import Cylinder, Sphere
@@ -24,6 +22,9 @@ from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
+
+from .. import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
+from . import judge
 
 #: From here to there and back, in so many seconds [m, s]. The post stands between.
 HERE, THERE, PERIOD = (0.55, 0.0, 0.42), (0.33, 0.45, 0.42), 8.0

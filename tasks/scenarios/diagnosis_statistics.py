@@ -9,7 +9,17 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import (
+from wbc import checks
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report.document import Section, Table, Text
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.types import Vec
+
+from .. import (
     Cap,
     Carry,
     Compensate,
@@ -24,18 +34,9 @@ from tasks import (
     TorqueLimits,
     When,
 )
-from tasks.components.diagnosis import ACTUATOR, Diagnosis
-from tasks.scenarios.arm_collision import jacobian, moved_links
-from tasks.scenarios.arm_reach import TOOLS
-from wbc import checks
-from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report.document import Section, Table, Text
-from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
-from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
-from wbc.sim.simulate import simulate
-from wbc.types import Vec
+from ..components.diagnosis import ACTUATOR, Diagnosis
+from .arm_collision import jacobian, moved_links
+from .arm_reach import TOOLS
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: Seconds without a fault that thresholds come from; after a fault that are watched.

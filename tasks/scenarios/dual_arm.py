@@ -9,12 +9,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import CenterOfMass, ContactForce, Frame, LoopClosure, MinimumJerk, Orientation, Posture, Sinusoid
-from tasks.criteria.manipulability import ROWS
-from tasks.motions import pose_motion, swing
-from tasks.scenarios import judge
-from tasks.scenarios.humanoid_stand import STANCES
-from tasks.scenarios.standing import held_by_damping, joint_laws, standing_plant
 from wbc import checks
 from wbc.errors import UnknownRobot
 from wbc.report import measure, style
@@ -22,6 +16,13 @@ from wbc.report.document import Section
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
+
+from .. import CenterOfMass, ContactForce, Frame, LoopClosure, MinimumJerk, Orientation, Posture, Sinusoid
+from ..criteria.manipulability import ROWS
+from ..motions import pose_motion, swing
+from . import judge
+from .humanoid_stand import STANCES
+from .standing import held_by_damping, joint_laws, standing_plant
 
 #: The hands of each robot, left and right; how they are held, where the robot's own stance leaves them too little room
 #: [rad]; and how much the bar moves [m] and turns [rad].

@@ -8,11 +8,6 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from tasks.components.fault_reaction import TABLE
-from tasks.scenarios import humanoid_joint_loss, humanoid_stand, quadruped_joint_loss, quadruped_stand
-from tasks.scenarios.fault_trials import Outcome, Stand, learnt, trial
-from tasks.scenarios.held_sway import Held, HeldSway, reserve, table_with
-from tasks.scenarios.standing import held_by_damping
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
@@ -20,6 +15,12 @@ from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+
+from ..components.fault_reaction import TABLE
+from . import humanoid_joint_loss, humanoid_stand, quadruped_joint_loss, quadruped_stand
+from .fault_trials import Outcome, Stand, learnt, trial
+from .held_sway import Held, HeldSway, reserve, table_with
+from .standing import held_by_damping
 
 ROBOTS: Sequence[str] = (*humanoid_stand.STANCES, *quadruped_stand.STANCES)
 #: When the motor fails: the sway is at its full size [s].

@@ -8,15 +8,16 @@ from typing import Any, final
 
 import numpy as np
 
-from tasks import Thresholds, When
-from tasks.components.fault_reaction import TABLE
-from tasks.scenarios import fault_sections as sections
-from tasks.scenarios.fault_trials import LEARNING, Gains, Outcome, Stand, learnt, trial
-from tasks.scenarios.least_torque import least_torque
-from tasks.scenarios.standing import standing_stack
 from wbc.report import measure
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Progress, ScenarioResult
+
+from .. import Thresholds, When
+from ..components.fault_reaction import TABLE
+from . import fault_sections as sections
+from .fault_trials import LEARNING, Gains, Outcome, Stand, learnt, trial
+from .least_torque import least_torque
+from .standing import standing_stack
 
 #: How long after the fault the robot is watched [s].
 AFTER = 6.0

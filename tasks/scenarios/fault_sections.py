@@ -12,9 +12,9 @@ from wbc.report.document import Item, Page, Section, Table, Text
 from wbc.sim.scenario import ScenarioResult
 
 if TYPE_CHECKING:
-    from tasks import Thresholds
-    from tasks.scenarios.fault_scenario import Pair
-    from tasks.scenarios.fault_trials import Stand
+    from .. import Thresholds
+    from .fault_scenario import Pair
+    from .fault_trials import Stand
 
 _BESIDE = """<!doctype html><meta charset="utf-8"><title>side by side</title>
 <style>body{margin:0;display:flex;font:14px sans-serif;height:100vh}div{flex:1;display:flex;flex-direction:column}

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
 from wbc import checks
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import style
@@ -20,6 +19,8 @@ from wbc.sim.disturbance import Effect, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.types import Status, Vec
+
+from .. import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].

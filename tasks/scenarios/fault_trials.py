@@ -9,10 +9,6 @@ from typing import Any, final
 import numpy as np
 
 import wbc
-from tasks import FaultReaction, MomentumObserver, Thresholds, When
-from tasks.components.diagnosis import ACTUATOR, Diagnosis
-from tasks.components.fault_reaction import TABLE
-from tasks.scenarios.standing import Stance, standing_stack
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.actuator_fault import ActuatorFault
@@ -20,6 +16,11 @@ from wbc.sim.disturbance import Disturbance, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
+
+from .. import FaultReaction, MomentumObserver, Thresholds, When
+from ..components.diagnosis import ACTUATOR, Diagnosis
+from ..components.fault_reaction import TABLE
+from .standing import Stance, standing_stack
 
 #: Gain of the observer [1/s] with noise, which grows with it, and without, where nothing speaks against a large one;
 #: ticks in a row above the threshold that raise an alarm.

@@ -8,15 +8,16 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
-from tasks import SlotineLi, TorqueLimits
-from tasks.scenarios import judge
-from tasks.scenarios.exact_plant import ExactPlant
-from tasks.scenarios.torque_run import TorqueRun
 from wbc.models import Planar4P
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.types import Vec
+
+from .. import SlotineLi, TorqueLimits
+from . import judge
+from .exact_plant import ExactPlant
+from .torque_run import TorqueRun
 
 #: The motion that excites everything: amplitudes [m] and angular frequencies [rad/s]; and the place to stay at [m].
 AMPLITUDE, FREQUENCY = np.array([0.5, 0.4, 0.3, 0.3]), np.array([2.0, 0.9, 3.1, 1.7])

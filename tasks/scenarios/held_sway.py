@@ -12,16 +12,17 @@ from scipy.ndimage import map_coordinates
 from scipy.optimize import linprog
 
 import wbc
-from tasks import CenterOfMass, Orientation, Posture, Release, Retarget, When
-from tasks.components.diagnosis import Diagnosis
-from tasks.components.fault_reaction import TABLE
-from tasks.scenarios.fault_trials import Stand
-from tasks.scenarios.least_torque import contact_jacobian
-from tasks.scenarios.standing import Stance, held_by_damping, joint_laws
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.contact import Contact
 from wbc.types import Vec
+
+from .. import CenterOfMass, Orientation, Posture, Release, Retarget, When
+from ..components.diagnosis import Diagnosis
+from ..components.fault_reaction import TABLE
+from .fault_trials import Stand
+from .least_torque import contact_jacobian
+from .standing import Stance, held_by_damping, joint_laws
 
 #: Positions per axis that the sway's box is sampled at; boxes of a half of it and single positions are on the grid.
 SAMPLES = 5
@@ -48,8 +49,8 @@ def reserve(robot: RobotModel, contacts: Sequence[Contact], q: Vec, without: Seq
 
     Example:
         >>> import wbc
-        >>> from tasks import feet
-        >>> from tasks.scenarios.held_sway import reserve
+        >>> from wbc.tasks import feet
+        >>> from wbc.tasks.scenarios.held_sway import reserve
         >>> robot = wbc.load("humanoid", base="floating")
         >>> sound, lame = reserve(robot, feet(robot), robot.q0), reserve(robot, feet(robot), robot.q0, ["left_knee"])
         >>> sound > lame > 0.0

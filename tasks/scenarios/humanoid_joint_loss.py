@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, final
 
-from tasks.scenarios import fault_scenario
-from tasks.scenarios.fault_trials import Gains, Outcome, Stand
-from tasks.scenarios.held_sway import HeldSway, table_with
-from tasks.scenarios.humanoid_stand import STANCES
 from wbc import checks
 from wbc.errors import UnknownRobot
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+
+from . import fault_scenario
+from .fault_trials import Gains, Outcome, Stand
+from .held_sway import HeldSway, table_with
+from .humanoid_stand import STANCES
 
 JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
 #: What the answer does not mend: the waist carries the body alone.

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from tasks.scenarios.standing import Demand, Stance, push_force, pushes_within, stand
 from wbc.errors import UnknownRobot
 from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
+
+from .standing import Demand, Stance, push_force, pushes_within, stand
 
 #: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles; soles
 #: flat, the three pitch angles of a leg adding up to nothing [rad].

@@ -9,12 +9,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
-from tasks.scenarios import judge
-from tasks.scenarios.humanoid_stand import STANCES
-from tasks.scenarios.plan_step import PlanStep
-from tasks.scenarios.standing import Stance, held_by_damping, joint_laws, standing_plant
-from tasks.scenarios.walking import Footstep, Gait, Walk, walk
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownRobot
 from wbc.models.model import RobotState
@@ -23,6 +17,13 @@ from wbc.report import measure
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.stack.contact import Contact
+
+from .. import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
+from . import judge
+from .humanoid_stand import STANCES
+from .plan_step import PlanStep
+from .standing import Stance, held_by_damping, joint_laws, standing_plant
+from .walking import Footstep, Gait, Walk, walk
 
 GAITS: Mapping[str, Gait] = {
     "talos": Gait(length=0.10, lift=0.05, shift=1.2, swing=1.0, inset=0.015),

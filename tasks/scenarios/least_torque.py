@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 import wbc
-from tasks.scenarios.judge import TOLERANCE
 from wbc.models.model import RobotModel
 from wbc.stack.contact import Contact, ContactRows
 from wbc.types import Vec
+
+from .judge import TOLERANCE
 
 #: Weight of the forces' norm against the joint's torque [m²]: so small that it costs no more than 1e-4 N m, and no
 #: smaller, for a problem with larger and smaller numbers in it is answered wrongly.

@@ -9,9 +9,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import JointPositionLimits, JointVelocityLimits, Manipulability, Position, ProjectedGradient, Sinusoid
-from tasks.scenarios import judge
-from tasks.scenarios.pictures import picture
 from wbc.errors import ModelError
 from wbc.methods import ProjectedGradientStep
 from wbc.models.pinocchio_ import PinocchioModel
@@ -21,6 +18,10 @@ from wbc.sim.plant import IntegratorPlant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Index, Vec
+
+from .. import JointPositionLimits, JointVelocityLimits, Manipulability, Position, ProjectedGradient, Sinusoid
+from . import judge
+from .pictures import picture
 
 TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp", "arm": "tool"}
 #: Ticks between two at which the closed form is asked too.

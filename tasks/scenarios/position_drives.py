@@ -8,10 +8,6 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
-from tasks import JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
-from tasks.scenarios import arm_reach, humanoid_stand, judge, quadruped_stand
-from tasks.scenarios.standing import Stance, standing_plant, standing_stack
-from tasks.trajectories import Trajectory
 from wbc.control.recorder import Run
 from wbc.errors import UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
@@ -22,6 +18,11 @@ from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
+
+from .. import JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
+from ..trajectories import Trajectory
+from . import arm_reach, humanoid_stand, judge, quadruped_stand
+from .standing import Stance, standing_plant, standing_stack
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
 #: The error counts from here on [s]: drives that are sent no torques sag first.

@@ -8,10 +8,6 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
-from tasks import MomentumObserver, Torque
-from tasks.scenarios import judge
-from tasks.scenarios.exact_plant import ExactPlant
-from tasks.scenarios.torque_run import TorqueRun
 from wbc.methods import FaultFraction
 from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
@@ -20,6 +16,11 @@ from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.types import Vec
+
+from .. import MomentumObserver, Torque
+from . import judge
+from .exact_plant import ExactPlant
+from .torque_run import TorqueRun
 
 #: Where the robot is when the fault comes [m, rad], how it moves, and what is asked of its actuators [N, N m].
 Q_START, V_START, TAU = np.array([0.0, np.pi / 2]), np.array([1.0, -1.0]), np.array([5.0, -2.0])

@@ -9,10 +9,6 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
-from tasks import MeasuredWrench, Position, Torque, TorqueLimits
-from tasks.scenarios import judge
-from tasks.scenarios.exact_plant import ExactPlant
-from tasks.scenarios.torque_run import TorqueRun
 from wbc.methods import WeightedTorque
 from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
@@ -20,6 +16,11 @@ from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.types import Vec
+
+from .. import MeasuredWrench, Position, Torque, TorqueLimits
+from . import judge
+from .exact_plant import ExactPlant
+from .torque_run import TorqueRun
 
 TIP = "end_effector"
 Q_START = np.array([0.0, np.pi / 2])

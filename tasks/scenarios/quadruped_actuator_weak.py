@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, final
 
-from tasks.scenarios import fault_scenario
-from tasks.scenarios.fault_trials import Outcome
-from tasks.scenarios.quadruped_joint_loss import BETWEEN, FIRST, KNEES, VARIANTS, standing_of
 from wbc import checks
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+
+from . import fault_scenario
+from .fault_trials import Outcome
+from .quadruped_joint_loss import BETWEEN, FIRST, KNEES, VARIANTS, standing_of
 
 #: How far off the share lost may be taken.
 CLOSE = 0.05

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, final
 
-from tasks.scenarios import fault_scenario
-from tasks.scenarios.fault_trials import Gains, Outcome, Stand
-from tasks.scenarios.held_sway import HeldSway, table_with
-from tasks.scenarios.quadruped_stand import STANCES
 from wbc import checks
 from wbc.errors import UnknownRobot
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+
+from . import fault_scenario
+from .fault_trials import Gains, Outcome, Stand
+from .held_sway import HeldSway, table_with
+from .quadruped_stand import STANCES
 
 JOINTS: Mapping[str, str] = {"go2": "FL_hip_joint", "quadruped": "front_left_hip_roll"}
 KNEES: Mapping[str, str] = {"go2": "FL_calf_joint", "quadruped": "front_left_knee"}

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from tasks.scenarios.standing import Demand, Stance, pushes_within, stand
 from wbc.errors import UnknownRobot
 from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
+
+from .standing import Demand, Stance, pushes_within, stand
 
 STANCES: Mapping[str, Stance] = {
     "go2": Stance("base", (0.02, 0.03, 0.03), (0.7, 0.5, 1.0)),

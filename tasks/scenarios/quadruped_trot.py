@@ -8,12 +8,6 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
-from tasks import CenterOfMass, ContactSchedule, MinimumJerk, Orientation, Piecewise, Position, Posture
-from tasks.scenarios import judge
-from tasks.scenarios.plan_step import PlanStep
-from tasks.scenarios.quadruped_stand import STANCES
-from tasks.scenarios.standing import Stance, held_by_damping, joint_laws, standing_plant
-from tasks.trajectories import Trajectory
 from wbc.errors import UnknownRobot
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
@@ -22,6 +16,13 @@ from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
+
+from .. import CenterOfMass, ContactSchedule, MinimumJerk, Orientation, Piecewise, Position, Posture
+from ..trajectories import Trajectory
+from . import judge
+from .plan_step import PlanStep
+from .quadruped_stand import STANCES
+from .standing import Stance, held_by_damping, joint_laws, standing_plant
 
 #: The weight goes over the middle of the feet in ``CENTRED`` s; the first feet swing at ``START``, the last are down
 #: ``END`` s before the run ends. A pair is up for ``SWING``, all feet are down for ``STAND`` between [s].

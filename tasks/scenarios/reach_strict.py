@@ -8,10 +8,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks import CenterOfMass, MinimumJerk, Orientation, Position, Posture
-from tasks.scenarios import judge
-from tasks.scenarios.humanoid_stand import STANCES
-from tasks.scenarios.standing import Stance, held_by_damping, joint_laws, standing_plant
 from wbc.control.recorder import Run
 from wbc.errors import UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
@@ -21,6 +17,11 @@ from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.stack.hierarchy import Hierarchy
+
+from .. import CenterOfMass, MinimumJerk, Orientation, Position, Posture
+from . import judge
+from .humanoid_stand import STANCES
+from .standing import Stance, held_by_damping, joint_laws, standing_plant
 
 #: The hand's target leaves at this time [s], and arrives this much later.
 START, WAY = 0.5, 1.5

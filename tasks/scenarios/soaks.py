@@ -8,17 +8,18 @@ from typing import Any, final
 import numpy as np
 
 import wbc
-from tasks.com import CenterOfMass
-from tasks.feet import feet
-from tasks.limits.joint_acceleration import JointAccelerationLimits
-from tasks.limits.joint_position import JointPositionLimits
-from tasks.limits.joint_velocity import JointVelocityLimits
-from tasks.limits.torque import TorqueLimits
-from tasks.orientation import Orientation
-from tasks.position import Position
-from tasks.posture import Posture
 from wbc.models import load
 from wbc.sim.soak import Subject
+
+from ..com import CenterOfMass
+from ..feet import feet
+from ..limits.joint_acceleration import JointAccelerationLimits
+from ..limits.joint_position import JointPositionLimits
+from ..limits.joint_velocity import JointVelocityLimits
+from ..limits.torque import TorqueLimits
+from ..orientation import Orientation
+from ..position import Position
+from ..posture import Posture
 
 
 @final

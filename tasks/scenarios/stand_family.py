@@ -9,8 +9,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from tasks.scenarios import humanoid_stand, quadruped_stand
-from tasks.scenarios.standing import Stance, push_force, standing_plant, standing_stack
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
@@ -19,6 +17,9 @@ from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, Push
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
+
+from . import humanoid_stand, quadruped_stand
+from .standing import Stance, push_force, standing_plant, standing_stack
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
 #: Push [N], and load in a hand [kg], that are usual.

@@ -9,7 +9,18 @@ from typing import Any, final
 import numpy as np
 
 import wbc
-from tasks import (
+from wbc import checks
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
+from wbc.sim.disturbance import Push
+from wbc.sim.drives import PositionDrives
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.scenario import Check, Progress, ScenarioResult
+from wbc.sim.simulate import simulate
+from wbc.stack.constraint import Constraint
+from wbc.stack.contact import Contact
+
+from .. import (
     CenterOfMass,
     JointPositionLimits,
     JointVelocityLimits,
@@ -21,17 +32,7 @@ from tasks import (
     TorqueLimits,
     feet,
 )
-from tasks.scenarios import judge
-from wbc import checks
-from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure
-from wbc.sim.disturbance import Push
-from wbc.sim.drives import PositionDrives
-from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Progress, ScenarioResult
-from wbc.sim.simulate import simulate
-from wbc.stack.constraint import Constraint
-from wbc.stack.contact import Contact
+from . import judge
 
 #: What the controller keeps in hand for what it does not know of: of the floor's friction, of the joints' speed, of
 #: their range [rad]. A push of 120 N throws a head by half a radian per second before any motor can answer.

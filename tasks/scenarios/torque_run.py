@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import wbc
-from tasks.scenarios.exact_plant import ExactPlant
 from wbc.models.model import RobotModel
 from wbc.sim.disturbance import Disturbance
 from wbc.sim.scenario import Progress
 from wbc.sim.simulate import simulate
+
+from .exact_plant import ExactPlant
 
 
 @final

@@ -9,11 +9,12 @@ from typing import NamedTuple, final
 import numpy as np
 import pinocchio
 
-from tasks import MinimumJerk, Piecewise, PoseInterpolation
-from tasks.trajectories import Trajectory
 from wbc.models.feet import Foot
 from wbc.models.model import RobotState
 from wbc.types import Vec
+
+from .. import MinimumJerk, Piecewise, PoseInterpolation
+from ..trajectories import Trajectory
 
 #: Standing before the first step, with the weight over the one foot before the other is lifted, and with both feet down
 #: before the weight goes on; at the end, in the middle [s].

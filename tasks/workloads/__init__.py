@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tasks.workloads.humanoid_id import HumanoidInverseDynamics
-from tasks.workloads.humanoid_ik import HumanoidInverseKinematics
-from tasks.workloads.panda_id import PandaInverseDynamics
-from tasks.workloads.panda_ik import PandaInverseKinematics
-from tasks.workloads.quadruped_id import QuadrupedInverseDynamics
-from tasks.workloads.workload import Workload
+from .humanoid_id import HumanoidInverseDynamics
+from .humanoid_ik import HumanoidInverseKinematics
+from .panda_id import PandaInverseDynamics
+from .panda_ik import PandaInverseKinematics
+from .quadruped_id import QuadrupedInverseDynamics
+from .workload import Workload
 
 WORKLOADS: Mapping[str, Workload] = {
     workload.name: workload

@@ -13,8 +13,6 @@ import numpy as np
 
 from wbc.types import Vec
 
-_PACKAGES = ("wbc.", "tasks.")
-
 
 @final
 class _Counting:
@@ -44,7 +42,7 @@ def counted_calls() -> Iterator[list[int]]:
 
     Example:
         >>> import numpy as np
-        >>> from tasks.workloads.calls import counted_calls
+        >>> from wbc.tasks.workloads.calls import counted_calls
         >>> numbers = np.ones(3)
         >>> with counted_calls() as calls:
         ...     total = numbers.sum()
@@ -61,7 +59,7 @@ def counted_calls() -> Iterator[list[int]]:
             calls[0] += 1
 
     for name, module in list(sys.modules.items()):
-        if module is None or name == __name__ or not name.startswith(_PACKAGES):
+        if module is None or name == __name__ or not name.startswith("wbc."):
             continue
         for key, value in list(vars(module).items()):
             compiled = type(value).__name__ == "fortran"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, final
 
-from tasks import CenterOfMass, JointVelocityLimits, Orientation, Posture, Sole, TorqueLimits
-from tasks.workloads.quality import SoleSupport, angle, distance, tracking_of_accelerations
-from tasks.workloads.references import sway, times
-from tasks.workloads.robots import TALOS, MadeRobot
-from tasks.workloads.workload import Problem, Record, Workload
 from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
+
+from .. import CenterOfMass, JointVelocityLimits, Orientation, Posture, Sole, TorqueLimits
+from .quality import SoleSupport, angle, distance, tracking_of_accelerations
+from .references import sway, times
+from .robots import TALOS, MadeRobot
+from .workload import Problem, Record, Workload
 
 _FEET = ("left_sole_link", "right_sole_link")
 _TORSO = "torso_2_link"

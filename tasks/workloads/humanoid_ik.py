@@ -7,13 +7,14 @@ from typing import Any, ClassVar, final
 import numpy as np
 import pinocchio as pin
 
-from tasks import CenterOfMass, Frame, JointPositionLimits, JointVelocityLimits, Posture
-from tasks.workloads.quality import distance, tracking_of_velocities
-from tasks.workloads.references import Track, step, sway, times
-from tasks.workloads.robots import G1, MadeRobot
-from tasks.workloads.workload import Problem, Record, Workload
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.stack import Stack
+
+from .. import CenterOfMass, Frame, JointPositionLimits, JointVelocityLimits, Posture
+from .quality import distance, tracking_of_velocities
+from .references import Track, step, sway, times
+from .robots import G1, MadeRobot
+from .workload import Problem, Record, Workload
 
 _FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 _HANDS = ("left_wrist_yaw_link", "right_wrist_yaw_link")

@@ -17,12 +17,13 @@ import pinocchio as pin
 from threadpoolctl import threadpool_limits
 
 import wbc
-from tasks.workloads.calls import calls_of
-from tasks.workloads.robots import MadeRobot
-from tasks.workloads.workload import Problem, Progress, Record, Workload
 from wbc.control.controller import Controller
 from wbc.qp.problem import QP
 from wbc.types import Vec
+
+from .calls import calls_of
+from .robots import MadeRobot
+from .workload import Problem, Progress, Record, Workload
 
 WARM_UP = 100
 _REPORT_EVERY = 250

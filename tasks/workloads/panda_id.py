@@ -7,13 +7,14 @@ from typing import Any, ClassVar, final
 import numpy as np
 import pinocchio as pin
 
-from tasks import Frame, JointVelocityLimits, Posture, TorqueLimits
-from tasks.workloads.quality import angle, distance, tracking_of_accelerations
-from tasks.workloads.references import Track, step, sway, times
-from tasks.workloads.robots import PANDA, MadeRobot
-from tasks.workloads.workload import Problem, Record, Workload
 from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
+
+from .. import Frame, JointVelocityLimits, Posture, TorqueLimits
+from .quality import angle, distance, tracking_of_accelerations
+from .references import Track, step, sway, times
+from .robots import PANDA, MadeRobot
+from .workload import Problem, Record, Workload
 
 _TOOL = "panda_hand_tcp"
 

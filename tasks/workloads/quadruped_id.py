@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, final
 
-from tasks import CenterOfMass, JointVelocityLimits, Orientation, Point, Posture, TorqueLimits
-from tasks.workloads.quality import PointSupport, angle, distance, tracking_of_accelerations
-from tasks.workloads.references import sway, times
-from tasks.workloads.robots import GO2, MadeRobot
-from tasks.workloads.workload import Problem, Record, Workload
 from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
+
+from .. import CenterOfMass, JointVelocityLimits, Orientation, Point, Posture, TorqueLimits
+from .quality import PointSupport, angle, distance, tracking_of_accelerations
+from .references import sway, times
+from .robots import GO2, MadeRobot
+from .workload import Problem, Record, Workload
 
 _FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 _BASE = "base"

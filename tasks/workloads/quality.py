@@ -13,9 +13,10 @@ from typing import Any, final
 import numpy as np
 import pinocchio as pin
 
-from tasks.workloads.robots import MadeRobot
-from tasks.workloads.workload import Record
 from wbc.types import Mat, Vec
+
+from .robots import MadeRobot
+from .workload import Record
 
 #: Errors of one tick: gets Pinocchio's data, with frames and centre of mass up to date, and the tick.
 Errors = Callable[[Any, int], tuple[float, ...]]

@@ -76,7 +76,7 @@ def sway(
 
     Example:
         >>> import numpy as np
-        >>> from tasks.workloads.references import sway
+        >>> from wbc.tasks.workloads.references import sway
         >>> motion = sway(np.array([0.0, 2.0]), [0.1, 0.0, 0.0], [0.125, 1.0, 1.0])
         >>> motion.position[:, 0].round(3).tolist()
         [0.0, 0.1]

@@ -6,16 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tasks.limits.joint_velocity import JointVelocityLimits
-from tasks.limits.torque import TorqueLimits
-from tasks.point import Point
-from tasks.position import Position
-from tasks.posture import Posture
-from tasks.workloads.chains import EFFORT, chain, many_legs
 from wbc.models.model import RobotModel
 from wbc.report.scaling.axis import Axis, Problem
 from wbc.stack.formulation import InverseDynamics, VelocityLevel
 from wbc.stack.stack import Stack
+
+from ..limits.joint_velocity import JointVelocityLimits
+from ..limits.torque import TorqueLimits
+from ..point import Point
+from ..position import Position
+from ..posture import Posture
+from .chains import EFFORT, chain, many_legs
 
 #: A chain on which tasks are counted; one on which torque limits are; legs that may stand.
 TASKS_ON, LIMITS_ON, LEGS = 40, 60, 8

@@ -14,11 +14,12 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from tasks.workloads.robots import MadeRobot, RobotRecipe
 from wbc import checks
 from wbc.stack.formulation import Formulation
 from wbc.stack.stack import Stack
 from wbc.types import Vec
+
+from .robots import MadeRobot, RobotRecipe
 
 Progress = Callable[[int, int], None]
 
@@ -97,7 +98,7 @@ class Workload(ABC):
             ModelError: the extra ``robots`` is not installed.
             UnknownSolver, SolverMissing, NotSupported: a solver that cannot do it.
         """
-        from tasks.workloads.measure import measure
+        from .measure import measure
 
         ticks = int(checks.number("ticks", self.ticks if ticks is None else ticks, low=1))
         repeats = int(checks.number("repeats", repeats, low=1))

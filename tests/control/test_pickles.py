@@ -45,8 +45,8 @@ pytestmark = pytest.mark.parametrize("way", WAYS)
 
 def members() -> Iterator[Member]:
     """Every sample of every member of the library, on the first of our robots that has one."""
-    for module in pkgutil.walk_packages(tasks.__path__, "tasks."):
-        if module.name.split(".")[1] in ("scenarios", "workloads"):
+    for module in pkgutil.walk_packages(tasks.__path__, "wbc.tasks."):
+        if module.name.split(".")[2] in ("scenarios", "workloads"):
             continue
         for kind in vars(import_module(module.name)).values():
             if not (inspect.isclass(kind) and issubclass(kind, Member) and kind.__module__ == module.name):

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 import wbc
+from tests.families.progress import told
 from wbc.qp import Solution
 
 inf = np.inf
@@ -166,9 +167,9 @@ class Case(NamedTuple):
     wrong: str
 
 
-def cases(count: int, seed: int, solvers: list[str]) -> Iterator[Case]:
-    """``count`` hierarchies, the families in turn, each on every solver."""
-    for k in range(count):
+def cases(count: int, seed: int, solvers: list[str], *, first: int = 0) -> Iterator[Case]:
+    """``count`` hierarchies from number ``first`` of this seed on, the families in turn, each on every solver."""
+    for k in range(first, first + count):
         family, index = FAMILIES[k % len(FAMILIES)], k // len(FAMILIES)
         p = problem(family, seed, index)
         for solver in solvers:
@@ -183,12 +184,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=600)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="hierarchy to begin with")
     parser.add_argument("--solver", nargs="+", default=["pdas"])
     parser.add_argument("--show", type=int, default=5, help="wrong answers to name, for each solver")
     asked = parser.parse_args(arguments)
     tables = {s: {f.__name__: Counter[str]() for f in FAMILIES} for s in asked.solver}
     named = Counter[str]()
-    for case in cases(asked.count, asked.seed, asked.solver):
+    rows = [row for table in tables.values() for row in table.values()]
+    for case in told(cases(asked.count, asked.seed, asked.solver, first=asked.first), rows):
         row, column = tables[case.solver][case.family], case.status.lower()
         row[column if column in HEAD else "failed"] += 1
         row["wrong"] += bool(case.wrong)

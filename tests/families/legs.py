@@ -1,5 +1,7 @@
 """Random stacks on legs against an independent oracle: ``python -m tests.families.legs --count 1000 --seed 1``.
 
+``--first K`` goes on from case K of this seed; what was found so far is printed every minute.
+
 Humanoids and quadrupeds on points, lines and soles, in mild and wild states, friction from 1e-6 to 1.5, weights from
 1e-6 to 1e6, under every hierarchy, with every solver that may run in a loop.
 """
@@ -36,7 +38,10 @@ from tests.families.oracle import (
     margin,
     read,
 )
+from tests.families.progress import told
+from wbc.qp.solvers import usable
 
+#: The first stands for the compiled tick. One that is not installed is replaced by the default.
 SOLVERS = ("pdas", "pdas", "daqp", "proxqp", "piqp", "osqp", "clarabel", "quadprog")
 HIERARCHIES = (wbc.Weighted(), wbc.Strict(), wbc.Scaled())
 JUDGES = {"Weighted": judge_weighted, "Strict": judge_strict, "Scaled": judge_scaled}
@@ -102,7 +107,7 @@ def draw(seed: int) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
     robot = robot_named(name)
     hierarchy = HIERARCHIES[rng.integers(3)]
     index = int(rng.integers(len(SOLVERS)))
-    solver, fast = SOLVERS[index], index == 0
+    solver, fast = SOLVERS[index] if SOLVERS[index] in usable() else "pdas", index == 0
     made = stack(name, rng, wild=wild)
     control = wbc.Controller(
         robot, made, level=wbc.InverseDynamics(), hierarchy=hierarchy, solver=solver, fast=fast
@@ -138,10 +143,10 @@ def judge(control: wbc.Controller, command: Any, kind: str) -> tuple[str, str]:
     return found.word, found.why
 
 
-def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False) -> dict[str, Counter[str]]:
-    """Verdicts by hierarchy and solver."""
+def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
+    """Verdicts by hierarchy and solver, of cases ``first`` to ``first + count`` of this seed."""
     table: dict[str, Counter[str]] = {}
-    for k in range(count):
+    for k in told(range(first, first + count), table.values(), loud=verbose):
         control, q, v, kind = draw(seed * 1_000_003 + k)
         for tick in range(ticks):
             command = control.tick(1e-3 * tick, q, v)
@@ -171,9 +176,11 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--ticks", type=int, default=2)
+    parser.add_argument("--first", type=int, default=0, help="case to begin with")
     given = parser.parse_args()
-    print(f"seed {given.seed}")
-    sys.exit(1 if show(run(given.count, given.seed, ticks=given.ticks, verbose=True)) else 0)
+    print(f"seed {given.seed}, cases {given.first} to {given.first + given.count - 1}", flush=True)
+    table = run(given.count, given.seed, ticks=given.ticks, verbose=True, first=given.first)
+    sys.exit(1 if show(table) else 0)
 
 
 if __name__ == "__main__":

@@ -34,6 +34,8 @@ class Rows(NamedTuple):
     w: Vec
     asked: Vec | None = None
     """What a task that may be done in part asks for, its drift included; None for any other."""
+    diagonal: bool = False
+    """Whether it is part of the diagonal cost, too."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ def _rows(wish: Any, G: Mat, right: Vec, n: int) -> Rows:
     else:
         A, b = np.eye(n)[wish.unknowns], np.array(wish.wanted, dtype=float)
     asked = wish.wanted + wish.drift if wish.scaled or wish.kinematic else None
-    return Rows(wish.name, A, b, np.array(wish.weights), asked)
+    return Rows(wish.name, A, b, np.array(wish.weights), asked, wish.rows is None)
 
 
 def margin(c: Constraints) -> float:
@@ -299,7 +301,7 @@ def _judge_levels(p: Physical, levels: list[list[Rows]]) -> Verdict:
 def _stack(tasks: list[Rows], p: Physical) -> tuple[Mat, Vec]:
     """Rows and right sides of tasks and the diagonal cost; tasks on unknowns are in that already."""
     root = np.sqrt(p.diagonal)
-    tasks = [task for task in tasks if not (np.count_nonzero(task.A, axis=1) == 1).all()]
+    tasks = [task for task in tasks if not task.diagonal]
     F = np.concatenate([*(np.sqrt(task.w)[:, None] * task.A for task in tasks), np.diag(root)])
     f = np.concatenate([*(np.sqrt(task.w) * task.b for task in tasks), root * p.centre])
     return F, f

@@ -23,6 +23,7 @@ from scipy.optimize import linprog, lsq_linear
 from scipy.sparse import csc_matrix
 
 import wbc
+from tests.families.progress import told
 from wbc.qp import QP, Solution
 from wbc.qp.solvers import by_name
 
@@ -382,10 +383,12 @@ class Case(NamedTuple):
     wrong: str
 
 
-def cases(count: int, seed: int, solvers: list[str], families: tuple[Draw, ...] = FAMILIES) -> Iterator[Case]:
-    """``count`` problems, the families in turn, each on every solver."""
+def cases(
+    count: int, seed: int, solvers: list[str], families: tuple[Draw, ...] = FAMILIES, *, first: int = 0
+) -> Iterator[Case]:
+    """``count`` problems from number ``first`` of this seed on, the families in turn, each on every solver."""
     settings = [by_name(name) for name in solvers]
-    for k in range(count):
+    for k in range(first, first + count):
         family, index = families[k % len(families)], k // len(families)
         p = problem(family, seed, index)
         true: Truth | None = None
@@ -406,6 +409,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="problem to begin with")
     parser.add_argument("--solver", nargs="+", default=["pdas"])
     parser.add_argument("--family", nargs="+", default=[f.__name__ for f in FAMILIES])
     parser.add_argument("--show", type=int, default=5, help="cases to name, of each kind")
@@ -413,7 +417,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = tuple(f for f in FAMILIES if f.__name__ in asked.family)
     tables: dict[str, dict[str, Counter[str]]] = {s: {f.__name__: Counter() for f in chosen} for s in asked.solver}
     named: Counter[str] = Counter()
-    for case in cases(asked.count, asked.seed, asked.solver, chosen):
+    rows = [row for table in tables.values() for row in table.values()]
+    for case in told(cases(asked.count, asked.seed, asked.solver, chosen, first=asked.first), rows):
         row = tables[case.solver][case.family]
         column = case.status.lower() if case.status.lower() in HEAD else "failed"
         row[column] += 1

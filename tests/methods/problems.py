@@ -104,7 +104,7 @@ def distributions(draw: Any, *, limited: bool | None = None) -> ForceDistributio
     return ForceDistribution(G, G @ f, weight=weight, friction=mu, f_min=-150.0, f_max=150.0)
 
 
-def integer_task(rng: np.random.Generator, *, units: bool = True) -> NullSpaceSaturation:
+def integer_task(rng: np.random.Generator) -> NullSpaceSaturation:
     """What rounding and users draw: integers, ties, joints that are locked, without limits or on a limit at the start,
     columns of zeros, columns and rows that repeat or depend on each other, targets out of reach, rows of other units.
     """
@@ -133,13 +133,13 @@ def integer_task(rng: np.random.Generator, *, units: bool = True) -> NullSpaceSa
     high = np.where(np.isfinite(upper), upper, np.maximum(2.0, lower))
     start = np.choose(rng.integers(0, 3, size=n), [low, high, np.floor((low + high) / 2)])
     drift = -(J @ start) * rng.choice([0, 0, 0, 1, 1, 1, 2])
-    unit = 10.0 ** rng.integers(-4, 5, size=m) if units and rng.random() < 0.3 else np.ones(m)
+    unit = 10.0 ** rng.integers(-4, 5, size=m) if rng.random() < 0.3 else np.ones(m)
     return NullSpaceSaturation(unit[:, None] * J, unit * target, lower=lower, upper=upper, drift=unit * drift)
 
 
 def integer_step(rng: np.random.Generator) -> ProjectedGradientStep:
     """The same for steps along a projected gradient, at stationary points and with the default ``alpha_max`` too."""
-    task = integer_task(rng, units=False)
+    task = integer_task(rng)
     J = task.J
     gradient = rng.integers(-2, 3, size=J.shape[1]).astype(float)
     if rng.random() < 0.2:

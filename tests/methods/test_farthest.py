@@ -108,6 +108,21 @@ def test_numbers_without_ties_have_the_scale_of_the_linear_program_too():
         assert without_proof(task, found.x) <= 1e-9
 
 
+def test_a_direction_of_many_variables_is_followed_as_far_as_the_linear_program_goes():
+    """Many multipliers depend on the push at once; the order in which rows leave decides whether the search ends."""
+    rng, moved = generator("directions"), 0
+    for _ in range(COUNT // 4):
+        n = int(rng.integers(3, 9))
+        E, inside = rng.integers(-2, 3, (int(rng.integers(1, n)), n)).astype(float), rng.uniform(-1.0, 1.0, n)
+        gain = rng.normal(size=n)
+        found = farthest((E, E @ inside), np.full(n, -1.0), np.ones(n), gain)
+        best = linprog(-gain, A_eq=E, b_eq=E @ inside, bounds=[(-1.0, 1.0)] * n, method="highs-ds")
+        assert found.feasible and gain @ found.z == pytest.approx(-best.fun, abs=1e-8)
+        np.testing.assert_allclose(E @ found.z, E @ inside, rtol=0, atol=1e-12)
+        moved += gain @ found.z > gain @ inside + 1e-3
+    assert moved > COUNT // 8, "most directions lead somewhere"
+
+
 def test_of_points_equally_far_the_shortest_is_taken():
     """max z1 + z2 in the unit square cut by z1 + z2 + z3 = 1.5: a whole edge is farthest."""
     found = farthest((np.ones((1, 3)), np.array([1.5])), np.zeros(3), np.ones(3), np.array([1.0, 1.0, 0.0]))

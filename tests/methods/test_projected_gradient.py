@@ -72,6 +72,17 @@ def test_the_qp_in_velocity_and_step_gives_the_same_step(step: ProjectedGradient
         assert max(found.values()) <= 1e-9, found
 
 
+@pytest.mark.parametrize("form", ["step", "velocity"])
+def test_closed_form_and_qp_agree_on_integers_and_rows_of_other_units(form: str):
+    rng = generator(f"integer steps, {form}")
+    for _ in range(5 * settings().max_examples):
+        step = integer_step(rng)
+        expected = step.closed_form()
+        for solver in ("pdas", "daqp"):
+            found = step.difference(step.solve(solver, form=form), expected)  # type: ignore[arg-type]
+            assert max(found.values()) <= 1e-9, (found, step)
+
+
 @pytest.mark.parametrize("solver", usable())
 @pytest.mark.parametrize("form", ["step", "velocity"])
 def test_both_forms_on_each_solver(solver: str, form: str):

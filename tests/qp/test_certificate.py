@@ -144,3 +144,23 @@ def test_no_step_away_from_the_optimum_of_a_random_problem_is_certified(seed: in
     assert certificate(qp, *point).within(1e-8)
     point[part][index % len(point[part])] += step
     assert not certificate(qp, *point).ok
+
+
+@given(st.floats(0.0, 18.0), st.floats(-14.0, 1.0), st.sampled_from([1.0, 1e-6, 1e6]))
+def test_pushes_that_cancel_hide_no_slope_that_matters(size: float, slope: float, unit: float):
+    """Two pushes of 10^size on a variable without curvature, whose slope they leave: 1e-6 of the cost at most."""
+    left = 10.0**slope
+    qp = QP(unit * np.diag([0.0, 1.0]), unit * np.array([left, -1.0]), A=[[1.0, 0.0], [1.0, 0.0]], b=[0.0, 0.0])
+    push = unit * 10.0**size * np.array([1.0, -1.0])
+    found = certificate(qp, np.array([0.0, 1.0]), push, np.zeros(0), np.zeros(2))
+    assert not found.ok or left <= 1e-5
+
+
+@given(st.floats(0.0, 8.0), st.integers(0, 10_000))
+def test_pushes_that_cancel_are_certified_where_rounding_is_all_they_leave(size: float, seed: int):
+    """A gradient of zero along variables without curvature, as the sum of pushes of 10^size that are not exact."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(3, 2))
+    push = 10.0**size * np.linalg.svd(rows.T)[2][-1]
+    qp = QP(np.diag([0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], A=np.column_stack([rows, np.zeros(3)]), b=np.zeros(3))
+    assert certificate(qp, np.array([0.0, 0.0, 1.0]), push, np.zeros(0), np.zeros(3)).ok

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wbc.qp import QP
-from wbc.qp.proof import contradiction
+from wbc.qp import QP, solve
+from wbc.qp.proof import contradiction, descent
 from wbc.types import Mat, Vec
 
 
@@ -64,3 +64,24 @@ def test_a_problem_with_a_point_has_no_contradiction(seed: int):
     x = rng.integers(-3, 4, M.shape[1]) * 10.0 ** rng.integers(0, 3)
     lower, upper = sides(rng, M, x)
     assert contradiction(QP(np.eye(len(x)), np.zeros(len(x)), C=M, cl=lower, cu=upper), 1e-6) is None
+
+
+def opposed(rng: np.random.Generator) -> tuple[QP, Vec]:
+    """Two tasks of one weight that ask for opposite values, a regularisation of 1e-8, and a direction they leave."""
+    n = int(rng.integers(2, 11))
+    J = rng.standard_normal((int(rng.integers(1, n)), n))
+    weight, target = 10.0 ** rng.uniform(0.0, 7.0), 10.0 ** rng.uniform(-1.0, 3.0) * rng.standard_normal(len(J))
+    g = (weight * J).T @ target - J.T @ (weight * target)
+    return QP(2.0 * weight * J.T @ J + 1e-8 * np.eye(n), g), np.linalg.svd(J)[2][-1]
+
+
+def test_a_slope_that_rounding_of_the_curvature_may_hide_is_no_endless_descent():
+    """The optimum is x = 0; g is nothing but rounding, and the regularisation is lost in the products in H."""
+    unproven = 0
+    for seed in range(300):
+        qp, left = opposed(np.random.default_rng(seed))
+        assert descent(qp, 1e-6) is None
+        assert solve(qp, "daqp").status.name in ("SOLVED", "INACCURATE")
+        size = np.abs(qp.H).max()
+        unproven += descent(QP(qp.H - 1e-8 * np.eye(qp.n), 1e-3 * size * left), 1e-6) is None
+    assert unproven <= 3  # with a slope of that size along it, the cost falls for ever

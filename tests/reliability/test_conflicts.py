@@ -21,6 +21,8 @@ from tests.stack.conftest import feet
 from wbc.errors import Infeasible
 from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
+from wbc.qp.solver import Solver
+from wbc.qp.solvers import Osqp, Piqp
 
 FEW, MANY = range(4), range(4, 80)
 
@@ -79,6 +81,30 @@ def test_the_text_is_the_same_whichever_solver_failed(robot: str):
     text = texts.pop()
     assert "demand" in text and "enough would be" in text
     assert "joint limits" not in text, "a bound is called by the law that set it"
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_text_does_not_depend_on_what_the_solver_says_instead_of_a_proof(robot: str, monkeypatch):
+    """A solver that stops at its iteration limit, where no multipliers prove that there is no answer."""
+    case = next(case for case in (one_conflict(robot, seed) for seed in range(9)) if not _refused(case))
+    expected = _told(case, "daqp")
+    monkeypatch.setattr("wbc.qp.solver.contradiction", lambda qp, tolerance: None)
+    assert "enough would be" in expected
+    assert _told(case, Osqp(max_iter=3)) == _told(case, Piqp(max_iter=2)) == expected
+
+
+def _refused(case: Case) -> bool:
+    try:
+        wbc.Controller(case.robot, case.stack, level=LEVEL)
+    except Infeasible:
+        return True
+    return False
+
+
+def _told(case: Case, solver: str | Solver) -> str:
+    control = wbc.Controller(case.robot, case.stack, level=LEVEL, solver=solver)
+    assert not control.tick(0.0, case.q, case.v).status.ok
+    return control.explain().splitlines()[1]
 
 
 def test_the_saved_problem_says_the_same(tmp_path):

@@ -89,6 +89,18 @@ def test_statistics_of_the_solver_are_those_of_the_run(standing: ScenarioResult)
     assert values["ticks on which their number changed"] == 2
 
 
+def test_the_solver_section_says_how_far_each_task_can_be_from_its_optimum(standing: ScenarioResult):
+    section = solver.section(standing)
+    assert section is not None
+    table = section.items[2]
+    assert isinstance(table, Table)
+    assert table.columns == ("task", "unit", "median", "largest", "ticks with proof")
+    centre, posture = table.rows
+    assert centre[:2] == ("CenterOfMass", "m/s²") and centre[2] == pytest.approx(7e-9) and centre[4] == "99.166 %"
+    assert centre[3] == pytest.approx(1e-9 + 119e-10)
+    assert posture[:2] == ("Posture", "rad/s²") and np.isnan(posture[2:4]).all() and posture[4] == "0 %"
+
+
 def test_progress_runs_from_start_to_end(reaching: ScenarioResult):
     heard: list[float] = []
     run_report(result_of(reaching_run(), None), progress=lambda done, text="": heard.append(done))

@@ -60,6 +60,8 @@ def test_a_reach_is_recorded_column_by_column():
     assert np.linalg.norm(run["error.Position[tool]"][-1]) < 1e-3
     assert run.meta["tasks"]["Position[tool]"]["units"] == ["m", "m", "m"]
     assert len(run.meta["tasks"]["Posture"]["units"]) == ARM.nj
+    assert run["distance.Position[tool]"].shape == (1500,) and 0.0 < run["distance.Position[tool]"].max() < 1e-6
+    assert run.meta["distances"] == {"Position[tool]": "m/s", "Posture": "rad/s"}
     np.testing.assert_array_equal(run["signal.Counter.count"], np.arange(1, 1501))
     assert run["signal.Counter.pair"].shape == (1500, 2)
     np.testing.assert_array_equal(run["push"], 0.0)

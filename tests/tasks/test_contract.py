@@ -54,8 +54,8 @@ def test_a_member_says_what_it_is_and_shows_how(member: Any):
 def test_a_member_may_be_used_by_its_name_alone():
     kinds = (*KINDS, Component)
     exported = {value for value in vars(tasks).values() if is_member(value, kinds)}
-    for module in pkgutil.walk_packages([str(LIBRARY)], "tasks."):
-        if module.name.split(".")[1] in PROGRAMS:
+    for module in pkgutil.walk_packages([str(LIBRARY)], "wbc.tasks."):
+        if module.name.split(".")[2] in PROGRAMS:
             continue
         for value in vars(import_module(module.name)).values():
             if is_member(value, kinds) and value.__module__ == module.name and not value.__name__.startswith("_"):

@@ -76,11 +76,6 @@ def test_with_no_limit_active_the_command_is_the_law(seed: int, exact: bool):
     np.testing.assert_allclose(adaptive.signals()["s"], e_rate + kp / kd * e, atol=1e-12)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the torques are right to 1e-6 N, but the ticks are INACCURATE: the bound on accelerations that the "
-    "regularisation alone determines is loose where torques are at their limits",
-)
 def test_within_limits_the_command_is_the_law_cut_off():
     run = adapted([0.5, 0.5, 0.0, 0.0], limits=[TorqueLimits([20.0, 40.0, 20.0, 5.0])], duration=0.5)
     wanted = np.clip(signal(run, "tau"), [-20, -40, -20, -5], [20, 40, 20, 5])

@@ -63,7 +63,7 @@ class Controller:
 
     Example:
         >>> import wbc
-        >>> from tasks import JointVelocityLimits, Position
+        >>> from wbc.tasks import JointVelocityLimits, Position
         >>> robot = wbc.load("arm")
         >>> reach = Position("tool", target=[0.4, 0.2, 0.5])
         >>> stack = wbc.Stack([reach], subject_to=[JointVelocityLimits()])
@@ -171,7 +171,7 @@ class Controller:
             InvalidInput: q or v has another shape, or an argument is not real numbers. Nothing else is raised.
         """
         watch = self.watch
-        start = watch.clock() if watch.timed else 0.0
+        start = watch.now()
         t, q, v = self.read(t, q, v)
         self.ticks += 1
         self.serial += 1
@@ -187,7 +187,9 @@ class Controller:
             self._tell(component, command)
         self.last = command
         if watch.timed:
-            self.ladder.late(command, watch.took(watch.clock() - start))
+            self.ladder.late(command, watch.took(start))
+            if watch.broken:
+                self._spoil(command, watch.broken)
         return command
 
     def _tell(self, component: Component, command: Command) -> None:
@@ -195,9 +197,11 @@ class Controller:
         try:
             component.after(self.state, command)
         except Exception as cause:
-            failure = str(MemberFailed(f"{component.name}.after", cause))
-            self.why = f"{self.why}; {failure}" if self.why else failure
-            self.ladder.spoilt(command, self.why)
+            self._spoil(command, str(MemberFailed(f"{component.name}.after", cause)))
+
+    def _spoil(self, command: Command, failure: str) -> None:
+        self.why = f"{self.why}; {failure}" if self.why else failure
+        self.ladder.spoilt(command, self.why)
 
     def read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
         """Copies of the arguments as numbers of the right shape.

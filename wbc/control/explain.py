@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wbc.control.distance import distances, units
 from wbc.control.ladder import WEAKER
 from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
@@ -62,8 +64,11 @@ def _failure(controller: Controller) -> list[str]:
 
 
 def conflict_of(controller: Controller) -> Conflict | None:
-    """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none."""
-    if controller.status is not Status.INFEASIBLE and controller.status is not Status.FAILED:
+    """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none.
+
+    Looked for whatever the solver said of a problem that it did not solve: some stop at an iteration limit.
+    """
+    if controller.status.ok:
         return None
     plan, qp = controller.plan, controller.qp
     try:
@@ -119,7 +124,8 @@ def _tasks(controller: Controller) -> list[str]:
     costs = [0.5 * float((weights * residual**2).sum()) for _, residual, weights in found]
     total = sum(costs) or 1.0
     suffix = "/s" if controller.level.order == 1 else "/s²"
-    bounds = {} if controller.last is None else controller.last.certificate.bounds
+    far = {} if controller.last is None else distances(p, controller.last.certificate.bounds)
+    unit = units(p)
     lines = ["tasks:"]
     for (member, residual, _), cost in zip(found, costs, strict=True):
         error = errors.get(member.name)
@@ -127,8 +133,8 @@ def _tasks(controller: Controller) -> list[str]:
         seen = "" if error is None else f"error {_sizes(member, error)}, "
         share = 100.0 * cost / total
         line = f"  {member.name}: {seen}residual {_sizes(member, residual, ending)}, {share:.1f} % of the cost"
-        if member.name in bounds:
-            line += f"; at most {bounds[member.name]:.1g} {member.unit(0)}{ending} from its optimum"
+        if far.get(member.name, nan) >= 0.0:  # NaN: not proved
+            line += f"; at most {far[member.name]:.1g} {unit[member.name]} from its optimum"
         lines.append(line)
     return lines
 

@@ -143,7 +143,7 @@ class Ladder:
         return self._fail(Status.FAILED, q, v)
 
     def spoilt(self, command: Command, why: str) -> None:
-        """Write down that a component failed after the command was decided: the command stands, not ok."""
+        """Write down what failed once the command was decided, a component or a clock: the command stands, not ok."""
         self._controller.status = command.status = Status.FAILED
         self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
 

@@ -57,7 +57,7 @@ def run_many(
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks import Posture
+        >>> from wbc.tasks import Posture
         >>> robot = wbc.load("arm")
         >>> controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.AccelerationLevel())
         >>> states = [(0.0, robot.q0 + 0.1 * i, np.zeros(robot.nv)) for i in range(4)]

@@ -59,7 +59,7 @@ class Setpoint:
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks import JointVelocityLimits, Position
+        >>> from wbc.tasks import JointVelocityLimits, Position
         >>> robot = wbc.load("arm")
         >>> stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[JointVelocityLimits()])
         >>> controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel())

@@ -7,6 +7,9 @@ state that is not to be believed, so with the last command or a stop.
     stale       the same t for more than ``stale_ticks`` ticks in a row
     late        t more than ``late`` periods after the tick before; ``missed`` counts the periods in between
     over        the tick took more than ``budget`` seconds of ``clock``
+
+A ``clock`` that raises, gives no finite number or goes back makes no tick raise: the command stands, its status is not
+ok, and ``why`` says what the clock did.
 """
 
 from __future__ import annotations
@@ -14,14 +17,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isnan
+from math import isfinite, isnan
 from time import perf_counter
 from typing import NamedTuple, final
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, MemberFailed
 
 #: How many of the last durations, periods and latenesses statistics are made of.
 KEPT = 10_000
@@ -73,7 +76,9 @@ class Watch:
 
     def __init__(self, settings: Watchdog, dt: float) -> None:
         self.settings, self._dt = settings, dt
-        self.clock, self.timed = settings.clock, settings.budget is not None
+        self.timed = settings.budget is not None
+        #: What is wrong with the clock in this tick, or nothing.
+        self.broken = ""
         self._most = settings.late * dt
         self.backwards = self.stale = self.late = self.missed = self.over = 0
         self._durations: deque[float] = deque(maxlen=KEPT)
@@ -115,8 +120,27 @@ class Watch:
             why = f"the state is stale: its time has been the same for {self._repeats + 1} ticks"
         return why if self.settings.refuse else ""
 
-    def took(self, seconds: float) -> str:
-        """Take note of how long a tick took; what is wrong with that, or nothing."""
+    def now(self) -> float:
+        """What the clock says [s]; NaN where that is no finite number, and ``broken`` says why. Untimed: 0."""
+        self.broken = ""
+        if not self.timed:
+            return 0.0
+        try:
+            now = self.settings.clock()
+            return now if type(now) is float and isfinite(now) else checks.number("what it gave", now)
+        except Exception as cause:  # it is the user's, and may raise anything
+            self.broken = str(MemberFailed("Watchdog.clock", cause))
+            return float("nan")
+
+    def took(self, start: float) -> str:
+        """Take note of how long a tick took that began at ``start``; what is wrong with that, or nothing."""
+        broken = self.broken
+        seconds = self.now() - start
+        self.broken = broken or self.broken
+        if seconds < 0.0:
+            self.broken = f"Watchdog.clock went back by {-seconds:g} s in a tick"
+        if self.broken:
+            return ""
         self._durations.append(seconds)
         budget = self.settings.budget
         if budget is None or seconds <= budget:

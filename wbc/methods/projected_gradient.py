@@ -161,17 +161,22 @@ class ProjectedGradientStep(Method):
 
     @property
     def _size(self) -> Vec:
-        """The largest finite velocity known of each joint."""
-        known = np.abs([self.v_task, self.v_min, self.v_max])
+        """The largest finite velocity known of each joint; what is rounding of the task's velocity is none."""
+        task = np.where(np.abs(self.v_task) <= self._rounding(), 0.0, self.v_task)
+        known = np.abs([task, self.v_min, self.v_max])
         size: Vec = np.where(np.isfinite(known), known, 0.0).max(axis=0)
         return size
 
+    def _rounding(self) -> float:
+        """What last bits of J move v_task by; zero where that is given."""
+        if self.origin is None:
+            return 0.0
+        known = max(ROUNDING, 16.0 * np.finfo(float).eps * self.origin.condition)
+        return known * float(np.linalg.norm(self.v_task))
+
     def _room(self) -> tuple[Vec, Vec]:
         """From v_task down to v_min and up to v_max (n,); zero where a joint is at its limit."""
-        rounding = ROUNDING * self._size
-        if self.origin is not None:
-            known = max(ROUNDING, 16.0 * np.finfo(float).eps * self.origin.condition)
-            rounding += known * np.linalg.norm(self.v_task)
+        rounding = ROUNDING * self._size + self._rounding()
         down, up = self.v_min - self.v_task, self.v_max - self.v_task
         return np.where(np.abs(down) <= rounding, 0.0, down), np.where(np.abs(up) <= rounding, 0.0, up)
 

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import InvalidInput
-from wbc.models.geometry import Box, Cylinder, Shape, Sphere
+from wbc.errors import InvalidInput, ModelError
+from wbc.models.geometry import Box, Cylinder, Mesh, Shape, Sphere
 from wbc.types import Mat
+
+#: The largest mesh file that is read [bytes].
+MAX_BYTES = 200_000_000
 
 
 def coal_shape(shape: Shape) -> tuple[Any, Any]:
     """The shape in coal's terms about the middle of its box, and where that middle is: an SE3.
 
     Raises:
+        ModelError: a mesh file that is missing, empty, cut off, too large or not of its format.
         InvalidInput: a mesh that spans no volume.
     """
     from scipy.spatial import ConvexHull, QhullError
@@ -28,16 +33,45 @@ def coal_shape(shape: Shape) -> tuple[Any, Any]:
         return coal.Sphere(shape.radius), still
     if isinstance(shape, Cylinder):
         return coal.Cylinder(shape.radius, shape.length), still
-    points = np.array(coal.MeshLoader().load(str(shape.path), np.array(shape.scale)).vertices())
+    points = _corners(shape)
     still.translation = 0.5 * (points.min(axis=0) + points.max(axis=0))
     try:
         outermost = ConvexHull(points).vertices
     except (QhullError, ValueError):  # before coal, which a flat hull kills with the whole process
-        raise InvalidInput(f"{shape.path.name} has no convex hull: its points span no volume") from None
+        raise InvalidInput(f"{shape.path} has no convex hull: its points span no volume") from None
     corners = coal.StdVec_Vec3s()
     for point in points[outermost] - still.translation:
         corners.append(point)
     return coal.ConvexBase.convexHull(corners, False, "Qt"), still
+
+
+def _corners(mesh: Mesh) -> Mat:
+    """The points of a mesh file (n, 3) [m], scaled."""
+    why = ""
+    try:
+        if mesh.path.stat().st_size > MAX_BYTES:
+            why = f"it is larger than {MAX_BYTES // 10**6} MB"
+        elif _is_cut_off(mesh.path):
+            why = "it is STL as text without its end"
+        else:
+            points = np.array(coal.MeshLoader().load(str(mesh.path), np.array(mesh.scale)).vertices())
+            if len(points):
+                return points
+            why = "it has no points"
+    except OSError as cause:
+        why = cause.strerror or "the system refuses"
+    except (ValueError, RuntimeError) as cause:  # coal says where in its sources; its reader's reason comes last
+        why = " ".join(str(cause).split())[-200:] or "it is not of its format"
+    raise ModelError(f"the mesh {mesh.path} cannot be read: {why}")
+
+
+def _is_cut_off(path: Path) -> bool:
+    """Whether STL as text lacks its last word; other readers take the triangles up to there for the whole."""
+    if path.suffix.lower() != ".stl":
+        return False
+    content = path.read_bytes()
+    binary = len(content) >= 84 + 50 * int.from_bytes(content[80:84], "little")
+    return not binary and content.lstrip().startswith(b"solid") and b"endsolid" not in content
 
 
 def line_of_force(result: Any) -> tuple[float, ...]:

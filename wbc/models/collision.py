@@ -117,7 +117,8 @@ class Distances:
     Raises:
         NotSupported: the model has no shapes.
         UnknownName: a pair names neither a link with a shape nor an obstacle.
-        InvalidInput: two obstacles of one name, a link named like one, no pair left.
+        InvalidInput: two obstacles of one name, a link named like one, no pair left, a mesh without a volume.
+        ModelError: a mesh file that cannot be read, by its path.
 
     Source: ∂d/∂q by the envelope theorem (Gilbert, Johnson, IEEE J. Robotics Automation 1985).
 

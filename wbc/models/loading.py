@@ -12,6 +12,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, ModelError, UnknownRobot
+from wbc.models import plausible
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots, read_pose
 from wbc.models.geometry import Origin
 from wbc.models.mjcf_reader import read_mjcf
@@ -43,7 +44,8 @@ def load(
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
-    are missing, limits that make no sense and mimic joints are warned about.
+    are missing, limits that make no sense, mimic joints, and inertias that no body has
+    (:class:`~wbc.models.plausible.ImplausibleInertia`) are warned about.
 
     Raises:
         UnknownRobot: no such name and no such file; with the names that are near.
@@ -92,11 +94,13 @@ def _named(
     robot = PinocchioModel(urdf, base=base, name=name, feet=entry.feet(urdf))
     robot = robot.replace(q0=_stance(robot, entry, folder))
     oddities = urdf.oddities()
-    if not _has_inertia(robot):
-        oddities.append("a moving link has no mass, so there is kinematics and no dynamics")
-    if oddities:
-        more = f"; and {len(oddities) - 5} more" if len(oddities) > 5 else ""
-        warnings.warn(f"{robot.name}: {'; '.join(oddities[:5])}{more}", stacklevel=3)
+    idle = _without_inertia(robot)
+    if idle:
+        oddities.append(f"{idle} moves no inertia, so there is kinematics and no dynamics")
+    for found, kind in ((oddities, UserWarning), (plausible.inertias(robot), plausible.ImplausibleInertia)):
+        if found:
+            more = f"; and {len(found) - 5} more" if len(found) > 5 else ""
+            warnings.warn(f"{robot.name}: {'; '.join(found[:5])}{more}", kind, stacklevel=3)
     return robot
 
 
@@ -141,7 +145,12 @@ def _xyz_quaternion(origin: Origin) -> Vec:
     return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(origin.matrix)), dtype=np.float64)
 
 
-def _has_inertia(robot: PinocchioModel) -> bool:
+def _without_inertia(robot: PinocchioModel) -> str:
+    """What can move, or one of several that can move together, while nothing of any mass does; "" for nothing."""
     M = robot.state().M
     scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
-    return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] > 1e-10)
+    values, directions = np.linalg.eigh(M / np.outer(scale, scale))
+    if values[0] > 1e-10:
+        return ""
+    i = int(np.abs(directions[:, 0]).argmax()) - robot.nb
+    return "the base" if i < 0 else f"joint {robot.joint_names[i]!r}"

@@ -6,7 +6,7 @@ that a robot from MJCF is the same kind of thing as one from URDF, in the model 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from math import atan2, cos, hypot, inf, sin
 from pathlib import Path
 from typing import Any, cast, final
@@ -49,8 +49,14 @@ def read_mjcf(root: Element, path: Path, *, packages: Iterable[str | Path] = ())
     try:
         compiled = mj.MjModel.from_xml_string(source.text)
     except ValueError as cause:
-        raise ModelError(" ".join(str(cause).split())) from None
+        raise ModelError(_with_file(" ".join(str(cause).split()), source.meshes)) from None
     return _Translation(mj, compiled, source).robot(name, path)
+
+
+def _with_file(sentence: str, meshes: Mapping[str, Path]) -> str:
+    """What MuJoCo says of a mesh by its name, with its file."""
+    named = [str(path) for name, path in meshes.items() if f"Element name '{name}'" in sentence]
+    return sentence if not named or named[0] in sentence else f"{sentence}: {named[0]}"
 
 
 @final

@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import warnings
 from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wbc.models.model import RobotModel
 from wbc.types import Vec
 
+if TYPE_CHECKING:
+    from wbc.models.pinocchio_ import PinocchioModel
+
+#: By how much of the largest principal moment it may exceed the sum of the others: files round to two or three digits.
+_ROUNDING = 1e-2
+#: Radii of gyration √(I/m) [m] that no link has: thinner than a hair, wider than any robot.
+_THIN, _WIDE = 1e-5, 20.0
+
 
 class ImplausibleUnit(UserWarning):
     """A number that looks like degrees, milliseconds or millimetres."""
+
+
+class ImplausibleInertia(UserWarning):
+    """Mass and principal moments of inertia that no rigid body has."""
 
 
 def doubt(sentence: str) -> None:
@@ -47,3 +60,38 @@ def period(dt: float) -> None:
     """Ticks of half a second and more look like milliseconds."""
     if dt >= 0.5:
         doubt(f"dt is {dt:g} s: are these milliseconds?")
+
+
+def inertias(robot: PinocchioModel) -> list[str]:
+    """What is doubtful about each link that moves, with all that is fixed to it: one sentence a link.
+
+    Principal moments I₁ <= I₂ <= I₃ of a body of mass m > 0 have I₁ > 0 and I₃ <= I₁ + I₂: I₃ = Σ m (x² + y²) counts
+    x² of I₂ and y² of I₁. Moments below 1e-10 m² · m or above 400 m² · m look forgotten, or like another unit.
+
+    Example:
+        >>> from wbc.models import load
+        >>> from wbc.models.plausible import inertias
+        >>> inertias(load("arm"))
+        []
+    """
+    links = {joint.name: joint.child for joint in robot.urdf.joints}
+    root = {joint.child for joint in robot.urdf.joints}
+    found = []
+    for name, inertia in list(zip(robot.pinocchio.names, robot.pinocchio.inertias, strict=True))[1:]:
+        link = links.get(name) or next(link.name for link in robot.urdf.links if link.name not in root)
+        mass, moments = float(inertia.mass), np.linalg.eigvalsh(inertia.inertia)
+        least, middle, largest = moments.tolist()
+        shown = f"principal moments {least:.3g}, {middle:.3g} and {largest:.3g} kg m²"
+        if mass == 0.0:
+            why = f"no mass, but {shown}" if largest > 0.0 else ""
+        elif largest <= _THIN**2 * mass:
+            why = f"a mass of {mass:g} kg and no inertia"
+        elif largest > least + middle + _ROUNDING * largest:
+            why = f"{shown}: no body has one that is larger than the sum of the others"
+        elif largest > _WIDE**2 * mass:
+            why = f"a mass of {mass:g} kg and {shown}: are these kg mm²?"
+        else:
+            continue
+        if why:
+            found.append(f"link {link!r} has {why}")
+    return found

@@ -191,6 +191,7 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
             np.column_stack([curvature, qp.g, kept_push, kept[m:]]),
             _EPS * terms,
             _EPS * _largest(np.abs(qp.H).dot(size)),
+            float(asked.dot(size)) / size,
         ),
         bounds,
     )
@@ -249,12 +250,14 @@ class _Curved:
             worst = max(worst, float((off / (1.0 + np.abs(task.target))).max()))
         return MappingProxyType(found), worst
 
-    def slope(self, terms: Mat, rounding: Vec, least: float) -> float:
+    def slope(self, terms: Mat, rounding: Vec, least: float, matters: Vec) -> float:
         """The largest sum of ``terms`` (n, k) on a flat variable, relative to the largest term but the first, H x.
 
-        ``rounding`` (n,) is that of the products that the terms are. Where it hides the terms, x or the multipliers are
-        so large that nothing is known of the slope. ``least`` is what rounding of x by its size makes of H x: pushes
-        that are smaller are zero.
+        ``rounding`` (n,) is that of the products that the terms are. Where it hides the terms, nothing is known of the
+        slope beside them: they are zero but for rounding of large pushes that cancel, as next to a singularity, or x
+        and the multipliers are too large to know anything. There the slope counts beside ``matters`` (n,), that which
+        changes the cost by all it is the sum of when a variable moves by its size. ``least`` is what rounding of x by
+        its size makes of H x: pushes that are smaller are zero.
         """
         if self.rank == len(self._order):
             return 0.0
@@ -267,7 +270,9 @@ class _Curved:
         sum_of = np.abs(left.sum(axis=1))
         counts: NDArray[np.bool_] = magnitude > zero
         rest = sum_of - zero - len(flat) * hidden
-        rest = np.where(counts & (hidden > _HIDES * magnitude), hidden, rest)
+        hides = counts & (hidden > _HIDES * magnitude)
+        rest = np.where(hides, np.maximum(hidden, rest), rest)
+        magnitude = np.where(hides, np.maximum(magnitude, matters[flat] * self._unit[flat]), magnitude)
         sloping: NDArray[np.bool_] = rest > 0.0
         with np.errstate(divide="ignore"):
             return float((rest[sloping] / magnitude[sloping]).max(initial=0.0))

@@ -9,6 +9,8 @@ plain arithmetic on the problem's data:
   so β < 0 is a contradiction. All bounds may be missed by what counts as met, which moves β by Σ |sᵢ| tolerance; and
   Rᵀs is zero but for rounding, which moves it by |Rᵀs|·|x|. β must be below −(both), with |x| up to 1e8 times its size.
 * **unbounded**: a point that meets the rows, and a direction d that keeps meeting them, with H d = 0 and g·d < 0.
+  H d is zero but for rounding of the products in H, which may hide curvature: the cost must fall with all of that, too,
+  at every point up to 1e8 away.
 """
 
 from __future__ import annotations
@@ -21,8 +23,9 @@ from wbc.qp.nonnegative import nonnegative
 from wbc.qp.problem import QP
 from wbc.types import Mat, Vec
 
-#: How far away a point may be for a contradiction to hold for it too, beside the size of the bounds.
+#: How far away a point may be for a proof to hold for it too, beside the size of the bounds.
 _FAR = 1e8
+_EPS = float(np.finfo(np.float64).eps)
 #: Rounding beside the terms of a sum: what is zero of Rᵀs, H d and R d.
 _ZERO = 1e-11
 #: The slope along a direction, beside the terms it is the sum of, from which the cost falls.
@@ -166,8 +169,10 @@ def falls(qp: QP, d: Vec) -> bool:
     lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
     zero = _ZERO * terms
     keeps = (np.isinf(upper) | (along <= zero)) & (np.isinf(lower) | (along >= -zero))
-    bent = np.abs(qp.H @ d) > _ZERO * (np.abs(qp.H) @ np.abs(d))
-    return bool(keeps.all() and not bent.any() and qp.g @ d < -_FALLS * float(np.abs(qp.g) @ np.abs(d)))
+    entries = np.abs(qp.H) @ np.abs(d)
+    bent = np.abs(qp.H @ d) > _ZERO * entries
+    hidden = _FAR * _EPS * float(np.abs(d) @ entries)
+    return bool(keeps.all() and not bent.any() and qp.g @ d < -_FALLS * float(np.abs(qp.g) @ np.abs(d)) - hidden)
 
 
 def _column_units(qp: QP) -> Vec:

@@ -46,7 +46,7 @@ def joined(watch: Watch = _look_away, disturbances: Sequence[Disturbance] = ()) 
 
     Example:
         >>> import wbc
-        >>> from tasks import Posture
+        >>> from wbc.tasks import Posture
         >>> from wbc.sim.joining import joined
         >>> from wbc.sim.plant import IntegratorPlant
         >>> from wbc.sim.simulate import simulate

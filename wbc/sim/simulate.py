@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.controller import Controller
+from wbc.control.distance import distances, units
 from wbc.control.explain import reproducer
 from wbc.control.recorder import Recorder, Run
 from wbc.control.setpoint import Setpoint
@@ -70,7 +71,7 @@ def simulate(
 
     Example:
         >>> import wbc
-        >>> from tasks import JointVelocityLimits, Position
+        >>> from wbc.tasks import JointVelocityLimits, Position
         >>> from wbc.sim.plant import IntegratorPlant
         >>> from wbc.sim.simulate import simulate
         >>> robot = wbc.load("arm")
@@ -186,6 +187,8 @@ class _Columns(_FewColumns):
         super().__init__()
         self._controller, self._plant = controller, plant
         self._order, self._dynamics = controller.level.order, controller.level.dynamics
+        #: With all contacts: a task on a contact's force is not in the plan while the contact is open.
+        self._tasks = tuple(units(controller.plans.whole.plan.problem))
 
     def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
         controller, plant, proof = self._controller, self._plant, command.certificate
@@ -211,6 +214,9 @@ class _Columns(_FewColumns):
                 row[f"f.{name}"] = wrench
         for name, error in controller.plan.errors().items():
             row[f"error.{name}"] = error
+        far = distances(controller.plan.problem, proof.bounds)
+        for name in self._tasks:
+            row[f"distance.{name}"] = far.get(name, np.nan)
         for name, (barrier, margin) in controller.plan.margins().items():
             row[f"margin.{name}"] = margin
             if barrier.codes is not None:
@@ -259,6 +265,7 @@ def _about(controller: Controller, plant: Plant, disturbances: list[Disturbance]
         "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
         "statuses": [status.name for status in Status],
         "tasks": {name: {"units": [task.unit(k) for k in range(task.dim)]} for name, task in objectives.items()},
+        "distances": units(controller.plans.whole.plan.problem),
         "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
         "stack": str(stack),
         "plant": plant.settings(),

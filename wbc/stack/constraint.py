@@ -112,7 +112,7 @@ def torque_bounds(limits: Sequence[JointInterval], model: RobotModel) -> tuple[V
 
     Example:
         >>> import wbc
-        >>> from tasks import TorqueLimits
+        >>> from wbc.tasks import TorqueLimits
         >>> from wbc.stack.constraint import torque_bounds
         >>> low, high = torque_bounds([TorqueLimits()], wbc.load("arm"))
         >>> bool((low < 0.0).all() and (high > 0.0).all())

@@ -57,7 +57,7 @@ class Strict(Hierarchy):
 
     Example:
         >>> import wbc
-        >>> from tasks import JointVelocityLimits, Position, Posture
+        >>> from wbc.tasks import JointVelocityLimits, Position, Posture
         >>> robot = wbc.load("arm")
         >>> stack = wbc.Stack([[Position("tool", target=[3.0, 0.0, 0.5])], [Posture(robot.q0)]],
         ...                   subject_to=[JointVelocityLimits()])

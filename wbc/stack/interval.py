@@ -61,7 +61,7 @@ class JointIntervals:
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks import JointVelocityLimits
+        >>> from wbc.tasks import JointVelocityLimits
         >>> from wbc.stack.interval import JointIntervals
         >>> robot = wbc.load("arm")
         >>> intervals = JointIntervals.compose([JointVelocityLimits(2.0)], robot, dt=0.01)

@@ -73,7 +73,7 @@ class Member(metaclass=_Built):
         InvalidInput: an assignment that a plan with this member cannot take, for example of another size.
 
     Example:
-        >>> from tasks import Damping
+        >>> from wbc.tasks import Damping
         >>> task = Damping()
         >>> task.weigth = 3.0
         Traceback (most recent call last):

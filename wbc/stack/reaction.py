@@ -25,7 +25,7 @@ class Reaction(Contact):
     level's regularisation does. Gains are read when the stack is compiled, the target in each tick.
 
     Example:
-        >>> from tasks import JointCoupling
+        >>> from wbc.tasks import JointCoupling
         >>> JointCoupling("elbow", to={"shoulder_pitch": -2.0}).with_reaction(name="gear")
         gear
     """

@@ -19,7 +19,7 @@ class Softly(Objective):
 
     Example:
         >>> import wbc
-        >>> from tasks import JointVelocityLimits, Position
+        >>> from wbc.tasks import JointVelocityLimits, Position
         >>> slowly = JointVelocityLimits(0.1).softly(weight=10.0)
         >>> wbc.Stack([[slowly], [Position("tool", target=[0.4, 0.2, 0.5])]], subject_to=[JointVelocityLimits()])
         Stack

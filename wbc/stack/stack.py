@@ -29,7 +29,7 @@ class Stack:
 
     Example:
         >>> import wbc
-        >>> from tasks import JointVelocityLimits, Posture
+        >>> from wbc.tasks import JointVelocityLimits, Posture
         >>> robot = wbc.load("arm")
         >>> print(wbc.Stack([Posture(robot.q0)], subject_to=[JointVelocityLimits()]))
         Stack

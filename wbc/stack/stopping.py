@@ -80,7 +80,7 @@ class Stopping:
 
     Example:
         >>> import numpy as np, wbc
-        >>> from tasks import JointLimits, Posture
+        >>> from wbc.tasks import JointLimits, Posture
         >>> robot = wbc.load("arm")
         >>> stack = wbc.Stack([Posture(robot.q0)], subject_to=[JointLimits()])
         >>> stopping = wbc.InverseDynamics().compile(robot, stack, dt=1e-3).stopping

@@ -28,7 +28,7 @@ class Within(Barrier):
 
     Example:
         >>> import wbc
-        >>> from tasks import CenterOfMass
+        >>> from wbc.tasks import CenterOfMass
         >>> CenterOfMass(target=[0.0, 0.0, 0.8]).within(0.02)
         CenterOfMass within
     """

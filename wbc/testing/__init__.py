@@ -4,7 +4,7 @@
 the row or quantity and what differs. ``wbc.testing.strategies`` (for hypothesis) draws states, boxes and matrices.
 
 Example:
-    >>> from tasks import Position
+    >>> from wbc.tasks import Position
     >>> from wbc.testing import check_task
     >>> check_task(Position("tool", target=[0.4, 0.0, 0.5]))
 """

@@ -35,7 +35,7 @@ def check_constraint(
         CheckFailed: which rule, which row, and the two numbers that differ.
 
     Example:
-        >>> from tasks import JointPositionLimits
+        >>> from wbc.tasks import JointPositionLimits
         >>> from wbc.testing import check_constraint
         >>> check_constraint(JointPositionLimits())
     """

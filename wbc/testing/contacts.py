@@ -31,7 +31,7 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
         CheckFailed: which rule, which row, and the two numbers that differ.
 
     Example:
-        >>> from tasks import Point
+        >>> from wbc.tasks import Point
         >>> from wbc.testing import check_contact
         >>> check_contact(Point("tool", friction=0.5))
     """

@@ -31,7 +31,7 @@ def levels_of(member: Any, model: RobotModel, *, contacts: Iterable[Contact] = (
 
     Example:
         >>> import wbc
-        >>> from tasks import TorqueLimits
+        >>> from wbc.tasks import TorqueLimits
         >>> from wbc.testing import levels_of
         >>> [level.name for level in levels_of(TorqueLimits(), wbc.load("arm"))]
         ['inverse dynamics']

@@ -50,7 +50,7 @@ def check_task(
         CheckFailed: which rule, which row, and the two numbers that differ.
 
     Example:
-        >>> from tasks import CenterOfMass
+        >>> from wbc.tasks import CenterOfMass
         >>> from wbc.testing import check_task
         >>> check_task(CenterOfMass(target=[0.0, 0.0, 0.5]))
     """

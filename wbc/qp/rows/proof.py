@@ -12,6 +12,10 @@ Every split is true; a solver gives the one it has. The rest is decided here, so
 * the rows that determine u push with what makes r_D zero on u, B_uᵀ π_B = −(G_uᵀ π + ε u): one solve and one
   refinement;
 * a bound that an unknown meets takes the part of r_D that it can push against, z.
+
+An unknown that belongs to no task, and that the regularisation alone determines, has next to no curvature: pushes of
+1e6 leave a gradient there whose rounding moves it by more than its size, whichever solver made it. So what rounding
+hides counts for the tasks, and does not count for these unknowns.
 """
 
 from __future__ import annotations
@@ -25,11 +29,13 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 
 from wbc.qp.certificate import DISTANCE, TOLERANCE, Certificate
 from wbc.qp.rows.problem import RowProblem
-from wbc.types import Mat, Vec
+from wbc.types import Index, Mat, Vec
 
 #: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
-#: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|).
+#: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|), as far as one knows.
 _ALONE = 1.5
+#: What each product of a gradient loses, as a share of itself.
+_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 
 
 @final
@@ -73,6 +79,7 @@ class RowProof:
         #: Weights over ``unit`` and their inverse, and what a unit of spread is in each task's and unknown's unit.
         self.weights, self.compliance = np.ones(p.n_soft), np.ones(p.n_soft)
         self.reach, self._reach = np.ones(p.n_soft + p.n_y), np.zeros(0)
+        self._alone: Index = np.zeros(0, np.intp)
         self.read()
 
     def read(self) -> None:
@@ -89,7 +96,8 @@ class RowProof:
             0.0  # a task without weight asks for nothing
         )
         self.reach[:] = self._reach
-        self.reach[p.n_soft :][p.unit * p.metric <= _ALONE * p.regularisation] *= DISTANCE * TOLERANCE
+        self._alone = np.flatnonzero(p.unit * p.metric <= _ALONE * p.regularisation)
+        self.reach[p.n_soft + self._alone] *= DISTANCE * TOLERANCE
         self._inverse = 1.0 / p.metric
         self._version = p.version
 
@@ -137,7 +145,13 @@ class RowProof:
         self.left, self._rho, self._free = left, rho, held == 0.0
         spread = sqrt(p.unit * (float(left * left @ self._inverse) + float(rho * rho @ self.weights)))
         asked = np.concatenate([p.G[p.soft, n], y * scale])
-        distance = spread * float((self.reach / (1.0 + np.abs(asked))).max(initial=0.0))
+        share = self.reach / (1.0 + np.abs(asked))
+        distance = spread * float(share.max(initial=0.0))
+        if distance > DISTANCE * TOLERANCE and len(self._alone):
+            known, alone = self._known_spread(), p.n_soft + self._alone
+            distance = known * float(share[alone].max())
+            share[alone] = 0.0
+            distance = max(distance, spread * float(share.max(initial=0.0)))
         pushing, acting = held != 0.0, force != 0.0
         room = np.maximum(np.where(held < 0.0, ub - y, y - lb), 0.0)[pushing]
         gap = float(np.abs(force[acting]) @ np.abs(slack[acting])) + float(np.abs(held[pushing]) @ room)
@@ -145,6 +159,16 @@ class RowProof:
         cost = float(np.abs(push) @ (1.0 + np.abs(value))) + float(np.abs(held[pushing]) @ (1.0 + np.abs(y[pushing])))
         dual = p.unit * float(np.abs(left).max(initial=0.0))
         return self.found((primal, dual, p.unit * gap, 1.0 + p.unit * largest, 1.0 + p.unit * cost, distance), spread)
+
+    def _known_spread(self) -> float:
+        """The spread of what is left of the gradient beyond the rounding of the products that it is the sum of."""
+        p, n_u, n = self.problem, self.problem.n_u, self.problem.n
+        rows = np.abs(p.G[: p.n_rows])
+        terms = np.abs(self.push)
+        terms[p.soft] += self.weights * (rows[p.soft] @ np.abs(p.x1))
+        rounding = terms @ rows[:, n_u:n] + p.metric * (np.abs(p.x[n_u:]) + np.abs(p.centre))
+        left = np.maximum(np.abs(self.left) - _ROUNDING * rounding, 0.0)
+        return sqrt(p.unit * (float(left * left @ self._inverse) + float(self._rho * self._rho @ self.weights)))
 
     def sharpened(self) -> Vec:
         """The pushes certified last, those of the tasks changed so that the bound is the least.

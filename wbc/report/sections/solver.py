@@ -21,6 +21,14 @@ def section(result: ScenarioResult) -> Section | None:
     statistics = _statistics(result)
     if statistics:
         items.append(Table(("statistic", "value"), statistics, f"Solver {run.meta.get('solver')}, over all ticks."))
+    distances = _distances(result)
+    if distances:
+        items.append(
+            Table(
+                ("task", "unit", "median", "largest", "ticks with proof"), distances,
+                "How far each task can be from its optimum: at most this, as the certificate proves it in each tick.",
+            )
+        )  # fmt: skip
     drawn = [(name, label) for name, label in (("active", "active rows"), ("iterations", "iterations")) if name in run]
     if drawn:
         with style.Canvas(1, len(drawn), height=2.2) as canvas:
@@ -56,6 +64,17 @@ def _statistics(result: ScenarioResult) -> list[tuple[str, Cell]]:
         names = ("primal residual [unit of the row]", "dual residual", "complementarity gap")
         worst = np.nanmax(np.asarray(run["certificate"], dtype=float), axis=0, initial=0.0)
         rows += [(f"{name}, largest", float(value)) for name, value in zip(names, worst, strict=True)]
+    return rows
+
+
+def _distances(result: ScenarioResult) -> list[tuple[Cell, ...]]:
+    """Of each task: its unit, the median and the largest bound, and the share of the ticks that have one."""
+    rows: list[tuple[Cell, ...]] = []
+    for task, bound in result.run.matching("distance.").items():
+        proved = bound[np.isfinite(bound)]
+        median, largest = (np.median(proved), proved.max()) if proved.size else (np.nan, np.nan)
+        unit = result.run.meta.get("distances", {}).get(task, "")
+        rows.append((task, unit, float(median), float(largest), percent(proved.size / result.run.rows)))
     return rows
 
 

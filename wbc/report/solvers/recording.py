@@ -27,7 +27,7 @@ class QpRecorder:
 
     Example:
         >>> import wbc
-        >>> from tasks import Posture
+        >>> from wbc.tasks import Posture
         >>> from wbc.report.solvers.recording import QpRecorder
         >>> from wbc.sim.joining import joined
         >>> from wbc.sim.plant import IntegratorPlant

@@ -1,0 +1,75 @@
+"""How far each task can be from its optimum: a bound per task in its unit, under every hierarchy, and it is true."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import CenterOfMass, ContactForce, Frame, JointVelocityLimits, Position, Posture, Sole, TorqueLimits
+from wbc.control.distance import distances, units
+
+ARM, HUMANOID = wbc.load("arm"), wbc.load("humanoid")
+HIERARCHIES = (wbc.Weighted(), wbc.Strict(), wbc.Scaled())
+
+
+def reaching(hierarchy: object) -> wbc.Controller:
+    """A target out of reach in 2 s, so that limits are active, and a posture."""
+    stack = wbc.Stack(
+        [[Position("tool", target=[3.0, 0.0, 0.5], weight=100.0)], [Posture(ARM.q0)]],
+        subject_to=[JointVelocityLimits()],
+    )
+    return wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), hierarchy=hierarchy)
+
+
+def test_units_are_those_of_the_rows_whatever_the_task_is_about():
+    foot = Sole("left_sole", half_size=(0.08, 0.04), friction=0.6)
+    contacts = [foot, Sole("right_sole", half_size=(0.08, 0.04), friction=0.6)]
+    torso = HUMANOID.state().frame("torso").placement
+    tasks = [
+        CenterOfMass(target=HUMANOID.state().com), Frame("torso", target=torso), Posture(HUMANOID.q0),
+        ContactForce("left_sole", target=[0.0, 0.0, 200.0]),
+    ]  # fmt: skip
+    stack = wbc.Stack(tasks, subject_to=[TorqueLimits()], contacts=contacts)
+    controller = wbc.Controller(HUMANOID, stack, level=wbc.InverseDynamics())
+    assert list(units(controller.plan.problem).values()) == ["m/s²", "m/s², rad/s²", "rad/s²", "N"]
+
+
+@pytest.mark.parametrize("hierarchy", HIERARCHIES, ids=str)
+def test_every_task_of_the_first_level_has_a_bound_and_explain_says_it(hierarchy: object):
+    controller = reaching(hierarchy)
+    command = controller.tick(0.0, ARM.q0, 0 * ARM.q0)
+    found = distances(controller.plan.problem, command.certificate.bounds)
+    assert list(found) == ["Position[tool]", "Posture"]
+    assert 0.0 <= found["Position[tool]"] < 1e-6
+    assert f"at most {found['Position[tool]']:.1g} m/s from its optimum" in controller.explain()
+
+
+def test_what_is_not_proved_is_nan_and_not_said():
+    controller = reaching(wbc.Weighted())
+    controller.tick(0.0, ARM.q0, 0 * ARM.q0)
+    command = controller.tick(0.001, np.full(7, np.nan), 0 * ARM.q0)
+    assert not command.status.ok
+    found = distances(controller.plan.problem, command.certificate.bounds)
+    assert list(found) == ["Position[tool]", "Posture"] and all(math.isnan(bound) for bound in found.values())
+    assert "from its optimum" not in controller.explain()
+
+
+@pytest.mark.parametrize("weight", [1e-4, 1.0, 1e4])
+def test_direction_and_share_of_a_scaled_task_bound_its_rows(weight: float):
+    """Of J x + drift = s t both are moved: the rows move by what the direction misses, and by t times the share's."""
+    controller = reaching(wbc.Scaled())
+    controller.stack.tasks[0].weight = weight
+    controller.tick(0.0, ARM.q0, 0 * ARM.q0)
+    problem = controller.plan.problem
+    task = problem.levels[0][0]
+    missed, less = 1e-4, 1e-3  # [m/s], and of the share
+    bounds = {
+        "direction of Position[tool]": missed,
+        "share of Position[tool]": less * math.sqrt(float((task.weights * task.wanted**2).sum())),
+    }
+    moved = missed + less * np.abs(task.wanted).max()
+    assert moved <= distances(problem, bounds)["Position[tool]"] <= missed + less * np.linalg.norm(task.wanted) + 1e-12
+    assert math.isnan(distances(problem, {"share of Position[tool]": 1.0})["Position[tool]"])
