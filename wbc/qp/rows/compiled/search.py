@@ -17,7 +17,7 @@ from wbc.compiled import entry, kernel, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
 from wbc.qp.rows.compiled.verify import certified, exchange, verify
-from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, UNDECIDED, Work, is_fixed, place_of, views
+from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, UNDECIDED, Work, place_of, views
 
 #: Working sets that are guessed before the finite method is asked.
 _GUESSES = 5
@@ -133,9 +133,5 @@ def decide(at: int) -> int:
         refined(at, verify(at))
         if certified(s):
             return SOLVED
-    if answer == INFEASIBLE:
-        return INFEASIBLE
-    for item in range(len(s.side)):  # no guess is better than one that led nowhere
-        if not is_fixed(s, item):
-            s.side[item] = 0.0
-    return FAILED
+        return INACCURATE
+    return answer

@@ -14,7 +14,7 @@ from wbc.types import Index, Mat, Vec
 #: What K and F are made of; see :mod:`wbc.qp.rows.compiled.equality`.
 ROWS, VARIABLES = 0, 1
 #: How a search ends.
-SOLVED, INFEASIBLE, FAILED, UNDECIDED = 0, 1, 2, 3
+SOLVED, INFEASIBLE, FAILED, UNDECIDED, INACCURATE = 0, 1, 2, 3, 4
 
 
 class Work(NamedTuple):
