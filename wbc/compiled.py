@@ -10,6 +10,7 @@ has taken in: :func:`forget_stale` throws away what is older than any of them.
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -49,8 +50,13 @@ def small_kernel(function: _F) -> _F:
 
 
 def entry(function: _F) -> _F:
-    """A kernel that Python calls with one address; compiled here and now, or read from disk, and not in a tick."""
+    """A kernel that Python calls with one address; compiled here and now, or read from disk, and not in a tick.
+
+    Under ``NUMBA_DISABLE_JIT=1`` kernels stay Python, for a debugger.
+    """
     made = _made(function)
+    if _numba.config.DISABLE_JIT:
+        return function
     kept = getattr(getattr(made, "_cache", None), "cache_path", None)
     name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-"
     if sys.stderr.isatty() and not (kept and any(Path(kept).glob(f"{name}*.nbi"))):
@@ -73,7 +79,10 @@ def forget_stale(package: Path) -> None:
 forget_stale(Path(__file__).parent)
 
 
-def _pointer(kind: Any) -> Callable[[Any, Any], Any]:
+def _pointer(kind: Any, c_kind: Any) -> Any:
+    if _numba.config.DISABLE_JIT:  # for a debugger
+        return lambda address: ctypes.cast(int(address), ctypes.POINTER(c_kind))
+
     def to(_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
@@ -81,13 +90,13 @@ def _pointer(kind: Any) -> Callable[[Any, Any], Any]:
         signature: Any = _types.CPointer(kind)
         return signature(address), generate
 
-    return to
+    return intrinsic(to)
 
 
 #: In a kernel: ``carray(floats(address), shape)`` is the array there, as ``carray(integers(address), shape)`` is.
 carray: Any = _numba.carray
-floats: Any = intrinsic(_pointer(_types.float64))
-integers: Any = intrinsic(_pointer(_types.int64))
+floats: Any = _pointer(_types.float64, ctypes.c_double)
+integers: Any = _pointer(_types.int64, ctypes.c_int64)
 
 
 @final
