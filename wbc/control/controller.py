@@ -116,6 +116,8 @@ class Controller:
             raise NotSupported(
                 f"solver {self.solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
             )
+        if not isinstance(fast, bool | np.bool_):
+            raise InvalidInput(f"fast is {checks.shown(fast)}; it must be True or False")
         self.fast = bool(fast)
         if self.fast and isinstance(self.solver, Pdas):
             self.solver = replace(self.solver, compiled=True)
