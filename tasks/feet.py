@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from wbc.errors import NotSupported
+from wbc import checks
+from wbc.errors import InvalidInput, NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.contact import Contact
 
@@ -19,7 +20,7 @@ def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any)
     force_weight, friction_model) are each contact's.
 
     Raises:
-        NotSupported: a robot without feet.
+        NotSupported: a robot without feet. InvalidInput: no robot, a share that is not positive.
 
     Example:
         >>> import wbc
@@ -27,11 +28,14 @@ def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any)
         >>> feet(wbc.load("quadruped"))[0]
         Point[front_left_foot](friction=0.48)
     """
+    if not isinstance(robot, PinocchioModel):
+        raise InvalidInput(f"robot is {checks.shown(robot)}; it must be a robot from wbc.load(...)")
+    share = checks.number("friction_share", friction_share, low=0.0, strict=True)
     if not robot.feet:
         raise NotSupported(f"{robot.name} has no feet to stand on; write its contacts out")
     contacts: list[Contact] = []
     for foot in robot.feet.values():
-        common: dict[str, Any] = {"friction": friction_share * foot.friction, **settings}
+        common: dict[str, Any] = {"friction": share * foot.friction, **settings}
         if foot.half_size is None:
             contacts.append(Point(foot.frame, radius=foot.radius, **common))
         else:

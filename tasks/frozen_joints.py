@@ -36,9 +36,7 @@ class FrozenJoints(Task):
         self, joints: Sequence[str] | Mapping[str, float], *, kp: Any = None, kd: Any = None, rate: Any = None,
         weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
-        if isinstance(joints, str) or not joints or len(set(joints)) < len(joints):
-            raise InvalidInput(f"FrozenJoints.joints is {joints!r}; it must be names, each once, or {{name: position}}")
-        self.joints = self.labels = tuple(joints)
+        self.joints = self.labels = checks.names("FrozenJoints.joints", joints)
         self.dim, self.subject = len(self.joints), ", ".join(self.joints)
         self._name = name
         held = isinstance(joints, Mapping)
@@ -49,7 +47,7 @@ class FrozenJoints(Task):
         )
         if kp is not None and not held:
             raise InvalidInput(f"{self.name}.kp is {kp}, but there are no positions to hold; give {{joint: position}}")
-        kp = 100.0 if kp is None and held else kp or 0.0
+        kp = (100.0 if held else 0.0) if kp is None else kp
         super().__init__(kp=kp, kd=20.0 if kd is None and not held else kd, rate=rate, weight=weight, name=name)
 
     def prepare(self, model: RobotModel) -> None:

@@ -46,6 +46,7 @@ class InternalForce(Tracking, LinearTask):
     def __init__(
         self, contacts: Sequence[Contact], *, target: Any = 0.0, weight: Any = 1.0, name: str | None = None
     ) -> None:
+        contacts = checks.items("InternalForce.contacts", contacts, "contacts")
         for i, contact in enumerate(contacts):
             if not isinstance(contact, Contact) or contact.bilateral:
                 raise InvalidInput(f"InternalForce.contacts[{i}] is {contact!r}; it must be a contact with the world")
@@ -60,7 +61,7 @@ class InternalForce(Tracking, LinearTask):
         self.convert = vector_target(self.dim)
         super().__init__(weight=weight, name=name)
         one_for_all = not callable(target) and checks.ndim(target) == 0
-        self.target = np.full(self.dim, target, dtype=np.float64) if one_for_all else target
+        self.target = checks.each(f"{self.name}.target", target, self.dim) if one_for_all else target
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
         out.A[:] = 0.0

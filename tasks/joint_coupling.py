@@ -39,8 +39,10 @@ class JointCoupling(Task):
         self, joint: str, *, to: Mapping[str, float], offset: float = 0.0, kp: Any = 100.0, kd: Any = None,
         rate: Any = None, weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
-        self.joint = self.subject = joint
+        self.joint = self.subject = checks.text("JointCoupling.joint", joint)
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        if not isinstance(to, Mapping):
+            raise InvalidInput(f"{self.name}.to is {checks.shown(to)}; it must be {{joint: ratio}}")
         self.ratios = {other: checks.number(f"{self.name}.to[{other!r}]", ratio) for other, ratio in to.items()}
         self.offset = checks.number(f"{self.name}.offset", offset)
         if not self.ratios or joint in self.ratios or 0.0 in self.ratios.values():

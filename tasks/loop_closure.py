@@ -8,7 +8,6 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.tracking import rotation_error
@@ -50,11 +49,7 @@ class LoopClosure(Contact):
         self, frame: str, *, to: str, rows: Sequence[str] = ("x", "y", "z"), target: Any = None, kp: float = 100.0,
         kd: float | None = None, force_weight: float = 0.0, name: str | None = None,
     ) -> None:  # fmt: skip
-        for i, row in enumerate(rows):
-            if row not in ROWS or row in rows[:i]:
-                raise InvalidInput(f"LoopClosure.rows[{i}] is {row!r}; each is one of {', '.join(ROWS)}, once")
-        if not rows:
-            raise InvalidInput("LoopClosure.rows is empty; give at least one row")
+        rows = checks.names("LoopClosure.rows", rows, ROWS)
         self.carrier = to
         self._axes = tuple(ROWS.index(row) for row in rows)
         self._index = list(self._axes)

@@ -6,7 +6,7 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from wbc.errors import InvalidInput
+from wbc import checks
 from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
@@ -47,8 +47,7 @@ class Position(Tracking, Task):
         weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
-        if axes not in _ROWS:
-            raise InvalidInput(f"{self.name}.axes is {axes!r}; it must be one of {', '.join(_ROWS)}")
+        checks.one_of(f"{self.name}.axes", axes, _ROWS)
         self._rows_of_frame, self.dim, self.labels = _ROWS[axes], len(axes), axes
         self.convert = vector_target(self.dim)
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)

@@ -49,9 +49,7 @@ class Torque(Tracking, LinearTask):
         self._by_inertia = isinstance(weight, str)
         if self._by_inertia and (weight != "inverse_inertia" or joints is not None):
             raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers or 'inverse_inertia', of all joints")
-        if joints is not None and (isinstance(joints, str) or not joints or len(set(joints)) < len(joints)):
-            raise InvalidInput(f"Torque.joints is {joints!r}; it must be names, each once")
-        self.joints = None if joints is None else tuple(joints)
+        self.joints = None if joints is None else checks.names("Torque.joints", joints)
         self.subject = ", ".join(self.joints or ())
         super().__init__(weight=1.0 if self._by_inertia else weight, name=name)
         self.target = tau_0

@@ -43,8 +43,7 @@ class Sinusoid:
         size = (self._center.size,)
 
         def spread(name: str, value: Any) -> Vec:
-            values = np.asarray(value, dtype=np.float64)
-            return checks.array(name, np.full(size, values) if values.ndim == 0 else values, size)
+            return checks.each(name, value, *size)
 
         self._amplitude = spread("amplitude", amplitude)
         self._omega = 2.0 * np.pi * spread("frequency", frequency)
@@ -192,14 +191,14 @@ class Piecewise:
     __slots__ = ("_motions", "_starts")
 
     def __init__(self, pieces: Iterable[tuple[float, Trajectory]]) -> None:
-        pieces = list(pieces)
+        pieces = checks.pairs("pieces", pieces, "start, trajectory")
         if not pieces:
             raise InvalidInput("pieces is empty; there is at least one (start, trajectory)")
         self._starts = [checks.number(f"pieces[{i}] start", start) for i, (start, _) in enumerate(pieces)]
         for i, (before, after) in enumerate(zip(self._starts, self._starts[1:], strict=False), start=1):
             if not before < after:
                 raise InvalidInput(f"pieces[{i}] starts at {after:g} s, not after pieces[{i - 1}] at {before:g} s")
-        self._motions = [motion for _, motion in pieces]
+        self._motions: list[Trajectory] = [motion for _, motion in pieces]
 
     def __call__(self, t: float) -> tuple[Any, Vec, Vec]:
         """What the piece of this time gives."""

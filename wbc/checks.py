@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -124,6 +124,75 @@ def each(name: str, value: Any, size: int, *, finite: bool = True) -> Vec:
     if ndim(value) == 0:
         return np.full(size, array(name, value, (), finite=finite))
     return array(name, value, (size,), finite=finite)
+
+
+def text(name: str, value: Any) -> str:
+    """``value``, which is text, such as the name of a frame.
+
+    Raises:
+        InvalidInput: something else.
+    """
+    if not isinstance(value, str):
+        raise InvalidInput(f"{name} is {shown(value)}; it must be text")
+    return value
+
+
+def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
+    """``value``, which is one of ``allowed``, each a text or a number.
+
+    Raises:
+        InvalidInput: something else; the message has what is allowed.
+    """
+    allowed = list(allowed)
+    if not isinstance(value, str | int | np.integer) or value not in allowed:
+        listed = " or ".join(map(repr, allowed)) if len(allowed) == 2 else f"one of {', '.join(map(str, allowed))}"
+        raise InvalidInput(f"{name} is {shown(value)}; it must be {listed}")
+    return value
+
+
+def items(name: str, value: Any, what: str) -> list[Any]:
+    """``value`` as a list, of ``what``; text is no list of letters.
+
+    Raises:
+        InvalidInput: it is text, or cannot be gone through.
+    """
+    try:
+        if isinstance(value, str | bytes):
+            raise TypeError("text")
+        return list(value)
+    except Exception as cause:  # going through it may raise whatever it likes
+        raise InvalidInput(f"{name} is {shown(value)}; it must be {what}, in a list") from cause
+
+
+def names(name: str, value: Any, allowed: Sequence[str] = ()) -> tuple[str, ...]:
+    """``value`` as a tuple of texts, at least one, each once, and of those ``allowed`` where any are given.
+
+    Raises:
+        InvalidInput: something else.
+    """
+    found = items(name, value, "names")
+    for i, one in enumerate(found):
+        if allowed and (not isinstance(one, str) or one not in allowed or one in found[:i]):
+            raise InvalidInput(f"{name}[{i}] is {shown(one)}; each is one of {', '.join(allowed)}, once")
+        text(f"{name}[{i}]", one)
+    if len(set(found)) < max(len(found), 1):
+        raise InvalidInput(f"{name} is {shown(value)}; it must be names, at least one, each once")
+    return tuple(found)
+
+
+def pairs(name: str, value: Any, what: str) -> list[tuple[Any, Any]]:
+    """``value`` as a list of pairs of ``what``.
+
+    Raises:
+        InvalidInput: it is no list, or one of its entries is no pair; with its index.
+    """
+    found = []
+    for i, one in enumerate(items(name, value, f"({what})")):
+        entry = items(f"{name}[{i}]", one, f"two: {what}")
+        if len(entry) != 2:
+            raise InvalidInput(f"{name}[{i}] is {shown(one)}; it must be ({what})")
+        found.append((entry[0], entry[1]))
+    return found
 
 
 def shown(value: Any) -> str:

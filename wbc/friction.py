@@ -8,7 +8,6 @@ from typing import final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
 from wbc.types import Mat
 
 MODELS = ("inner", "outer")
@@ -37,11 +36,8 @@ class Pyramid:
     def __init__(self, friction: float, model: str, sides: int, *, name: str = "") -> None:
         dot = f"{name}." if name else ""
         self.friction = checks.number(f"{dot}friction", friction, low=0.0, strict=True)
-        if model not in MODELS:
-            raise InvalidInput(f"{dot}friction_model is {model!r}; it must be 'inner' or 'outer'")
-        if sides not in SIDES:
-            raise InvalidInput(f"{dot}sides is {sides!r}; it must be 4 or 8")
-        self.model, self.sides = model, int(sides)
+        self.model: str = checks.one_of(f"{dot}friction_model", model, MODELS)
+        self.sides = int(checks.one_of(f"{dot}sides", sides, SIDES))
         self.mu = self.friction * (float(np.cos(np.pi / self.sides)) if model == "inner" else 1.0)
 
     @property

@@ -67,9 +67,9 @@ class ContactSchedule(Schedule):
         self.period = None if period is None else checks.number(f"{self.name}.period", period, low=0.0, strict=True)
         starts, sets = self._read(timeline)
         self.ramp = checks.number(f"{self.name}.ramp", ramp, low=0.0, strict=True)
-        if not force_rate > 0.0:
-            raise InvalidInput(f"{self.name}.force_rate is {force_rate!r}; it must be > 0")
-        self.force_rate = float(force_rate)
+        self.force_rate = inf
+        if not (isinstance(force_rate, float) and force_rate == inf):
+            self.force_rate = checks.number(f"{self.name}.force_rate", force_rate, low=0.0, strict=True)
         self.touching = touching
         self.early = checks.number(f"{self.name}.early", early, low=0.0)
         self.names = tuple(sorted(frozenset().union(*sets)))
@@ -81,6 +81,7 @@ class ContactSchedule(Schedule):
         self._next_change = -inf
 
     def _read(self, timeline: Sequence[tuple[float, Iterable[str]]]) -> tuple[list[float], list[frozenset[str]]]:
+        timeline = checks.pairs(f"{self.name}.timeline", timeline, "time, names")
         if not timeline:
             raise InvalidInput(f"{self.name}.timeline is empty; it has at least one (time, names)")
         starts = [checks.number(f"{self.name}.timeline[{i}] time", time) for i, (time, _) in enumerate(timeline)]

@@ -35,9 +35,9 @@ class When:
     joints: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise InvalidInput(f"kind is {self.kind!r}; it must be one of {', '.join(KINDS)}")
-        for i, reaction in enumerate(self.reactions):
+        checks.one_of("kind", self.kind, KINDS)
+        checks.items("joints", self.joints, "names of joints")
+        for i, reaction in enumerate(checks.items("reactions", self.reactions, "reactions")):
             if not isinstance(reaction, Reaction):
                 raise InvalidInput(f"reactions[{i}] is {reaction!r}; it must be a reaction such as Release()")
 
@@ -119,11 +119,12 @@ class FaultReaction(Component):
         super().__init__(name=name)
         if not isinstance(observer, MomentumObserver):
             raise InvalidInput(f"{self.name}.observer is {observer!r}; it must be a MomentumObserver")
+        table = checks.items(f"{self.name}.table", table, "When(kind, reactions)")
         for i, line in enumerate(table):
             if not isinstance(line, When):
                 raise InvalidInput(f"{self.name}.table[{i}] is {line!r}; it must be When(kind, reactions)")
         self.observer, self.table = observer, tuple(table)
-        self.noise, self.hands = noise, tuple(hands)
+        self.noise, self.hands = noise, tuple(checks.items(f"{self.name}.hands", hands, "frames"))
         self._times = {
             what: checks.number(f"{self.name}.{what}", value, low=0.0)
             for what, value in (

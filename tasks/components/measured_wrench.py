@@ -36,7 +36,7 @@ class MeasuredWrench(Component):
 
     def __init__(self, frame: str, *, wrench: Any = (0.0, 0.0, 0.0), name: str | None = None) -> None:
         self.frame = frame
-        super().__init__(name=name or f"MeasuredWrench[{frame}]")
+        super().__init__(name=f"MeasuredWrench[{frame}]" if name is None else name)
         self._now = np.zeros(6)
         self.wrench = wrench
 

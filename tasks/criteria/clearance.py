@@ -45,11 +45,12 @@ class Clearance(Criterion):
         self.reach = checks.number("Clearance.reach", reach, low=0.0, strict=True)
         self._point = None if point is None else checks.array("Clearance.point", point, (3,))
         if plane is not None:
-            normal = checks.array("Clearance.plane[0]", plane[0], (3,))
+            ((normal, offset),) = checks.pairs("Clearance.plane", [plane], "normal, offset")
+            normal = checks.array("Clearance.plane[0]", normal, (3,))
             length = float(np.linalg.norm(normal))
             if length < 1e-9:
                 raise InvalidInput(f"Clearance.plane[0] is a normal of length {length:g}; it must point somewhere")
-            self._normal, self._offset = normal / length, checks.number("Clearance.plane[1]", plane[1])
+            self._normal, self._offset = normal / length, checks.number("Clearance.plane[1]", offset)
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)

@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Mat, Vec
@@ -41,12 +42,8 @@ class Manipulability(Criterion):
     """
 
     def __init__(self, frame: str, *, rows: Sequence[str] = ("x", "y", "z")) -> None:
-        for i, row in enumerate(rows):
-            if row not in ROWS or row in rows[:i]:
-                raise InvalidInput(f"Manipulability.rows[{i}] is {row!r}; each is one of {', '.join(ROWS)}, once")
-        if not rows:
-            raise InvalidInput("Manipulability.rows is empty; give at least one row")
-        self.frame, self.rows = frame, tuple(rows)
+        rows = checks.names("Manipulability.rows", rows, ROWS)
+        self.frame, self.rows = frame, rows
         self.name = f"manipulability of {frame}"
         linear = sum(len(row) == 1 for row in rows)
         self.units = " ".join(f"{unit}^{k}" for unit, k in (("m", linear), ("rad", len(rows) - linear)) if k)

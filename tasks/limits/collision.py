@@ -72,7 +72,8 @@ class CollisionAvoidance(Barrier):
         self.reach = checks.number(f"{self.name}.reach", reach, low=0.0, strict=True)
         if self.reach <= self.margin:
             raise InvalidInput(f"{self.name}.reach is {reach:g} m; it must be more than the margin of {margin:g} m")
-        self.obstacles, self.pairs, self.self_collision = tuple(obstacles), pairs, self_collision
+        self.obstacles = tuple(checks.items(f"{self.name}.obstacles", obstacles, "obstacles"))
+        self.pairs, self.self_collision = pairs, self_collision
         self.count = None if count is None else int(checks.number(f"{self.name}.count", count, low=1))
         self._distances: Distances | None = None
 

@@ -52,10 +52,9 @@ class JointLimits(Laws):
     ) -> None:  # fmt: skip
         super().__init__(name=name)
         given = {"position": (lower, upper), "velocity": (v_max,), "torque": (tau_max, no_load_speed)}
-        without = [without] if isinstance(without, str) else list(without)
-        for quantity in without:
-            if quantity not in _OPTIONAL:
-                raise InvalidInput(f"{self.name}.without has {quantity!r}; it may have {', '.join(_OPTIONAL)}")
+        without = [without] if isinstance(without, str) else checks.items(f"{self.name}.without", without, "quantities")
+        for i, quantity in enumerate(without):
+            checks.one_of(f"{self.name}.without[{i}]", quantity, _OPTIONAL)
             if any(value is not None for value in given[quantity]):
                 raise InvalidInput(f"{self.name} is without {quantity} and has limits on it")
         if braking is not None:

@@ -74,8 +74,8 @@ def test_a_row_that_is_not_a_number_is_held_not_solved():
 def test_what_gives_way_is_declared(level: Any):
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, level, extra=(up,))
-    for gives, rung in ((("laws",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
-        control = wbc.Controller(ARM, stack, level=level, recovery=wbc.Recovery(gives=gives))
+    for relax, rung in ((("constraints",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
+        control = wbc.Controller(ARM, stack, level=level, recovery=wbc.Recovery(relax=relax))
         command = control.tick(0.0, ARM.q0, STILL)
         assert (command.status, command.rung) == (Status.INFEASIBLE, rung)
         assert command.certificate.ok == (rung == "relaxed")
@@ -154,7 +154,7 @@ def test_the_budget_ends_the_search_for_other_answers():
 
 
 def test_a_recovery_that_makes_no_sense_is_refused():
-    for settings in ({"hold_ticks": -1}, {"gives": ("torques",)}, {"gives": "laws"}, {"resume_after": 0},
+    for settings in ({"hold_ticks": -1}, {"relax": ("torques",)}, {"relax": "constraints"}, {"resume_after": 0},
                      {"budget": -1.0}, {"hold_ticks": np.nan}):  # fmt: skip
         with pytest.raises(InvalidInput, match=next(iter(settings))):
             wbc.Recovery(**settings)

@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 import pytest
 
+from tests.families.qps import FAMILIES, problem
 from tests.qp.zoo import random_qp, sequence
 from wbc.errors import InvalidInput, InvalidProblem, SolverMissing, UnknownSolver, WbcError
 from wbc.qp import QP, Session, Shape, Solver, solve
@@ -145,6 +146,15 @@ def test_settings_are_frozen(solver: Solver):
 def test_settings_out_of_range_are_refused_by_name(make: Any, settings: dict[str, float]):
     with pytest.raises(InvalidInput, match=next(iter(settings))):
         make(**settings)
+
+
+def test_proxqp_gives_up_after_its_inner_iterations() -> None:
+    """Three times two steps, and one for each start; at its own 1500 it has taken half a minute in a tick."""
+    solver, most = ProxQp(max_iter=3, max_iter_in=2), 0
+    for index in range(20):
+        for family in FAMILIES:
+            most = max(most, solver.solve(QP(**problem(family, 5, index))).iterations)
+    assert 6 <= most <= 9
 
 
 @pytest.mark.parametrize(

@@ -200,3 +200,16 @@ def test_a_surface_that_makes_no_sense_is_refused(make: Any, said: str):
 def test_an_unknown_frame_is_refused():
     with pytest.raises(UnknownFrame, match="left_sole"):
         Sole("left_sol", half_size=(0.1, 0.1), friction=0.5).prepare(HUMANOID)
+
+
+@pytest.mark.parametrize("kp", [1.0, 100.0, 400.0])
+def test_by_default_a_foot_comes_back_as_fast_as_it_can_without_passing_its_place(kp: float):
+    """ë + kd ė + kp e = 0 is critically damped: s² + kd s + kp has one double root."""
+    for contact in (
+        Point("foot", friction=0.5, kp=kp),
+        sole(kp=kp),
+        Edge("left_sole", half_length=0.1, friction=0.5, kp=kp),
+    ):
+        roots = np.roots([1.0, contact.kd, contact.kp])
+        np.testing.assert_allclose(roots, -np.sqrt(kp), rtol=1e-6)
+    assert sole(kp=kp, kd=3.0).kd == 3.0

@@ -149,7 +149,7 @@ def test_a_schedule_that_lets_feet_go_keeps_loops_closed():
     [
         (lambda: LoopClosure("a", to="b", rows=["w"]), InvalidInput, r"rows\[0\] is 'w'"),
         (lambda: LoopClosure("a", to="b", rows=["x", "x"]), InvalidInput, r"rows\[1\] is 'x'"),
-        (lambda: LoopClosure("a", to="b", rows=[]), InvalidInput, "at least one row"),
+        (lambda: LoopClosure("a", to="b", rows=[]), InvalidInput, "at least one"),
         (lambda: LoopClosure("head", to="head").prepare(HUMANOID), InvalidInput, "seen from itself"),
         (lambda: LoopClosure("head", to="heads").prepare(HUMANOID), UnknownFrame, "did you mean 'head'"),
         (lambda: LoopClosure("a", to="b", rows=["rx"], target=[0, 0, 0]), InvalidInput, "a position; a contact of 1"),

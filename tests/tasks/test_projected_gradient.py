@@ -172,7 +172,7 @@ def test_the_criterion_rises_while_the_tool_stays(level: Any):
         (lambda: ProjectedGradient(MidRange(), gain=np.nan), r"ProjectedGradient\[mid-range\].gain is nan"),
         (lambda: Manipulability("tool", rows=["x", "y", "x"]), r"rows\[2\] is 'x'; each is one of x, y, z, rx, ry, rz"),
         (lambda: Manipulability("tool", rows=["w"]), r"rows\[0\] is 'w'"),
-        (lambda: Manipulability("tool", rows=[]), "rows is empty"),
+        (lambda: Manipulability("tool", rows=[]), r"rows is \[\]; it must be names, at least one"),
         (lambda: Clearance("tool"), "a point or a plane"),
         (lambda: Clearance("tool", point=[0, 0, 0], plane=([0, 0, 1], 0)), "a point or a plane"),
         (lambda: Clearance("tool", plane=([0, 0, 0], 0)), "length 0"),

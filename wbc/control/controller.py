@@ -114,6 +114,8 @@ class Controller:
             raise NotSupported(
                 f"solver {self.solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
             )
+        if not isinstance(fast, bool | np.bool_):
+            raise InvalidInput(f"fast is {checks.shown(fast)}; it must be True or False")
         self.fast = bool(fast)
         self.plans = Plans(robot, stack, level, dt=self.dt, open_solver=self._open)
         self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
@@ -239,6 +241,7 @@ class Controller:
                 q[3:7] /= square**0.5
         return ""
 
+    @np.errstate(all="ignore")  # what overflows has a status; where warnings are errors, a tick raises none
     def _decide(self, t: float, q: Vec, v: Vec) -> Command:
         state = self.state
         state.update(t, q, v)

@@ -46,8 +46,8 @@ from wbc.types import Status, Vec
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
 
-#: What may give way, in the order in which it does.
-GIVES = ("force rates", "laws", "contacts", "barriers", "joint limits")
+#: What may be relaxed, in the order in which it is.
+RELAXABLE = ("force rates", "constraints", "contacts", "barriers", "joint limits")
 
 _NO_PROOF = Certificate.none()
 #: Answers within all constraints to a weaker question than was asked, the better ones first.
@@ -57,7 +57,7 @@ WEAKER = (NOT_CERTIFIED, NOT_OPTIMISED, WEIGHTED)
 _HUGE = 1e12
 #: How well a closed form meets its rows, in their units.
 _PRECISE = 1e-4
-#: Less than this gave way [in a row's own unit] is none.
+#: Less than this relaxed [in a row's own unit] is none.
 _SHOWN = 1e-6
 #: What the largest curvature of the cost counts beside a unit of violation.
 _SHARE = 1e-3
@@ -72,19 +72,19 @@ class Recovery:
     Args:
         hold_ticks: how many failed ticks in a row may be answered by a closed form or the last certified command
             before the robot is braked.
-        gives: what may give way where the laws contradict each other, in this order: "force rates" (bounds of a
-            schedule on normal forces), "laws" (exact tasks and linear constraints), "contacts" (their motion),
+        relax: what may be relaxed where constraints contradict each other, in this order: "force rates" (bounds of a
+            schedule on normal forces), "constraints" (exact tasks and linear constraints), "contacts" (their motion),
             "barriers", "joint limits" (position, velocity, acceleration). Torque limits, friction and the dynamics
             never do. () for nothing.
         resume_after: solved ticks in a row that end a stop.
         budget: time [s] after which no further solver is asked in a tick; None for no limit.
 
     Raises:
-        InvalidInput: a number out of range, or something else in ``gives``.
+        InvalidInput: a number out of range, or something else in ``relax``.
     """
 
     hold_ticks: int = 10
-    gives: tuple[str, ...] = GIVES
+    relax: tuple[str, ...] = RELAXABLE
     resume_after: int = 1
     budget: float | None = None
 
@@ -93,12 +93,12 @@ class Recovery:
         checks.number("resume_after", self.resume_after, low=1)
         if self.budget is not None:
             checks.number("budget", self.budget, low=0.0)
-        if not isinstance(self.gives, tuple | list) or not set(self.gives) <= set(GIVES):
-            raise InvalidInput(f"gives is {self.gives!r}; it must be a tuple of {', '.join(map(repr, GIVES))}")
+        if not isinstance(self.relax, tuple | list) or not set(self.relax) <= set(RELAXABLE):
+            raise InvalidInput(f"relax is {self.relax!r}; it must be a tuple of {', '.join(map(repr, RELAXABLE))}")
 
 
 class Event(NamedTuple):
-    """One tick that was not simply solved: when, how it ended, which rung spoke, and why."""
+    """One tick that was not simply solved: when, how it ended, which fallback level made the command, and why."""
 
     t: float
     tick: int
@@ -108,9 +108,9 @@ class Event(NamedTuple):
 
 
 class _Weaker(NamedTuple):
-    """An answer to a weaker question: what it is, its status, whose it is, and the problem's values."""
+    """An answer to a weaker question: its fallback level and status, whose it is, and the problem's values."""
 
-    rung: str
+    level: str
     status: Status
     solver: RowSolver
     value: Vec
@@ -118,7 +118,7 @@ class _Weaker(NamedTuple):
 
 @final
 class Ladder:
-    """The rungs below "solved", for one controller. ``rungs`` counts how often each has spoken."""
+    """The fallback levels below "solved", for one controller. ``rungs`` counts how often each made a command."""
 
     def __init__(self, controller: Controller, recovery: Recovery | None = None) -> None:
         self._controller, self.recovery = controller, Recovery() if recovery is None else recovery
@@ -148,24 +148,24 @@ class Ladder:
         self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
 
     def descend(self, status: Status, q: Vec, v: Vec) -> Command:
-        """The command of the highest rung that holds."""
+        """The command of the first fallback level that has one."""
         controller, start = self._controller, perf_counter()
         controller.why = controller.why or controller.plan.not_finite()
         self._solved = 0
         if not controller.plan.not_finite():
             weaker = self._weaker(status)
-            if status is not Status.INFEASIBLE and (weaker is None or weaker.rung != NOT_OPTIMISED):
+            if status is not Status.INFEASIBLE and (weaker is None or weaker.level != NOT_OPTIMISED):
                 answer = self._other_solver(status)
                 if answer.ok:
                     return self._certified(Status.SOLVED, "other solver", q, v, controller.proof)
                 other = self._weaker(answer)
-                if other is not None and (weaker is None or WEAKER.index(other.rung) < WEAKER.index(weaker.rung)):
+                if other is not None and (weaker is None or WEAKER.index(other.level) < WEAKER.index(weaker.level)):
                     weaker = other
                 status = answer
             if weaker is not None and status is not Status.INFEASIBLE:
                 controller.plan.problem.value[:] = weaker.value
                 controller.answered_by(weaker.solver)
-                return self._certified(weaker.status, weaker.rung, q, v, weaker.solver.certificate)
+                return self._certified(weaker.status, weaker.level, q, v, weaker.solver.certificate)
             controller.status = status
             if self._limited():
                 found = self._relaxed(start) if status is Status.INFEASIBLE else None
@@ -190,18 +190,18 @@ class Ladder:
         if why:
             self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
 
-    # ---- rungs
+    # ---- fallback levels
     def _weaker(self, status: Status) -> _Weaker | None:
         """What the solver asked last has left in memory, where that meets all constraints."""
         controller = self._controller
         solver = controller.answering
-        rung = solver.shortfall
-        if not rung and status is Status.INACCURATE:
-            rung = NOT_CERTIFIED
+        level = solver.shortfall
+        if not level and status is Status.INACCURATE:
+            level = NOT_CERTIFIED
         value = controller.plan.problem.value
-        if not rung or not solver.certificate.primal <= TOLERANCE or not (np.abs(value) < _HUGE).all():
+        if not level or not solver.certificate.primal <= TOLERANCE or not (np.abs(value) < _HUGE).all():
             return None
-        return _Weaker(rung, status, solver, value.copy())
+        return _Weaker(level, status, solver, value.copy())
 
     def _other_solver(self, status: Status) -> Status:
         controller = self._controller
@@ -219,7 +219,7 @@ class Ladder:
         share = _SHARE / float(np.abs(qp.H.diagonal()).max())
         items: list[int] = []
         classes = dict(_classes(plan, qp))
-        for kind in self.recovery.gives:
+        for kind in self.recovery.relax:
             if not classes[kind] or not self._in_time(start):
                 continue
             items += classes[kind]
@@ -245,7 +245,7 @@ class Ladder:
         """minimise the cost under A x = b, one linear system; then joints and torques are cut to their bounds.
 
         On legs only where nothing has to be cut and no cone is broken: a robot that pushes itself off with forces that
-        the ground cannot give falls, and there the last command is better.
+        the ground cannot carry falls, and there the last command is better.
         """
         plan = self._controller.plan
         qp, p, n = plan.qp, plan.problem, plan.qp.n
@@ -287,16 +287,16 @@ class Ladder:
         return budget is None or perf_counter() - start < budget
 
     # ---- commands
-    def _certified(self, status: Status, rung: str, q: Vec, v: Vec, proof: Certificate) -> Command:
-        command = self._answer(status, rung, q, v, proof)
+    def _certified(self, status: Status, level: str, q: Vec, v: Vec, proof: Certificate) -> Command:
+        command = self._answer(status, level, q, v, proof)
         self.good, self.failures = command, 0
         return command
 
-    def _answer(self, status: Status, rung: str, q: Vec, v: Vec, proof: Certificate) -> Command:
+    def _answer(self, status: Status, level: str, q: Vec, v: Vec, proof: Certificate) -> Command:
         if proof is _NO_PROOF:
             self.failures += 1
         self._controller.status = status
-        return self._note(self._controller.decode(q, v, status, rung, proof))
+        return self._note(self._controller.decode(q, v, status, level, proof))
 
     def _fail(self, status: Status, q: Vec, v: Vec) -> Command:
         """Hold, or brake."""
@@ -307,21 +307,21 @@ class Ladder:
         held = self.good if self.failures <= self.recovery.hold_ticks else None
         return self._note(self._bounded(status, "damped" if held is None else "hold", q, v, held))
 
-    def _bounded(self, status: Status, rung: str, q: Vec, v: Vec, held: Command | None) -> Command:
+    def _bounded(self, status: Status, name: str, q: Vec, v: Vec, held: Command | None) -> Command:
         controller = self._controller
         state, level, fallback = controller.state, controller.level, Fallback(controller.plan)
         state.update(state.t, q, v)
         if level.order == 1:
             last = v if controller.last is None else controller.last.v
             decided = fallback.velocity(state, None if held is None else held.v, last)
-            return Command(controller, status, rung, _NO_PROOF, q=q, v_before=v, v=decided)
+            return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, v=decided)
         a = fallback.acceleration(state, None if held is None else held.a)
         if not level.dynamics:
-            return Command(controller, status, rung, _NO_PROOF, q=q, v_before=v, a=a)
+            return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a)
         carrying = None if self.good is None else self.good.tau
         tau = fallback.torque(state, a, None if held is None else held.tau, carrying)
         forces = None if held is None else held.forces
-        return Command(controller, status, rung, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
+        return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
 
     def _expected(self) -> tuple[Vec, Vec]:
         """The state that the last command was to reach; before any, the robot's reference at rest."""
@@ -350,10 +350,10 @@ def _said_relaxed(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:
 
 
 def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:
-    """Indices into ``qp.rows`` of what may give way."""
+    """Indices into ``qp.rows`` of what may be relaxed."""
     layout, model = plan.layout, plan.model
     owners: list[tuple[str, set[str]]] = [
-        ("laws", {law.name for law in layout.exact} | {law.name for law in layout.constraints}),
+        ("constraints", {member.name for member in (*layout.exact, *layout.constraints)}),
         ("barriers", {barrier.name for barrier in layout.barriers}),
         ("contacts", {f"contact[{contact.short_name}]" for contact in layout.contacts}),
     ]

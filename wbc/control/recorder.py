@@ -20,6 +20,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
 from wbc.npz import read_json, read_npz
 from wbc.qp.problem import QP
@@ -29,6 +30,8 @@ ARRAYS_FILE = "run.npz"
 META_FILE = "meta.json"
 FAILED_FILE = "failed.npz"
 MISSING_INTEGER = -1
+#: The most rows that a recorder is made for.
+MOST_ROWS = 10**9
 
 Row = Mapping[str, "float | Vec"]
 Column = NDArray[Any]
@@ -57,6 +60,9 @@ class Run(Mapping[str, Column]):
     """
 
     def __init__(self, columns: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> None:
+        for what, given in (("columns", columns), ("meta", {} if meta is None else meta)):
+            if not isinstance(given, Mapping):
+                raise InvalidInput(f"{what} is {checks.shown(given)}; it must be a mapping of names")
         self.columns: dict[str, Column] = {name: np.asarray(values) for name, values in columns.items()}
         self.meta: dict[str, Any] = dict(meta or {})
         #: The QP of the first tick without an answer, saved beside the columns; ``wbc explain`` reads it.
@@ -165,9 +171,9 @@ class Recorder:
     """
 
     def __init__(self, capacity: int) -> None:
-        if int(capacity) != capacity or capacity < 1:
+        self.capacity = int(checks.number("capacity", capacity, low=1, high=MOST_ROWS))
+        if self.capacity != capacity:
             raise InvalidInput(f"capacity is {capacity!r}; it must be a whole number of rows, at least 1")
-        self.capacity = int(capacity)
         self.rows = 0
         self.grown = 0
         # All numbers of a row lie side by side, so that an ordinary row is two copies, not one for each column.

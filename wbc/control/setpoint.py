@@ -73,9 +73,7 @@ class Setpoint:
     def __init__(self, controller: Controller, *, feedback: str = "commanded", max_drift: Any = 0.1) -> None:
         if not isinstance(controller, Controller):
             raise InvalidInput(f"controller is {controller!r}; it must be a wbc.Controller")
-        if feedback not in FEEDBACK:
-            raise InvalidInput(f"feedback is {feedback!r}; it must be {' or '.join(map(repr, FEEDBACK))}")
-        self.controller, self.feedback = controller, feedback
+        self.controller, self.feedback = controller, checks.one_of("feedback", feedback, FEEDBACK)
         self.max_drift = checks.limit("max_drift", max_drift, controller.model.nv)
         self._forget()
 

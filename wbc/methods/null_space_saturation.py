@@ -31,7 +31,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, SolverFailed
-from wbc.methods.farthest import MET, Farthest, farthest
+from wbc.methods.farthest import Farthest, farthest
 from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.scaling import OUT_OF_RANGE, ScaledTask
@@ -43,6 +43,8 @@ from wbc.types import Mat, Vec
 
 #: Rounding of J, beside its entries: times its condition, that of an x with J x given.
 LAST_BITS = 4.0 * float(np.finfo(np.float64).eps)
+#: Limits are wider by no more than this part of their size.
+WIDER = 1e-9
 #: A joint is named as saturated where it is this near to its limit, relative to that.
 AT_LIMIT = 1e-7
 #: Differences that are rounding, beside the length of the answer.
@@ -299,7 +301,7 @@ class _Level:
         """
         known = float(np.linalg.norm(_known(self.lower, self.upper)))
         size = min(self.task.full, known or self.task.full) + float(np.linalg.norm(self.task.drift))
-        return min(LAST_BITS * self.task.condition, MET) * size
+        return min(LAST_BITS * self.task.condition, WIDER) * size
 
     @property
     def push(self) -> float:

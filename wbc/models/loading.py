@@ -64,6 +64,8 @@ def load(
     if not isinstance(name_or_path, str | Path):
         raise InvalidInput(f"a robot is loaded by name or path, not by {type(name_or_path).__name__}")
     name = str(name_or_path)
+    if base is not None:
+        checks.one_of("base", base, ("fixed", "floating"))
     if isinstance(packages, str | Path) or not isinstance(packages, Iterable):
         raise InvalidInput(f"packages is {checks.shown(packages)}; it must be a list of folders")
     folders = []

@@ -13,6 +13,8 @@ from wbc.types import Mat, Vec
 #: A gradient below this, of columns of unit length beside a right side of length one, is rounding.
 _ROUNDING = 1e-13
 
+_LEAST = float(np.finfo(np.float64).tiny)
+
 
 def nonnegative(columns: Mat, right: Vec) -> Vec:
     """z ≥ 0 of least |columns z − right|; columns (n, m) of about unit length, right (n,), z (m,).
@@ -40,7 +42,7 @@ def nonnegative(columns: Mat, right: Vec) -> Vec:
         while (trial[used] <= 0.0).any():
             out = used & (trial <= 0.0)
             ratio = np.full(m, np.inf)
-            ratio[out] = z[out] / (z[out] - trial[out])
+            ratio[out] = z[out] / np.maximum(z[out] - trial[out], _LEAST)  # 0 for one that is zero before and after
             step = float(ratio.min())
             z = np.where(used, z + step * (trial - z), 0.0)
             used &= ~(out & (ratio <= step))

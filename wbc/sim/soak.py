@@ -1,7 +1,8 @@
 """Soak: very many ticks of one controller, each command judged by laws written anew here.
 
     valid    the robot does what it is told, targets change every 500 ticks, some of them out of reach
-    fuzz     states, times, targets and weights with NaN, ±inf, 1e±300, denormals and plain nonsense among them
+    fuzz     states, times, targets and weights with NaN, ±inf, 1e±300, denormals and plain nonsense among them; a
+             component that gives nonsense or raises, and targets that are functions and do so
     starts   a new state in every tick, one in five of them outside the joint limits
 
 A controller and a way to stir it up (``stir(controller, rng)`` assigns targets and weights) make a :class:`Subject`.
@@ -23,6 +24,7 @@ import numpy as np
 from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput, WbcError
+from wbc.sim.spoiling import RUBBISH, SpoiltComponent, SpoiltTarget, spoilt
 from wbc.stack.constraint import JointInterval
 from wbc.types import Vec
 
@@ -30,8 +32,6 @@ KINDS = ("valid", "fuzz", "starts")
 #: How far beyond a limit a command may be [unit of the limit].
 TOLERANCE = 1e-6
 EVERY = 500
-#: Numbers that have broken something somewhere.
-RUBBISH = (np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-300, 5e-324, -0.0, 1e154, 1e20, -1e6, 1e12, 1e-12, 7.0)
 _CERTIFIED = ("solved", "other solver", "relaxed")
 
 
@@ -119,6 +119,8 @@ class _Run:
         self.t, self.failed = 0.0, 0
         self.q, self.v = np.array(self.model.q0), np.zeros(self.model.nv)
         self.limits = _limits(control)
+        if found.kind == "fuzz":
+            control.components = (*control.components, SpoiltComponent(control.stack, rng))
 
     def stir(self) -> None:
         """New targets; in a fuzz rubbish among them, which may be refused by a typed error and nothing else."""
@@ -127,13 +129,20 @@ class _Run:
             return
         for task in self.control.stack.tasks:
             for name in ("target", "weight"):
-                if hasattr(task, name) and self.rng.uniform() < 0.1:
-                    try:
-                        setattr(task, name, self._spoilt(np.array(getattr(task, name), dtype=np.float64)))
-                    except (WbcError, TypeError):  # TypeError: what it holds is no array of numbers
-                        continue
-                    except Exception as cause:
-                        self.found.exceptions[f"{name}: {type(cause).__name__}: {cause}"[:200]] += 1
+                if hasattr(task, name):
+                    self._assign(task, name)
+
+    def _assign(self, task: Any, name: str) -> None:
+        value, chance = getattr(task, name), self.rng.uniform()
+        try:
+            if chance < 0.1:
+                setattr(task, name, spoilt(value, self.rng))
+            elif chance < 0.3 and name == "target" and not callable(value):
+                setattr(task, name, SpoiltTarget(value, self.rng))
+        except (WbcError, TypeError):  # TypeError: what it holds is no array of numbers
+            pass
+        except Exception as cause:
+            self.found.exceptions[f"{name}: {type(cause).__name__}: {cause}"[:200]] += 1
 
     def tick(self) -> tuple[Vec, ...]:
         """One tick, judged; what was decided."""
@@ -165,9 +174,9 @@ class _Run:
         q, v, t = self.q.copy(), self.v.copy(), self.t
         kind = rng.integers(8)
         if kind == 0:
-            q = self._spoilt(q)
+            q = spoilt(q, rng)
         elif kind == 1:
-            v = self._spoilt(v)
+            v = spoilt(v, rng)
         elif kind == 2:
             t = float(rng.choice(RUBBISH))
         elif kind == 3:
@@ -189,13 +198,6 @@ class _Run:
             q[joints] += which * rng.choice([-1.0, 1.0], model.nj) * rng.uniform(0.0, 0.5, model.nj)
             v[model.nb :] *= 1.0 + which * rng.uniform(0.0, 0.5, model.nj)
         return q, v
-
-    def _spoilt(self, values: Any) -> Any:
-        values = np.array(values, dtype=np.float64)
-        if values.size:
-            where = self.rng.integers(values.size, size=int(self.rng.integers(1, 4)))
-            values.reshape(-1)[where] = self.rng.choice(RUBBISH, size=len(where))
-        return values
 
     def _judge(self, command: Command, v: Vec) -> None:
         """Limits, from the laws of the stack; in a fuzz only what no state can excuse."""

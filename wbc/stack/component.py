@@ -6,6 +6,7 @@ from abc import ABC
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Vec
 
@@ -26,7 +27,7 @@ class Component(ABC):
     _name: str | None = None
 
     def __init__(self, *, name: str | None = None) -> None:
-        self._name = name
+        self._name = None if name is None else checks.text("name", name)
 
     @property
     def name(self) -> str:

@@ -42,14 +42,15 @@ class Constraint(Member):
     _name: str | None = None
 
     def __init__(self, *, name: str | None = None) -> None:
-        self._name = name
+        self._name = None if name is None else checks.text("name", name)
 
     @property
     def name(self) -> str:
         """Given, or the class and its subject."""
         if self._name:
             return self._name
-        return f"{type(self).__name__}[{self.subject}]" if self.subject else type(self).__name__
+        subject = checks.text(f"the subject of {type(self).__name__}", self.subject)
+        return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
 
     def prepare(self, model: RobotModel) -> None:
         """Called once on each plan's own copy of the law: check arguments against the model and fix sizes."""

@@ -82,7 +82,7 @@ class Contact(Member):
         name: str | None = None,
     ) -> None:
         self.frame = frame
-        self._name = name
+        self._name = None if name is None else checks.text("name", name)
         self.pyramid = Pyramid(friction, friction_model, sides, name=self.name)
         self.friction, self.friction_model, self.sides = self.pyramid.friction, friction_model, self.pyramid.sides
         self.kp = checks.number(f"{self.name}.kp", kp, low=0.0)

@@ -24,25 +24,25 @@ class Hierarchy(ABC):
 @final
 @dataclass(frozen=True)
 class Weighted(Hierarchy):
-    """One QP: all tasks of all levels are added up with their weights, ½ Σ wᵢ rᵢ²; laws and contacts hold exactly.
+    """One QP: the weighted sum of all tasks of all levels, ½ Σ wᵢ rᵢ², under the constraints and contacts.
 
     Of two tasks that contradict each other, with weight ratio r, the heavier keeps a relative error of about 1/r. Tasks
     that may be done in part (``task.scaled()``) keep their directions above everything else.
     """
 
     def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
-        wishes = [wish for level in problem.levels for wish in level]
-        return _ranked(problem, solver, _keeping_directions(wishes), budget=None)
+        tasks = [task for level in problem.levels for task in level]
+        return _ranked(problem, solver, _keeping_directions(tasks), budget=None)
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Strict(Hierarchy):
-    """Strict priorities: a level is decided by nothing but those above it, and what it comes to is held.
+    """Strict priorities: a lower level never degrades a higher one.
 
-    Least squares of level 1 under the laws and contacts; of level 2 among all that keep level 1 at its least; and so
-    on. The last level is a weighted sum as under :class:`Weighted`, with postures, forces and regularisation. Weights
-    count within a level. A soft law (``law.softly()``) is an inequality at its level.
+    Least squares of level 1 under the constraints and contacts; of level 2 among all that keep level 1 at its least;
+    and so on. The last level is a weighted sum as under :class:`Weighted`, with postures, forces and regularisation.
+    Weights count within a level. A soft constraint (``limit.softly()``) is an inequality at its level.
 
     While all levels but the last can be met exactly this is one QP. Where one cannot, it and those below it are decided
     one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach are
@@ -85,8 +85,8 @@ class Scaled(Hierarchy):
 
     Each task has a scale s in [0, 1], J x + drift = s t with t what its gains ask for. Level by level: first the
     directions (in least squares where no scale can keep them), then all scales as near to 1 as can be,
-    ½ Σ w ‖t‖² (1 − s)². Tasks on the joints, linear tasks and soft laws are decided after that at their level; those
-    of the last level, with forces and regularisation, at the end. ``budget`` as under :class:`Strict`.
+    ½ Σ w ‖t‖² (1 − s)². Tasks on the joints, linear tasks and soft constraints are decided after that at their level;
+    those of the last level, with forces and regularisation, at the end. ``budget`` as under :class:`Strict`.
 
     Source: Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015; :mod:`wbc.methods.null_space_saturation` for one task.
 
@@ -105,11 +105,11 @@ class Scaled(Hierarchy):
         stages: list[Stage] = []
         rest: list[Part] = []
         for i, level in enumerate(problem.levels):
-            scaled = [wish for wish in level if wish.kinematic or wish.scaled]
-            rest = [Part(wish) for wish in level if not (wish.kinematic or wish.scaled)]
+            scaled = [task for task in level if task.kinematic or task.scaled]
+            rest = [Part(task) for task in level if not (task.kinematic or task.scaled)]
             if scaled:
-                stages.append([Part(wish, "direction") for wish in scaled])
-                stages.append([Part(wish, "share") for wish in scaled])
+                stages.append([Part(task, "direction") for task in scaled])
+                stages.append([Part(task, "share") for task in scaled])
             if rest and i < len(problem.levels) - 1:
                 stages.append(rest)
         return _ranked(problem, solver, [*stages, rest], budget=self.budget)
@@ -120,10 +120,10 @@ def _check_budget(budget: int | None) -> None:
         checks.number("budget", budget, low=1)
 
 
-def _keeping_directions(wishes: Sequence[Wish]) -> list[Stage]:
+def _keeping_directions(tasks: Sequence[Wish]) -> list[Stage]:
     """The directions of what may be done in part, where there is any, and then everything with its weights."""
-    directions = [Part(wish, "direction") for wish in wishes if wish.scaled]
-    parts = [Part(wish, "share" if wish.scaled else "whole") for wish in wishes]
+    directions = [Part(task, "direction") for task in tasks if task.scaled]
+    parts = [Part(task, "share" if task.scaled else "whole") for task in tasks]
     return [directions, parts] if directions else [parts]
 
 

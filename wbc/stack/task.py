@@ -88,10 +88,11 @@ class Objective(Member):
     @property
     def name(self) -> str:
         """Given, or the class and what it acts on."""
-        return self._name or self._default_name()
+        given = "" if self._name is None else checks.text("name", self._name)
+        return given or self._default_name()
 
     def _default_name(self) -> str:
-        subject = getattr(self, "subject", "")
+        subject = checks.text(f"the subject of {type(self).__name__}", getattr(self, "subject", ""))
         return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
 
     @property

@@ -143,8 +143,8 @@ class LexicographicSolver(RowSolver):
         none = Certificate.none()
         self.outcomes = tuple(Outcome(names, WEIGHTED, np.nan, none) for names in self._names)
         self.certificate = none
-        if self._leave is None:
-            return status
+        if self._leave is None:  # no level was decided, so that there is no answer that could be inaccurate
+            return Status.FAILED if status is Status.INACCURATE else status
         status = self._leave.solve()
         self.certificate, self.iterations = self._leave.certificate, self._leave.iterations
         self.shortfall = WEIGHTED if status.ok else ""

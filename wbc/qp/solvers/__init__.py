@@ -59,7 +59,7 @@ def by_name(name_or_solver: str | Solver) -> Solver:
     """
     found = name_or_solver if isinstance(name_or_solver, Solver) else None
     for solver in SOLVERS:
-        if solver.name == name_or_solver:
+        if isinstance(name_or_solver, str) and solver.name == name_or_solver:
             found = solver
     if found is None:
         raise UnknownSolver(name_or_solver, names())

@@ -35,6 +35,7 @@ class ProxQp(Solver):
     Args:
         eps_abs: residuals at which it stops.
         max_iter: outer iterations before it gives up.
+        max_iter_in: inner iterations in each of these. At its own 1500 it may take half a minute to give up.
 
     Raises:
         InvalidInput: a setting out of its range.
@@ -52,10 +53,12 @@ class ProxQp(Solver):
 
     eps_abs: float = 1e-9
     max_iter: int = 100
+    max_iter_in: int = 50
 
     def __post_init__(self) -> None:
         checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
         checks.number("max_iter", self.max_iter, low=1)
+        checks.number("max_iter_in", self.max_iter_in, low=1)
 
     def open(self, shape: Shape) -> ProxQpSession:
         self.require()
@@ -71,7 +74,7 @@ class ProxQpSession(KeptSession):
 
     def __init__(self, solver: ProxQp, shape: Shape) -> None:
         super().__init__(solver, shape)
-        self._eps, self._max_iter = solver.eps_abs, solver.max_iter
+        self._eps, self._max_iter, self._max_iter_in = solver.eps_abs, solver.max_iter, solver.max_iter_in
         self._data: tuple[Vec | None, ...] = ()
 
     def _write(self, qp: QP) -> bool:
@@ -86,7 +89,7 @@ class ProxQpSession(KeptSession):
         workspace = proxqp.dense.QP(*self.shape, True)
         settings = workspace.settings
         settings.eps_abs, settings.eps_rel, settings.max_iter = self._eps, 0.0, self._max_iter
-        settings.check_duality_gap = True
+        settings.max_iter_in, settings.check_duality_gap = self._max_iter_in, True
         settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = self._eps, self._eps
         # At its own 1e-4 it takes one in forty small problems with little room for infeasible.
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-18
