@@ -290,18 +290,20 @@ class _Level:
         self._equations, self._towards = (A, b), np.append(np.zeros(n), 1.0)
         self._found: Farthest | None = None
         if self._possible:
-            room = self._room()
-            low, high = np.append(lower - room, task.low), np.append(upper + room, task.high)
+            low = np.append(lower - self._room(lower), task.low)
+            high = np.append(upper + self._room(upper), task.high)
             self._found = farthest(self._equations, low, high, self._towards)
 
-    def _room(self) -> float:
-        """By how much limits are wider here: the rounding of an x that does the task.
+    def _room(self, limit: Vec) -> Vec:
+        """By how much a limit (n,) is wider here: the rounding of an x that does the task.
 
-        A limit that the whole task meets exactly would else stop it or not, as rounding falls.
+        A limit that the whole task meets exactly would else stop it or not, as rounding falls. It is a part of the
+        limit, or of the size of x where the limit is zero.
         """
         known = float(np.linalg.norm(_known(self.lower, self.upper)))
         size = min(self.task.full, known or self.task.full) + float(np.linalg.norm(self.task.drift))
-        return min(LAST_BITS * self.task.condition, WIDER) * size
+        room: Vec = min(LAST_BITS * self.task.condition, WIDER) * np.where(limit == 0.0, size, np.abs(limit))
+        return room
 
     @property
     def push(self) -> float:

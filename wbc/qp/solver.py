@@ -81,7 +81,7 @@ class Solution:
 @final
 @dataclass(slots=True)
 class Counts:
-    """How often the first guess of the active set was right, had to be repaired, or was left to a method that decides."""
+    """How often the first guess of the active set was right, had to be repaired, or led nowhere."""
 
     first: int = 0
     repaired: int = 0
