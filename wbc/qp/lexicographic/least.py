@@ -27,8 +27,9 @@ from wbc.types import Index, Mat, Vec
 _DEPENDENT = 1e-11
 #: A push the wrong way below this share of what it is made of is rounding.
 _ROUNDING = 1e-11
-#: Pushes above this share of what they push against hold a stage back.
-_HOLDS = 1e-8
+#: Pushes above this share of what they push against hold a stage back. With less, a stage is held by its own rows,
+#: which are told apart down to a tenth of this; what is kept for nothing takes freedom from the stages below, unseen.
+_HOLDS = 1e-6
 #: Changes of the working set for each row; steps that are none; and what tells one row from the next.
 _MOST, _STILL, _GOLDEN = 5, 1e-11, 0.6180339887498949
 _NOTHING: Vec = np.zeros(0)
