@@ -135,6 +135,8 @@ from wbc.sim.plant import IntegratorPlant
 from wbc.sim.scenario import Check, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # it is ignored in what a shell starts in the background
+
 class Reach(Scenario):
     name, summary, duration = "reach", "an arm reaches until Ctrl-C", 2.0
 

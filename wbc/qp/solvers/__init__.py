@@ -3,7 +3,7 @@
 Example:
     >>> from wbc.qp.solvers import by_name
     >>> by_name("proxqp")
-    ProxQp(eps_abs=1e-09, max_iter=100)
+    ProxQp(eps_abs=1e-09, max_iter=100, max_iter_in=50)
 """
 
 from __future__ import annotations
