@@ -161,7 +161,7 @@ def test_one_object_is_all_the_single_limits():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"without": ["speed"]}, "without has 'speed'; it may have position, velocity, torque"),
+        ({"without": ["speed"]}, "without.0. is 'speed'; it must be one of position, velocity, torque"),
         ({"without": ["torque"], "tau_max": 3.0}, "is without torque and has limits on it"),
         ({"without": "position", "upper": 3.0}, "is without position and has limits on it"),
         ({"braking": 0.0}, "braking is 0"),
