@@ -19,6 +19,7 @@ settings.register_profile(
     "ci",
     max_examples=25,
     deadline=None,
+    derandomize=False,  # the default where the variable CI is set, which leaves the seed unread
     database=None,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
@@ -27,6 +28,7 @@ settings.register_profile(
     "deep",
     max_examples=1000,
     deadline=None,
+    derandomize=False,  # the default where the variable CI is set, which leaves the seed unread
     database=None,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
