@@ -35,7 +35,7 @@ def drawn(folder: Path, *options: str, **environment: str) -> tuple[list[str], s
     (folder / "conftest.py").write_text((root / "tests" / "conftest.py").read_text(encoding="utf-8"))
     (folder / "test_drawn.py").write_text(DRAWN)
     command = [sys.executable, "-m", "pytest", "-s", "-p", "no:cacheprovider", "--rootdir", str(folder), *options]
-    settings = {key: value for key, value in os.environ.items() if key != "WBC_TEST_SEED"}
+    settings = {key: value for key, value in os.environ.items() if key not in ("WBC_TEST_SEED", "CI")}
     settings |= {"PYTHONPATH": str(root), **environment}
     done = subprocess.run(
         [*command, str(folder)], cwd=folder, env=settings, capture_output=True, text=True, check=False, timeout=120
