@@ -8,8 +8,6 @@ Humanoids and quadrupeds on points, lines and soles, in mild and wild states, fr
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections import Counter
 from functools import cache
 from typing import Any
@@ -38,7 +36,7 @@ from tests.families.oracle import (
     margin,
     read,
 )
-from tests.families.progress import told
+from tests.families.progress import command, told
 from wbc.qp.solvers import usable
 
 #: The first stands for the compiled tick. One that is not installed is replaced by the default.
@@ -160,28 +158,5 @@ def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False, first: 
     return table
 
 
-def show(table: dict[str, Counter[str]]) -> int:
-    """Print the table; how many verdicts are wrong."""
-    words = sorted({word for row in table.values() for word in row})
-    total: Counter[str] = sum(table.values(), Counter())
-    wide = max(map(len, [*table, "all"]))
-    for kind, row in [*sorted(table.items()), ("all", total)]:
-        print(f"{kind:{wide}s}  " + "  ".join(f"{word}: {row[word]}" for word in words if row[word]))
-    return total["wrong"] + total["uncertified"]
-
-
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--ticks", type=int, default=2)
-    parser.add_argument("--first", type=int, default=0, help="case to begin with")
-    given = parser.parse_args()
-    print(f"seed {given.seed}, cases {given.first} to {given.first + given.count - 1}", flush=True)
-    table = run(given.count, given.seed, ticks=given.ticks, verbose=True, first=given.first)
-    sys.exit(1 if show(table) else 0)
-
-
 if __name__ == "__main__":
-    main()
+    command(run, __doc__, ticks=2)

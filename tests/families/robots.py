@@ -7,8 +7,6 @@ by the oracle. ``--first K`` goes on from case K of this seed; what was found so
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
@@ -26,9 +24,8 @@ from tasks import (
     Posture,
     TorqueLimits,
 )
-from tests.families.legs import show
 from tests.families.oracle import FEASIBLE, judge_strict, judge_weighted, margin, read
-from tests.families.progress import told
+from tests.families.progress import command, told
 
 LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
 SOLVERS = ("pdas", "pdas", "daqp", "clarabel", "proxqp")
@@ -130,18 +127,5 @@ def run(count: int, seed: int, *, ticks: int, verbose: bool = False, first: int 
     return table
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--ticks", type=int, default=100)
-    parser.add_argument("--first", type=int, default=0, help="case to begin with")
-    given = parser.parse_args()
-    print(f"seed {given.seed}, cases {given.first} to {given.first + given.count - 1}", flush=True)
-    table = run(given.count, given.seed, ticks=given.ticks, verbose=True, first=given.first)
-    sys.exit(1 if show(table) else 0)
-
-
 if __name__ == "__main__":
-    main()
+    command(run, __doc__, ticks=100)

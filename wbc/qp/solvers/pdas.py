@@ -39,7 +39,9 @@ _ROUNDING = 1e-12
 @final
 @dataclass(frozen=True)
 class Pdas(Solver):
-    """Settings of the default solver.
+    """Settings of the default solver, for a QP with a dense H (:func:`wbc.solve`).
+
+    A weighted tick of a controller is solved from its rows (:mod:`wbc.qp.rows.core`), and reads none of these.
 
     Args:
         tries: guesses before DAQP is asked, the first included.
