@@ -9,14 +9,14 @@ Four kinds, told apart by what they are written about:
 * ``task.exactly()``         any kinematic task as an equality (:class:`~wbc.stack.task.Exactly`)
 
 :class:`Laws` are several of them under one name. The first three may also be wishes: ``law.softly()``
-(:class:`~wbc.stack.softly.Softly`) stands among the tasks.
+(:class:`Softly`) stands among the tasks.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, final
+from typing import Any, ClassVar, Literal, Self, final
 
 import numpy as np
 
@@ -24,11 +24,8 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.member import Member
-from wbc.stack.task import LinearRows, LinearTask
+from wbc.stack.objective import Objective
 from wbc.types import Index, Mat, Vec
-
-if TYPE_CHECKING:
-    from wbc.stack.softly import Softly
 
 Quantity = Literal["position", "velocity", "acceleration", "jerk", "torque"]
 
@@ -57,8 +54,6 @@ class Constraint(Member):
 
     def softly(self, *, weight: Any = 1.0, name: str | None = None) -> Softly:
         """The same law as a wish, to stand among the tasks of a stack: it may be broken, at a cost."""
-        from wbc.stack.softly import Softly
-
         return Softly(self, weight=weight, name=name)
 
     @classmethod
@@ -220,33 +215,36 @@ class LinearConstraint(Constraint):
 
 
 @final
-class _LinearExactly(LinearConstraint):
-    """A linear task turned into a law: lo = hi = b."""
+class Softly(Objective):
+    """A law that may be broken: ½ Σ wᵢ sᵢ² for the least s with lo <= A y + s <= hi; made by ``law.softly()``.
 
-    def __init__(self, task: LinearTask, name: str) -> None:
-        super().__init__(name=name)
-        self._task = task
-        self.contact = task.contact
+    It costs nothing where the law holds, so it leaves the tasks beside and below it alone. Under
+    :class:`~wbc.stack.hierarchy.Strict` it is an inequality at its level: what it can be kept to is never given up for
+    a level below. Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011.
 
-    @property
-    def on(self) -> Any:  # type: ignore[override]
-        """What the task is about."""
-        return self._task.on
+    Example:
+        >>> import wbc
+        >>> from wbc.tasks import JointVelocityLimits, Position
+        >>> slowly = JointVelocityLimits(0.1).softly(weight=10.0)
+        >>> wbc.Stack([[slowly], [Position("tool", target=[0.4, 0.2, 0.5])]], subject_to=[JointVelocityLimits()])
+        Stack
+          level 1: JointVelocityLimits softly(weight=10.0)
+          level 2: Position[tool](weight=1.0)
+          subject to: JointVelocityLimits
+    """
+
+    def __init__(self, law: Constraint, *, weight: Any = 1.0, name: str | None = None) -> None:
+        self.law = law
+        super().__init__(name=name or f"{law.name} softly", weight=weight)
 
     def prepare(self, model: RobotModel) -> None:
-        self._task.prepare(model)
-        self.dim, self._rows = self._task.dim, LinearRows()
-        self.units = tuple(self._task.unit(i) for i in range(self.dim))
-
-    def fill(self, state: RobotState, out: ConstraintRows) -> None:
-        self._rows.A, self._rows.b = out.A, out.lo
-        self._task.fill(state, self._rows)
-        out.hi[:] = out.lo
-
-
-def exactly(task: LinearTask, *, name: str) -> LinearConstraint:
-    """The law A y = b of a linear task; called as ``task.exactly()``."""
-    return _LinearExactly(task, name)
-
-
-Law = Any  # Constraint | Exactly: what ``subject_to`` takes
+        law = self.law
+        law.prepare(model)
+        if isinstance(law, JointInterval):
+            suffix = {"position": "", "velocity": "/s", "acceleration": "/s²", "torque": ""}[law.quantity]
+            effort = {"m": "N", "rad": "N m"}
+            names = [effort[unit] if law.quantity == "torque" else unit + suffix for unit in model.joint_units]
+            self.dim, self.units, self.labels = model.nj, tuple(names), model.joint_names
+        elif isinstance(law, Barrier | LinearConstraint):
+            self.dim, self.units = law.dim, law.units
+            self.labels = [law.label(i) for i in range(law.dim)]

@@ -16,7 +16,7 @@ from wbc.friction import Pyramid
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import FrameRows
 from wbc.stack.member import Member
-from wbc.stack.task import TaskRows
+from wbc.stack.task_rows import TaskRows
 from wbc.stack.tracking import pose_target
 from wbc.types import Mat, Vec
 

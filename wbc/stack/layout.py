@@ -10,10 +10,9 @@ import numpy as np
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
-from wbc.stack.constraint import Barrier, JointInterval, Laws, LinearConstraint
+from wbc.stack.constraint import Barrier, JointInterval, Laws, LinearConstraint, Softly
 from wbc.stack.contact import Contact
 from wbc.stack.formulation import Formulation
-from wbc.stack.softly import Softly
 from wbc.stack.stack import Stack
 from wbc.stack.task import Exactly, LinearTask, Task, force_of
 from wbc.types import Index

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
-from wbc.stack.task import Task
+from wbc.stack.task_rows import Kinematic
 from wbc.types import Mat
 
 _FORCES = {"m": "N", "rad": "N m"}
@@ -32,7 +32,7 @@ class Reaction(Contact):
 
     bilateral = True
 
-    def __init__(self, task: Task, *, force_weight: float = 0.0, name: str | None = None) -> None:
+    def __init__(self, task: Kinematic, *, force_weight: float = 0.0, name: str | None = None) -> None:
         self.task = task
         # Nothing slips: friction is only asked of surfaces.
         super().__init__(task.name, friction=1.0, force_weight=force_weight, name=name or task.name)

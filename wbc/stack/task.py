@@ -3,55 +3,24 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from copy import copy
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.constraint import ConstraintRows, LinearConstraint
 from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.stack.member import Member
+from wbc.stack.objective import Objective
+from wbc.stack.reaction import Reaction
+from wbc.stack.task_rows import TaskRows
+from wbc.stack.within import Within
 from wbc.types import Mat, Vec
 
-if TYPE_CHECKING:
-    from wbc.stack.reaction import Reaction
-    from wbc.stack.within import Within
-
-
-class TaskRows:
-    """Where a kinematic task writes: views into the plan's own memory, ``dim`` rows.
-
-    e (dim,)          error, target − actual; of a pose ``linear`` is e[:3] and ``angular`` e[3:]
-    J (dim, nv)       Jacobian of the actual value
-    drift (dim,)      J̇ v; read at the acceleration level only
-    rate_ref (dim,)   velocity of the target, zero unless written
-    acc_ref (dim,)    acceleration of the target, zero unless written
-    ed (dim,)         rate of the error; left alone it is rate_ref − J v, which the plan computes for all tasks at once
-
-    Assign with ``out.e[:] = …``: the arrays stay, their contents change.
-    """
-
-    __slots__ = ("J", "_e", "acc_ref", "angular", "drift", "ed", "linear", "rate_ref")
-
-    J: Mat
-    linear: Vec
-    angular: Vec
-    ed: Vec
-    drift: Vec
-    rate_ref: Vec
-    acc_ref: Vec
-
-    @property
-    def e(self) -> Vec:
-        """The error."""
-        return self._e
-
-    @e.setter
-    def e(self, e: Vec) -> None:
-        self._e, self.linear, self.angular = e, e[:3], e[3:]
+__all__ = ["Exactly", "LinearRows", "LinearTask", "Objective", "Task", "TaskRows", "force_of"]
 
 
 class LinearRows:
@@ -61,99 +30,6 @@ class LinearRows:
 
     A: Mat
     b: Vec
-
-
-class Objective(Member):
-    """Anything that can stand among the tasks of a stack: a name, a weight, a switch.
-
-    ``weight`` is a scalar or one number per row and multiplies the squared error: the cost is
-    ½ Σ wᵢ rᵢ². ``weight`` and ``active`` may be assigned between ticks; sizes may not change.
-    """
-
-    dim: int
-    units: str | tuple[str, ...]
-    #: What rows are called in reports.
-    labels: Sequence[str] = ()
-    # Defaults at class level, so that a subclass which forgets super().__init__ still works.
-    _name: str | None = None
-    _weight: float | Vec = 1.0
-    _active: bool = True
-    #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
-    is_scaled: bool = False
-
-    def __init__(self, *, name: str | None = None, weight: Any = 1.0) -> None:
-        self._name = name
-        self.weight = weight
-
-    @property
-    def name(self) -> str:
-        """Given, or the class and what it acts on."""
-        given = "" if self._name is None else checks.text("name", self._name)
-        return given or self._default_name()
-
-    def _default_name(self) -> str:
-        subject = checks.text(f"the subject of {type(self).__name__}", getattr(self, "subject", ""))
-        return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
-
-    @property
-    def weight(self) -> float | Vec:
-        """Weight of the squared error, scalar or (dim,)."""
-        return self._weight
-
-    @weight.setter
-    def weight(self, value: Any) -> None:
-        if checks.ndim(value) == 0:
-            self._weight = checks.number(f"{self.name}.weight", value, low=0.0)
-        else:
-            weights = checks.array(f"{self.name}.weight", value, (getattr(self, "dim", None),))
-            if (weights < 0).any():
-                i = int(np.argmax(weights < 0))
-                raise InvalidInput(f"{self.name}.weight[{i}] is {weights[i]:g}; a weight is >= 0")
-            weights.flags.writeable = False  # assign to change it: writing into it would go unseen
-            self._weight = weights
-
-    @property
-    def active(self) -> bool:
-        """Whether the task counts among the wishes; as a law (``exactly``) it holds whatever this says."""
-        return self._active
-
-    @active.setter
-    def active(self, value: bool) -> None:
-        self._active = bool(value)
-
-    def weights(self) -> Vec:
-        """The weight of each row (dim,), zero when inactive."""
-        weights = self._rows("weight", self._weight)
-        return weights if self._active else np.zeros(self.dim)
-
-    def _rows(self, what: str, value: float | Vec) -> Vec:
-        """``value`` for each row (dim,), a copy. A vector given before ``dim`` was known is checked here."""
-        if checks.ndim(value) == 0:
-            return np.full(self.dim, value)
-        return checks.array(f"{self.name}.{what}", value, (self.dim,))
-
-    def unit(self, row: int) -> str:
-        """Unit of one row of the error."""
-        return self.units if isinstance(self.units, str) else self.units[row]
-
-    def label(self, row: int) -> str:
-        """What one row is called in reports."""
-        return self.labels[row] if self.labels else ""
-
-    def prepare(self, model: RobotModel) -> None:
-        """Called once on each plan's own copy of the task: check arguments against the model, fix ``dim``.
-
-        What depends on the model is written here and nowhere else, so that one task serves plans of several robots.
-        """
-
-    @classmethod
-    def samples(cls, model: RobotModel) -> list[Self]:
-        """Instances that make sense on ``model``, for the contract tests; to be written where arguments are needed."""
-        del model
-        return [cls()]
-
-    def __repr__(self) -> str:
-        return f"{self.name}(weight={self._weight}{', scaled' if self.is_scaled else ''})"
 
 
 class Task(Objective):
@@ -242,8 +118,6 @@ class Task(Objective):
     def with_reaction(self, *, force_weight: float = 0.0, name: str | None = None) -> Reaction:
         """The same task as a part of the mechanism, for ``contacts``: its rows hold exactly, by a force that the
         dynamics know and ``command.f`` gives. See :class:`~wbc.stack.reaction.Reaction`."""
-        from wbc.stack.reaction import Reaction
-
         return Reaction(self, force_weight=force_weight, name=name)
 
     def within(
@@ -255,8 +129,6 @@ class Task(Objective):
         :class:`~wbc.stack.constraint.Barrier` has them, infinite bounds are none. See
         :class:`~wbc.stack.within.Within`.
         """
-        from wbc.stack.within import Within
-
         return Within(self, lower, upper, rate=rate, slack=slack, name=name)
 
     def scaled(self) -> Self:
@@ -304,15 +176,38 @@ class LinearTask(Objective):
     #: For ``on = "force"``: the name or frame of the contact, or of several.
     contact: str | tuple[str, ...] = ""
 
-    def exactly(self, *, name: str | None = None) -> Any:
+    def exactly(self, *, name: str | None = None) -> LinearConstraint:
         """The same task as a law: A y = b holds exactly, above every weight."""
-        from wbc.stack.constraint import exactly
-
-        return exactly(self, name=name or f"{self.name} exactly")
+        return _LinearExactly(self, name or f"{self.name} exactly")
 
     @abstractmethod
     def fill(self, state: RobotState, out: LinearRows) -> None:
         """Write A (dim, size) and b (dim,) for this state. Pure."""
+
+
+@final
+class _LinearExactly(LinearConstraint):
+    """A linear task turned into a law: lo = hi = b."""
+
+    def __init__(self, task: LinearTask, name: str) -> None:
+        super().__init__(name=name)
+        self._task = task
+        self.contact = task.contact
+
+    @property
+    def on(self) -> Any:  # type: ignore[override]
+        """What the task is about."""
+        return self._task.on
+
+    def prepare(self, model: RobotModel) -> None:
+        self._task.prepare(model)
+        self.dim, self._rows = self._task.dim, LinearRows()
+        self.units = tuple(self._task.unit(i) for i in range(self.dim))
+
+    def fill(self, state: RobotState, out: ConstraintRows) -> None:
+        self._rows.A, self._rows.b = out.A, out.lo
+        self._task.fill(state, self._rows)
+        out.hi[:] = out.lo
 
 
 def force_of(member: Any) -> tuple[str, ...]:

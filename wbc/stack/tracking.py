@@ -12,8 +12,8 @@ from scipy.linalg.blas import dgemm
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
+from wbc.stack.objective import Objective
 from wbc.stack.target import Convert, Target, floats
-from wbc.stack.task import Objective
 from wbc.types import Mat, Vec
 
 _IDENTITY = np.eye(3)

@@ -10,7 +10,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
-from wbc.stack.task import Task, TaskRows
+from wbc.stack.task_rows import Kinematic, TaskRows
 from wbc.types import Index, Vec
 
 
@@ -34,7 +34,7 @@ class Within(Barrier):
     """
 
     def __init__(
-        self, task: Task, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None,
+        self, task: Kinematic, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None,
         name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(rate=rate, slack=slack, name=name or f"{task.name} within")

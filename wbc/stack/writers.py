@@ -20,11 +20,11 @@ from wbc.stack.constraint import (
     ConstraintRows,
     JointInterval,
     LinearConstraint,
+    Softly,
     TorqueBySpeed,
 )
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
-from wbc.stack.softly import Softly
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.types import Mat, Vec
 

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.reaction import Reaction
+from wbc.stack.task import Task
 from wbc.testing.differences import along, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling
@@ -36,6 +37,7 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
         >>> check_contact(Point("tool", friction=0.5))
     """
     if isinstance(contact, Reaction):
+        assert isinstance(contact.task, Task), "a reaction is made by a task"
         check_task(contact.task, model, states)
         return
     given = None if states is None else list(states)
