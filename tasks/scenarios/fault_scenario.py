@@ -15,7 +15,7 @@ from wbc.sim.scenario import Check, Progress, ScenarioResult
 from .. import Thresholds, When
 from ..components.fault_reaction import TABLE
 from . import fault_sections as sections
-from .fault_trials import LEARNING, Gains, Outcome, Stand, learnt, trial
+from .fault_trials import LEARNING, Gains, Outcome, Pair, Stand, learnt, trial
 from .least_torque import least_torque
 from .standing import standing_stack
 
@@ -40,16 +40,6 @@ class Plan:
     variants: Mapping[str, Gains] = field(default_factory=dict)
     lost: Sequence[ActuatorFault] = ()
     after: float = AFTER
-
-
-@final
-@dataclass(frozen=True)
-class Pair:
-    """The same trial without and with the answer, under ``label``."""
-
-    label: str
-    without: Outcome
-    answered: Outcome
 
 
 def run(plan: Plan, *, meta: Mapping[str, Any], progress: Progress) -> ScenarioResult:

@@ -13,8 +13,7 @@ from wbc.sim.scenario import ScenarioResult
 
 if TYPE_CHECKING:
     from .. import Thresholds
-    from .fault_scenario import Pair
-    from .fault_trials import Stand
+    from .fault_trials import Pair, Stand
 
 _BESIDE = """<!doctype html><meta charset="utf-8"><title>side by side</title>
 <style>body{margin:0;display:flex;font:14px sans-serif;height:100vh}div{flex:1;display:flex;flex-direction:column}

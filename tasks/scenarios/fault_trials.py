@@ -143,6 +143,16 @@ class Outcome:
         return self.stands and self.slip <= SLID
 
 
+@final
+@dataclass(frozen=True)
+class Pair:
+    """The same trial without and with the answer, under ``label``."""
+
+    label: str
+    without: Outcome
+    answered: Outcome
+
+
 def trial(
     stand: Stand, fault: ActuatorFault, known: Thresholds, *, react: bool, after: float,
     table: Sequence[When] = TABLE, meta: Mapping[str, Any] | None = None,

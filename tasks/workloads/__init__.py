@@ -10,10 +10,10 @@ from collections.abc import Mapping
 
 from .humanoid_id import HumanoidInverseDynamics
 from .humanoid_ik import HumanoidInverseKinematics
+from .measure import Workload
 from .panda_id import PandaInverseDynamics
 from .panda_ik import PandaInverseKinematics
 from .quadruped_id import QuadrupedInverseDynamics
-from .workload import Workload
 
 WORKLOADS: Mapping[str, Workload] = {
     workload.name: workload

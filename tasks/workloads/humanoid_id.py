@@ -8,10 +8,11 @@ from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
 
 from .. import CenterOfMass, JointVelocityLimits, Orientation, Posture, Sole, TorqueLimits
+from .measure import Workload
 from .quality import SoleSupport, angle, distance, tracking_of_accelerations
 from .references import sway, times
 from .robots import TALOS, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Record
 
 _FEET = ("left_sole_link", "right_sole_link")
 _TORSO = "torso_2_link"

@@ -11,10 +11,11 @@ from wbc.stack.formulation import VelocityLevel
 from wbc.stack.stack import Stack
 
 from .. import CenterOfMass, Frame, JointPositionLimits, JointVelocityLimits, Posture
+from .measure import Workload
 from .quality import distance, tracking_of_velocities
 from .references import Track, step, sway, times
 from .robots import G1, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Record
 
 _FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 _HANDS = ("left_wrist_yaw_link", "right_wrist_yaw_link")

@@ -17,19 +17,46 @@ import pinocchio as pin
 from threadpoolctl import threadpool_limits
 
 import wbc
+from wbc import checks
 from wbc.control.controller import Controller
 from wbc.qp.problem import QP
 from wbc.types import Vec
 
 from .calls import calls_of
 from .robots import MadeRobot
-from .workload import Problem, Progress, Record, Workload
+from .workload import ClosedLoop, Problem, Progress, Record
 
 WARM_UP = 100
 _REPORT_EVERY = 250
 _COUNTED = 100
 _PARTS = ("update", "fill", "solve", "decode")
 _SOLVE = _PARTS.index("solve")
+
+
+class Workload(ClosedLoop):
+    """A benchmark by name. Calling it runs it and gives one row of figures; see ``docs/benchmark.md``."""
+
+    @final
+    def __call__(
+        self, ticks: int | None = None, repeats: int = 5, progress: Progress | None = None, solver: str = "pdas",
+        fast: bool = False,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Run the workload and measure it.
+
+        ``ticks``: how many, all by default. ``repeats``: closed loops of which each tick's least time counts.
+        ``progress(done, total)`` is called now and then, outside what is timed. ``fast``: compiled ticks.
+
+        Raises:
+            InvalidInput: ``ticks`` or ``repeats`` below 1.
+            ModelError: the extra ``robots`` is not installed.
+            UnknownSolver, SolverMissing, NotSupported: a solver that cannot do it.
+        """
+        ticks = int(checks.number("ticks", self.ticks if ticks is None else ticks, low=1))
+        repeats = int(checks.number("repeats", repeats, low=1))
+        return measure(self, ticks, repeats, progress, solver=solver, fast=fast)
+
+    def __repr__(self) -> str:
+        return f"{self.name} {self.title}"
 
 
 def measure(

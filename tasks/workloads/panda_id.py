@@ -11,10 +11,11 @@ from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
 
 from .. import Frame, JointVelocityLimits, Posture, TorqueLimits
+from .measure import Workload
 from .quality import angle, distance, tracking_of_accelerations
 from .references import Track, step, sway, times
 from .robots import PANDA, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Record
 
 _TOOL = "panda_hand_tcp"
 

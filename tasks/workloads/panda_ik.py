@@ -11,10 +11,11 @@ from wbc.stack.formulation import VelocityLevel
 from wbc.stack.stack import Stack
 
 from .. import Frame, JointPositionLimits, JointVelocityLimits, Posture
+from .measure import Workload
 from .quality import angle, distance, tracking_of_velocities
 from .references import Track, ramp, step, sway, times
 from .robots import PANDA, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Record
 
 _TOOL = "panda_hand_tcp"
 _STEP_TIME = 1.5

@@ -8,10 +8,11 @@ from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
 
 from .. import CenterOfMass, JointVelocityLimits, Orientation, Point, Posture, TorqueLimits
+from .measure import Workload
 from .quality import PointSupport, angle, distance, tracking_of_accelerations
 from .references import sway, times
 from .robots import GO2, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Record
 
 _FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 _BASE = "base"

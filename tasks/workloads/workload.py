@@ -1,4 +1,4 @@
-"""Workload: one robot, one stack, one motion, driven in a closed loop without physics, timed tick by tick.
+"""One robot, one stack, one motion, driven in a closed loop without physics.
 
 The loop is closed by integrating the answer: q ⊕ dt v at the velocity level, q ⊕ dt (v + ½ dt a) and v + dt a where
 accelerations are the unknowns. It is deterministic, so tick k does the same work in each repeat and the least of its
@@ -14,7 +14,6 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.stack.formulation import Formulation
 from wbc.stack.stack import Stack
 from wbc.types import Vec
@@ -69,8 +68,8 @@ class Problem:
     judge: Callable[[Record], dict[str, Any]]
 
 
-class Workload(ABC):
-    """A benchmark by name. Calling it runs it and gives one row of figures; see ``docs/benchmark.md``."""
+class ClosedLoop(ABC):
+    """What is run: a robot, the stack that it is given, at which level and how often it ticks."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -82,27 +81,3 @@ class Workload(ABC):
     @abstractmethod
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
         """Stack and references for a run of so many ticks."""
-
-    @final
-    def __call__(
-        self, ticks: int | None = None, repeats: int = 5, progress: Progress | None = None, solver: str = "pdas",
-        fast: bool = False,
-    ) -> dict[str, Any]:  # fmt: skip
-        """Run the workload and measure it.
-
-        ``ticks``: how many, all by default. ``repeats``: closed loops of which each tick's least time counts.
-        ``progress(done, total)`` is called now and then, outside what is timed. ``fast``: compiled ticks.
-
-        Raises:
-            InvalidInput: ``ticks`` or ``repeats`` below 1.
-            ModelError: the extra ``robots`` is not installed.
-            UnknownSolver, SolverMissing, NotSupported: a solver that cannot do it.
-        """
-        from .measure import measure
-
-        ticks = int(checks.number("ticks", self.ticks if ticks is None else ticks, low=1))
-        repeats = int(checks.number("repeats", repeats, low=1))
-        return measure(self, ticks, repeats, progress, solver=solver, fast=fast)
-
-    def __repr__(self) -> str:
-        return f"{self.name} {self.title}"

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import notes, one_sentence, progress, tell, whole_file
+from wbc.cli.console import notes, one_sentence, progress, table, tell, whole_file
 from wbc.cli.peers import Peers
 from wbc.errors import UnknownName
 from wbc.plugins import registered
@@ -102,8 +102,6 @@ def workloads() -> dict[str, Workload]:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    from wbc.cli.list_ import table
-
     console = Console(highlight=False)
     made = table("Time of one tick [µs]", "workload", "how", "median", "p99", "max", "failures")
     for row in rows:
@@ -126,8 +124,6 @@ def _is_ours(row: dict[str, Any]) -> bool:
 
 
 def _split(rows: list[dict[str, Any]]) -> Any:
-    from wbc.cli.list_ import table
-
     made = table(
         "Where it goes [µs]; calls of numpy; guesses right, repaired, given up; times the bare model calls",
         "", "update", "fill", "solve", "decode", "rest", "calls", "right", "rep.", "up", "×",
@@ -143,8 +139,6 @@ def _split(rows: list[dict[str, Any]]) -> Any:
 
 
 def _ratios(rows: list[dict[str, Any]]) -> Any:
-    from wbc.cli.list_ import table
-
     made = table("Median, as a ratio to the libraries of the same sitting", "workload", "how", "ratio to")
     for row in rows:
         ratios = ", ".join(f"{peer} {ratio:.2f}" for peer, ratio in row.get("ratio_to", {}).items())

@@ -1,4 +1,4 @@
-"""What all verbs share: one sentence for bad input, a progress bar, notes for warnings."""
+"""What all verbs share: one sentence for bad input, a progress bar, notes for warnings, tables."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from typing import ParamSpec, TypeVar
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
 
 from wbc.errors import InvalidInput, SimulationError, WbcError
 from wbc.sim.scenario import Progress as Report
@@ -127,3 +129,11 @@ def tell(found: list[str]) -> None:
     """Notes on stderr, one a line."""
     for note in found:
         print(f"note: {note}", file=sys.stderr)
+
+
+def table(title: str, *columns: str) -> Table:
+    """A plain table with a title."""
+    made = Table(title=Text(title, style="bold"), title_justify="left", box=None, pad_edge=False)
+    for column in columns:
+        made.add_column(column, overflow="fold")
+    return made

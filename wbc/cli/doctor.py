@@ -15,8 +15,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, one_sentence, progress
-from wbc.cli.list_ import table
+from wbc.cli.console import NO, one_sentence, progress, table
 from wbc.errors import WbcError
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP

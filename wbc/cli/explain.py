@@ -10,8 +10,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, one_sentence
-from wbc.cli.list_ import table
+from wbc.cli.console import NO, one_sentence, table
 from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solution

@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.console import one_sentence
+from wbc.cli.bench import workloads
+from wbc.cli.console import one_sentence, table
 
 
 @one_sentence
@@ -30,7 +31,6 @@ def list_(
 
 def members() -> dict[str, Any]:
     """Everything that commands find by name, as JSON values."""
-    from wbc.cli.bench import workloads
     from wbc.cli.run import plain
     from wbc.models.catalogue import EXAMPLES, OWN
     from wbc.qp.solvers import SOLVERS
@@ -56,14 +56,6 @@ def members() -> dict[str, Any]:
     }
 
 
-def table(title: str, *columns: str) -> Table:
-    """A plain table with a title."""
-    made = Table(title=Text(title, style="bold"), title_justify="left", box=None, pad_edge=False)
-    for column in columns:
-        made.add_column(column, overflow="fold")
-    return made
-
-
 def _tables(found: dict[str, Any]) -> list[Table]:
     scenarios = table("Scenarios (wbc run NAME)", "name", "what happens", "--set")
     for name, scenario in found["scenarios"].items():
@@ -77,10 +69,10 @@ def _tables(found: dict[str, Any]) -> list[Table]:
     robots.add_row(Text(", ".join(found["robots"]["own"])), "ours, always there")
     state = "in example-robot-data" if found["robots"]["examples_installed"] else "pip install example-robot-data"
     robots.add_row(Text(", ".join(found["robots"]["examples"])), state)
-    workloads = table("Workloads (wbc bench NAME)", "name", "what is timed")
+    timed = table("Workloads (wbc bench NAME)", "name", "what is timed")
     for name, title in found["workloads"].items():
-        workloads.add_row(name, Text(title))
-    return [scenarios, solvers, robots, workloads]
+        timed.add_row(name, Text(title))
+    return [scenarios, solvers, robots, timed]
 
 
 def _typed(value: Any) -> str:

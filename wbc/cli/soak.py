@@ -11,8 +11,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, notes, one_sentence, progress, whole_file
-from wbc.cli.list_ import table
+from wbc.cli.console import NO, notes, one_sentence, progress, table, whole_file
 from wbc.errors import InvalidInput, UnknownName
 from wbc.plugins import registered
 from wbc.sim.scenario import imported

@@ -27,12 +27,13 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
+from wbc.methods.gradient_step import Projection, Step
 from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
 from wbc.methods.shared import box, choice, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.types import Mat, Vec
+from wbc.types import Vec
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,36 +42,6 @@ if TYPE_CHECKING:
 ROUNDING = 1e-12
 #: Steps, relative to the step that takes a joint across its range, between which no solver can tell.
 SAME = 1e-8
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Step:
-    """The step α, its velocity v = v_task + α v_null (n,), and what stops it.
-
-    ``interval`` holds all feasible steps; ``active`` the joints at the limit that ends it, none where α_max does.
-    Infeasible: α and v are NaN, and the lower end of ``interval`` is above the upper.
-    """
-
-    alpha: float
-    v: Vec
-    interval: tuple[float, float]
-    active: tuple[int, ...]
-    feasible: bool
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Projection:
-    """Where v_task and v_null come from: J (m, n), the task velocity ṙ (m,) and the gradient ∇H (n,).
-
-    ``condition`` of J says how sharp they are: v_task is known to rounding times that.
-    """
-
-    J: Mat
-    task_velocity: Vec
-    gradient: Vec
-    condition: float
 
 
 @final
@@ -366,7 +337,7 @@ class ProjectedGradientStep(Method):
         """
         from wbc.methods.step_picture import draw
 
-        return draw(self)
+        return draw(self.v_task, self.v_null, (self.v_min, self.v_max), self.origin, self.closed_form())
 
 
 def _largest(alpha_max: Any) -> float:

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.errors import NotSupported
+from wbc.methods.gradient_step import Projection, Step
 from wbc.methods.shared import factors
 from wbc.types import Vec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from wbc.methods.projected_gradient import ProjectedGradientStep
 
 INK, FAINT, PAPER = "#1f2a37", "#9aa5b1", "#eef3f8"
 BLUE, ORANGE, SAND, GREEN, RED = "#2b6cb0", "#dd7a1f", "#f0b268", "#2f8f5b", "#c53d3d"
@@ -35,14 +34,14 @@ STYLE: Any = {  # matplotlib's own names
 }
 
 
-def draw(step: ProjectedGradientStep) -> Figure:
+def draw(v_task: Vec, v_null: Vec, limits: tuple[Vec, Vec], origin: Projection | None, result: Step) -> Figure:
     """Box, task line, v_task, gradient and its projection, the feasible steps and the result.
 
     Raises:
         NotSupported: n is not 2, or matplotlib is not installed.
     """
-    if step.v_task.size != 2:
-        raise NotSupported(f"only a step of 2 joints has a plane to be drawn in; this one has {step.v_task.size}")
+    if v_task.size != 2:
+        raise NotSupported(f"only a step of 2 joints has a plane to be drawn in; this one has {v_task.size}")
     try:
         from matplotlib import rc_context
         from matplotlib.figure import Figure
@@ -51,7 +50,7 @@ def draw(step: ProjectedGradientStep) -> Figure:
         raise NotSupported("figures need matplotlib; pip install 'wbc-qp[report]'") from cause
     with rc_context(STYLE):
         figure = Figure(layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08), facecolor="white")
-        plane = _Plane(step, figure.subplots())
+        plane = _Plane(v_task, v_null, limits, origin, result, axes=figure.subplots())
         figure.set_size_inches(WIDTH, plane.height(WIDTH - 3.0))
         plane.draw()
     return figure
@@ -60,10 +59,12 @@ def draw(step: ProjectedGradientStep) -> Figure:
 class _Plane:
     """One step on one pair of axes."""
 
-    def __init__(self, step: ProjectedGradientStep, axes: Axes) -> None:
-        self.step, self.axes = step, axes
-        self.result = step.closed_form()
-        self.gradient = step.v_null if step.origin is None else step.origin.gradient
+    def __init__(
+        self, v_task: Vec, v_null: Vec, limits: tuple[Vec, Vec], origin: Projection | None, result: Step, *, axes: Axes
+    ) -> None:
+        self.v_task, self.v_null, self.origin, self.result, self.axes = v_task, v_null, origin, result, axes
+        self.v_min, self.v_max = limits
+        self.gradient = v_null if origin is None else origin.gradient
         self.low, self.high = self._view()
         self.reach = float((self.high - self.low).max())
         # The gradient has a unit of its own: only its direction is to scale with the velocities.
@@ -77,8 +78,7 @@ class _Plane:
 
     def _view(self) -> tuple[Vec, Vec]:
         """What to show: the origin, the finite limits, v_task and the result, and a margin."""
-        step = self.step
-        points = np.array([np.zeros(2), step.v_task, step.v_min, step.v_max, self.result.v])
+        points = np.array([np.zeros(2), self.v_task, self.v_min, self.v_max, self.result.v])
         points = np.where(np.isfinite(points), points, 0.0)
         low, high = points.min(axis=0), points.max(axis=0)
         margin = 0.22 * (float((high - low).max()) or 1.0)
@@ -112,9 +112,8 @@ class _Plane:
     def _box(self) -> None:
         from matplotlib.patches import Rectangle
 
-        step = self.step
-        low = np.where(np.isfinite(step.v_min), step.v_min, self.low - self.reach)
-        high = np.where(np.isfinite(step.v_max), step.v_max, self.high + self.reach)
+        low = np.where(np.isfinite(self.v_min), self.v_min, self.low - self.reach)
+        high = np.where(np.isfinite(self.v_max), self.v_max, self.high + self.reach)
         corner = float(low[0]), float(low[1])
         size = float(high[0] - low[0]), float(high[1] - low[1])
         self.axes.add_patch(Rectangle(corner, *size, facecolor=PAPER, edgecolor="none", zorder=0))
@@ -127,15 +126,15 @@ class _Plane:
         """All velocities that do the task, and the part of them that steps inside the limits reach."""
         direction = self._along()
         if direction is not None:
-            ends = self.step.v_task + np.outer([-3.0 * self.reach, 3.0 * self.reach], direction)
+            ends = self.v_task + np.outer([-3.0 * self.reach, 3.0 * self.reach], direction)
             self.axes.plot(*ends.T, color=BLUE, linewidth=1.1, zorder=3, label="task, J v = ṙ")
-            through_zero = (ends - self.step.v_task).T
+            through_zero = (ends - self.v_task).T
             self.axes.plot(
                 *through_zero, color=FAINT, linewidth=0.9, linestyle=(0, (1, 2)), label="null space, J v = 0"
             )
         if self.result.feasible:
             low, high = (min(end, 1e6 * self.reach) for end in self.result.interval)
-            ends = self.step.v_task + np.outer([low, high], self.step.v_null)
+            ends = self.v_task + np.outer([low, high], self.v_null)
             self.axes.plot(
                 *ends.T,
                 color=GREEN,
@@ -148,23 +147,22 @@ class _Plane:
 
     def _along(self) -> Vec | None:
         """Direction of the task line; ``None`` where the task leaves the whole plane, or one point."""
-        step = self.step
-        if step.origin is not None:
-            rows = factors(step.origin.J).V
+        if self.origin is not None:
+            rows = factors(self.origin.J).V
             return np.array([-rows[0, 1], rows[0, 0]]) if len(rows) == 1 else None
-        length = float(np.linalg.norm(step.v_null))
-        return step.v_null / length if length > 0.0 else None
+        length = float(np.linalg.norm(self.v_null))
+        return self.v_null / length if length > 0.0 else None
 
     def _gradient(self) -> None:
         """The gradient and the perpendicular down to its projection on the null space, the task line through zero."""
-        zero, top, foot = np.zeros(2), self.shrink * self.gradient, self.shrink * self.step.v_null
-        if self.step.origin is not None:
+        zero, top, foot = np.zeros(2), self.shrink * self.gradient, self.shrink * self.v_null
+        if self.origin is not None:
             self._arrow(zero, top, ORANGE, "gradient ∇H, its direction")
             self.axes.plot(*np.array([top, foot]).T, color=ORANGE, linewidth=0.9, linestyle=(0, (2, 2)), zorder=4)
         self._arrow(zero, foot, SAND, "its projection (I − J#J) ∇H")
 
     def _velocities(self) -> None:
-        origin, start, result = np.zeros(2), self.step.v_task, self.result
+        origin, start, result = np.zeros(2), self.v_task, self.result
         self._arrow(origin, start, BLUE, "v_task = J# ṙ, of least norm")
         self._point(start, BLUE, "v_task")
         if result.feasible:

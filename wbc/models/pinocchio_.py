@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from wbc import checks
 from wbc.errors import InvalidInput, ModelError
 from wbc.models.feet import Foot
-from wbc.models.model import Limits, RobotModel
-from wbc.models.pinocchio_state import PinocchioState
+from wbc.models.model import Limits
+from wbc.models.pinocchio_state import PinocchioRobot, PinocchioState
 from wbc.models.urdf import Joint, Urdf
 from wbc.types import Vec
 
@@ -23,7 +23,7 @@ _INTERNAL = {"universe", "root_joint"}
 
 
 @final
-class PinocchioModel(RobotModel):
+class PinocchioModel(PinocchioRobot):
     """A robot from a URDF or MJCF file. Made by :func:`wbc.models.load`; it does not change once made.
 
     Beside what every :class:`~wbc.models.model.RobotModel` has: ``base`` "fixed" or "floating"; ``urdf``, the checked
@@ -78,7 +78,7 @@ class PinocchioModel(RobotModel):
         model.armature[self.nb :] = self.armature
         self.mass = float(pin.computeTotalMass(model))
         self.gravity = _frozen(model.gravity.linear.copy())
-        self.frames: Mapping[str, int] = _frames(model)
+        self.frames = _frames(model)
         self.frame_names = tuple(self.frames)
         for foot in self.feet:
             self.check_frame(foot)

@@ -7,11 +7,11 @@ so that a velocity controller never computes an inertia matrix.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 import pinocchio as pin
@@ -19,11 +19,8 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dgemv
 
 from wbc.errors import InvalidInput
-from wbc.models.model import FrameState, RobotState
+from wbc.models.model import FrameState, RobotModel, RobotState
 from wbc.types import Mat, Vec
-
-if TYPE_CHECKING:
-    from wbc.models.pinocchio_ import PinocchioModel
 
 _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -31,6 +28,13 @@ _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_A
 _NO_DRIFT = np.full(6, np.nan)
 _NO_DRIFT.flags.writeable = False
 _NO_MOTION = SimpleNamespace(vector=_NO_DRIFT, linear=_NO_DRIFT[:3], angular=_NO_DRIFT[3:])
+
+
+class PinocchioRobot(RobotModel):
+    """What a state reads of its robot: ``pinocchio``, the model of that library, and the index of each frame in it."""
+
+    pinocchio: Any
+    frames: Mapping[str, int]
 
 
 @final
@@ -48,9 +52,9 @@ class PinocchioState(RobotState):
         ('computeJointJacobians', 'updateFramePlacement[tool]')
     """
 
-    model: PinocchioModel
+    model: PinocchioRobot
 
-    def __init__(self, model: PinocchioModel, *, drifts: bool = True) -> None:
+    def __init__(self, model: PinocchioRobot, *, drifts: bool = True) -> None:
         self.model = model
         self.drifts = drifts
         self.t = 0.0
@@ -363,8 +367,8 @@ class PinocchioFrame(FrameState):
         return f"{self.name} of {self._state!r}"
 
 
-def _restore(model: PinocchioModel, t: float, q: Vec, v: Vec, drifts: bool) -> PinocchioState:
-    state = model.state(drifts=drifts)
+def _restore(model: PinocchioRobot, t: float, q: Vec, v: Vec, drifts: bool) -> PinocchioState:
+    state = PinocchioState(model, drifts=drifts)
     state.update(t, q, v)
     return state
 
