@@ -19,7 +19,7 @@ from tests.models.planar_oracle import CHAINS, in_pinocchio, some_parameters
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models import Chain
 from wbc.models.lagrange import derive
-from wbc.models.lagrange.derivation import canonical
+from wbc.models.lagrange.equations import canonical
 
 chains = pytest.mark.parametrize("word", CHAINS)
 ROBOTS = {word: derive(word).robot(some_parameters(Chain.parse(word))) for word in CHAINS}

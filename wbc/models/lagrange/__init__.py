@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from wbc.models.chain import Chain
@@ -28,11 +27,6 @@ def derive(chain: Chain | str) -> Derivation:
         >>> print(pr.coefficients.T)
         Matrix([[m1 + m2, I2 + d2**2*m2, d2*m2]])
     """
-    return _derived(chain if isinstance(chain, Chain) else Chain.parse(chain))
+    from wbc.models.lagrange.derivation import derived
 
-
-@lru_cache(maxsize=32)
-def _derived(chain: Chain) -> Derivation:
-    from wbc.models.lagrange.derivation import Derivation
-
-    return Derivation(chain)
+    return derived(chain if isinstance(chain, Chain) else Chain.parse(chain))

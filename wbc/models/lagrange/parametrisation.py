@@ -11,14 +11,14 @@ Transactions on Robotics and Automation 6(3), 1990.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, final
+from typing import Any, NamedTuple, final
 
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
-if TYPE_CHECKING:
-    from wbc.models.lagrange.derivation import Derivation
+from wbc.models.chain import Chain
 
 
 @final
@@ -40,14 +40,15 @@ class Term(NamedTuple):
     combination: tuple[Any, ...]  # of the inertial parameters, without common factor
 
 
-def parametrise(derivation: Derivation) -> Parametrisation:
-    """The smallest linear parametrisation of the forces of a chain whose lengths and gravity are known."""
-    n = len(derivation.q)
-    v_reference = [sp.Symbol(f"qdot_r{i + 1}", real=True) for i in range(n)]
-    forces = derivation.M * sp.Matrix(derivation.a) + derivation.S * sp.Matrix(v_reference) + derivation.g
-    unknowns = _Inertial(derivation)
-    terms = [term for joint in range(n) for term in _terms(derivation, joint, forces[joint], unknowns)]
-    terms.sort(key=lambda term: _place(term, derivation.a))
+def parametrise(
+    forces: Any, a: list[Any], v_reference: list[Any], *, chain: Chain, parameters: Mapping[str, Any], g0: Any
+) -> Parametrisation:
+    """The smallest linear parametrisation of forces M q̈ + S v_reference + g of a chain, lengths and gravity known."""
+    n = len(a)
+    unknowns = _Inertial(chain, parameters)
+    known = {*parameters.values(), g0}
+    terms = [term for joint in range(n) for term in _terms(joint, forces[joint], known, unknowns)]
+    terms.sort(key=lambda term: _place(term, a))
     candidates = list(dict.fromkeys(term.combination for term in terms))
     chosen, shares = _basis(candidates)
 
@@ -63,16 +64,16 @@ def parametrise(derivation: Derivation) -> Parametrisation:
 class _Inertial:
     """The inertial parameters of every link: mass, first and second moment about the link's origin."""
 
-    def __init__(self, derivation: Derivation) -> None:
+    def __init__(self, chain: Chain, parameters: Mapping[str, Any]) -> None:
         self.symbols: list[Any] = []
         self.values: list[Any] = []
         self._from_links: dict[Any, Any] = {}
         self._first_moments: dict[Any, Any] = {}
-        p = derivation.parameters
-        for i in range(1, len(derivation.q) + 1):
+        p = parameters
+        for i in range(1, len(chain) + 1):
             mass = p[f"m{i}"]
             self._add(mass, mass)
-            if derivation.chain.turns(i - 1):
+            if chain.turns(i - 1):
                 first, second = sp.Symbol(f"first{i}"), sp.Symbol(f"second{i}")
                 offset, inertia = p[f"d{i}"], p[f"I{i}"]
                 self._add(first, mass * offset)
@@ -90,9 +91,8 @@ class _Inertial:
         return [linear.coeff(symbol) for symbol in self.symbols]
 
 
-def _terms(derivation: Derivation, joint: int, force: Any, unknowns: _Inertial) -> list[Term]:
+def _terms(joint: int, force: Any, known: set[Any], unknowns: _Inertial) -> list[Term]:
     """The force of one joint, by function of the motion."""
-    known = {*derivation.parameters.values(), derivation.g0}
     collected: dict[Any, Any] = {}
     for product in sp.Add.make_args(sp.expand(force)):
         factors = sp.Mul.make_args(product)

@@ -9,8 +9,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from wbc.models.chain import Chain
-from wbc.models.lagrange import derive
+from wbc.models.lagrange.equations import Equations
 from wbc.models.planar import JointLimits, PlanarRobot
 from wbc.types import Mat, Vec
 
@@ -33,10 +32,15 @@ class DerivedRobot(PlanarRobot):
     """
 
     def __init__(
-        self, chain: Chain, parameters: Mapping[str, float], *, gravity: float = 9.81, **limits: Unpack[JointLimits]
+        self,
+        equations: Equations,
+        parameters: Mapping[str, float],
+        *,
+        gravity: float = 9.81,
+        **limits: Unpack[JointLimits],
     ) -> None:
-        name = str(chain).replace("Px", "P")
-        super().__init__(name, chain, parameters, gravity=gravity, limits=limits)
+        self._equations, chain = equations, equations.chain
+        super().__init__(str(chain).replace("Px", "P"), chain, parameters, gravity=gravity, limits=limits)
         self._compiled: dict[str, Callable[..., Any]] = {}
         self.check_inertia()
 
@@ -82,7 +86,7 @@ class DerivedRobot(PlanarRobot):
         return np.asarray(self._compiled[formula](*vectors), dtype=np.float64)
 
     def _compile(self, formula: str, arguments: tuple[str, ...]) -> Callable[..., Any]:
-        derivation = derive(self.chain)
+        derivation = self._equations
         symbols = {"q": derivation.q, "v": derivation.v, "a": derivation.a}
         if formula == "energy":
             expression = sp.Matrix([derivation.T + derivation.U])

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import sympy as sp
 
 from wbc.errors import NotSupported
 from wbc.models.chain import Chain
-
-if TYPE_CHECKING:
-    from wbc.models.lagrange.derivation import Derivation
+from wbc.models.lagrange.equations import Equations
 
 _JOINTS = {"R": "revolute", "Px": "prismatic along x", "Py": "prismatic along y"}
 
@@ -36,20 +34,20 @@ class Step:
     formulas: tuple[Formula, ...] = ()
 
 
-def steps(derivation: Derivation) -> list[Step]:
+def steps(d: Equations) -> list[Step]:
     """The derivation of a chain from its joints to its momentum."""
     return [
-        _chain(derivation.chain),
-        _positions(derivation),
-        _kinetic_energy(derivation),
-        _inertia(derivation),
-        _gravity(derivation),
-        _coriolis(derivation),
-        _equations(derivation),
-        _end_effector(derivation),
-        _cartesian_inertia(derivation),
-        _parametrisation(derivation),
-        _momentum(derivation),
+        _chain(d.chain),
+        _positions(d),
+        _kinetic_energy(d),
+        _inertia(d),
+        _gravity(d),
+        _coriolis(d),
+        _equations(d),
+        _end_effector(d),
+        _cartesian_inertia(d),
+        _parametrisation(d),
+        _momentum(d),
     ]
 
 
@@ -65,13 +63,13 @@ def _chain(chain: Chain) -> Step:
     return Step("The chain", sentence + ".")
 
 
-def _positions(d: Derivation) -> Step:
+def _positions(d: Equations) -> Step:
     formulas = [Formula(f"p_c{i}", rf"p_{{c{i}}}", com) for i, com in _numbered(d.com)]
     formulas.append(Formula("p", "p", d.position))
     return Step("Positions", "The centre of mass of each link, and the end effector p.", tuple(formulas))
 
 
-def _kinetic_energy(d: Derivation) -> Step:
+def _kinetic_energy(d: Equations) -> Step:
     formulas = [
         Formula(
             "T_i = ½ m_i |ṗ_ci|² + ½ I_i ω_i²",
@@ -86,20 +84,20 @@ def _kinetic_energy(d: Derivation) -> Step:
     return Step("Kinetic energy", "Differentiate the positions; the energy of each link follows.", tuple(formulas))
 
 
-def _inertia(d: Derivation) -> Step:
+def _inertia(d: Equations) -> Step:
     sentence = "The kinetic energy of all links is a quadratic form of the velocities, and M is its matrix."
     law = Formula("T = Σ T_i = ½ q̇ᵀ M q̇", r"T = \sum_i T_i = \tfrac12 \dot q^T M \dot q")
     return Step("Inertia matrix", sentence, (law, Formula("M", "M", d.M)))
 
 
-def _gravity(d: Derivation) -> Step:
+def _gravity(d: Equations) -> Step:
     potentials = [Formula(f"U{_low(i)}", f"U_{{{i}}}", U) for i, U in _numbered(d.U_links)]
     law = Formula("g = ∂U/∂q", r"g = \left(\partial U / \partial q\right)^T")
     sentence = "The potential energy of each link, up to a constant; its gradient is what gravity asks of the joints."
     return Step("Gravity", sentence, (*potentials, law, *_rows("g", d.g)))
 
 
-def _coriolis(d: Derivation) -> Step:
+def _coriolis(d: Equations) -> Step:
     law = (
         Formula(
             "c_k = q̇ᵀ C_k q̇,  (C_k)_ij = ½ (∂M_ki/∂q_j + ∂M_kj/∂q_i − ∂M_ij/∂q_k)",
@@ -117,20 +115,20 @@ def _coriolis(d: Derivation) -> Step:
     return Step("Coriolis and centrifugal forces", sentence, formulas)
 
 
-def _equations(d: Derivation) -> Step:
+def _equations(d: Equations) -> Step:
     law = Formula("M q̈ + c + g = τ", r"M \ddot q + c + g = \tau")
     forces = d.M * sp.Matrix(d.a) + d.c + d.g
     rows = tuple(Formula(f"τ{_low(i)}", rf"\tau_{{{i}}}", force) for i, force in _numbered(forces))
     return Step("Equations of motion", "Inertia, Coriolis and gravity together, one row a joint.", (law, *rows))
 
 
-def _end_effector(d: Derivation) -> Step:
+def _end_effector(d: Equations) -> Step:
     formulas = (Formula("J = ∂p/∂q", r"J = \partial p / \partial q", d.J), Formula("J̇ q̇", r"\dot J \dot q", d.Jdot_v))
     sentence = "How the end effector moves, and its acceleration while the joints do not accelerate."
     return Step("Jacobian of the end effector", sentence, formulas)
 
 
-def _cartesian_inertia(d: Derivation) -> Step:
+def _cartesian_inertia(d: Equations) -> Step:
     title = "Cartesian inertia"
     law = Formula("M_r = (J M⁻¹ Jᵀ)⁻¹", r"M_r = (J M^{-1} J^T)^{-1}")
     sentence = "What a force on the end effector has to move."
@@ -140,7 +138,7 @@ def _cartesian_inertia(d: Derivation) -> Step:
         return Step(title, f"{sentence} Without symbols here: {reason}.", (law,))
 
 
-def _parametrisation(d: Derivation) -> Step:
+def _parametrisation(d: Equations) -> Step:
     count = len(d.coefficients)
     sentence = (
         f"With lengths and gravity known, the forces are linear in {count} dynamic coefficients a, and in no fewer: "
@@ -150,7 +148,7 @@ def _parametrisation(d: Derivation) -> Step:
     return Step("Linear parametrisation", sentence, (law, *_rows("a", d.coefficients), Formula("Y", "Y", d.Y)))
 
 
-def _momentum(d: Derivation) -> Step:
+def _momentum(d: Equations) -> Step:
     laws = (
         Formula("p = M q̇,  β = −Sᵀ q̇ + g", r"p = M \dot q, \quad \beta = -S^T \dot q + g"),
         Formula("ṗ = τ − β", r"\dot p = \tau - \beta"),
