@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from wbc.qp.certificate import Certificate
 from wbc.types import Status, Vec
 
 if TYPE_CHECKING:
-    from wbc.control.controller import Controller
+    from wbc.models.model import RobotModel
+    from wbc.qp.rows import Outcome
     from wbc.qp.solver import Solution
 
 
@@ -40,6 +41,27 @@ class Forces(dict[str, Vec]):
         return self[key] if key in self else default
 
 
+class Owner(Protocol):
+    """The controller of a command: what is still to be computed is computed by it."""
+
+    model: RobotModel
+    serial: int
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks [s]."""
+
+    @property
+    def levels(self) -> tuple[Outcome, ...]:
+        """How the levels of a strict hierarchy came out."""
+
+    def split_forces(self, forces: Vec | None) -> Forces:
+        """Contact forces (nf,) as wrenches by contact name."""
+
+    def solution(self) -> Solution:
+        """Of the last tick's QP."""
+
+
 @final
 class Command:
     """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
@@ -60,7 +82,7 @@ class Command:
 
     def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
         self,
-        controller: Controller,
+        controller: Owner,
         status: Status,
         rung: str,
         certificate: Certificate,
@@ -71,7 +93,7 @@ class Command:
         tau: Vec | None = None,
         forces: Vec | tuple[Callable[[Vec, Vec], Vec], Vec, Vec] | None = None,
     ) -> None:
-        self._controller: Controller | None = controller
+        self._controller: Owner | None = controller
         self._serial = controller.serial
         self.status, self.rung, self.certificate = status, rung, certificate
         #: Empty where nothing is ranked, and where no solver of the hierarchy had part in the command.
@@ -94,8 +116,8 @@ class Command:
             setattr(self, name, value)
 
     @property
-    def _owner(self) -> Controller:
-        """The controller: what is still to be computed is computed by it. A copy has everything but a solution.
+    def _owner(self) -> Owner:
+        """The controller; a copy has none, and everything but a solution.
 
         Raises:
             WbcError: this is a copy.

@@ -17,23 +17,21 @@ import numpy as np
 from scipy.linalg.blas import ddot
 
 from wbc import checks
-from wbc.control.command import Command, Forces
+from wbc.control.command import Command
+from wbc.control.explain import explain, reproducer
 from wbc.control.ladder import Ladder, Recovery
+from wbc.control.solving import Solving
 from wbc.control.watchdog import Watch, Watchdog
 from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError
 from wbc.models import plausible
 from wbc.models.model import RobotModel
-from wbc.qp.certificate import Certificate
-from wbc.qp.problem import QP
-from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
-from wbc.qp.solver import Solution, Solver
+from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
 from wbc.stack.component import Component
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy, Weighted
 from wbc.stack.overrides import Overrides
 from wbc.stack.plan import Plan
-from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
 
@@ -43,7 +41,7 @@ _NUMBERS = np.dtype(np.float64)
 
 
 @final
-class Controller:
+class Controller(Solving):
     """Runs a stack on a robot.
 
     Args:
@@ -99,32 +97,28 @@ class Controller:
         ):
             if not isinstance(value, kind):
                 raise InvalidInput(f"{name} is {value!r}; it must be {what}")
-        self.model, self.stack, self.level = robot, stack, level
-        self._dt = checks.number("dt", dt, low=0.0, strict=True)
-        plausible.period(self._dt)
+        dt = checks.number("dt", dt, low=0.0, strict=True)
+        plausible.period(dt)
         self.ladder = Ladder(self, recovery)
         if not isinstance(watchdog, Watchdog | None):
             raise InvalidInput(f"watchdog is {watchdog!r}; it must be wbc.Watchdog(...)")
-        self.watch = Watch(Watchdog() if watchdog is None else watchdog, self.dt)
-        self.hierarchy = Weighted() if hierarchy is None else hierarchy
-        if not isinstance(self.hierarchy, Hierarchy):
+        self.watch = Watch(Watchdog() if watchdog is None else watchdog, dt)
+        hierarchy = Weighted() if hierarchy is None else hierarchy
+        if not isinstance(hierarchy, Hierarchy):
             raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be Weighted(), Strict() or Scaled()")
-        self.solver = by_name(solver)
-        if self.solver.offline:
+        solver = by_name(solver)
+        if solver.offline:
             raise NotSupported(
-                f"solver {self.solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
+                f"solver {solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
             )
         if not isinstance(fast, bool | np.bool_):
             raise InvalidInput(f"fast is {checks.shown(fast)}; it must be True or False")
         self.fast = bool(fast)
-        self.plans = Plans(robot, stack, level, dt=self.dt, open_solver=self._open)
+        super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
         self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
-        self.state = robot.state(drifts=level.order > 1)
         self._speed_up()
         self.components = stack.components
-        #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
-        self.serial = 0
         self.reset()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -135,27 +129,11 @@ class Controller:
         }  # fmt: skip
         return partial(Controller, **settings), (self.model, self.stack)
 
-    def _open(self, problem: RowProblem) -> RowSolver:
-        return self.hierarchy.open(problem, self.solver)
-
-    @property
-    def dt(self) -> float:
-        """Time between ticks [s]; it is fixed when a controller is made.
-
-        Raises:
-            NotSupported: an assignment.
-        """
-        return self._dt
-
-    @dt.setter
-    def dt(self, value: Any) -> None:
-        raise NotSupported(f"controller.dt is fixed at {self._dt:g} s, as plans depend on it; make another controller")
-
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
         self.ticks = 0
         self.why = ""
-        self.last: Command | None = None
+        self.last = None
         self.status = Status.FAILED
         #: The plan that the tick before was solved with.
         self._solved: Plan | None = None
@@ -163,7 +141,7 @@ class Controller:
         self.watch.reset()
         self._started = False
         self.plans.reset()
-        self._use(self.plans.whole)
+        self.use(self.plans.whole)
 
     # ---- the tick
     def tick(self, t: float, q: Vec, v: Vec) -> Command:
@@ -317,7 +295,7 @@ class Controller:
         except Exception as cause:
             raise MemberFailed(f"{schedule.name}.contacts", cause) from cause
         if mode is not self.mode:
-            self._use(mode)
+            self.use(mode)
 
     def _start(self) -> None:
         with suppress(plausible.ImplausibleUnit):  # where warnings are errors: a tick raises none
@@ -331,11 +309,6 @@ class Controller:
             self._choose_contacts(None)
         self.plan.start(self.state)
         self._started = True
-
-    def _use(self, mode: Mode) -> None:
-        """Decide with the plan and the solver of this set of contacts from now on."""
-        self.mode, self.plan, self._solver = mode, mode.plan, mode.solver
-        self._answered = mode.solver
 
     def compile_waiting(self) -> int:
         """Compile plans for sets of contacts that the stack's schedule asked for without having announced them.
@@ -353,100 +326,6 @@ class Controller:
             if not mode.plan.is_fast:
                 mode.plan.compile_for(self.state)
 
-    def asked(self, solver: RowSolver) -> Status:
-        """What a solver says of the problem as it is filled; one that raises has failed, and ``why`` says how."""
-        self._answered = solver
-        try:
-            return solver.solve()
-        except Exception as cause:  # a back end may raise anything, and a robot still needs a command
-            self.why = f"solver {self.solver.name!r} raised {type(cause).__name__}: {cause}"
-            return Status.FAILED
-
-    @property
-    def answering(self) -> RowSolver:
-        """The solver that was asked last."""
-        return self._answered
-
-    def answered_by(self, solver: RowSolver) -> None:
-        """From now on the tick's answer is this solver's."""
-        self._answered = solver
-
-    def decode(
-        self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Certificate | None = None
-    ) -> Command:
-        """The command that the answer in the plan's memory means."""
-        plan, proof = self.plan, self._answered.certificate if proof is None else proof
-        parts, value = plan.layout, plan.problem.value.copy()
-        value.setflags(write=False)
-        motion = value[parts.motion_items]
-        if self.level.order == 1:
-            return Command(self, status, rung, proof, q, v, motion)
-        if not self.level.dynamics:
-            return Command(self, status, rung, proof, q, v, None, motion)
-        tau = plan.actuators.command(value[parts.torque_items])
-        forces = self.mode.all_forces, value, plan.force_scale
-        return Command(self, status, rung, proof, q, v, None, motion, tau, forces)
-
-    # ---- what others read
-    @property
-    def qp(self) -> QP:
-        """The last tick's QP in standard form, a copy; ``plan.qp`` is the same in memory that the next call reuses.
-
-        Of a strict hierarchy it is the last level's, with what those above came to as equalities.
-        """
-        if self.answered is self.plan.problem:
-            return self.plan.qp.copy()
-        return self._answered.standard_form()
-
-    @property
-    def active_count(self) -> int:
-        """How many limits, cones and bounds the last answer touches."""
-        return self._answered.active_count
-
-    @property
-    def iterations(self) -> int:
-        """Iterations of the last solve."""
-        return self._answered.iterations
-
-    @property
-    def levels(self) -> tuple[Outcome, ...]:
-        """How the levels came out in the last answer; () under ``Weighted``, which has none."""
-        return self._answered.outcomes
-
-    @property
-    def answered(self) -> RowProblem:
-        """The problem that :attr:`qp` is the standard form of."""
-        return self._answered.answered
-
-    @property
-    def proof(self) -> Certificate:
-        """The certificate of the last answer."""
-        return self._answered.certificate
-
-    @property
-    def counts(self) -> Any:
-        """First guesses right, repaired, given up, over all ticks."""
-        return self._solver.counts
-
-    @property
-    def form(self) -> str:
-        """How the QP is solved: "rows" or "variables" by the core, "standard" by another solver, "levels" if ranked."""
-        return self._solver.form
-
-    def solution(self) -> Solution:
-        """Solution of :attr:`qp` with its multipliers and the certificate recomputed from the data."""
-        return solution_of(self._answered, self._answered.standard_form(), self.status)
-
-    def split_forces(self, forces: Vec | None) -> Forces:
-        """Contact forces (nf,) as wrenches by contact name."""
-        contacts = self.plans.whole.plan.layout.contacts
-        wrenches, start = {}, 0
-        for contact in contacts:
-            part = slice(start, start + contact.dim)
-            wrenches[contact.name] = np.full(contact.dim, np.nan) if forces is None else forces[part]
-            start += contact.dim
-        return Forces(wrenches, {c.frame: c.name for c in contacts})
-
     def explain(self, *, save: str | Path | None = None) -> str:
         """The last tick in words and units: tasks with residual and share of the cost, active rows with multipliers.
 
@@ -456,8 +335,6 @@ class Controller:
         Raises:
             InvalidInput: the file cannot be written.
         """
-        from wbc.control.explain import explain, reproducer
-
         if save is not None and self.ticks:
             reproducer(self).save(save)
         return explain(self)

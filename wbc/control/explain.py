@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from math import nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wbc.control.distance import distances, units
 from wbc.control.ladder import WEAKER
+from wbc.control.solving import Solving
 from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
 from wbc.qp.problem import QP
 from wbc.stack.task import Objective
 from wbc.types import Status, Vec
-
-if TYPE_CHECKING:
-    from wbc.control.controller import Controller
 
 _SAID = {
     "not certified": "an answer within all constraints, its distance from the optimum unproved",
@@ -30,7 +27,7 @@ _SAID = {
 _SHOWN = 1e-7  # multipliers below this, relative to the largest, are rounding
 
 
-def explain(controller: Controller) -> str:
+def explain(controller: Solving) -> str:
     """Text of :meth:`Controller.explain`.
 
     Every task: the error it sees, the residual ‖wanted − got‖ of its rows and its share of the cost ½ Σ wᵢ rᵢ².
@@ -49,7 +46,7 @@ def explain(controller: Controller) -> str:
     return "\n".join(lines)
 
 
-def _failure(controller: Controller) -> list[str]:
+def _failure(controller: Solving) -> list[str]:
     """Why there is no answer, which rows cannot hold together, and what was commanded instead."""
     found = conflict_of(controller)
     why = controller.why or controller.status.value
@@ -63,7 +60,7 @@ def _failure(controller: Controller) -> list[str]:
     return lines
 
 
-def conflict_of(controller: Controller) -> Conflict | None:
+def conflict_of(controller: Solving) -> Conflict | None:
     """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none.
 
     Looked for whatever the solver said of a problem that it did not solve: some stop at an iteration limit.
@@ -85,7 +82,7 @@ def conflict_of(controller: Controller) -> Conflict | None:
     return found.renamed(rows)
 
 
-def reproducer(controller: Controller) -> QP:
+def reproducer(controller: Solving) -> QP:
     """The last tick's QP, the rows in conflict called as :func:`conflict_of` calls them."""
     qp, found = controller.qp, conflict_of(controller)
     if found is None:
@@ -96,13 +93,13 @@ def reproducer(controller: Controller) -> QP:
     return QP(qp.H, qp.g, A=qp.A, b=qp.b, C=qp.C, cl=qp.cl, cu=qp.cu, lb=qp.lb, ub=qp.ub, rows=names)
 
 
-def _levels(controller: Controller) -> list[str]:
+def _levels(controller: Solving) -> list[str]:
     """What ranks above what, and how each came out."""
     ranked = [f"  {i}. {outcome}" for i, outcome in enumerate(controller.levels, start=1)]
     return ["levels:", *ranked] if ranked else []
 
 
-def _tasks(controller: Controller) -> list[str]:
+def _tasks(controller: Solving) -> list[str]:
     plan, p = controller.plan, controller.plan.problem
     layout, errors = plan.layout, plan.errors()
     rows = p.G @ p.x1
@@ -139,7 +136,7 @@ def _tasks(controller: Controller) -> list[str]:
     return lines
 
 
-def _active_rows(controller: Controller) -> list[str]:
+def _active_rows(controller: Solving) -> list[str]:
     solution, qp = controller.solution(), controller.qp
     pushing = np.concatenate([solution.z, solution.z_box])
     names = qp.rows[qp.n_eq :]
@@ -164,7 +161,7 @@ def _active_rows(controller: Controller) -> list[str]:
     return lines
 
 
-def _regularisation(controller: Controller) -> list[str]:
+def _regularisation(controller: Solving) -> list[str]:
     lines = [f"regularisation: {controller.level.regularisation:g} on every unknown"]
     damping = controller.plan.damping.applied
     if damping.any():

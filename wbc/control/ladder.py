@@ -23,13 +23,14 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.fallback import Fallback
+from wbc.control.solving import Solving
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.problem import QP
@@ -42,9 +43,6 @@ from wbc.qp.solvers.daqp_ import Daqp
 from wbc.qp.solvers.pdas import Pdas
 from wbc.stack.plan import Plan
 from wbc.types import Status, Vec
-
-if TYPE_CHECKING:
-    from wbc.control.controller import Controller
 
 #: What may be relaxed, in the order in which it is.
 RELAXABLE = ("force rates", "constraints", "contacts", "barriers", "joint limits")
@@ -120,7 +118,7 @@ class _Weaker(NamedTuple):
 class Ladder:
     """The fallback levels below "solved", for one controller. ``rungs`` counts how often each made a command."""
 
-    def __init__(self, controller: Controller, recovery: Recovery | None = None) -> None:
+    def __init__(self, controller: Solving, recovery: Recovery | None = None) -> None:
         self._controller, self.recovery = controller, Recovery() if recovery is None else recovery
         if not isinstance(self.recovery, Recovery):
             raise InvalidInput(f"recovery is {recovery!r}; it must be wbc.Recovery(...)")

@@ -1,0 +1,159 @@
+"""Solving: who answers the problem of a tick, and what the answer says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.control.command import Command, Forces
+from wbc.errors import NotSupported
+from wbc.models.model import RobotModel
+from wbc.qp.certificate import Certificate
+from wbc.qp.problem import QP
+from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
+from wbc.qp.solver import Solution, Solver
+from wbc.stack.formulation import Formulation
+from wbc.stack.hierarchy import Hierarchy
+from wbc.stack.plans import Mode, Plans
+from wbc.stack.stack import Stack
+from wbc.types import Status, Vec
+
+
+class Solving:
+    """The plans of a stack, the plan and the solver of this tick, and the command that their answer means.
+
+    A controller is one that ticks; its fallback levels ask further solvers here.
+    """
+
+    #: How the last tick ended, why it is not simply solved, and its command.
+    status: Status
+    why: str
+    last: Command | None
+    #: Since the last reset.
+    ticks: int
+
+    def __init__(
+        self, robot: RobotModel, stack: Stack, level: Formulation, *, hierarchy: Hierarchy, solver: Solver, dt: float
+    ) -> None:
+        self.model, self.stack, self.level, self._dt = robot, stack, level, dt
+        self.hierarchy, self.solver = hierarchy, solver
+        self.plans = Plans(robot, stack, level, dt=dt, open_solver=self._open)
+        self.state = robot.state(drifts=level.order > 1)
+        #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
+        self.serial = 0
+
+    def _open(self, problem: RowProblem) -> RowSolver:
+        return self.hierarchy.open(problem, self.solver)
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks [s]; it is fixed when a controller is made.
+
+        Raises:
+            NotSupported: an assignment.
+        """
+        return self._dt
+
+    @dt.setter
+    def dt(self, value: Any) -> None:
+        raise NotSupported(f"controller.dt is fixed at {self._dt:g} s, as plans depend on it; make another controller")
+
+    def use(self, mode: Mode) -> None:
+        """Decide with the plan and the solver of this set of contacts from now on."""
+        self.mode, self.plan, self._solver = mode, mode.plan, mode.solver
+        self._answered = mode.solver
+
+    def asked(self, solver: RowSolver) -> Status:
+        """What a solver says of the problem as it is filled; one that raises has failed, and ``why`` says how."""
+        self._answered = solver
+        try:
+            return solver.solve()
+        except Exception as cause:  # a back end may raise anything, and a robot still needs a command
+            self.why = f"solver {self.solver.name!r} raised {type(cause).__name__}: {cause}"
+            return Status.FAILED
+
+    @property
+    def answering(self) -> RowSolver:
+        """The solver that was asked last."""
+        return self._answered
+
+    def answered_by(self, solver: RowSolver) -> None:
+        """From now on the tick's answer is this solver's."""
+        self._answered = solver
+
+    def decode(
+        self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Certificate | None = None
+    ) -> Command:
+        """The command that the answer in the plan's memory means."""
+        plan, proof = self.plan, self._answered.certificate if proof is None else proof
+        parts, value = plan.layout, plan.problem.value.copy()
+        value.setflags(write=False)
+        motion = value[parts.motion_items]
+        if self.level.order == 1:
+            return Command(self, status, rung, proof, q, v, motion)
+        if not self.level.dynamics:
+            return Command(self, status, rung, proof, q, v, None, motion)
+        tau = plan.actuators.command(value[parts.torque_items])
+        forces = self.mode.all_forces, value, plan.force_scale
+        return Command(self, status, rung, proof, q, v, None, motion, tau, forces)
+
+    # ---- what others read
+    @property
+    def qp(self) -> QP:
+        """The last tick's QP in standard form, a copy; ``plan.qp`` is the same in memory that the next call reuses.
+
+        Of a strict hierarchy it is the last level's, with what those above came to as equalities.
+        """
+        if self.answered is self.plan.problem:
+            return self.plan.qp.copy()
+        return self._answered.standard_form()
+
+    @property
+    def active_count(self) -> int:
+        """How many limits, cones and bounds the last answer touches."""
+        return self._answered.active_count
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the last solve."""
+        return self._answered.iterations
+
+    @property
+    def levels(self) -> tuple[Outcome, ...]:
+        """How the levels came out in the last answer; () under ``Weighted``, which has none."""
+        return self._answered.outcomes
+
+    @property
+    def answered(self) -> RowProblem:
+        """The problem that :attr:`qp` is the standard form of."""
+        return self._answered.answered
+
+    @property
+    def proof(self) -> Certificate:
+        """The certificate of the last answer."""
+        return self._answered.certificate
+
+    @property
+    def counts(self) -> Any:
+        """First guesses right, repaired, given up, over all ticks."""
+        return self._solver.counts
+
+    @property
+    def form(self) -> str:
+        """How the QP is solved: "rows" or "variables" by the core, "standard" by another solver, "levels" if ranked."""
+        return self._solver.form
+
+    def solution(self) -> Solution:
+        """Solution of :attr:`qp` with its multipliers and the certificate recomputed from the data."""
+        return solution_of(self._answered, self._answered.standard_form(), self.status)
+
+    def split_forces(self, forces: Vec | None) -> Forces:
+        """Contact forces (nf,) as wrenches by contact name."""
+        contacts = self.plans.whole.plan.layout.contacts
+        wrenches, start = {}, 0
+        for contact in contacts:
+            part = slice(start, start + contact.dim)
+            wrenches[contact.name] = np.full(contact.dim, np.nan) if forces is None else forces[part]
+            start += contact.dim
+        return Forces(wrenches, {c.frame: c.name for c in contacts})
