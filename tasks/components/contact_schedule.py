@@ -17,7 +17,7 @@ from wbc.stack.schedule import Schedule
 from wbc.types import Vec
 
 if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+    from wbc.stack.plan_view import PlanView
 
 #: Share of a tick's step of the ramp with which a contact begins and ends: the cone over no force at all is a point.
 FIRST_STEP = 0.1
@@ -156,7 +156,7 @@ class ContactSchedule(Schedule):
     def prepare(self, model: RobotModel) -> None:
         self._weight = model.mass * float(np.linalg.norm(model.gravity))
 
-    def before(self, state: RobotState, last: Any, plan: Plan) -> Overrides:
+    def before(self, state: RobotState, last: Any, plan: PlanView) -> Overrides:
         step, first, t = 1e3 * self.ramp * plan.model.mass, FIRST_STEP * plan.dt, state.t
         for i, (made, until) in enumerate(
             zip(self._made, self._until, strict=True)

@@ -12,7 +12,7 @@ from wbc.stack.task import Objective, Task
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+    from wbc.stack.plan_view import PlanView
 
 
 @final
@@ -23,7 +23,7 @@ class Draft:
     ``bias`` (nv,) and ``inertia`` (nv, nv), or None.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: PlanView) -> None:
         self.plan = plan
         self.motors: dict[int, Motor] = {}
         self.lifted: dict[str, set[int]] = {}
@@ -87,7 +87,7 @@ class Draft:
         )
 
 
-def task_of(plan: Plan, name: str) -> Any:
+def task_of(plan: PlanView, name: str) -> Any:
     """The plan's copy of a task, by name.
 
     Raises:

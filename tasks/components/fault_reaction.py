@@ -22,7 +22,7 @@ from .momentum_observer import MomentumObserver
 from .reactions import Cap, Derate, Reaction, Release
 
 if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+    from wbc.stack.plan_view import PlanView
 
 
 @final
@@ -149,7 +149,7 @@ class FaultReaction(Component):
         self._names, self._share = model.joint_names, np.ones(model.nj)
         self._last = (0.0, -1.0)
 
-    def check(self, plan: Plan) -> None:
+    def check(self, plan: PlanView) -> None:
         components = plan.stack.components
         if self.observer not in components or components.index(self.observer) > components.index(self):
             raise InvalidInput(f"{self.name} needs its observer in the stack's components, before it")
@@ -167,7 +167,7 @@ class FaultReaction(Component):
         self._fixed: Overrides | None = None
         self._made_of: tuple[int, Vec] = (-1, np.zeros(0))
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides | None:
+    def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides | None:
         if self._diagnoser is None:
             self._diagnoser = Diagnoser(
                 self._names, noise=self._noise, hands=self.hands,
@@ -179,7 +179,7 @@ class FaultReaction(Component):
             self._react(diagnosis, state, plan)
         return self._overrides(state, plan) if self._standing else None
 
-    def _react(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> None:
+    def _react(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> None:
         line = next((line for line in self.table if line.holds(diagnosis)), None)
         reactions = () if line is None else tuple(line.reactions)
         if diagnosis.instead_of or diagnosis.kind == "payload":
@@ -196,14 +196,14 @@ class FaultReaction(Component):
         self._share[:] = self._draft(plan).share
         self._remember(diagnosis, reactions)
 
-    def _draft(self, plan: Plan) -> Draft:
+    def _draft(self, plan: PlanView) -> Draft:
         draft = Draft(plan)
         for diagnosis, reactions in self._standing:
             for reaction, decided in reactions:
                 reaction.apply(diagnosis, decided, draft)
         return draft
 
-    def _overrides(self, state: RobotState, plan: Plan) -> Overrides:
+    def _overrides(self, state: RobotState, plan: PlanView) -> Overrides:
         """What the decisions that stand change; the same value while nothing changes but the state."""
         released = np.flatnonzero(self._share == 0.0)
         wanted = self.limits.wanted(state, released) if self._has_limits else np.zeros(0)

@@ -14,7 +14,7 @@ from wbc.stack.tracking import wrench_target
 from wbc.types import Vec
 
 if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+    from wbc.stack.plan_view import PlanView
 
 
 @final
@@ -56,7 +56,7 @@ class MeasuredWrench(Component):
     def reset(self, state: RobotState) -> None:
         self._now[:] = 0.0
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides:
+    def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides:
         reading = self._reading.at(state.t).value
         if np.isfinite(reading).all():
             self._now[:] = reading

@@ -18,7 +18,7 @@ from wbc.types import Mat, Vec
 from .load import Load, LoadRegressor
 
 if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+    from wbc.stack.plan_view import PlanView
 
 #: Wrenches (6,) on the robot by frame, force before moment about the frame's origin, world axes.
 Wrenches = Callable[[], Mapping[str, Vec]]
@@ -120,7 +120,7 @@ class MomentumObserver(Component):
         self._carried.clear()
 
     # ---- the tick
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+    def before(self, state: RobotState, last: object, plan: PlanView) -> None:
         p, beta = state.M @ state.v, self._beta_of(state)
         if self._observer is None:
             self._refuse(plan)
@@ -149,11 +149,11 @@ class MomentumObserver(Component):
         self._sent = -self._plan.extra_bias
         self._sent[self._model.nb :] += delivered
 
-    def check(self, plan: Plan) -> None:
+    def check(self, plan: PlanView) -> None:
         if not plan.level.dynamics:
             raise NotSupported(f"{self.name} observes torques, which the {plan.level.name} does not decide")
 
-    def _refuse(self, plan: Plan) -> None:
+    def _refuse(self, plan: PlanView) -> None:
         if plan.stack.contacts and self.wrenches is None:
             raise NotSupported(
                 f"{self.name} needs the wrenches that the contacts measure: give it wrenches=function, {{frame: (6,)}}"

@@ -20,7 +20,7 @@ from .draft import Draft, task_of
 from .momentum_observer import MomentumObserver
 
 if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+    from wbc.stack.plan_view import PlanView
 
 #: What is never given to a joint that lost a share, however large the share seems: commands are divided by the rest.
 LEAST_LEFT = 0.05
@@ -35,7 +35,7 @@ class Reaction(ABC):
     #: Whether it cannot be undone: no second look is taken at a diagnosis that was answered by it.
     final: ClassVar[bool] = False
 
-    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> Any:
         """Called once, in the tick of the diagnosis; what it returns is given to ``apply`` in each tick."""
 
     @abstractmethod
@@ -45,7 +45,7 @@ class Reaction(ABC):
     def hold(self, diagnosis: Diagnosis, state: RobotState, draft: Draft) -> None:
         """Write what changes with the state; mostly nothing."""
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: PlanView) -> None:
         """Refuse, when a controller is made, what ``apply`` could not do.
 
         Raises:
@@ -113,7 +113,7 @@ class Brake(Reaction):
     set: Callable[[str], None]
     final: ClassVar[bool] = True
 
-    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> Any:
         self.set(diagnosis.joint_name)
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
@@ -122,7 +122,7 @@ class Brake(Reaction):
         draft.lift(i, "torque", *MOTION)
         draft.bound("acceleration", i, 0.0, 0.0)
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: PlanView) -> None:
         if plan.intervals is None:
             raise NotSupported("Brake holds a joint by limits on its motion, and the stack has none")
 
@@ -138,7 +138,7 @@ class Carry(Reaction):
 
     observer: MomentumObserver
 
-    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> Any:
         if diagnosis.load is not None:
             self.observer.carry(diagnosis.load)
 
@@ -163,7 +163,7 @@ class Weigh(Reaction):
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
         draft.set(self.task, weight=np.asarray(draft.so_far(draft.task(self.task), "weight")) * self.factor)
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: PlanView) -> None:
         checks.number("Weigh.factor", self.factor, low=0.0)
         task_of(plan, self.task)
 
@@ -178,14 +178,14 @@ class Retarget(Reaction):
     target: Any
     made: bool = False
 
-    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> Any:
         return self.target(diagnosis, state, plan) if self.made else self.target
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
         if decided is not None:
             draft.set(self.task, target=decided)
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: PlanView) -> None:
         if not hasattr(task_of(plan, self.task), "target"):
             raise InvalidInput(f"{self.task} has no target that could be changed")
 
@@ -204,7 +204,7 @@ class Comply(Reaction):
                 kp, kd = draft.gains(task)
                 draft.set(task.name, kp=self.stiffness * kp, kd=self.damping * kd)
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: PlanView) -> None:
         checks.number("Comply.stiffness", self.stiffness, low=0.0)
         checks.number("Comply.damping", self.damping, low=0.0)
 
@@ -214,7 +214,7 @@ class Comply(Reaction):
 class Stop(Reaction):
     """Tasks on the joints hold the configuration of this moment, all other tasks are dropped."""
 
-    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: Plan) -> Any:
+    def decide(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> Any:
         return np.array(state.q_joints)
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
@@ -224,7 +224,7 @@ class Stop(Reaction):
             else:
                 draft.set(task.name, active=False)
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: PlanView) -> None:
         if not any(_holds_joints(task) for task in plan.stack.tasks):
             raise NotSupported("Stop holds the joints by a task on them, such as Posture; the stack has none")
 

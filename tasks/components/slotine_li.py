@@ -21,7 +21,7 @@ from .prediction import Prediction
 from .reference import JointReference, TaskReference
 
 if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+    from wbc.stack.plan_view import PlanView
 
 
 @final
@@ -146,11 +146,11 @@ class SlotineLi(Component):
             if memory is not None:
                 memory.reset()
 
-    def check(self, plan: Plan) -> None:
+    def check(self, plan: PlanView) -> None:
         if not any(task.name == self.torque.name for task in plan.stack.tasks):
             raise InvalidInput(f"{self.name}.torque is not among the stack's tasks: it asks for the torques")
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides:
+    def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides:
         e, e_rate, v_r, a_r = self._reference.at(state)
         self._s = v_r - state.v
         self._Y = self._law.regressor(state.q, state.v, v_r, a_r)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 
@@ -10,10 +10,9 @@ from wbc.models.model import RobotState
 from wbc.qp.solvers import by_name
 from wbc.stack.component import Component
 from wbc.stack.hierarchy import Weighted
+from wbc.stack.plan import Plan
+from wbc.stack.plan_view import PlanView
 from wbc.types import Vec
-
-if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
 
 
 @final
@@ -36,7 +35,8 @@ class PlanStep(Component):
         self._plan, self._former = None, None
         self._step[:] = 0.0
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> None:
+    def before(self, state: RobotState, last: object, plan: PlanView) -> None:
+        assert isinstance(plan, Plan), "it is the controller's"
         self._former, self._plan = self._plan, plan
 
     def after(self, state: RobotState, command: Any) -> None:

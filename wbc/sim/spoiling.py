@@ -10,7 +10,7 @@ import numpy as np
 from wbc.models.model import RobotState
 from wbc.stack.component import Component
 from wbc.stack.overrides import QUANTITIES, Motor, Overrides
-from wbc.stack.plan import Plan
+from wbc.stack.plan_view import PlanView
 from wbc.stack.stack import Stack
 from wbc.types import Vec
 
@@ -61,7 +61,7 @@ class SpoiltComponent(Component):
         self._tasks = [task.name for task in stack.tasks] + ["nobody"]
         self._contacts = [contact.name for contact in stack.contacts] + ["nobody"]
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides | None:
+    def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides | None:
         rng, nj, nv = self._rng, plan.model.nj, plan.model.nv
         if rng.uniform() > _OFTEN:
             return None

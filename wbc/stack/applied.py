@@ -12,8 +12,8 @@ from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.models.model import RobotModel
 from wbc.stack.actuators import Actuators
 from wbc.stack.contact import Contact, keys
-from wbc.stack.formulation import Formulation
 from wbc.stack.interval import JointIntervals
+from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.overrides import QUANTITIES, Motor, Overrides
 from wbc.types import Mat, Vec
@@ -34,7 +34,7 @@ class Applied:
     """
 
     def __init__(
-        self, model: RobotModel, level: Formulation, binding: Binding, contacts: Sequence[Contact], *,
+        self, model: RobotModel, level: Level, binding: Binding, contacts: Sequence[Contact], *,
         intervals: JointIntervals | None, torque: _Bounds,
     ) -> None:  # fmt: skip
         self._model, self._level, self._binding = model, level, binding

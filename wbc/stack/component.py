@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.overrides import Overrides
+from wbc.stack.plan_view import PlanView
 from wbc.types import Vec
-
-if TYPE_CHECKING:
-    from wbc.stack.overrides import Overrides
-    from wbc.stack.plan import Plan
 
 
 class Component(ABC):
@@ -36,9 +34,7 @@ class Component(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """What is remembered, without the plan that was seen last: a copy, or a pickle, sees another one."""
-        from wbc.stack.plan import Plan
-
-        return {name: value for name, value in self.__dict__.items() if not isinstance(value, Plan)}
+        return {name: value for name, value in self.__dict__.items() if not isinstance(value, PlanView)}
 
     def prepare(self, model: RobotModel) -> None:
         """Called once when a stack is compiled: fix sizes."""
@@ -46,10 +42,10 @@ class Component(ABC):
     def reset(self, state: RobotState) -> None:
         """Called before the first tick, and whenever the controller starts again."""
 
-    def check(self, plan: Plan) -> None:
+    def check(self, plan: PlanView) -> None:
         """Called once when a controller is made, with the plan of all contacts: refuse what the stack lacks."""
 
-    def before(self, state: RobotState, last: object, plan: Plan) -> Overrides | None:
+    def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides | None:
         """What holds in this tick; called before the plan is filled.
 
         ``last`` is the previous Command or None. ``plan`` is to be read: it holds what was in force in the tick before.

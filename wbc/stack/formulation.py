@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, final
 
-from wbc import checks
 from wbc.models.model import RobotModel
+from wbc.stack.level import Level
 from wbc.stack.stack import Stack
 
 if TYPE_CHECKING:
@@ -15,39 +14,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formulation(ABC):
-    """A level.
-
-    ``regularisation`` ½ ε ‖x‖² is on every unknown, and printed, never hidden. ``lm_damping`` λ >= 0 is the factor of
-    the Levenberg-Marquardt damping of joints that grows with the part of the errors that cannot be reduced, and that
-    leads to rest where a target is out of reach (:class:`~wbc.stack.damping.ResidualDamping`), under ``Weighted``; 0
-    for none.
-    """
-
-    regularisation: float = 1e-8
-    lm_damping: float = 0.05
-
-    #: Differentiation order of the unknown: 1 velocities, 2 accelerations.
-    order: ClassVar[int]
-    #: Whether torques and contact forces exist at this level.
-    dynamics: ClassVar[bool]
-    #: What the level is called in messages.
-    name: ClassVar[str]
-
-    def __post_init__(self) -> None:
-        checks.number("regularisation", self.regularisation, low=0.0, strict=True)
-        checks.number("lm_damping", self.lm_damping, low=0.0)
-
-    @property
-    @abstractmethod
-    def carries(self) -> frozenset[str]:
-        """Quantities that laws and linear tasks may be written on at this level."""
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """Quantities of a joint that may be limited. Where velocities are decided, an acceleration is the change from
-        the measured one."""
-        return self.carries | {"position", "acceleration", "jerk"}
+class Formulation(Level):
+    """A level that makes plans of stacks."""
 
     @final
     def compile(self, model: RobotModel, stack: Stack, *, dt: float, like: Plan | None = None) -> Plan:

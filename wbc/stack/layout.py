@@ -12,7 +12,7 @@ from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
 from wbc.stack.constraint import Barrier, JointInterval, Laws, LinearConstraint, Softly
 from wbc.stack.contact import Contact
-from wbc.stack.formulation import Formulation
+from wbc.stack.level import Level
 from wbc.stack.stack import Stack
 from wbc.stack.task import Exactly, LinearTask, Task, force_of
 from wbc.types import Index
@@ -33,7 +33,7 @@ class Layout:
         NotSupported: a member the level cannot carry, by name.
     """
 
-    def __init__(self, model: RobotModel, stack: Stack, level: Formulation, *, prepared: bool = False) -> None:
+    def __init__(self, model: RobotModel, stack: Stack, level: Level, *, prepared: bool = False) -> None:
         self.model, self.level = model, level
         self.contacts: list[Contact] = list(stack.contacts)
         self.linear: list[LinearTask] = _of(stack.tasks, LinearTask)

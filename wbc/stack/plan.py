@@ -8,7 +8,7 @@ applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.probl
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 
@@ -17,16 +17,17 @@ from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, Wish
 from wbc.stack.applied import Applied
+from wbc.stack.compiled.fill import CompiledFill, MotionMember
 from wbc.stack.constraint import TorqueBySpeed, torque_bounds
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.damping import ResidualDamping
-from wbc.stack.formulation import Formulation
+from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
+from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.motion import MotionRows
 from wbc.stack.overrides import Overrides
-from wbc.stack.plan_view import PlanView
 from wbc.stack.schedule import Schedule
 from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
@@ -34,12 +35,9 @@ from wbc.stack.task import Objective, Task
 from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
 from wbc.types import Vec
 
-if TYPE_CHECKING:
-    from wbc.stack.compiled.fill import CompiledFill
-
 
 @final
-class Plan(PlanView):
+class Plan(Filled):
     """A compiled stack: sizes, memory, views and row names; made by ``level.compile(model, stack, dt=…)``.
 
     ``stack`` holds the plan's own copies of the members, prepared for the model and to be read: what users assign to
@@ -52,14 +50,14 @@ class Plan(PlanView):
     command.
     """
 
-    def __init__(
-        self, model: RobotModel, stack: Stack, level: Formulation, dt: float, like: Plan | None = None
-    ) -> None:
+    stack: Stack
+
+    def __init__(self, model: RobotModel, stack: Stack, level: Level, dt: float, like: Plan | None = None) -> None:
         self.model, self.level, self.dt = model, level, dt
         for component in () if like else stack.components:
             component.prepare(model)
         # The members of a plan like another are copies already.
-        self.binding: Binding = Binding() if like is None else like.binding
+        self.binding = Binding() if like is None else like.binding
         self.stack = stack = stack.bound(self.binding) if like is None else stack
         self.layout = layout = Layout(model, stack, level, prepared=like is not None)
         if like is None:
@@ -123,8 +121,8 @@ class Plan(PlanView):
         else:
             self.applied = like.applied
             self.anchors = [like.anchors[self.places[contact.name]] for contact in contacts]
-        self.intervals: JointIntervals | None = self.applied.intervals
-        self.extra_bias: Vec = self.applied.bias
+        self.intervals = self.applied.intervals
+        self.extra_bias = self.applied.bias
         self._place = np.array([self.places[contact.name] for contact in contacts], dtype=np.intp)
 
     # ---- compile: who writes where
@@ -234,8 +232,8 @@ class Plan(PlanView):
             writer.check()
         self.fill(state)
 
-    def members(self) -> Iterator[tuple[Any, int, tuple[Callable[..., None], tuple[Any, ...]]]]:
-        """Who writes motion rows: the task or contact, its first row, its ``fill`` and what that writes into."""
+    def members(self) -> Iterator[MotionMember]:
+        """Who writes motion rows."""
         layout, nj = self.layout, self.model.nj
         members = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts, *layout.on_joints]
         behind = range(layout.n_rows, layout.n_rows + len(layout.on_joints) * nj, nj)
@@ -389,9 +387,8 @@ class Plan(PlanView):
 
     def compile_for(self, state: RobotState) -> None:
         """From now on fill by compiled code, for this state; any other one is filled as before."""
-        from wbc.stack.compiled.fill import CompiledFill
-
-        self._compiled = CompiledFill(self, state)
+        self.fill(state)  # every row once by its task: what is never written again, and what the state has to compute
+        self._compiled = CompiledFill(self, state, self.members(), self.failed)
 
     def _fill_rows(self, state: RobotState) -> None:
         self.motion.clear()
@@ -426,11 +423,6 @@ class Plan(PlanView):
                 self._T_a += self.applied.inertia
 
     # ---- what others read
-    @property
-    def torque_range(self) -> tuple[Vec, Vec]:
-        """The same as they were filled last: where limits move with the speed, for the speed of that state."""
-        return self._torque_range
-
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
 

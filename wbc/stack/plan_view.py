@@ -1,40 +1,56 @@
-"""PlanView: what others read of a plan, above all components."""
+"""PlanView: what components read of a plan."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.qp.rows import RowProblem
 from wbc.stack.actuators import Actuators
 from wbc.stack.applied import Applied
-from wbc.stack.constraint import Barrier
-from wbc.stack.formulation import Formulation
+from wbc.stack.contact import Contact
 from wbc.stack.interval import JointIntervals
-from wbc.stack.layout import Layout
-from wbc.stack.motion import MotionRows
-from wbc.stack.writers import BarrierWriter
-from wbc.types import Index, Mat, Vec
+from wbc.stack.level import Level
+from wbc.stack.member import Binding
+from wbc.stack.objective import Objective
+from wbc.types import Mat, Vec
+
+
+class Members(Protocol):
+    """The members of a stack; :class:`~wbc.stack.stack.Stack` has them."""
+
+    @property
+    def tasks(self) -> tuple[Objective, ...]:
+        """All tasks, level after level."""
+
+    @property
+    def subject_to(self) -> tuple[Any, ...]:
+        """Limits and other laws."""
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """All that a schedule can choose from."""
+
+    @property
+    def components(self) -> Sequence[Any]:
+        """What remembers."""
 
 
 class PlanView:
-    """What holds in the present tick, and what the rows say that were filled last. Nothing here can be written."""
+    """Of which members a plan is made, and what holds in the present tick. Nothing here can be written."""
 
     model: RobotModel
-    level: Formulation
-    layout: Layout
-    problem: RowProblem
-    motion: MotionRows
+    level: Level
+    dt: float
+    stack: Members
+    binding: Binding
     intervals: JointIntervals | None
     applied: Applied
-    _barriers: list[BarrierWriter]
-    _normal: Index
-    _pulls: list[tuple[Vec, Vec]]
+    #: Added to h (nv,) in this tick [N, N m], read-only.
+    extra_bias: Vec
 
-    # ---- what holds in this tick
     @property
     def places(self) -> Mapping[str, int]:
         """Place of each contact among those of the whole stack, by name, and by frame where no other has the same."""
@@ -74,70 +90,3 @@ class PlanView:
     def actuators(self) -> Actuators:
         """What motors make of a command in this tick."""
         return self.applied.actuators
-
-    # ---- what was filled last
-    def not_finite(self) -> str:
-        """Which row is not a number, or which gains cannot be used; or nothing."""
-        bad = ~np.isfinite(self.problem.G[: self.layout.n_rows].sum(axis=1))
-        if bad[self.layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
-            bad[: self.layout.motion_row] = False
-        if bad.any():
-            return f"{self.problem.rows[int(np.argmax(bad))]} is not finite"
-        for task, (_, wanted) in zip(self.layout.on_joints, self._pulls[:-1], strict=True):
-            if not np.isfinite(wanted).all():
-                return f"{task.name} {task.label(int(np.argmin(np.isfinite(wanted))))} is not finite"
-        return ""
-
-    def refuse_not_finite(self) -> None:
-        """A level that is left out because of NaN must not look like an answer.
-
-        Raises:
-            InvalidInput: what was filled last is not finite, by the name of the row.
-        """
-        if not np.isfinite(self.problem.G[: self.layout.n_rows].sum() + self.motion.wanted.sum()):
-            text = self.not_finite()
-            if text:
-                raise InvalidInput(text)
-
-    def errors(self) -> Mapping[str, Vec]:
-        """Error e of each kinematic task (dim,), a copy."""
-        layout, e = self.layout, self.motion.e
-        first = layout.motion_row
-        found = {
-            task.name: e[row - first : row - first + task.dim].copy()
-            for task, row in zip(layout.kinematic, layout.kinematic_rows, strict=True)
-        }
-        nj, behind = self.model.nj, layout.n_rows - first
-        for i, task in enumerate(layout.on_joints):
-            found[task.name] = e[behind + i * nj : behind + (i + 1) * nj].copy()
-        for law, row in zip(layout.exact, layout.exact_rows, strict=True):
-            found[law.name] = e[row - first : row - first + law.task.dim].copy()
-        return found
-
-    def margins(self) -> Mapping[str, tuple[Barrier, Vec]]:
-        """Each barrier and its h (dim,), a copy, in the state that was filled last."""
-        return {writer.name: (writer.barrier, writer.margins.copy()) for writer in self._barriers}
-
-    @property
-    def notes(self) -> list[str]:
-        """What barriers have to say of the state that was filled last, beside their rows."""
-        return [writer.barrier.note for writer in self._barriers if writer.barrier.note]
-
-    def about(self, row: int) -> str:
-        """What a row of G is about in the state that was filled last, where that is not always the same; or nothing."""
-        for writer in self._barriers:
-            barrier, at = writer.barrier, row - writer.row
-            if 0 <= at < barrier.dim and barrier.codes is not None:
-                return barrier.about(at)
-        return ""
-
-    def pressed(self) -> list[int]:
-        """The unknowns that are normal forces."""
-        return [int(i) for i in self._normal] if self.level.dynamics else []
-
-    def bound_owner(self, unknown: int, *, upper: bool) -> str:
-        """Which law gives an unknown the bound it has now."""
-        joint = unknown - self.model.nb
-        if self.intervals is not None and 0 <= joint < self.model.nj:
-            return self.intervals.owner(joint, upper=upper)
-        return self.problem.rows[self.layout.n_rows + unknown].owner

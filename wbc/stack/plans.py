@@ -70,7 +70,7 @@ class Plans:
         if len(schedules) > 1:
             raise InvalidInput(f"{schedules[0].name} and {schedules[1].name} both schedule contacts; one can")
         self.schedule = schedules[0] if schedules else None
-        self._open_solver = open_solver
+        self._level, self._open_solver = level, open_solver
         self._named = dict(keys(stack.contacts))
         self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
         plan = level.compile(model, stack, dt=dt)
@@ -93,7 +93,7 @@ class Plans:
     def _compile(self, names: frozenset[str]) -> None:
         if names not in self._modes:
             whole = self.whole.plan
-            plan = whole.level.compile(whole.model, whole.stack.standing_on(names), dt=whole.dt, like=whole)
+            plan = self._level.compile(whole.model, whole.stack.standing_on(names), dt=whole.dt, like=whole)
             self._modes[names] = Mode(plan, self._open_solver(plan.problem), whole)
 
     @property

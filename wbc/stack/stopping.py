@@ -8,16 +8,14 @@ dynamics.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
 from wbc.types import Mat, Vec
-
-if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
 
 #: Distances from a limit [rad, m] that are none.
 _ROUNDING = 1e-9
@@ -89,7 +87,7 @@ class Stopping:
     """
 
     @classmethod
-    def of(cls, plan: Plan) -> Stopping | None:
+    def of(cls, plan: Filled) -> Stopping | None:
         """The one of a plan; None where torques or positions have no limits, or the robot has a base or contacts."""
         layout, limits = plan.layout, plan.intervals
         if not (layout.torque_limits and limits is not None) or plan.model.nb or layout.nf:
@@ -238,7 +236,7 @@ class Stopping:
         return -most * D, not outside.any()
 
     # ---- what a tick may decide
-    def narrowings(self, plan: Plan, state: RobotState) -> Iterator[None]:
+    def narrowings(self, plan: Filled, state: RobotState) -> Iterator[None]:
         """As long as the decision in the plan's memory is not safe: narrow the bounds of its accelerations, and yield.
 
         The caller then solves again. The last bounds leave the way to rest alone. While limits of a joint are lifted
@@ -269,7 +267,7 @@ class Stopping:
                 return
             share = 0.25 * share if share > _LEAST_SHARE else 0.0
 
-    def _is_safe_after(self, plan: Plan, state: RobotState) -> bool:
+    def _is_safe_after(self, plan: Filled, state: RobotState) -> bool:
         """Whether the state that the accelerations in the plan's memory lead to is safe."""
         dt, a = self._dt, plan.problem.value[plan.layout.motion_items]
         v = state.v + dt * a

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, final
+from collections.abc import Callable, Iterable
+from typing import Any, final
 
 import numpy as np
 
@@ -12,12 +12,13 @@ from wbc.models.pinocchio_state import JointMemory, PinocchioState
 from wbc.stack.compiled.fill_kernel import fill
 from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
 from wbc.stack.contact import Contact
+from wbc.stack.filled import Filled
 from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.stack.target import Target
 from wbc.types import Vec
 
-if TYPE_CHECKING:
-    from wbc.stack.plan import Plan
+#: A task or contact, its first row, its ``fill`` and what that writes into.
+MotionMember = tuple[Any, int, tuple[Callable[..., None], tuple[Any, ...]]]
 
 _ROTATION, _PLACE = slice(0, 9), slice(9, 12)
 
@@ -26,21 +27,24 @@ _ROTATION, _PLACE = slice(0, 9), slice(9, 12)
 class CompiledFill:
     """Fills the motion rows, the centre and the dynamics of ``plan`` from ``state``, as Python does to 1e-9.
 
+    ``members`` write the motion rows, and have written them once; ``failed`` is told which of them raised, and what.
+
     A robot that is not Pinocchio's has no memory to read from: its tasks are all called, and the rest is compiled.
     """
 
-    def __init__(self, plan: Plan, state: Any) -> None:
-        self.state = state
-        plan.fill(state)  # every row once by its task: what is never written again, and what the state has to compute
+    def __init__(
+        self, plan: Filled, state: Any, members: Iterable[MotionMember], failed: Callable[[str, Exception], None]
+    ) -> None:
+        self.state, self._failed = state, failed
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
         self._calls: list[tuple[Callable[..., None], str, tuple[Any, ...]]] = []
         self._followers: list[_Follower] = []
         self._moving: list[_Follower] = []
-        self._plan, self._targets = plan, -1
+        self._binding, self._targets = plan.binding, -1
         self._items = items = _Items(state, model.nv)
         self._motion = motion
         first = layout.motion_row
-        for member, row, (call, out) in plan.members():
+        for member, row, (call, out) in members:
             rows = member.compiled_rows() if isinstance(state, PinocchioState) else None
             if rows is None:
                 self._calls.append((call, member.name, out))
@@ -76,9 +80,9 @@ class CompiledFill:
                 try:
                     call(state, *out)
                 except Exception as cause:
-                    self._plan.failed(name, cause)
-        if self._plan.binding.targets != self._targets:
-            self._targets = self._plan.binding.targets
+                    self._failed(name, cause)
+        if self._binding.targets != self._targets:
+            self._targets = self._binding.targets
             self._moving = [follower for follower in self._followers if self._follow(follower, t)]
         else:
             for follower in self._moving:
@@ -90,7 +94,7 @@ class CompiledFill:
         try:
             follower.follow(t)
         except Exception as cause:
-            self._plan.failed(follower.name, cause)
+            self._failed(follower.name, cause)
         return follower.moves
 
 

@@ -1,0 +1,103 @@
+"""Filled: what the rows of a plan say that were filled last."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from wbc.errors import InvalidInput
+from wbc.qp.rows import RowProblem
+from wbc.stack.constraint import Barrier
+from wbc.stack.layout import Layout
+from wbc.stack.motion import MotionRows
+from wbc.stack.plan_view import PlanView
+from wbc.stack.writers import BarrierWriter
+from wbc.types import Index, Mat, Vec
+
+
+class Filled(PlanView):
+    """The rows of a plan, where they stand, and what they say in words."""
+
+    layout: Layout
+    problem: RowProblem
+    motion: MotionRows
+    #: Bounds (lower, upper) on what is decided of the joints, (nj,) each: a part of the problem.
+    joint_bound_rows: tuple[Vec, Vec]
+    #: Of each task on the joints, and of their damping: its share of each joint's cost.
+    shares: Mat
+    _barriers: list[BarrierWriter]
+    _normal: Index
+    _pulls: list[tuple[Vec, Vec]]
+    _torque_range: tuple[Vec, Vec]
+
+    @property
+    def torque_range(self) -> tuple[Vec, Vec]:
+        """``torque_bounds`` as they were filled last: where they move with the speed, for the speed of that state."""
+        return self._torque_range
+
+    def not_finite(self) -> str:
+        """Which row is not a number, or which gains cannot be used; or nothing."""
+        bad = ~np.isfinite(self.problem.G[: self.layout.n_rows].sum(axis=1))
+        if bad[self.layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
+            bad[: self.layout.motion_row] = False
+        if bad.any():
+            return f"{self.problem.rows[int(np.argmax(bad))]} is not finite"
+        for task, (_, wanted) in zip(self.layout.on_joints, self._pulls[:-1], strict=True):
+            if not np.isfinite(wanted).all():
+                return f"{task.name} {task.label(int(np.argmin(np.isfinite(wanted))))} is not finite"
+        return ""
+
+    def refuse_not_finite(self) -> None:
+        """A level that is left out because of NaN must not look like an answer.
+
+        Raises:
+            InvalidInput: what was filled last is not finite, by the name of the row.
+        """
+        if not np.isfinite(self.problem.G[: self.layout.n_rows].sum() + self.motion.wanted.sum()):
+            text = self.not_finite()
+            if text:
+                raise InvalidInput(text)
+
+    def errors(self) -> Mapping[str, Vec]:
+        """Error e of each kinematic task (dim,), a copy."""
+        layout, e = self.layout, self.motion.e
+        first = layout.motion_row
+        found = {
+            task.name: e[row - first : row - first + task.dim].copy()
+            for task, row in zip(layout.kinematic, layout.kinematic_rows, strict=True)
+        }
+        nj, behind = self.model.nj, layout.n_rows - first
+        for i, task in enumerate(layout.on_joints):
+            found[task.name] = e[behind + i * nj : behind + (i + 1) * nj].copy()
+        for law, row in zip(layout.exact, layout.exact_rows, strict=True):
+            found[law.name] = e[row - first : row - first + law.task.dim].copy()
+        return found
+
+    def margins(self) -> Mapping[str, tuple[Barrier, Vec]]:
+        """Each barrier and its h (dim,), a copy, in the state that was filled last."""
+        return {writer.name: (writer.barrier, writer.margins.copy()) for writer in self._barriers}
+
+    @property
+    def notes(self) -> list[str]:
+        """What barriers have to say of the state that was filled last, beside their rows."""
+        return [writer.barrier.note for writer in self._barriers if writer.barrier.note]
+
+    def about(self, row: int) -> str:
+        """What a row of G is about in the state that was filled last, where that is not always the same; or nothing."""
+        for writer in self._barriers:
+            barrier, at = writer.barrier, row - writer.row
+            if 0 <= at < barrier.dim and barrier.codes is not None:
+                return barrier.about(at)
+        return ""
+
+    def pressed(self) -> list[int]:
+        """The unknowns that are normal forces."""
+        return [int(i) for i in self._normal] if self.level.dynamics else []
+
+    def bound_owner(self, unknown: int, *, upper: bool) -> str:
+        """Which law gives an unknown the bound it has now."""
+        joint = unknown - self.model.nb
+        if self.intervals is not None and 0 <= joint < self.model.nj:
+            return self.intervals.owner(joint, upper=upper)
+        return self.problem.rows[self.layout.n_rows + unknown].owner
