@@ -12,9 +12,9 @@ Example:
 """
 
 if __name__ == "tasks":  # found by its short name: there is one library, wbc.tasks
-    from wbc.tasks import _take_the_short_name
+    from wbc.short_name import give_way
 
-    _take_the_short_name()
+    give_way(__name__)
 
 from wbc.models.collision import Obstacle as Obstacle
 

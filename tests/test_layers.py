@@ -28,6 +28,7 @@ ARROWS = {
     "friction": {"errors", "types", "checks"},
     "npz": {"errors"},
     "plugins": set(),
+    "short_name": set(),
     "qp": BASE,
     "models": BASE,
     "methods": BASE | {"qp"},
