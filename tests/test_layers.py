@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -54,7 +55,7 @@ UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|NotImplementedError)\b")
 
 
 def imported_modules(source: str, module: str) -> Iterator[str]:
-    """Every module a source imports, as a full dotted name; ``from wbc import checks`` is ``wbc.checks``."""
+    """Every name a source imports, in full; ``from wbc import checks`` is ``wbc.checks``."""
     package = module.split(".")
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -62,10 +63,28 @@ def imported_modules(source: str, module: str) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             start = package[: len(package) - node.level] if node.level else []
             base = ".".join([*start, *([node.module] if node.module else [])])
-            if base in ("wbc", "tasks"):
-                yield from (f"{base}.{alias.name}" for alias in node.names)
-            else:
-                yield base
+            yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def circle(sources: Mapping[Path, str]) -> list[str]:
+    """Files that import one another, the first also at the end; [] where there are none.
+
+    Imports inside functions and those for the type checker count too.
+    """
+    inside = {path: ".".join(path.with_suffix("").parts) for path in sources}
+    modules = {module.removesuffix(".__init__") for module in inside.values()}
+    imports: dict[str, set[str]] = {}
+    for path, source in sources.items():
+        names = set(imported_modules(source, inside[path]))
+        # A name is a file's, or stands in one.
+        named = {name if name in modules else name.rpartition(".")[0] for name in names}
+        module = inside[path].removesuffix(".__init__")
+        imports[module] = named & modules - {module}
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as found:
+        return list(found.args[1])
+    return []
 
 
 def forbidden_imports(path: Path, source: str) -> list[str]:
@@ -135,6 +154,10 @@ def test_imports_run_one_way():
     assert [fault for path in SOURCES for fault in forbidden_imports(path, read(path))] == []
 
 
+def test_no_files_import_one_another():
+    assert circle({path: read(path) for path in SOURCES}) == []
+
+
 def test_no_file_is_longer_than_one_can_read():
     assert [f"{p}: {n} lines" for p in SOURCES if (n := len(read(p).splitlines())) > MAX_LINES] == []
 
@@ -183,6 +206,32 @@ def test_an_arrow_against_the_layers_is_found(path: str, source: str):
 )
 def test_an_arrow_along_the_layers_passes(path: str, source: str):
     assert forbidden_imports(Path(path), source) == []
+
+
+@pytest.mark.parametrize(
+    ("there", "back"),
+    [
+        ("from wbc.qp.rows import RowProblem", "import wbc.qp.problem"),
+        ("from .rows import RowProblem", "from ..qp import problem"),
+        ("def f():\n    from wbc.qp import rows", "if TYPE_CHECKING:\n    from wbc.qp.problem import QP"),
+        ("class QP:\n    import wbc.qp.rows", "def f():\n    from ..qp.problem import QP"),
+    ],
+)
+def test_files_that_import_one_another_are_found(there: str, back: str):
+    problem, rows = Path("wbc/qp/problem.py"), Path("wbc/qp/rows.py")
+    other = {Path("wbc/qp/__init__.py"): "from .problem import QP", Path("wbc/errors.py"): ""}
+    found = circle({problem: there, rows: back} | other)
+    assert found[0] == found[-1]
+    assert set(found) == {"wbc.qp.problem", "wbc.qp.rows"}
+    assert circle({problem: there, rows: "import wbc.errors\nimport wbc.qp.rows"} | other) == []
+
+
+def test_a_circle_through_a_package_is_found():
+    sources = {
+        Path("wbc/qp/__init__.py"): "from .problem import QP",
+        Path("wbc/qp/problem.py"): "from wbc.qp import QP",
+    }
+    assert set(circle(sources)) == {"wbc.qp", "wbc.qp.problem"}
 
 
 def test_the_other_checks_find_what_they_look_for():
