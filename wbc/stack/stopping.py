@@ -123,7 +123,7 @@ class Stopping:
             q = model.random_configuration(rng)
             if k % 3 == 0:  # a corner
                 q = np.where(finite, np.where(rng.random(model.nj) < 0.5, low, high), q)
-            sides = rng.choice([-1.0, 1.0], nv)
+            sides = rng.choice(np.array([-1.0, 1.0]), nv)
             state.update(0.0, q, np.zeros(nv))
             np.maximum(self._inertia, np.abs(state.M), out=self._inertia)
             at_rest = state.h.copy()
