@@ -1,4 +1,7 @@
-"""Weak motors and wild goals: what strict priorities come to where torques, friction and joints are at their limits."""
+"""Weak motors and wild goals: what strict priorities come to where torques, friction and joints are at their limits.
+
+Nothing is damped here: what a level comes to with its damping is judged in :mod:`tests.stack.test_damped`.
+"""
 
 from __future__ import annotations
 
@@ -105,8 +108,8 @@ def compare(robot: PinocchioModel, seeds: range, *, ticks: int, every: int) -> t
 def _levels_of_a_run(
     robot: PinocchioModel, seed: int, ticks: int, every: int
 ) -> Iterator[tuple[int, list[float], list[float]]]:
-    controller = wbc.Controller(robot, wild(robot, np.random.default_rng(seed)), level=wbc.InverseDynamics(),
-                                hierarchy=wbc.Strict())  # fmt: skip
+    stack, level = wild(robot, np.random.default_rng(seed)), wbc.InverseDynamics(lm_damping=0.0)
+    controller = wbc.Controller(robot, stack, level=level, hierarchy=wbc.Strict())
     q, v = robot.q0, np.zeros(robot.nv)
     for k in range(ticks):
         command = controller.tick(1e-3 * k, q, v)

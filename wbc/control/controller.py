@@ -266,7 +266,7 @@ class Controller(Solving):
                 raise
             except Exception as cause:  # what was given may raise whatever it likes when it is looked at
                 raise MemberFailed(f"overrides of {', '.join(name for name, _ in said)}", cause) from cause
-        if self._solved is self.plan and isinstance(self.hierarchy, Weighted):  # a damped level is not at its least
+        if self._solved is self.plan:
             self.plan.observe()
         self._solved = None
         self.plan.fill(self.state)

@@ -163,9 +163,9 @@ def _active_rows(controller: Solving) -> list[str]:
 
 def _regularisation(controller: Solving) -> list[str]:
     lines = [f"regularisation: {controller.level.regularisation:g} on every unknown"]
-    damping = controller.plan.damping.applied
-    if damping.any():
-        lines.append(f"damping of the joints, for what was left of the tasks a tick ago: up to {damping.max():.3g}")
+    if controller.plan.damping.is_on:
+        damping = controller.plan.damping.largest
+        lines.append(f"damping of the joints, for what was left of the tasks a tick ago: up to {damping:.3g}")
     return lines
 
 

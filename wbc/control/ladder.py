@@ -41,6 +41,7 @@ from wbc.qp.solvers import by_name
 from wbc.qp.solvers.clarabel_ import Clarabel
 from wbc.qp.solvers.daqp_ import Daqp
 from wbc.qp.solvers.pdas import Pdas
+from wbc.stack.damped import open_plan
 from wbc.stack.plan import Plan
 from wbc.types import Status, Vec
 
@@ -206,7 +207,7 @@ class Ladder:
         mode = controller.mode
         if mode.second is None:
             name = "clarabel" if isinstance(controller.solver, Pdas) else "pdas"
-            mode.second = controller.hierarchy.open(controller.plan.problem, by_name(name))
+            mode.second = open_plan(controller.plan, controller.hierarchy, by_name(name))
         answer = controller.asked(mode.second)
         return status if answer is Status.FAILED else answer
 

@@ -13,8 +13,10 @@ from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
+from wbc.stack.damped import open_plan
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy
+from wbc.stack.plan import Plan
 from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
@@ -43,8 +45,8 @@ class Solving:
         #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
         self.serial = 0
 
-    def _open(self, problem: RowProblem) -> RowSolver:
-        return self.hierarchy.open(problem, self.solver)
+    def _open(self, plan: Plan) -> RowSolver:
+        return open_plan(plan, self.hierarchy, self.solver)
 
     @property
     def dt(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
@@ -34,11 +35,13 @@ class ResidualDamping:
     Unconstrained Optimization, ch. 10 (why the second order counts where the residual is large).
     """
 
-    def __init__(self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float) -> None:
+    def __init__(
+        self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, tasks: slice
+    ) -> None:
         nb, nv, nj = layout.model.nb, layout.model.nv, layout.model.nj
-        self._motion = motion
-        dims = [task.dim for task in layout.kinematic]
-        rows, first = sum(dims), layout.motion_row
+        dims = [task.dim for task in layout.kinematic[tasks]]
+        rows, before = sum(dims), sum(task.dim for task in layout.kinematic[: tasks.start])
+        first, own = layout.motion_row + before, slice(before, before + rows)
         starts = np.cumsum([0, *dims])
         gain = motion.rate if motion.order == 1 else motion.kp
         step = dt if motion.order == 1 else 4.0 * dt**2
@@ -48,14 +51,15 @@ class ResidualDamping:
         self.base = np.zeros(nj)
         #: Weight of the damping of each joint (nj,), and which of the unknowns y the joints are.
         self.applied, self.columns = np.zeros(nj), slice(nb - layout.n_u, nv - layout.n_u)
-        self._rate = np.zeros(nj)
+        #: a = −rate v is what is wanted of each joint (nj,).
+        self.rate = np.zeros(nj)
         self._memory = Memory(
             np.array([len(dims), rows, nj, problem.n + 1, nb], dtype=np.int64), starts.astype(np.int64), self._numbers,
             problem.G[first : first + rows], problem.x1, problem.weights[first - problem.soft.start :][:rows],
-            gain[:rows], motion.kd[:rows], motion.e[:rows], self.base, self.applied, np.zeros((len(dims), nj)),
-            self._rate, np.zeros(rows), *(np.zeros(nj) for _ in range(3)),
+            gain[own], motion.kd[own], motion.e[own], self.base, self.applied, np.zeros((len(dims), nj)),
+            self.rate, np.zeros(rows), *(np.zeros(nj) for _ in range(3)),
         )  # fmt: skip
-        self._at = self._memory.address
+        self._at, self._counts = self._memory.address, factor > 0.0 and rows > 0
         self.reset()
 
     def reset(self) -> None:
@@ -70,11 +74,56 @@ class ResidualDamping:
 
     def observe(self) -> bool:
         """Read what the last answer left; whether the damping changed by it."""
+        if not self._counts:
+            return False
         found = observe(self._at)
-        if found == CHANGED:
-            self._motion.set_damping(self._rate)
-        elif found == SPOILT:
+        if found == SPOILT:
             was_on = self.is_on
             self.reset()
             return was_on
         return found == CHANGED
+
+
+@final
+class Damping:
+    """The damping of a plan: one in the metric of all joints, and one by itself for each level that ranks above others.
+
+    A level that ranks above others is damped by what is left of its own tasks, and by nothing below it
+    (:mod:`wbc.stack.damped`); the one in the metric is by what is left of all other kinematic tasks.
+    """
+
+    def __init__(self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float) -> None:
+        self._made_of = layout, motion, problem, factor, dt
+        self.factor = factor
+        self.in_metric = ResidualDamping(*self._made_of, tasks=slice(0, len(layout.kinematic)))
+        self.of_levels: list[ResidualDamping] = []
+        #: The velocities (nv,) of the tick, where accelerations are decided and levels are damped.
+        self.v = np.zeros(layout.model.nv)
+
+    def divide(self, of_levels: Sequence[slice], in_metric: slice) -> None:
+        """Say which of the kinematic tasks each level has, and which are left for the metric."""
+        base = self.in_metric.base
+        self.in_metric = ResidualDamping(*self._made_of, tasks=in_metric)
+        self.in_metric.base[:] = base
+        self.of_levels = [ResidualDamping(*self._made_of, tasks=tasks) for tasks in of_levels]
+
+    def reset(self) -> None:
+        """No damping, as before the first tick."""
+        for damping in (self.in_metric, *self.of_levels):
+            damping.reset()
+
+    @property
+    def is_on(self) -> bool:
+        """Whether any joint is damped, by any level."""
+        return any(damping.is_on for damping in (self.in_metric, *self.of_levels))
+
+    @property
+    def largest(self) -> float:
+        """The largest weight of the damping of a joint."""
+        return max(float(damping.applied.max(initial=0.0)) for damping in (self.in_metric, *self.of_levels))
+
+    def observe(self) -> bool:
+        """Read what the last answer left; whether the damping in the metric changed by it."""
+        for damping in self.of_levels:
+            damping.observe()
+        return self.in_metric.observe()

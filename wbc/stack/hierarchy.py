@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 from wbc import checks
 from wbc.qp.lexicographic import LexicographicSolver, Part, Stage
@@ -13,12 +13,36 @@ from wbc.qp.rows import RowProblem, RowSolver, Wish, open_rows
 from wbc.qp.solver import Solver
 
 
+class Rank(NamedTuple):
+    """How one level is decided: directions first, then what its tasks weigh, and what is left of it after that."""
+
+    directions: tuple[Stage, ...]
+    own: Stage
+    after: tuple[Stage, ...]
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """All of them in their order."""
+        return (*self.directions, self.own, *self.after)
+
+    @property
+    def wishes(self) -> list[Wish]:
+        """The tasks that are decided once ``own`` is."""
+        parts = [part for stage in (*self.directions, self.own) for part in stage]
+        return list({id(part.wish): part.wish for part in parts}.values())
+
+
 class Hierarchy(ABC):
     """Frozen settings; ``open`` gives the solver with its memory."""
 
     @abstractmethod
+    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+        """How the levels of a problem are decided, one above the other."""
+
     def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
         """The solver of one plan."""
+        stages = [stage for rank in self.ranks(problem.levels) for stage in rank.stages]
+        return _opened(problem, solver, stages, budget=getattr(self, "budget", None))
 
 
 @final
@@ -30,9 +54,8 @@ class Weighted(Hierarchy):
     that may be done in part (``task.scaled()``) keep their directions above everything else.
     """
 
-    def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
-        tasks = [task for level in problem.levels for task in level]
-        return _ranked(problem, solver, _keeping_directions(tasks), budget=None)
+    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+        return [_keeping_directions([task for level in levels for task in level])]
 
 
 @final
@@ -42,7 +65,9 @@ class Strict(Hierarchy):
 
     Least squares of level 1 under the constraints and contacts; of level 2 among all that keep level 1 at its least;
     and so on. The last level is a weighted sum as under :class:`Weighted`, with postures, forces and regularisation.
-    Weights count within a level. A soft constraint (``limit.softly()``) is an inequality at its level.
+    Weights count within a level. A soft constraint (``limit.softly()``) is an inequality at its level. A level that
+    the tick before left something of is damped (``lm_damping``, :class:`~wbc.stack.damped.DampedLevels`): then its
+    least is that of the tasks with their damping, which takes one QP more and no freedom from the levels below.
 
     While all levels but the last can be met exactly this is one QP. Where one cannot, it and those below it are decided
     one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach are
@@ -71,11 +96,8 @@ class Strict(Hierarchy):
     def __post_init__(self) -> None:
         _check_budget(self.budget)
 
-    def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
-        stages: list[Stage] = []
-        for level in problem.levels:
-            stages += _keeping_directions(level)
-        return _ranked(problem, solver, stages, budget=self.budget)
+    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+        return [_keeping_directions(level) for level in levels]
 
 
 @final
@@ -86,7 +108,9 @@ class Scaled(Hierarchy):
     Each task has a scale s in [0, 1], J x + drift = s t with t what its gains ask for. Level by level: first the
     directions (in least squares where no scale can keep them), then all scales as near to 1 as can be,
     ½ Σ w ‖t‖² (1 − s)². Tasks on the joints, linear tasks and soft constraints are decided after that at their level;
-    those of the last level, with forces and regularisation, at the end. ``budget`` as under :class:`Strict`.
+    those of the last level, with forces and regularisation, at the end. ``budget`` and damping as under
+    :class:`Strict`; directions feel a thousandth of the damping, and where accelerations are decided, what is done in
+    part still brakes with all of its kd.
 
     Source: Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015; :mod:`wbc.methods.null_space_saturation` for one task.
 
@@ -101,18 +125,18 @@ class Scaled(Hierarchy):
     def __post_init__(self) -> None:
         _check_budget(self.budget)
 
-    def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
-        stages: list[Stage] = []
-        rest: list[Part] = []
-        for i, level in enumerate(problem.levels):
+    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+        ranks: list[Rank] = []
+        for i, level in enumerate(levels):
             scaled = [task for task in level if task.kinematic or task.scaled]
             rest = [Part(task) for task in level if not (task.kinematic or task.scaled)]
+            is_last = i == len(levels) - 1
             if scaled:
-                stages.append([Part(task, "direction") for task in scaled])
-                stages.append([Part(task, "share") for task in scaled])
-            if rest and i < len(problem.levels) - 1:
-                stages.append(rest)
-        return _ranked(problem, solver, [*stages, rest], budget=self.budget)
+                directions, shares = ([Part(task, kind) for task in scaled] for kind in ("direction", "share"))
+                ranks.append(Rank((directions,), shares, (rest,) if rest or is_last else ()))
+            elif rest or is_last:
+                ranks.append(Rank((), rest, ()))
+        return ranks
 
 
 def _check_budget(budget: int | None) -> None:
@@ -120,14 +144,14 @@ def _check_budget(budget: int | None) -> None:
         checks.number("budget", budget, low=1)
 
 
-def _keeping_directions(tasks: Sequence[Wish]) -> list[Stage]:
+def _keeping_directions(tasks: Sequence[Wish]) -> Rank:
     """The directions of what may be done in part, where there is any, and then everything with its weights."""
     directions = [Part(task, "direction") for task in tasks if task.scaled]
     parts = [Part(task, "share" if task.scaled else "whole") for task in tasks]
-    return [directions, parts] if directions else [parts]
+    return Rank((directions,) if directions else (), parts, ())
 
 
-def _ranked(problem: RowProblem, solver: Solver, stages: Sequence[Stage], *, budget: int | None) -> RowSolver:
+def _opened(problem: RowProblem, solver: Solver, stages: Sequence[Stage], *, budget: int | None) -> RowSolver:
     """One weighted QP where nothing is ranked, else stage after stage."""
     weighted = open_rows(problem, solver)
     if len(stages) < 2:

@@ -15,8 +15,8 @@ class Level(ABC):
 
     ``regularisation`` ½ ε ‖x‖² is on every unknown, and printed, never hidden. ``lm_damping`` λ >= 0 is the factor of
     the Levenberg-Marquardt damping of joints that grows with the part of the errors that cannot be reduced, and that
-    leads to rest where a target is out of reach (:class:`~wbc.stack.damping.ResidualDamping`), under ``Weighted``; 0
-    for none.
+    leads to rest where a target is out of reach (:class:`~wbc.stack.damping.ResidualDamping`), level by level where
+    levels are ranked; 0 for none.
     """
 
     regularisation: float = 1e-8

@@ -25,7 +25,8 @@ class MotionRows:
 
     ``rows`` (m, width) belong to the row array: J x − wanted = 0 is [J 0 −wanted], J (m, nv). Behind the m rows stand
     the ``on_joints`` tasks, nj entries each, whose Jacobian is the identity and is never written, and last the nj
-    entries that the damping of joints (:class:`~wbc.stack.damping.ResidualDamping`) wants: v = 0, or a = −kd v.
+    entries of −v, or of nothing at order 1, which the damping of joints (:class:`~wbc.stack.damping.ResidualDamping`)
+    wants a multiple of.
     """
 
     def __init__(self, order: int, rows: Mat, nv: int, nj: int, n_joint_tasks: int, *, dt: float) -> None:
@@ -51,7 +52,7 @@ class MotionRows:
         self._v = self._v0[:nv]
         self._Jv_rows = self._Jv[:m]
         self._Jv_joints = self._Jv[m:].reshape(self.n_joint_blocks, nj)
-        self._damped_kd, self._damped_minus_kd = self.kd[n - nj :], self._minus_kd[n - nj :]
+        self.kd[n - nj :], self._minus_kd[n - nj :] = 1.0, -1.0
 
     def task_rows(self, first: int, task: Task) -> TaskRows:
         """The views a task writes into; for an ``on_joints`` task, J is left out."""
@@ -64,11 +65,6 @@ class MotionRows:
         out.rate_ref, out.acc_ref = self.rate_ref[rows], self.acc_ref[rows]
         self.set_gains(first, task)
         return out
-
-    def set_damping(self, kd: Vec) -> None:
-        """Damp joints at these rates (nj,) [1/s]."""
-        self._damped_kd[:] = kd
-        np.negative(kd, self._damped_minus_kd)
 
     def set_gains(self, first: int, task: Task) -> None:
         """Read the gains of a task.

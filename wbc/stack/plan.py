@@ -20,7 +20,7 @@ from wbc.stack.applied import Applied
 from wbc.stack.compiled.fill import CompiledFill, MotionMember
 from wbc.stack.constraint import TorqueBySpeed, torque_bounds
 from wbc.stack.contact import Anchor, Contact
-from wbc.stack.damping import ResidualDamping
+from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
@@ -90,8 +90,7 @@ class Plan(Filled):
         #: Of each task on the joints, and of their damping: its share of each joint's cost, and what it wants there.
         self.shares = np.zeros(joint_wanted.shape)
         self._pulls = list(zip(self.shares, joint_wanted, strict=True))
-        self.damping = ResidualDamping(layout, self.motion, p, level.lm_damping, dt)
-        self._damps = level.lm_damping > 0.0 and bool(layout.kinematic)
+        self.damping = Damping(layout, self.motion, p, level.lm_damping, dt)
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
@@ -254,7 +253,7 @@ class Plan(Filled):
             joints += weights
         p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
-        self.damping.base[:] = joints
+        self.damping.in_metric.base[:] = joints
         self._share_joints()
         if layout.nf:
             forces = self._force_weights + eps
@@ -267,17 +266,17 @@ class Plan(Filled):
         p.version += 1
 
     def _share_joints(self) -> None:
-        """The metric of the joints, and what part of it each task on them and their damping has."""
-        p, damping = self.problem, self.damping
+        """The metric of the joints, and what part of it each task on them has; of the damping, what it makes of −v."""
+        p, damping = self.problem, self.damping.in_metric
         joints = damping.base + damping.applied
         for share, weights in zip(self.shares[:-1], self._pull_weights, strict=False):
             np.divide(weights, joints, out=share)
-        np.divide(damping.applied, joints, out=self.shares[-1])
+        np.divide(damping.applied * damping.rate, joints, out=self.shares[-1])
         p.metric[damping.columns] = joints / p.unit
 
     def observe(self) -> None:
         """Before a fill: damp the joints by what the answer to the one before left of the kinematic tasks."""
-        if self._damps and self.damping.observe():
+        if self.damping.observe():
             self._share_joints()
             self.problem.version += 1
 
@@ -342,6 +341,8 @@ class Plan(Filled):
             bounded = self.intervals is None
         if not bounded:
             self._bound_joints(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
+        if self.damping.of_levels and self.level.order > 1:
+            self.damping.v[:] = state.v
         if self.level.dynamics:
             if self._torque_version != self.applied.version:
                 self._take_torque_bounds()

@@ -15,7 +15,7 @@ import numpy as np
 
 from wbc.errors import InvalidInput, UnknownName
 from wbc.models.model import RobotModel, RobotState
-from wbc.qp.rows import RowProblem, RowSolver
+from wbc.qp.rows import RowSolver
 from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.plan import Plan
@@ -64,7 +64,7 @@ class Plans:
 
     def __init__(
         self, model: RobotModel, stack: Stack, level: Formulation, *, dt: float,
-        open_solver: Callable[[RowProblem], RowSolver],
+        open_solver: Callable[[Plan], RowSolver],
     ) -> None:  # fmt: skip
         schedules = [component for component in stack.components if isinstance(component, Schedule)]
         if len(schedules) > 1:
@@ -74,7 +74,7 @@ class Plans:
         self._named = dict(keys(stack.contacts))
         self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
         plan = level.compile(model, stack, dt=dt)
-        self.whole = self.present = Mode(plan, open_solver(plan.problem), plan)
+        self.whole = self.present = Mode(plan, open_solver(plan), plan)
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
         self._waiting: list[frozenset[str]] = []
         self.unplanned = 0
@@ -94,7 +94,7 @@ class Plans:
         if names not in self._modes:
             whole = self.whole.plan
             plan = self._level.compile(whole.model, whole.stack.standing_on(names), dt=whole.dt, like=whole)
-            self._modes[names] = Mode(plan, self._open_solver(plan.problem), whole)
+            self._modes[names] = Mode(plan, self._open_solver(plan), whole)
 
     @property
     def modes(self) -> Iterable[Mode]:

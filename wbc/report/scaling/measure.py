@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from time import perf_counter_ns
@@ -15,12 +15,12 @@ from wbc import checks
 from wbc.control.controller import Controller
 from wbc.errors import UnknownName
 from wbc.plugins import registered
-from wbc.qp.rows import RowProblem, RowSolver
+from wbc.qp.rows import RowProblem, RowSolver, Wish
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
 from wbc.report.scaling.axis import Axis, Problem
 from wbc.sim.scenario import Progress, silent
-from wbc.stack.hierarchy import Hierarchy, Weighted
+from wbc.stack.hierarchy import Hierarchy, Rank, Weighted
 from wbc.types import Vec
 
 GROUP = "wbc.scaling"
@@ -38,6 +38,9 @@ class UnknownAxis(UnknownName):
 @dataclass(frozen=True)
 class InStandardForm(Hierarchy):
     """The weighted QP with its products made, whatever form would be chosen: what the chosen form is measured by."""
+
+    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+        return Weighted().ranks(levels)
 
     def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
         return StandardSolver(problem, solver)

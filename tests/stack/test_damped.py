@@ -1,0 +1,126 @@
+"""Levels that rank above others and cannot be met: what they come to is the least with their damping, and no more."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import Damping, JointLimits, Position, Posture
+from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
+from wbc.qp.problem import QP
+from wbc.types import Status, Vec
+
+ARM = wbc.load("arm")
+FAR, AWAY = np.array([1.5, 1.2, 0.8]), np.array([-0.4, 0.9, 1.4])
+DT = 2e-3
+
+
+def running(level: Any, hierarchy: Any, levels: list[list[Any]], *, seconds: float, limits: list[Any]) -> Controller:
+    """A controller after some time of reaching for what is out of reach."""
+    controller = Controller(ARM, Stack(levels, subject_to=limits), level=level, hierarchy=hierarchy, dt=DT)
+    q, v = np.array(ARM.q0), np.zeros(ARM.nv)
+    for k in range(round(seconds / DT)):
+        command = controller.tick(k * DT, q, v)
+        assert command.status.ok, controller.why
+        q, v = command.q, command.v
+    return controller
+
+
+def reaching(*, posture: float = 1.0) -> list[list[Any]]:
+    elbow = ARM.frame_names[len(ARM.frame_names) // 2]
+    return [
+        [Position("tool", target=FAR, weight=2.0)],
+        [Position(elbow, target=AWAY, name="elbow")],
+        [Posture(ARM.q0 + 0.1, weight=posture)],
+    ]
+
+
+def by_an_oracle(controller: Controller) -> list[tuple[Vec, Vec]]:
+    """J x − t of each level that is damped: as the controller has it, and the least with damping by an interior point
+    method, where the levels above are as the controller has them."""
+    p, v = controller.plan.problem, controller.state.v
+    n, above, found = p.n, list[Any](), []
+    for wishes, damping in zip(p.levels, controller.plan.damping.of_levels, strict=False):
+        (wish,) = wishes
+        assert damping.is_on
+        rows = p.G[wish.rows]
+        J, t = rows[:, :n], -rows[:, n]
+        D = np.diag(damping.applied + 1e-8)
+        H = (J.T * wish.weights) @ J + D
+        rate = damping.rate if controller.level.order > 1 else 0.0 * damping.rate
+        g = -J.T @ (wish.weights * t) + D @ (rate * v)
+        A = np.concatenate([np.zeros((0, n)), *above])
+        qp = QP(H, g, A=A, b=A @ p.x, lb=p.lb, ub=p.ub)
+        answer = wbc.solve(qp, solver="clarabel")
+        assert answer.certificate.primal < 1e-7
+        found.append((rows @ p.x1, J @ answer.x - t))
+        above.append(J)
+    return found
+
+
+@pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel], ids=lambda level: level.name)
+@pytest.mark.parametrize("seconds", [0.02, 0.2, 0.6])
+def test_every_level_is_the_least_with_its_damping_under_those_above(level: Any, seconds: float):
+    controller = running(level(), wbc.Strict(), reaching(), seconds=seconds, limits=[JointLimits()])
+    found = by_an_oracle(controller)
+    assert len(found) == 2
+    for got, least in found:
+        np.testing.assert_allclose(got, least, atol=1e-5 * (1.0 + np.abs(least).max()))
+
+
+def test_damping_takes_no_freedom_from_the_levels_below():
+    """The last level has all that J leaves, not only what the damping leaves."""
+    levels = [reaching()[0], reaching()[2]]
+    controller = running(VelocityLevel(), wbc.Strict(), levels, seconds=1.0, limits=[JointLimits()])
+    p = controller.plan.problem
+    assert controller.plan.damping.is_on and controller.active_count == 0
+    J, wanted = p.G[p.levels[0][0].rows, : p.n], p.levels[1][0].wanted
+    at = J @ p.x
+    nearest = wanted + np.linalg.pinv(J) @ (at - J @ wanted)
+    np.testing.assert_allclose(p.x, nearest, atol=1e-6)
+    assert np.linalg.norm(nearest - np.linalg.pinv(J) @ at) > 1e-2  # so that it says something
+
+
+@pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda hierarchy: type(hierarchy).__name__)
+@pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)
+def test_what_is_left_of_a_damped_level_is_told_of_what_was_asked(level: Any, hierarchy: Any):
+    controller = running(level(), hierarchy, [*reaching()[:1], [Damping()]], seconds=0.3, limits=[JointLimits()])
+    p, (first, *_), last = controller.plan.problem, controller.levels, controller.last
+    assert last is not None and controller.plan.damping.is_on
+    (wish,) = p.levels[0]
+    np.testing.assert_array_equal(p.G[wish.rows, p.n], -wish.wanted)
+    left = p.G[wish.rows] @ p.x1
+    np.testing.assert_allclose(p.value[p.item(wish.rows.start) : p.item(wish.rows.stop)], left, atol=1e-12)
+    assert np.abs(left).max() > 1e-2
+    assert last.certificate.ok and all(outcome.certificate.ok for outcome in controller.levels)
+    assert "damping of the joints" in controller.explain()
+    if isinstance(hierarchy, wbc.Strict):
+        assert first.how == "optimal"
+        assert first.residual == pytest.approx(float(np.sqrt(wish.weights @ left**2)))
+
+
+def test_where_the_damped_problem_has_no_answer_the_level_is_not_damped(monkeypatch: pytest.MonkeyPatch):
+    levels = [[Position("tool", target=FAR)], [Damping()]]
+    controller = running(VelocityLevel(), wbc.Strict(), levels, seconds=0.1, limits=[JointLimits()])
+    q, v = controller.last.q, controller.last.v
+    bare = Controller(ARM, Stack(levels, subject_to=[JointLimits()]), level=VelocityLevel(lm_damping=0.0),
+                      hierarchy=wbc.Strict(), dt=DT)  # fmt: skip
+    monkeypatch.setattr("wbc.stack.damped._Level.solve", lambda _: Status.FAILED)
+    command = controller.tick(0.1, q, v)
+    assert command.status.ok and controller.plan.damping.is_on
+    np.testing.assert_allclose(command.v, bare.tick(0.1, q, v).v, atol=1e-6)
+
+
+def test_a_reset_ends_the_damping_of_every_level():
+    controller = running(VelocityLevel(), wbc.Strict(), reaching(), seconds=0.1, limits=[JointLimits()])
+    assert all(damping.is_on for damping in controller.plan.damping.of_levels)
+    controller.reset()
+    first = controller.tick(0.0, np.array(ARM.q0), np.zeros(ARM.nv)).v
+    assert not controller.plan.damping.is_on
+    np.testing.assert_array_equal(
+        first,
+        running(VelocityLevel(), wbc.Strict(), reaching(), seconds=DT, limits=[JointLimits()]).last.v,
+    )
