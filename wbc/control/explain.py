@@ -140,15 +140,15 @@ def _active_rows(controller: Solving) -> list[str]:
     solution, qp = controller.solution(), controller.qp
     pushing = np.concatenate([solution.z, solution.z_box])
     names = qp.rows[qp.n_eq :]
-    # The bounds of the rows as they were set: in the standard form the rows' constant parts are moved into them.
-    low, high = controller.answered.range_bounds()
-    lower, upper = np.concatenate([low, qp.lb]), np.concatenate([high, qp.ub])
+    value, lower, upper = _bounded(controller)
     active = np.flatnonzero(np.abs(pushing) > _SHOWN * max(1e-3, np.abs(pushing).max(initial=0.0)))
     if not len(active):
         return ["active rows: none"]
     lines = ["active rows:"]
     for i in active[np.argsort(-np.abs(pushing[active]))]:
-        row, up = names[i], bool(pushing[i] > 0)
+        row, pushes_down = names[i], bool(pushing[i] > 0)
+        # What a level above holds may pull, too: the side is where it is.
+        up = pushes_down if lower[i] == upper[i] else bool(upper[i] - value[i] < value[i] - lower[i])
         if len(qp.cl) <= i < len(qp.cl) + controller.plan.problem.n:
             row = row._replace(owner=controller.plan.bound_owner(int(i) - len(qp.cl), upper=up))
         elif about := controller.plan.about(controller.plan.problem.range.start + int(i)):
@@ -157,8 +157,23 @@ def _active_rows(controller: Solving) -> list[str]:
         lines.append(
             f"  {row} at its {'upper' if up else 'lower'} bound {bound:.4g} {row.unit}; "
             f"multiplier {abs(pushing[i]):.3g} per {row.unit or 'unit'}"
+            + ("" if up == pushes_down else ", held for a level above")
         )
     return lines
+
+
+def _bounded(controller: Solving) -> tuple[Vec, Vec, Vec]:
+    """Values, lower and upper bounds of the range rows and unknowns of the answer, in the units of its standard form.
+
+    The bounds are as they were set: in the standard form constant parts of rows are moved into them, and what a level
+    above holds has one value there.
+    """
+    p, source = controller.answered, controller.plan.problem
+    value = np.concatenate([p.value[p.item(p.range.start) : p.item(p.range.stop)], p.x * p.scale])
+    low, high = source.range_bounds()
+    lower = np.concatenate([low, source.lb * source.scale, p.lb[source.n :]])
+    upper = np.concatenate([high, source.ub * source.scale, p.ub[source.n :]])
+    return value, lower, upper
 
 
 def _regularisation(controller: Solving) -> list[str]:
