@@ -15,7 +15,7 @@ from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -33,6 +33,7 @@ from .. import (
     When,
 )
 from .arm_reach import TOOLS
+from .single import Single
 
 FAULT, RECOVERY = 3.0, 1.0  # seconds
 #: At this moment the second joint stops where the others cannot reach all of the path [s].
@@ -68,7 +69,7 @@ class Seen:
 
 
 @final
-class ArmActuatorLoss(Scenario):
+class ArmActuatorLoss(Single):
     """The tool follows a sinusoid; at 3 s the motor of a joint dies: each of the first ``joints`` joints in turn, once
     without an answer, once with its torque bounded to zero, once with its brake set.
 
@@ -81,17 +82,7 @@ class ArmActuatorLoss(Scenario):
     plants = ("mujoco",)
     duration = 7.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         robot = wbc.load(parameters["robot"])
         count = int(parameters["joints"])
         if not 1 <= count <= robot.nj:

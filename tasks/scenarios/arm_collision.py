@@ -17,7 +17,7 @@ from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Push
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -35,6 +35,7 @@ from .. import (
 )
 from ..components.diagnosis import Diagnosis
 from .arm_reach import TOOLS
+from .single import Single
 
 #: When something pushes, and for how long [s].
 YIELDING = 0.2  # share of the damping that is left
@@ -70,7 +71,7 @@ class Hit:
 
 
 @final
-class ArmCollision(Scenario):
+class ArmCollision(Single):
     """A force of ``force`` [N] pushes the centre of mass of ``link`` for 0.8 s while the tool follows a sinusoid, in
     three directions; then every other link is pushed. The answer: all tasks lose stiffness and most damping.
 
@@ -83,17 +84,7 @@ class ArmCollision(Scenario):
     plants = ("mujoco",)
     duration = 3.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         if duration < START + LASTS:
             raise InvalidInput(f"duration is {duration:g} s; the push ends at {START + LASTS:g} s")
         robot = wbc.load(parameters["robot"])

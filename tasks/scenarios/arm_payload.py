@@ -17,12 +17,13 @@ from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
 from .. import Sinusoid, SlotineLi, TorqueLimits
 from . import judge
+from .single import Single
 
 #: When the load is picked up [s], and the end of the run whose error is compared [s].
 PICK, END = 3.0, 2.0
@@ -52,7 +53,7 @@ class Case:
 
 
 @final
-class ArmPayload(Scenario):
+class ArmPayload(Single):
     """All joints follow sines; after 3 s a point mass of ``mass`` [kg] is fixed to the tool. Slotine–Li with the last
     link's ten parameters adapted, against the same law with the same gains that learns nothing.
 
@@ -66,17 +67,7 @@ class ArmPayload(Scenario):
     plants = ("mujoco",)
     duration = 13.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         if duration <= PICK + END:
             raise InvalidInput(f"duration is {duration:g} s; the load comes at {PICK:g} s: give {END:g} s more")
         name = parameters["robot"]

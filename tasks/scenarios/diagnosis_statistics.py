@@ -15,7 +15,7 @@ from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -37,6 +37,7 @@ from .. import (
 from ..components.diagnosis import ACTUATOR, Diagnosis
 from .arm_collision import jacobian, moved_links
 from .arm_reach import TOOLS
+from .single import Single
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: Seconds without a fault that thresholds come from; after a fault that are watched.
@@ -68,7 +69,7 @@ class Case:
 
 
 @final
-class DiagnosisStatistics(Scenario):
+class DiagnosisStatistics(Single):
     """An arm waves, and ``cases`` times something drawn by ``seed`` happens to it: a motor fails totally, partly, by a
     bias or a ceiling; something pushes one of its links for 0.2 to 1.5 s; or its hand picks up a load. The answer is
     that of each diagnosis. Sensors have noise with ``noise``, the controller's masses are wrong by up to ``masses``.
@@ -83,17 +84,8 @@ class DiagnosisStatistics(Scenario):
     }  # fmt: skip
     plants = ("mujoco",)
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant, duration  # there is one of each; the cases say how long it takes
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+        del duration  # the cases say how long it takes
         robot = wbc.load(parameters["robot"])
         count = int(checks.number("parameter 'cases'", parameters["cases"], low=1))
         masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)

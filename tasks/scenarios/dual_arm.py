@@ -10,10 +10,9 @@ import numpy as np
 
 import wbc
 from wbc import checks
-from wbc.errors import UnknownRobot
 from wbc.report import measure, style
 from wbc.report.document import Section
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -22,6 +21,7 @@ from ..criteria.manipulability import ROWS
 from ..motions import pose_motion, swing
 from . import judge
 from .humanoid_stand import STANCES
+from .single import Single
 from .standing import held_by_damping, joint_laws, standing_plant
 
 #: The hands of each robot, left and right; how they are held, where the robot's own stance leaves them too little room
@@ -43,7 +43,7 @@ BAR, SQUEEZE = 2e-3, 1.0
 
 
 @final
-class DualArm(Scenario):
+class DualArm(Single):
     """Torque control at 1 kHz in MuJoCo, standing on both feet. The bar is a weld between the hands and weighs nothing.
 
     ``squeeze`` [N]: how hard the hands press on its ends. ``robot``: g1 (needs example-robot-data) or humanoid.
@@ -52,17 +52,13 @@ class DualArm(Scenario):
     name: ClassVar[str] = "dual-arm"
     summary: ClassVar[str] = "a humanoid holds a rigid bar in both hands, moves it and squeezes it"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "g1", "squeeze": 15.0}
+    robots = HANDS
+    knows = "how these hold a bar"
     plants = ("mujoco",)
     duration = 6.0
 
-    def run(
-        self, parameters: Mapping[str, Any], *, solver: str, hierarchy: str, duration: float, plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:  # fmt: skip
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         name = parameters["robot"]
-        if name not in HANDS:
-            raise UnknownRobot(name, HANDS, f"{self.name} knows how these hold a bar")
         squeeze = checks.number("parameter 'squeeze'", parameters["squeeze"])
         stance, (left, right) = replace(STANCES[name], joints={**STANCES[name].joints, **HELD[name]}), HANDS[name]
         robot = stance.robot(name)

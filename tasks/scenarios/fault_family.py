@@ -9,17 +9,18 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownRobot
+from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 
 from ..components.fault_reaction import TABLE
 from . import humanoid_joint_loss, humanoid_stand, quadruped_joint_loss, quadruped_stand
 from .fault_trials import Outcome, Stand, learnt, trial
 from .held_sway import Held, HeldSway, reserve, table_with
+from .single import Single
 from .standing import held_by_damping
 
 ROBOTS: Sequence[str] = (*humanoid_stand.STANCES, *quadruped_stand.STANCES)
@@ -81,7 +82,7 @@ class Row:
 
 
 @final
-class FaultFamily(Scenario):
+class FaultFamily(Single):
     """Each leg joint's motor loses its strength, at ``moments`` moments spread over the sway's period, with the answer.
 
     ``robot``: g1, talos, go2 (need example-robot-data), humanoid or quadruped; ``joints``: all, or names and parts of
@@ -97,21 +98,12 @@ class FaultFamily(Scenario):
         "robot": "g1", "joints": "all", "moments": 8, "left": 0.0, "noise": False, "masses": 0.0, "seed": 0,
         "answer": "usual",
     }  # fmt: skip
+    robots = ROBOTS
     plants = ("mujoco",)
     duration = 1.6  # of eight moments two are up to 1.57 s apart: every phase of the sway is passed
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
-        stand = _standing(self.name, parameters, solver)
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+        stand = _standing(parameters, solver)
         moments = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
         left = checks.number("parameter 'left'", parameters["left"], low=0.0, high=0.9)
         if parameters["answer"] not in ("usual", "release", "none"):
@@ -142,14 +134,11 @@ class FaultFamily(Scenario):
         return _judged(stand, rows, outcomes[-1])
 
 
-def _standing(scenario: str, parameters: Mapping[str, Any], solver: str) -> Stand:
+def _standing(parameters: Mapping[str, Any], solver: str) -> Stand:
     name = parameters["robot"]
     if name in humanoid_stand.STANCES:
         return humanoid_joint_loss.standing_of(name, parameters, solver)
-    if name not in ROBOTS:
-        raise UnknownRobot(name, ROBOTS, f"{scenario} knows how these stand")
-    return quadruped_joint_loss.standing_of(scenario, {**parameters, "joint": "auto"}, quadruped_joint_loss.JOINTS,
-                                            solver)[0]  # fmt: skip
+    return quadruped_joint_loss.standing_of({**parameters, "joint": "auto"}, quadruped_joint_loss.JOINTS, solver)[0]
 
 
 def begun(k: int, moments: int) -> float:

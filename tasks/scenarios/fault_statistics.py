@@ -17,10 +17,11 @@ from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Effect, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.types import Status, Vec
 
 from .. import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
+from .single import Single
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].
@@ -50,7 +51,7 @@ class Trial:
 
 
 @final
-class FaultStatistics(Scenario):
+class FaultStatistics(Single):
     """An arm waves while, one after the other, ``faults`` motors drawn by ``seed`` fail for 60 ms: totally, partly, by
     a bias, at any moment; sensors have noise and the controller's masses are wrong by up to ``masses``. Nothing reacts.
     Then it waves for ``nominal`` seconds more without a fault. How many are found, laid to the right joint, after how
@@ -66,17 +67,8 @@ class FaultStatistics(Scenario):
     }  # fmt: skip
     plants = ("mujoco",)
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant, duration  # there is one of each; the faults say how long it takes
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+        del duration  # the faults say how long it takes
         robot = wbc.load(parameters["robot"])
         count = int(checks.number("parameter 'faults'", parameters["faults"], low=1))
         nominal = checks.number("parameter 'nominal'", parameters["nominal"], low=0.0)

@@ -11,12 +11,13 @@ import wbc
 from wbc.models import Planar4P
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.types import Vec
 
 from .. import SlotineLi, TorqueLimits
 from . import judge
 from .exact_plant import ExactPlant
+from .single import Single
 from .torque_run import TorqueRun
 
 #: The motion that excites everything: amplitudes [m] and angular frequencies [rad/s]; and the place to stay at [m].
@@ -69,7 +70,7 @@ class Adapted(NamedTuple):
 
 
 @final
-class FourPAdaptive(Scenario):
+class FourPAdaptive(Single):
     """A 4P robot of unknown masses ``m`` [kg] follows a motion from â = 0, then another one only goes to a place.
 
     The controller's model has unit masses and none of them is used. ``gain`` is Γ; with ``physical`` the coefficients
@@ -83,17 +84,7 @@ class FourPAdaptive(Scenario):
     }  # fmt: skip
     duration = 10.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         meta = {
             "scenario": self.name,
             "parameters": dict(parameters),

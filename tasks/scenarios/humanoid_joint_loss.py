@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import Any, ClassVar, final
 
 from wbc import checks
-from wbc.errors import UnknownRobot
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 
 from . import fault_scenario
 from .fault_trials import Gains, Outcome, Stand
 from .held_sway import HeldSway, table_with
 from .humanoid_stand import STANCES
+from .single import Single
 
 JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
 #: What the answer does not mend: the waist carries the body alone.
@@ -52,7 +52,7 @@ def variants(upright: str) -> dict[str, Gains]:
 
 
 @final
-class HumanoidJointLoss(Scenario):
+class HumanoidJointLoss(Single):
     """The motor of one leg joint dies at ``moments`` moments of the sway; each time without and with an answer.
 
     ``robot``: g1, talos (both need example-robot-data) or humanoid; ``joint``: auto, or a joint's name. ``noise``:
@@ -65,23 +65,12 @@ class HumanoidJointLoss(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
+    robots = STANCES
     plants = ("mujoco",)
     duration = 8.0  # Talos takes up to 6 s to fall
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         name = parameters["robot"]
-        if name not in STANCES:
-            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         count = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
         stand = standing_of(name, parameters, solver)
         joint = JOINTS[name] if parameters["joint"] == "auto" else parameters["joint"]

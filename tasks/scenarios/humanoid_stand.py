@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from wbc.errors import UnknownRobot
-from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Parameter, Progress, ScenarioResult
 
+from .single import Single
 from .standing import Demand, Stance, push_force, pushes_within, stand
 
 #: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles; soles
@@ -32,7 +32,7 @@ PUSH: Mapping[str, float] = {"talos": 60.0, "g1": 30.0, "humanoid": 40.0}
 
 
 @final
-class HumanoidStand(Scenario):
+class HumanoidStand(Single):
     """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the torso.
 
     ``push`` [N]; auto: as strong as is usual for the robot. ``robot``: talos, g1 (both need example-robot-data) or
@@ -42,23 +42,12 @@ class HumanoidStand(Scenario):
     name: ClassVar[str] = "humanoid-stand"
     summary: ClassVar[str] = "a humanoid sways on its feet, draws a circle with a hand and takes two pushes"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": "auto"}
+    robots = STANCES
     plants = ("mujoco",)
     duration = 10.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         name = parameters["robot"]
-        if name not in STANCES:
-            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         stance, force = STANCES[name], push_force(parameters["push"], PUSH[name])
         parameters = {**parameters, "push": force}
         return stand(

@@ -10,11 +10,11 @@ import numpy as np
 
 import wbc
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownRobot
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.stack.contact import Contact
 
@@ -22,6 +22,7 @@ from .. import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
 from . import judge
 from .humanoid_stand import STANCES
 from .plan_step import PlanStep
+from .single import Single
 from .standing import Stance, held_by_damping, joint_laws, standing_plant
 from .walking import Footstep, Gait, Walk, walk
 
@@ -39,7 +40,7 @@ PLACED, IMPACT = 0.1, 0.02
 
 
 @final
-class HumanoidStep(Scenario):
+class HumanoidStep(Single):
     """Torque control at 1 kHz in MuJoCo; everything planned ahead as functions of time, no sensor in the feet.
 
     ``robot``: talos, g1 (both need example-robot-data) or humanoid. ``steps``: how many. ``length`` of a step [m]; 0:
@@ -49,17 +50,13 @@ class HumanoidStep(Scenario):
     name: ClassVar[str] = "humanoid-step"
     summary: ClassVar[str] = "a humanoid takes ten steps: shift the weight, lift a foot, place it ahead"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "steps": 10, "length": 0.0, "first": "left"}
+    robots = GAITS
+    knows = "how these walk"
     plants = ("mujoco",)
     duration = 30.0
 
-    def run(
-        self, parameters: Mapping[str, Any], *, solver: str, hierarchy: str, duration: float, plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:  # fmt: skip
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         name = parameters["robot"]
-        if name not in GAITS:
-            raise UnknownRobot(name, GAITS, f"{self.name} knows how these walk")
         steps = int(checks.number("parameter 'steps'", parameters["steps"], low=1))
         length = checks.number("parameter 'length'", parameters["length"]) or GAITS[name].length
         if parameters["first"] not in FEET:

@@ -15,13 +15,14 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
 from wbc.sim.plant import IntegratorPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Index, Vec
 
 from .. import JointPositionLimits, JointVelocityLimits, Manipulability, Position, ProjectedGradient, Sinusoid
 from . import judge
 from .pictures import picture
+from .single import Single
 
 TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp", "arm": "tool"}
 #: Ticks between two at which the closed form is asked too.
@@ -73,7 +74,7 @@ class Beside:
 
 
 @final
-class PgStep(Scenario):
+class PgStep(Single):
     """The tool follows a path; what joints are left climb its manipulability, within ``speed`` (a share) of the limits.
 
     The command is the QP over q̇: min ½ |q̇ − α_max ∇H|² under J q̇ = ṙ and all limits. Beside it, at the same states,
@@ -86,17 +87,7 @@ class PgStep(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "alpha_max": 80.0, "speed": 0.2}
     duration = 6.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         robot = _robot(parameters["robot"])
         tool = TOOLS.get(robot.name, robot.frame_names[-1])
         setting = Setting(

@@ -9,19 +9,19 @@ import numpy as np
 
 import wbc
 from wbc.control.recorder import Run
-from wbc.errors import UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Cell, Section, Table, Text
 from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
 from .. import JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
 from ..trajectories import Trajectory
 from . import arm_reach, humanoid_stand, judge, quadruped_stand
+from .single import Single
 from .standing import Stance, standing_plant, standing_stack
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
@@ -48,7 +48,7 @@ WAYS: Mapping[str, Way] = {
 
 
 @final
-class PositionControl(Scenario):
+class PositionControl(Single):
     """The tool of an arm, or the centre of mass of a robot on its feet, follows a sinusoid in MuJoCo four times: with
     position drives that are sent the controller's own setpoint, with and without its torques; that are sent setpoints
     from the measured state; and without drives, by torques. The first is recorded.
@@ -59,14 +59,12 @@ class PositionControl(Scenario):
     name: ClassVar[str] = "position-drives"
     summary: ClassVar[str] = "one stack on drives that follow positions, by what feedback and feed-forward they get"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "humanoid"}
+    robots = (*STANCES, *arm_reach.TOOLS)
+    knows = "what these can do"
     plants = ("mujoco",)
     duration = 4.0
 
-    def run(
-        self, parameters: Mapping[str, Any], *, solver: str, hierarchy: str, duration: float, plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:  # fmt: skip
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         aim = _aim(parameters["robot"])
         runs = dict[str, Run]()
         for i, (name, way) in enumerate(WAYS.items()):
@@ -114,8 +112,6 @@ def _aim(name: str) -> _Aim:
         robot = stance.robot(name)
         path = Sinusoid(robot.state().com, amplitude=stance.sway, frequency=stance.frequency)
         return _Aim(robot, standing_stack(robot, stance), path, None, stance)
-    if name not in arm_reach.TOOLS:
-        raise UnknownRobot(name, [*STANCES, *arm_reach.TOOLS], f"{PositionControl.name} knows what these can do")
     robot, tool = wbc.load(name, base="fixed"), arm_reach.TOOLS[name]
     start = np.array(robot.state().frame(tool).position)
     path = Sinusoid(start, amplitude=[0.05, 0.08, 0.05], frequency=[0.5, 0.4, 0.6])

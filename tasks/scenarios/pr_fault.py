@@ -14,12 +14,13 @@ from wbc.models.planar import PlanarRobot
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.types import Vec
 
 from .. import MomentumObserver, Torque
 from . import judge
 from .exact_plant import ExactPlant
+from .single import Single
 from .torque_run import TorqueRun
 
 #: Where the robot is when the fault comes [m, rad], how it moves, and what is asked of its actuators [N, N m].
@@ -58,7 +59,7 @@ class Seen(NamedTuple):
 
 
 @final
-class PrFault(Scenario):
+class PrFault(Single):
     """At t = 0 actuator 1 dies while (5 N, −2 N m) are asked for; two observers watch, K = 10 and K = 3 [1/s].
 
     Then the same with a partial fault, a bias, and two faults at once. ``threshold`` [N, N m] raises the alarm.
@@ -69,17 +70,7 @@ class PrFault(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {"threshold": (0.5, 0.1)}
     duration = 1.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         robot = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, v_max=[10.0, 40.0], tau_max=[10.0, 5.0])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         go = TorqueRun(solver, duration, progress, meta)

@@ -14,12 +14,13 @@ from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.types import Vec
 
 from .. import MeasuredWrench, Position, Torque, TorqueLimits
 from . import judge
 from .exact_plant import ExactPlant
+from .single import Single
 from .torque_run import TorqueRun
 
 TIP = "end_effector"
@@ -49,7 +50,7 @@ class Tracking(NamedTuple):
 
 
 @final
-class PrTorque(Scenario):
+class PrTorque(Single):
     """The tip's x follows 1 − cos 3t; among all torques that do it the one nearest to τ₀ in the norm of M⁻¹ is taken.
 
     A constant force of (−1, 1) N acts at the tip; a sensor measures it. ``damping`` is the diagonal of D in
@@ -61,17 +62,7 @@ class PrTorque(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {"damping": (0.0, 2.0), "kp": 100.0}
     duration = 4.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         robot = PlanarPR(
             m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, gravity=0.0, v_max=[20.0, 60.0], tau_max=[1000.0, 100.0]
         )  # fmt: skip

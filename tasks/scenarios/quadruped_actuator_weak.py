@@ -7,18 +7,20 @@ from typing import Any, ClassVar, final
 
 from wbc import checks
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 
 from . import fault_scenario
 from .fault_trials import Outcome
 from .quadruped_joint_loss import BETWEEN, FIRST, KNEES, VARIANTS, standing_of
+from .quadruped_stand import STANCES
+from .single import Single
 
 #: How far off the share lost may be taken.
 CLOSE = 0.05
 
 
 @final
-class QuadrupedActuatorWeak(Scenario):
+class QuadrupedActuatorWeak(Single):
     """A knee's motor delivers ``left`` of what it is sent, from one of ``moments`` moments of the sway on.
 
     ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
@@ -32,21 +34,12 @@ class QuadrupedActuatorWeak(Scenario):
         "robot": "go2", "joint": "auto", "left": 0.5, "moments": 4, "noise": False, "masses": 0.0, "seed": 0,
         "variants": True,
     }  # fmt: skip
+    robots = STANCES
     plants = ("mujoco",)
     duration = 4.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
-        stand, joint, moments = standing_of(self.name, parameters, KNEES, solver)
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+        stand, joint, moments = standing_of(parameters, KNEES, solver)
         left = checks.number("parameter 'left'", parameters["left"], low=0.25, high=0.9)
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint, effectiveness=left), [FIRST + BETWEEN * k for k in range(moments)],

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, final
 
 from wbc import checks
-from wbc.errors import UnknownRobot
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 
 from . import fault_scenario
 from .fault_trials import Gains, Outcome, Stand
 from .held_sway import HeldSway, table_with
 from .quadruped_stand import STANCES
+from .single import Single
 
 JOINTS: Mapping[str, str] = {"go2": "FL_hip_joint", "quadruped": "front_left_hip_roll"}
 KNEES: Mapping[str, str] = {"go2": "FL_calf_joint", "quadruped": "front_left_knee"}
@@ -23,7 +23,7 @@ FIRST, BETWEEN = 2.0, 0.25
 
 
 @final
-class QuadrupedJointLoss(Scenario):
+class QuadrupedJointLoss(Single):
     """A hip's motor dies at ``moments`` moments of the sway; each time without and with an answer.
 
     ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
@@ -36,21 +36,12 @@ class QuadrupedJointLoss(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "go2", "joint": "auto", "moments": 12, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
+    robots = STANCES
     plants = ("mujoco",)
     duration = 4.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
-        stand, joint, moments = standing_of(self.name, parameters, JOINTS, solver)
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+        stand, joint, moments = standing_of(parameters, JOINTS, solver)
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint), [FIRST + BETWEEN * k for k in range(moments)],
             lambda without, answered: _demand(without, answered, stand.rough), after=duration,
@@ -73,17 +64,13 @@ VARIANTS: Mapping[str, Gains] = {
 }  # fmt: skip
 
 
-def standing_of(
-    scenario: str, parameters: Mapping[str, Any], joints: Mapping[str, str], solver: str
-) -> tuple[Stand, str, int]:
+def standing_of(parameters: Mapping[str, Any], joints: Mapping[str, str], solver: str) -> tuple[Stand, str, int]:
     """Who stands, the joint that fails, and at how many moments.
 
     Raises:
-        UnknownRobot, UnknownJoint, InvalidInput: a parameter that makes no sense.
+        UnknownJoint, InvalidInput: a parameter that makes no sense.
     """
     name = parameters["robot"]
-    if name not in STANCES:
-        raise UnknownRobot(name, STANCES, f"{scenario} knows how these stand")
     masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
     stand = Stand(
         name, STANCES[name], FLOOR, gains=GAINS, noise=parameters["noise"], masses=masses, solver=solver,

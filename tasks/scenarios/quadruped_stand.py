@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from wbc.errors import UnknownRobot
-from wbc.sim.scenario import Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Parameter, Progress, ScenarioResult
 
+from .single import Single
 from .standing import Demand, Stance, pushes_within, stand
 
 STANCES: Mapping[str, Stance] = {
@@ -18,7 +18,7 @@ DEMAND = Demand(com_rms=2.5e-3, slip=1e-3)
 
 
 @final
-class QuadrupedStand(Scenario):
+class QuadrupedStand(Single):
     """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the trunk.
 
     ``push`` [N]. ``robot``: go2 (needs example-robot-data) or quadruped.
@@ -27,23 +27,12 @@ class QuadrupedStand(Scenario):
     name: ClassVar[str] = "quadruped-stand"
     summary: ClassVar[str] = "a quadruped sways on four feet and takes two pushes"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2", "push": 30.0}
+    robots = STANCES
     plants = ("mujoco",)
     duration = 10.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         name = parameters["robot"]
-        if name not in STANCES:
-            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         stance = STANCES[name]
         return stand(
             self.name, stance.robot(name), stance, pushes_within(duration, stance.upright, parameters["push"]), DEMAND,

@@ -8,12 +8,11 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
-from wbc.errors import UnknownRobot
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -22,6 +21,7 @@ from ..trajectories import Trajectory
 from . import judge
 from .plan_step import PlanStep
 from .quadruped_stand import STANCES
+from .single import Single
 from .standing import Stance, held_by_damping, joint_laws, standing_plant
 
 #: The weight goes over the middle of the feet in ``CENTRED`` s; the first feet swing at ``START``, the last are down
@@ -76,7 +76,7 @@ def swinging(position: Vec, lifted: Sequence[float]) -> Trajectory:
 
 
 @final
-class QuadrupedTrotInPlace(Scenario):
+class QuadrupedTrotInPlace(Single):
     """Torque control at 1 kHz in MuJoCo. On two feet nothing holds a robot up for long: it comes down on the others
     before it has tipped over. A contact is made when a force sensor in the foot feels the ground.
 
@@ -86,17 +86,12 @@ class QuadrupedTrotInPlace(Scenario):
     name: ClassVar[str] = "quadruped-trot-in-place"
     summary: ClassVar[str] = "a quadruped lifts two feet across from one another, then the other two, in place"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2"}
+    robots = STANCES
     plants = ("mujoco",)
     duration = 10.0
 
-    def run(
-        self, parameters: Mapping[str, Any], *, solver: str, hierarchy: str, duration: float, plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:  # fmt: skip
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         name = parameters["robot"]
-        if name not in STANCES:
-            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         stance = STANCES[name]
         robot = stance.robot(name)
         floor = standing_plant(robot, stance, held_by_damping(robot))

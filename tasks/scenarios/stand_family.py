@@ -10,15 +10,16 @@ import numpy as np
 
 import wbc
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownRobot
+from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, Push
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 
 from . import humanoid_stand, quadruped_stand
+from .single import Single
 from .standing import Stance, push_force, standing_plant, standing_stack
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
@@ -51,7 +52,7 @@ class Row:
 
 
 @final
-class StandFamily(Scenario):
+class StandFamily(Single):
     """A swaying robot is pushed for 0.2 s from ``sides`` sides, once each; a humanoid gets a load in either hand too.
 
     ``robot``: talos, g1, go2 (need example-robot-data), humanoid or quadruped. ``push`` [N] and ``load`` [kg]: numbers,
@@ -61,23 +62,12 @@ class StandFamily(Scenario):
     name: ClassVar[str] = "stand-family"
     summary: ClassVar[str] = "a standing robot is pushed from eight sides and loaded in either hand: a table"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "g1", "sides": 8, "push": "auto", "load": "auto"}
+    robots = STANCES
     plants = ("mujoco",)
     duration = 3.2
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy, plant  # there is one of each
+    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         name = parameters["robot"]
-        if name not in STANCES:
-            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
         force = push_force(parameters["push"], PUSH[name])
         load, sides = parameters["load"], int(checks.number("parameter 'sides'", parameters["sides"], low=1))
         mass = LOAD.get(name, 0.0) if load == "auto" else checks.typed("parameter 'load' (or auto)", load, low=0.0)
