@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import wbc
-from tasks import Damping, Frame, JointLimits, Position, Posture
+from tasks import Damping, Frame, JointLimits, Orientation, Position, Posture
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.types import Vec
 
@@ -118,11 +118,18 @@ def test_fast_and_plain_ticks_damp_alike(level: Any, hierarchy: Any):
 
 
 @each_level
-@pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda hierarchy: type(hierarchy).__name__)
-def test_a_level_that_cannot_be_met_comes_to_rest_where_nothing_ranks_below_it_but_a_rate(level: Any, hierarchy: Any):
-    stack = Stack(
-        [[Position("tool", target=far_away(1).translation)], [Damping(weight=1.0)]], subject_to=[JointLimits()]
-    )
+@pytest.mark.parametrize("hierarchy, below", [
+    (wbc.Strict(), "rate"), (wbc.Scaled(), "rate"), (wbc.Strict(), "posture"), (wbc.Scaled(), "posture"),
+    (wbc.Strict(), "orientation and posture"),
+], ids=lambda value: value if isinstance(value, str) else type(value).__name__)  # fmt: skip
+def test_a_level_that_cannot_be_met_comes_to_rest_whatever_ranks_below_it(level: Any, hierarchy: Any, below: str):
+    target, posture = far_away(1), [Posture(ARM.q0, kp=50)]
+    ranked = {
+        "rate": [[Damping(weight=1.0)]],
+        "posture": [posture],
+        "orientation and posture": [[Orientation("tool", target=target.rotation)], posture],
+    }
+    stack = Stack([[Position("tool", target=target.translation)], *ranked[below]], subject_to=[JointLimits()])
     controller = Controller(ARM, stack, level=level(), hierarchy=hierarchy, dt=DT)
     _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0)
     assert np.abs(seen[-50:]).max() < 1e-2

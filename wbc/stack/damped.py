@@ -20,6 +20,8 @@ from wbc.types import Index, Status, Vec
 if TYPE_CHECKING:
     from wbc.stack.plan import Plan
 
+#: What each share has in the metric, which has a one for it, beside the heaviest joint: more than rounding.
+_SHARES = 1e-3
 #: What directions feel of the damping: they are kept to about this share of what is asked.
 _SIDEWAYS = 1e-3
 
@@ -72,7 +74,6 @@ class _Alone:
         self._pulls = [(_behind(source, wish), wish) for wish in wishes if wish.rows is None]
         self._problem = p = copy.copy(source)
         p.metric, p.centre = np.ones(p.n_y), np.zeros(p.n_y)
-        p.unit = self._least  # what each share has of the cost, too
         self._weight = np.ones(p.n_y)
         self.refresh()
         self.solver = LexicographicSolver(p, stages, solver, budget=2 * len(stages) + 1)
@@ -85,6 +86,7 @@ class _Alone:
             weight[at] += wish.weights
         self.base = weight[damping.columns].copy()
         weight[damping.columns] += self._share * damping.applied
+        p.unit = max(self._least, _SHARES * float(weight[damping.columns].max()))
         np.multiply(weight / p.unit, p.scale[p.n_u :] ** 2, out=p.metric)
         p.version += 1
 
@@ -195,8 +197,8 @@ class DampedLevels(RowSolver):
 
         minimise ½ Σ wᵢ (Jᵢ x − tᵢ)² + ½ Σ dⱼ (xⱼ − cⱼ)²
 
-    and then asks for what it came to, t := J x, which can be met. Its damping takes no freedom from the levels below:
-    they have what J leaves. Where no level is damped this is the strict solver and nothing else.
+    and then asks for what it came to, t := J x, which can be met. The levels below have what J leaves, slowed
+    (:class:`~wbc.stack.damping.Damping`). Where no level is damped this is the strict solver and nothing else.
 
     Source: Chiaverini, IEEE T-RA 13(3), 1997 (damped least squares above an undamped null space); the residual as
     under ``Weighted``.

@@ -12,6 +12,10 @@ from wbc.qp.rows import RowProblem
 from wbc.stack.compiled.damping_kernel import CHANGED, SPOILT, observe
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
+from wbc.types import Vec
+
+#: Levels below one that can do nothing of what it asks go on at this share of their speed.
+_SLOWEST = 1e-3
 
 
 @final
@@ -60,6 +64,9 @@ class ResidualDamping:
             self.rate, np.zeros(rows), *(np.zeros(nj) for _ in range(3)),
         )  # fmt: skip
         self._at, self._counts = self._memory.address, factor > 0.0 and rows > 0
+        self._rows, self._x1 = problem.G[first : first + rows], problem.x1
+        self._weights = problem.weights[first - problem.soft.start :][:rows]
+        self._J = self._rows[:, nb:nv]
         self.reset()
 
     def reset(self) -> None:
@@ -72,9 +79,32 @@ class ResidualDamping:
         """Whether any joint is damped."""
         return bool(self.applied.any())
 
+    def stalled(self, v: Vec) -> Vec:
+        """How little of what was asked the damped joints could do, (nj,): what is left over what was done, from 0.
+
+        That is d/σ² for a task along the direction of its residual, σ² the curvature that J has there.
+        """
+        largest = float(self.applied.max(initial=0.0))
+        if not self._counts or largest == 0.0:
+            return np.zeros(len(self.applied))
+        asked = self._rows[:, -1] - self._J @ (self.rate * v)
+        left = self._rows @ self._x1
+        before, after = (float((self._weights * r).dot(r)) ** 0.5 for r in (asked, left))
+        done = max(before - after, _SLOWEST * before)
+        found: Vec = self.applied / largest * (min(after, before) / done) if before > 0.0 else 0.0 * self.applied
+        return found
+
+    def slow(self, stalled: Vec, rate: Vec) -> None:
+        """Damp the joints by this many times the curvature of the tasks, besides."""
+        more = stalled * (self.base + self._weights @ self._J**2)
+        total = self.applied + more
+        self.rate[:] = np.divide(self.rate * self.applied + rate * more, total, out=rate.copy(), where=total > 0.0)
+        self.applied[:] = total
+
     def observe(self) -> bool:
         """Read what the last answer left; whether the damping changed by it."""
         if not self._counts:
+            self.applied[:] = 0.0
             return False
         found = observe(self._at)
         if found == SPOILT:
@@ -90,6 +120,12 @@ class Damping:
 
     A level that ranks above others is damped by what is left of its own tasks, and by nothing below it
     (:mod:`wbc.stack.damped`); the one in the metric is by what is left of all other kinematic tasks.
+
+    What the rows of a level leave free is free to first order only: the second order that it is damped for stands in
+    the way of the levels below, too. So these are damped by the same joints, by dⱼ/σ² of the curvature that their own
+    tasks have there, with d/σ² the ratio of what the level left to what it did. They are slowed, and come to rest at
+    the same points. Source: Pfeiffer, Escande, Righetti, IEEE RA-L 3(4), 2018 (the second order of a level takes the
+    freedom of those below).
     """
 
     def __init__(self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float) -> None:
@@ -123,7 +159,18 @@ class Damping:
         return max(float(damping.applied.max(initial=0.0)) for damping in (self.in_metric, *self.of_levels))
 
     def observe(self) -> bool:
-        """Read what the last answer left; whether the damping in the metric changed by it."""
-        for damping in self.of_levels:
-            damping.observe()
-        return self.in_metric.observe()
+        """Read what the last answer left, level after level; whether the damping in the metric changed by it."""
+        was_on = self.in_metric.is_on
+        changed = [damping.observe() for damping in (*self.of_levels, self.in_metric)][-1]
+        if not any(damping.is_on for damping in self.of_levels):
+            return changed or was_on != self.in_metric.is_on
+        nj = len(self.in_metric.rate)
+        stalled, rate = np.zeros(nj), np.zeros(nj)
+        for damping in (*self.of_levels, self.in_metric):
+            own = damping.stalled(self.v[-nj:])
+            own_rate = damping.rate.copy()
+            if stalled.any():
+                damping.slow(stalled, rate)
+            rate = np.where(own > stalled, own_rate, rate)
+            np.maximum(stalled, own, out=stalled)
+        return True

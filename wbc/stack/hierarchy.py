@@ -67,7 +67,7 @@ class Strict(Hierarchy):
     and so on. The last level is a weighted sum as under :class:`Weighted`, with postures, forces and regularisation.
     Weights count within a level. A soft constraint (``limit.softly()``) is an inequality at its level. A level that
     the tick before left something of is damped (``lm_damping``, :class:`~wbc.stack.damped.DampedLevels`): then its
-    least is that of the tasks with their damping, which takes one QP more and no freedom from the levels below.
+    least is that of the tasks with their damping, which takes one QP more, and the levels below are slowed.
 
     While all levels but the last can be met exactly this is one QP. Where one cannot, it and those below it are decided
     one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach are
