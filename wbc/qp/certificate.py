@@ -190,6 +190,7 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
         cost.slope(
             np.column_stack([curvature, qp.g, kept_push, kept[m:]]),
             _EPS * terms,
+            _EPS * np.abs(qp.H).dot(np.abs(x)),
             _EPS * _largest(np.abs(qp.H).dot(size)),
             float(asked.dot(size)) / size,
         ),
@@ -250,14 +251,16 @@ class _Curved:
             worst = max(worst, float((off / (1.0 + np.abs(task.target))).max()))
         return MappingProxyType(found), worst
 
-    def slope(self, terms: Mat, rounding: Vec, least: float, matters: Vec) -> float:
+    def slope(self, terms: Mat, rounding: Vec, of_x: Vec, least: float, matters: Vec) -> float:
         """The largest sum of ``terms`` (n, k) on a flat variable, relative to the largest term but the first, H x.
 
         ``rounding`` (n,) is that of the products that the terms are. Where it hides the terms, nothing is known of the
         slope beside them: they are zero but for rounding of large pushes that cancel, as next to a singularity, or x
         and the multipliers are too large to know anything. There the slope counts beside ``matters`` (n,), that which
-        changes the cost by all it is the sum of when a variable moves by its size. ``least`` is what rounding of x by
-        its size makes of H x: pushes that are smaller are zero.
+        changes the cost by all it is the sum of when a variable moves by its size. Where the rounding of H x alone,
+        ``of_x`` (n,), is larger than all other terms, x is so large that it says nothing of them, as on the way to a
+        minimum that does not exist: the slope is infinite. ``least`` is what rounding of x by its size makes of H x:
+        pushes that are smaller are zero.
         """
         if self.rank == len(self._order):
             return 0.0
@@ -265,8 +268,11 @@ class _Curved:
         flat = self._order[self.rank :]
         hidden = rounding[flat] * self._unit[flat]
         zero = _largest(terms[:, 1:]) * self._unit[flat] + np.abs(self._below).dot(np.abs(inside[:, 1:]).sum(axis=1))
-        zero = len(self._order) * FLAT * zero + least * self._unit[flat]
+        zero *= len(self._order) * FLAT
         magnitude = np.abs(left[:, 1:]).max(axis=1)
+        if ((magnitude > zero) & (of_x[flat] * self._unit[flat] > magnitude)).any():
+            return float("inf")
+        zero += least * self._unit[flat]
         sum_of = np.abs(left.sum(axis=1))
         counts: NDArray[np.bool_] = magnitude > zero
         rest = sum_of - zero - len(flat) * hidden
