@@ -9,7 +9,7 @@ VENV_PYTHON := $(VENV)/bin/python
 INSTALL := $(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --editable
 # The one thing that pip does not bring: Pinocchio's wheel for Linux is linked against libgomp.
 # The solver is compiled once for this processor, and kept.
-COMPILE := $(VENV_PYTHON) -c "import wbc.qp.rows.core"
+COMPILE := $(VENV_PYTHON) -c "import wbc.qp.lexicographic.levels, wbc.qp.rows.core"
 LOOK := $(VENV_PYTHON) -c "import pinocchio" || \
   { echo "If libgomp.so.1 is what is missing: apt install libgomp1 (Debian, Ubuntu) or dnf install libgomp (Fedora)" >&2; exit 1; }
 
@@ -62,7 +62,7 @@ $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
 	@echo "about 350 MB to download from PyPI, 1.4 GB on disk, a minute or two."
 	@$(INSTALL) ".[sim,report,robots]"
 	@$(LOOK)
-	@echo "Compiling the solver for this processor: about half a minute."
+	@echo "Compiling the solver for this processor: about a minute."
 	@$(COMPILE)
 	@touch $@
 
@@ -71,7 +71,7 @@ $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created
 	@echo "about 500 MB to download from PyPI, 1.9 GB on disk, a minute or two."
 	@$(INSTALL) ".[all]"
 	@$(LOOK)
-	@echo "Compiling the solver for this processor: about half a minute."
+	@echo "Compiling the solver for this processor: about a minute."
 	@$(COMPILE)
 	@touch $(VENV)/ready-to-run $@
 

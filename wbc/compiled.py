@@ -60,7 +60,7 @@ def entry(function: _F) -> _F:
     kept = getattr(getattr(made, "_cache", None), "cache_path", None)
     name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-"
     if sys.stderr.isatty() and not (kept and any(Path(kept).glob(f"{name}*.nbi"))):
-        print("compiling the solver for this processor, once: about half a minute", file=sys.stderr)
+        print("compiling the solver for this processor, once: about a minute", file=sys.stderr)
     made.compile("int64(int64)")
     return cast(_F, made)
 

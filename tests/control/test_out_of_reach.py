@@ -120,7 +120,7 @@ def test_fast_and_plain_ticks_damp_alike(level: Any, hierarchy: Any):
 @each_level
 @pytest.mark.parametrize("hierarchy, below", [
     (wbc.Strict(), "rate"), (wbc.Scaled(), "rate"), (wbc.Strict(), "posture"), (wbc.Scaled(), "posture"),
-    (wbc.Strict(), "orientation and posture"),
+    (wbc.Strict(), "orientation and posture"), (wbc.Scaled(), "orientation and posture"),
 ], ids=lambda value: value if isinstance(value, str) else type(value).__name__)  # fmt: skip
 def test_a_level_that_cannot_be_met_comes_to_rest_whatever_ranks_below_it(level: Any, hierarchy: Any, below: str):
     target, posture = far_away(1), [Posture(ARM.q0, kp=50)]

@@ -1,36 +1,39 @@
-"""Each week other hierarchies of every family: no wrong answer on any solver for control, and none that raises."""
+"""Each week other hierarchies of every family: no wrong answer, whichever solver is named, and none that raises."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import wbc
-from tests.families.hierarchies import FAMILIES, cases, far_scaled, judge, problem, scaled
+from tests.families.hierarchies import FAMILIES, cases, far_scaled, judge, problem
 from tests.seeds import SEED
-from wbc.qp.solver import Solver
-from wbc.qp.solvers import Osqp, Piqp
 from wbc.types import Status
 
 
-@pytest.mark.parametrize("solver", ["pdas", "daqp", "piqp", "osqp", "clarabel"])
-def test_no_answer_to_a_random_hierarchy_is_wrong(solver: str) -> None:
-    found = list(cases(12 * len(FAMILIES), SEED, [solver]))
+def test_no_answer_to_a_random_hierarchy_is_wrong() -> None:
+    found = list(cases(60 * len(FAMILIES), SEED, ["pdas"]))
     assert not [case for case in found if case.wrong]
     assert sum(case.status != "SOLVED" for case in found) <= 0.05 * len(found)
 
 
-@pytest.mark.parametrize("solver", [Osqp(max_iter=1), Piqp(max_iter=1)], ids=["osqp", "piqp"])
-def test_a_solver_that_names_wrong_rows_leaves_an_honest_status(solver: Solver) -> None:
-    for index in range(60):
-        for family in (scaled, far_scaled):
+@pytest.mark.parametrize("solver", ["daqp", "piqp", "osqp", "clarabel"])
+def test_levels_are_decided_alike_whichever_solver_is_named(solver: str) -> None:
+    for index in range(12):
+        for family in FAMILIES:
             p = problem(family, 21, index)
-            assert judge(p, wbc.lexicographic(p.levels, lb=p.lb, ub=p.ub, solver=solver)) == ""
+            one = wbc.lexicographic(p.levels, lb=p.lb, ub=p.ub)
+            other = wbc.lexicographic(p.levels, lb=p.lb, ub=p.ub, solver=solver)
+            assert one.status is other.status and np.array_equal(one.x, other.x, equal_nan=True)
 
 
-def test_a_hierarchy_of_which_no_level_was_decided_has_failed() -> None:
-    """Rows seven decades apart, of which only the default solver finds those that push."""
-    p = problem(far_scaled, 21, 541)
-    for solver in ("daqp", "piqp", "osqp", "clarabel"):
-        answer = wbc.lexicographic(p.levels, lb=p.lb, ub=p.ub, solver=solver)
+def test_an_answer_of_which_a_level_is_not_certified_has_no_certificate() -> None:
+    """Rows seven decades apart."""
+    found = 0
+    for index in range(540, 640):
+        p = problem(far_scaled, 21, index)
+        answer = wbc.lexicographic(p.levels, lb=p.lb, ub=p.ub)
         assert judge(p, answer) == ""
         assert answer.status is Status.SOLVED or not answer.certificate.ok
+        found += answer.status is not Status.SOLVED
+    assert found  # else there is nothing to see here

@@ -20,6 +20,7 @@ from tasks import (
     Torque,
     TorqueLimits,
 )
+from tests.families.legs import draw
 from tests.stack.conftest import feet, moving
 from wbc.errors import InvalidInput
 from wbc.methods import NullSpaceSaturation
@@ -245,6 +246,24 @@ def test_within_reach_the_three_hierarchies_do_the_same_task() -> None:
 
 
 # ---- settings
+@pytest.mark.parametrize("seed", [301000947, *range(6)])
+def test_levels_remember_no_bound_of_the_tick_before(seed: int) -> None:
+    """What held a level back is one value in the last level's problem, and in that of this tick alone."""
+    controller, q, v, _ = draw(seed)
+    hierarchy = wbc.Scaled()
+    solver = hierarchy.open(controller.plan.problem, controller.solver)
+    for k in range(3):
+        command = controller.tick(1e-3 * k, q, v)
+        fresh = hierarchy.open(controller.plan.problem, controller.solver)
+        fresh.solve()
+        solver.solve()
+        for mine, other in zip(solver.outcomes, fresh.outcomes, strict=True):
+            assert mine.how == other.how and mine.residual == pytest.approx(
+                other.residual, rel=1e-6, abs=1e-6, nan_ok=True
+            )
+        q, v = command.q, command.v
+
+
 def test_a_budget_below_one_is_refused() -> None:
     for kind in (wbc.Strict, wbc.Scaled):
         with pytest.raises(InvalidInput, match="budget"):

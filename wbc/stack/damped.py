@@ -50,9 +50,7 @@ def open_plan(plan: Plan, hierarchy: Hierarchy, solver: Solver) -> RowSolver:
             [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)],
             slice(ends[-1], len(plan.layout.kinematic)),
         )
-    levels = [
-        _Level(plan, rank, decided, own, solver) for (rank, decided), own in zip(upper, damping.of_levels, strict=True)
-    ]
+    levels = [_Level(plan, rank, decided, own) for (rank, decided), own in zip(upper, damping.of_levels, strict=True)]
     return DampedLevels(plan.problem, whole, levels)
 
 
@@ -64,9 +62,7 @@ class _Alone:
     last stage, ``share`` of the damping, and the regularisation on every unknown.
     """
 
-    def __init__(
-        self, plan: Plan, stages: Sequence[Stage], damping: ResidualDamping, solver: Solver, *, share: float = 1.0
-    ) -> None:
+    def __init__(self, plan: Plan, stages: Sequence[Stage], damping: ResidualDamping, *, share: float = 1.0) -> None:
         source = plan.problem
         self._damping, self._share, self._v = damping, share, plan.damping.v
         self._least = plan.level.regularisation
@@ -76,7 +72,7 @@ class _Alone:
         p.metric, p.centre = np.ones(p.n_y), np.zeros(p.n_y)
         self._weight = np.ones(p.n_y)
         self.refresh()
-        self.solver = LexicographicSolver(p, stages, solver, budget=2 * len(stages) + 1)
+        self.solver = LexicographicSolver(p, stages, budget=2 * len(stages) + 1)
 
     def refresh(self) -> None:
         """Read the weights of the tasks and the damping."""
@@ -111,14 +107,12 @@ def _behind(problem: RowProblem, wish: Wish) -> slice:
 class _Level:
     """A level that ranks above others: what it comes to by itself, damped, under those above it."""
 
-    def __init__(
-        self, plan: Plan, rank: Rank, stages: Sequence[Stage], damping: ResidualDamping, solver: Solver
-    ) -> None:
+    def __init__(self, plan: Plan, rank: Rank, stages: Sequence[Stage], damping: ResidualDamping) -> None:
         self.damping, self.wishes, self._p, self._v = damping, rank.wishes, plan.problem, plan.damping.v
         #: Where its stages stand among all.
         self.places = slice(len(stages) - len(rank.directions) - 1, len(stages))
-        self._own = _Alone(plan, stages, damping, solver)
-        self._turning = _Alone(plan, stages[:-1], damping, solver, share=_SIDEWAYS) if rank.directions else None
+        self._own = _Alone(plan, stages, damping)
+        self._turning = _Alone(plan, stages[:-1], damping, share=_SIDEWAYS) if rank.directions else None
         self._turned = [part.wish for stage in rank.directions for part in stage]
         #: What a task does in part it brakes with all of its kd: tasks and where their kd is.
         self._braking: list[tuple[Wish, slice, Vec]] = []

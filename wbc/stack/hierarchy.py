@@ -157,4 +157,4 @@ def _opened(problem: RowProblem, solver: Solver, stages: Sequence[Stage], *, bud
     if len(stages) < 2:
         return weighted
     most = 2 * len(stages) + 1 if budget is None else budget
-    return LexicographicSolver(problem, stages, solver, budget=most, leave=weighted)
+    return LexicographicSolver(problem, stages, budget=most, leave=weighted)

@@ -121,9 +121,16 @@ def test_crossed_bounds_are_a_failure_and_the_next_problem_is_solved() -> None:
 @pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
 def test_kernels_run_as_python_and_stay_within_their_memory(variable: str, tmp_path: Path) -> None:
     """Under these settings an index beyond an array raises; and Python gives the answers of the machine code."""
-    code = "from tests.qp.rows.test_core import judge\nfor seed in range(%d): judge(seed)"
+    code = """
+from tests.families.hierarchies import FAMILIES, cases
+from tests.qp.rows.test_core import judge
+for seed in range(%d):
+    judge(seed)
+assert not [case for case in cases(%d * len(FAMILIES), 1, ["pdas"]) if case.wrong]
+"""
     done = subprocess.run(
-        [sys.executable, "-c", code % (12 if variable == "NUMBA_DISABLE_JIT" else 300)], cwd=ROOT, check=False,
-        env={**os.environ, variable: "1", "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True,
+        [sys.executable, "-c", code % ((12, 2) if variable == "NUMBA_DISABLE_JIT" else (300, 50))], cwd=ROOT,
+        check=False, env={**os.environ, variable: "1", "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True,
+        text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

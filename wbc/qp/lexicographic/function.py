@@ -21,6 +21,9 @@ from wbc.qp.solver import Answer, Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.types import Index, Mat, Status, Vec
 
+#: Who answers, in a :class:`Solution`.
+_CORE = "pdas"
+
 
 def lexicographic(
     levels: Sequence[tuple[Any, Any, Any]], *, lb: Any = None, ub: Any = None, solver: str | Solver = "pdas"
@@ -34,7 +37,7 @@ def lexicographic(
         levels: (A (m, n), lo (m,), hi (m,)) each, the first wins; lo = hi is an equation, ±inf is no side.
         lb: lower bounds (n,) of x, or −inf.
         ub: upper bounds (n,) of x, or inf.
-        solver: a name or a :class:`Solver`. The default works on the rows, others on one QP per level.
+        solver: a name or a :class:`Solver` that exists. Levels are decided by the core, whichever it is.
 
     Returns:
         x, and the multipliers z (rows of all levels,) and z_box (n,) of the last problem, ½ ‖x‖² with every level held:
@@ -62,7 +65,8 @@ def lexicographic(
             raise InvalidProblem(f"levels[{i}]: A has {A.shape[1]} columns, that of levels[0] has {n}")
     low, high = _bounds("lb", lb, n, -np.inf), _bounds("ub", ub, n, np.inf)
     QP(np.eye(n), np.zeros(n), lb=low, ub=high)  # refuses bounds that leave nothing
-    return _judged(_solve(named, low, high, by_name(solver)))
+    by_name(solver)  # refuses what does not exist
+    return _judged(_solve(named, low, high))
 
 
 def _judged(answer: Solution) -> Solution:
@@ -103,20 +107,20 @@ def _bounds(name: str, value: Any, n: int, none: float) -> Vec:
     return checks.array(name, value, (n,), finite=False, error=InvalidProblem)
 
 
-def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec, solver: Solver) -> Solution:
+def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
     A, lo, hi = (np.concatenate([level[i] for level in levels]) for i in range(3))
     ends, n = np.cumsum([0] + [len(level[1]) for level in levels]), len(low)
     equal = lo == hi
     rows, stages = _row_problem(A, lo, hi, ends)
     rows.lb[:n], rows.ub[:n] = low, high
-    ranked = LexicographicSolver(rows, [*stages, []], solver, budget=4 * len(stages) + 4)
+    ranked = LexicographicSolver(rows, [*stages, []], budget=4 * len(stages) + 4)
     start = perf_counter()
     status = ranked.solve()
     elapsed = perf_counter() - start
     if not status.ok and status is not Status.INACCURATE:
         none = Answer.none(Shape(n, 0, len(lo)), status)
         proof = Certificate.none()
-        return Solution(status, none.x, none.y, none.z, none.z_box, proof, ranked.iterations, 0.0, elapsed, solver.name)
+        return Solution(status, none.x, none.y, none.z, none.z_box, proof, ranked.iterations, 0.0, elapsed, _CORE)
     x, z = rows.x[:n].copy(), np.zeros(len(lo))
     y, z[~equal], box = ranked.multipliers()
     stop = len(y)
@@ -134,8 +138,8 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec, solver: Solv
     fixed = last.lb[:n] == last.ub[:n]
     held = QP(np.eye(n), np.zeros(n), C=A, cl=np.where(kept, at, lo), cu=np.where(kept, at, hi),
               lb=np.where(fixed, near, low), ub=np.where(fixed, near, high))  # fmt: skip
-    proof = certificate(held, x, np.zeros(0), z, box[:n])
-    return Solution(status, x, np.zeros(0), z, box[:n], proof, ranked.iterations, 0.0, elapsed, solver.name)
+    proof = certificate(held, x, np.zeros(0), z, box[:n]) if status.ok else ranked.certificate
+    return Solution(status, x, np.zeros(0), z, box[:n], proof, ranked.iterations, 0.0, elapsed, _CORE)
 
 
 def _row_problem(A: Mat, lo: Vec, hi: Vec, ends: Index) -> tuple[RowProblem, list[Stage]]:

@@ -17,13 +17,9 @@ from typing import final
 import numpy as np
 
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.asked import Finder
-from wbc.qp.lexicographic.dual import DualStages
 from wbc.qp.lexicographic.stages import MET, Stage, StagedProblem
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED, Outcome
-from wbc.qp.solver import Solver
-from wbc.qp.solvers.pdas import Pdas
 from wbc.types import Index, Status, Vec
 
 
@@ -31,22 +27,20 @@ from wbc.types import Index, Status, Vec
 class LexicographicSolver(RowSolver):
     """A row problem whose wishes are ranked. ``budget`` QPs a tick; ``leave`` solves the weighted sum instead.
 
-    Every stage is solved and certified from the rows (:mod:`wbc.qp.lexicographic.dual`). The default solver guesses
-    active rows and asks DAQP where guesses fail; of any other solver the active rows of its answers are the guess.
+    Every stage is solved and certified from the rows (:mod:`wbc.qp.lexicographic.levels`), whichever solver the
+    weighted sum is left to.
     """
 
     form = "levels"
 
     def __init__(
-        self, source: RowProblem, stages: Sequence[Stage], solver: Solver, *,
-        budget: int, leave: RowSolver | None = None,
-    ) -> None:  # fmt: skip
+        self, source: RowProblem, stages: Sequence[Stage], *, budget: int, leave: RowSolver | None = None
+    ) -> None:
+        from wbc.qp.lexicographic.levels import Levels  # who ranks nothing need not wait for its kernels
+
         super().__init__(source)
         self.staged = StagedProblem(source, stages)
-        if isinstance(solver, Pdas):
-            self.way = DualStages(self.staged, Finder(None), tolerance=solver.accuracy, tries=solver.tries)
-        else:
-            self.way = DualStages(self.staged, Finder(solver), tolerance=1e-8, tries=5, guesses=False)
+        self.way = Levels(self.staged)
         self._more = self.staged.problem.n - source.n
         self.counts = self.way.counts
         self.budget, self._leave = budget, leave
@@ -70,7 +64,8 @@ class LexicographicSolver(RowSolver):
         self.shortfall = ""
         way, self.way.iterations, self.qps = self.way, 0, 0
         self._weighed = False
-        status, k = self._start() if way.begin() else (Status.FAILED, 0)
+        way.begin()
+        status, k = self._start()
         if not status.ok:
             return self._weigh(status)
         self._hope, first = k, k

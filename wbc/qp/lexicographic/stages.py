@@ -2,7 +2,7 @@
 
 A *stage* is what is decided together: a level of a stack, or a part of one. Rows of the new problem:
 
-    [base | range | last stage | … | second stage | first stage | laws | slots]
+    [base | range | last stage | … | second stage | first stage | laws]
 
 so that all rows above stage k, and the laws, are the block behind stage k. The last stage is the cost that is left when
 all others are settled: weighted rows, metric and centre, as in the problem it was made from.
@@ -24,7 +24,6 @@ from typing import Literal, final
 import numpy as np
 from scipy.linalg.blas import dgemv
 
-from wbc.qp.lexicographic.least import largest
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, Wish
 from wbc.types import Vec
@@ -88,7 +87,6 @@ class StagedProblem:
         self.parts = [_places(stage) for stage in [*upper, last]]
         p.levels = [self._last_wishes(last)]
         self._buffer = np.zeros((0 if self._plain else p.n_rows, source.n + 1))
-        p.lb[source.n :] = 0.0
         self._version = -1
         self._ends = source.item(source.soft.start), p.item(p.soft.start)
         for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
@@ -169,18 +167,19 @@ class StagedProblem:
             rows[at, p.n] = -wish.wanted
         for column, wish in self._directions:
             np.add(wish.wanted, wish.drift, column)
-            length = max(largest(column), _LEAST_SHARE)
+            length = max(float(np.abs(column).max(initial=0.0)), _LEAST_SHARE)
             p.ub[self._shares[id(wish)]] = length
             column /= length
         for row, share, wish in self._lengths:
             rows[row] = 0.0
             asked = wish.wanted + wish.drift
             whole = max(float(np.sqrt((wish.weights * asked * asked).sum())), _LEAST_SHARE)
-            rows[row, share] = whole / max(largest(asked), _LEAST_SHARE)
+            rows[row, share] = whole / max(float(np.abs(asked).max(initial=0.0)), _LEAST_SHARE)
         start, stop = self._ends
         for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
             mine[:n] = side[:n]
             mine[p.n + 1 : stop] = side[n + 1 : start]
+        p.lb[n:] = 0.0
         p.centre[: source.n_y] = source.centre
 
     def _read_weights(self) -> None:

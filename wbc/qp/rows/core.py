@@ -53,10 +53,10 @@ class CoreSolver(RowSolver):
             proof.push, proof.z, proof.left, self._proof, self._numbers, self._sizes, self._side, self._best,
             self._wrong, np.zeros(most, dtype=np.int64), *floats, *(np.zeros(shape) for shape in shapes),
         )  # fmt: skip
-        self._at = self._memory.address
+        self.address = self._memory.address
         # Where each item stands in ``value``.
         first = p.first_row
-        self._places = np.concatenate([
+        self.places = np.concatenate([
             np.arange(p.n_u, p.n), np.arange(first + p.range.start, first + p.range.stop),
             np.arange(first + p.law.start, first + p.law.stop),
         ]).astype(np.intp)  # fmt: skip
@@ -66,9 +66,9 @@ class CoreSolver(RowSolver):
         self.proof.read()
         p = self.problem
         self._numbers[0], self._numbers[1] = p.unit, p.regularisation / p.unit
-        code = guess(self._at)
+        code = guess(self.address)
         if code == UNDECIDED:
-            code = decide(self._at)
+            code = decide(self.address)
         guesses, steps = int(self._sizes[7]), int(self._sizes[8])
         self.iterations = guesses + steps
         if steps:
@@ -85,9 +85,9 @@ class CoreSolver(RowSolver):
             self.certificate = self.proof.certify(self.proof.push.copy())
             if self.certificate.ok:
                 return Status.SOLVED
-        self.reset()
         if code == INACCURATE:
             return Status.INACCURATE
+        self.reset()
         self.certificate = Certificate.none()
         return Status.INFEASIBLE if code == INFEASIBLE else Status.FAILED
 
@@ -96,7 +96,7 @@ class CoreSolver(RowSolver):
 
     def working_set(self) -> tuple[Index, Vec]:
         held = np.flatnonzero(self._side[: self._bounded])
-        return self._places[held], self._side[held]
+        return self.places[held], self._side[held]
 
     def guess(self, items: Index, side: Vec) -> None:
         self._side.fill(0.0)

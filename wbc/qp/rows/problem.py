@@ -8,7 +8,7 @@ Unknowns x = [u | y], and a trailing 1 so that every affine map is one row times
                L x̂ = 0          laws
                lb ≤ y ≤ ub
 
-All rows live in one C-ordered array G = [B; R; S; L; slots], so that one product G x̂ gives torques, residuals
+All rows live in one C-ordered array G = [B; R; S; L], so that one product G x̂ gives torques, residuals
 and margins. One vector of *items* [x | 1 | rows] holds every value that has a bound, and one comparison checks all.
 
 Forces are stored scaled, f = scale · f̃, so that their metric equals the joints' and D is uniform where it can be;
@@ -38,21 +38,20 @@ class RowProblem:
         self.n_u, self.n_y, self.n = n_u, n_y, n_u + n_y
         self.n_range, self.n_soft, self.n_law = n_range, n_soft, n_law
         self.n_rows = n_u + n_range + n_soft + n_law
-        self.n_slots = min(n_range, n_y)
         #: Names of [B; R; S; L], then of the variables.
         self.rows = rows
         self.regularisation = regularisation
         n, m = self.n, self.n_rows
 
-        self.G = np.zeros((m + self.n_slots, n + 1))
+        self.G = np.zeros((m, n + 1))
         self.base = slice(0, n_u)
         self.range = slice(n_u, n_u + n_range)
         self.soft = slice(n_u + n_range, n_u + n_range + n_soft)
         self.law = slice(n_u + n_range + n_soft, m)
 
-        # Items: the unknowns, the constant 1, the rows, the slots.
+        # Items: the unknowns, the constant 1, the rows.
         self.first_row = n + 1
-        items = n + 1 + m + self.n_slots
+        items = n + 1 + m
         self.value = np.zeros(items)
         self.value[n] = 1.0
         #: Lower bounds in the first row, upper bounds in the second.
@@ -62,7 +61,6 @@ class RowProblem:
         for fixed in (self.base, self.soft, self.law):
             self.lower[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
             self.upper[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
-        self.lower[n + 1 + m :] = self.upper[n + 1 + m :] = 0.0
         self.x = self.value[:n]
         self.x1 = self.value[: n + 1]
 

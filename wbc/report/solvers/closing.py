@@ -175,7 +175,7 @@ def _weights_table(entry: Data) -> Table:
 
 
 def ranked(data: Data) -> Section:
-    """Hierarchies from files: how many levels each solver brings to the optimum, and at what time."""
+    """Hierarchies from files: how many levels the core brings to the optimum, and at what time."""
     items: list[Item] = []
     for name in dict.fromkeys(entry["name"] for entry in data["ranked"]):
         entries = [entry for entry in data["ranked"] if entry["name"] == name]

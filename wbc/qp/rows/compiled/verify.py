@@ -44,10 +44,9 @@ def certify(at: int) -> bool:
         worst = max(over, under) * s.scale[i]
         primal = primal if worst <= primal else worst
         push[i] = 0.0
-    for i in range(first_law, rows):
-        size = abs(value[items + i])
-        primal = primal if size <= primal else size
-    for i in range(n_u, first_soft):
+    for i in range(n_u, rows):
+        if first_soft <= i < first_law:
+            continue
         over, under = value[items + i] - s.upper[items + i], s.lower[items + i] - value[items + i]
         worst = max(over, under)
         primal = primal if worst <= primal else worst

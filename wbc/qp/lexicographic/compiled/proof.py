@@ -1,0 +1,175 @@
+"""The certificate of a level: how far its rows can be from the least that the levels above leave.
+
+In coordinates ỹ = √D y, with W the rows of the level times the roots of their weights, m the residual that the answer
+was found with and r the one that it has, the level is the least of ½ ‖W ỹ + …‖² among all points that meet the
+constraints and keep every row above. The items that are held push with λ; one that pushes on a bound from which the
+answer is g away can be worth λ g. What is left of the gradient in the space V that the rows above leave, made of the
+rows anew, splits into
+
+    Vᵀ (Wᵀ m + Rᵀ λ) = (W V)ᵀ ρ + s ,      ‖W (ỹ − ỹ*)‖ ≤ ‖ρ‖ + ‖r − m‖ + √( Σ |λ| g + ‖s‖ ‖V Vᵀ (ỹ − ỹ*)‖ )
+
+for any optimum ỹ*. A level has no curvature along s; there the distance to the nearest optimum is taken to be no larger
+than the distance of the answer from the centre. The last level has the curvature D: s is measured as it is. Columns
+that the rows above hardly take from the space count as free.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+from wbc.compiled import entry, kernel
+from wbc.qp.lexicographic.compiled.space import (
+    CORE,
+    DECIDED,
+    DEPENDENT,
+    FIRST,
+    FREE,
+    HELD,
+    ITEMS,
+    LAST,
+    ROWS,
+    N,
+    Space,
+    gradient_of_item,
+    gradient_of_row,
+    in_space,
+    reflect,
+    space,
+    triangular,
+)  # fmt: skip
+from wbc.qp.rows.compiled.linear import add, dot
+from wbc.qp.rows.compiled.work import SOLVED, Work, place_of, views
+
+#: What each product of the gradient loses, as a share of the whole.
+_ROUNDING = 8.0 * 2.0**-52
+#: An item this near to its bound is at it.
+_MET = 1e-7
+
+
+@kernel
+def pushes_wrong(w: Space, s: Work, item: int) -> bool:
+    """Whether an item pushes away from the bound that it is held at, which could do without."""
+    place = place_of(s, item)
+    return bool(w.push[item] * w.side[item] < 0.0 and s.lower[place] != s.upper[place])
+
+
+@kernel
+def fit_pushes(at: int) -> None:
+    """The pushes that balance the gradient in ``step`` best, less those of the wrong sign, until none is.
+
+    Rounding gives items that nearly depend on others pushes of any sign. Without them the others balance it as well.
+    """
+    w = space(at)
+    s = views(w.sizes[CORE])
+    n, m = w.sizes[N], w.sizes[ITEMS]
+    d = n - w.sizes[FREE]
+    for _ in range(m):
+        count, is_right = 0, True
+        for item in range(m):
+            if w.side[item] != 0.0 and pushes_wrong(w, s, item):
+                w.idle[item], is_right = 1.0, False
+            w.push[item] = 0.0
+            if w.side[item] != 0.0 and w.idle[item] == 0.0:
+                gradient_of_item(at, item)
+                w.rho[count] = in_space(at, w.C[count])
+                for c in range(d):
+                    w.C[count, c] /= w.rho[count]
+                w.size[count], w.v[count] = 1.0, item
+                count += 1
+        for c in range(n):
+            w.g[c] = w.step[c]
+        in_space(at, w.z)
+        rank = triangular(at, w.C, count, 0, d, w.size, w.order, DEPENDENT)
+        for c in range(rank):
+            reflect(w.z, w.P[c], w.beta[c], c, d)
+        for i in range(rank - 1, -1, -1):
+            for j in range(i + 1, rank):
+                w.z[i] += w.C[j, i] * w.t[j]
+            w.t[i] = -w.z[i] / w.C[i, i]
+            w.push[int(w.v[w.order[i]])] = w.t[i] / w.rho[w.order[i]]
+        if is_right:
+            return
+
+
+@entry
+def certify(at: int) -> int:
+    """Of the level solved last: what is beyond its bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, and what is under the root."""
+    w = space(at)
+    s = views(w.sizes[CORE])
+    n, k, first, free, rank = w.sizes[N], w.sizes[ROWS], w.sizes[FIRST], w.sizes[FREE], w.sizes[HELD]
+    nu = s.sizes[0]
+    d, decided, values = n - free, w.sizes[DECIDED] - rank, nu + n + 1
+    # the gradient, and what the pushes leave of it
+    off, square, size, gap = 0.0, 0.0, 0.0, 0.0
+    for c in range(n):
+        w.at[c] = (s.value[nu + c] - s.centre[c]) / w.root[c]
+        w.step[c] = w.at[c] if w.sizes[LAST] else 0.0
+    for i in range(k):
+        row = w.order[i]
+        gradient_of_row(at, first + row)
+        add(w.weigh[row] * w.missing[i], w.g, n, w.step)
+        off += (w.weigh[row] * s.value[values + first + row] - w.missing[i]) ** 2
+        square += w.missing[i] ** 2
+        size += dot(w.W[i], w.W[i], d)
+    fits = True
+    for i in range(rank):
+        fits = fits and not pushes_wrong(w, s, w.item[i])
+    if not fits:
+        for item in range(w.sizes[ITEMS]):
+            w.idle[item] = 0.0
+        fit_pushes(at)
+        rank = decided = 0
+    for item in range(w.sizes[ITEMS]):
+        force = w.push[item] if w.side[item] != 0.0 else 0.0
+        place = place_of(s, item)
+        near = s.upper[place] - s.value[place] if force > 0.0 else s.value[place] - s.lower[place]
+        if force != 0.0 and near < inf:
+            gradient_of_item(at, item)
+            add(force, w.g, n, w.step)
+            if near > _MET:
+                gap += abs(force) * near
+    for c in range(n):
+        w.g[c] = w.at[c]
+    far = in_space(at, w.z) ** 2
+    for c in range(n):
+        w.g[c] = w.step[c]
+    in_space(at, w.z)
+    slope = 0.0
+    for j in range(free):
+        if w.doubt[j] != 0.0:
+            along, away = 0.0, 0.0
+            for i in range(n):
+                along += w.V[i, j] * w.g[i]
+                away += w.V[i, j] * w.at[i]
+            slope += along**2
+            far += away**2
+    # what rows of the level take of it
+    for c in range(rank + decided):
+        reflect(w.z, w.P[c], w.beta[c], c, d)
+    for c in range(d):
+        if c < rank or c >= rank + decided:
+            slope += w.z[c] ** 2
+    rho = 0.0
+    if decided == k:
+        for i in range(k - 1, -1, -1):
+            for j in range(i + 1, k):
+                w.z[rank + i] -= w.A[j, rank + i] * w.z[rank + j]
+            w.z[rank + i] /= w.A[i, rank + i]
+    else:
+        for i in range(decided):
+            w.z[rank + i] = (w.z[rank + i] - dot(w.T[i], w.z[rank:], i)) / w.T[i, i]
+    for i in range(decided):
+        rho += w.z[rank + i] ** 2
+    # what must hold
+    primal = 0.0
+    for c in range(nu):
+        primal = max(primal, s.value[c] - s.upper[c], s.lower[c] - s.value[c])
+    for item in range(w.sizes[ITEMS]):
+        place = place_of(s, item)
+        primal = max(primal, s.value[place] - s.upper[place], s.lower[place] - s.value[place])
+    w.proof[1] = primal
+    w.proof[2] = sqrt(off) + sqrt(rho)
+    w.proof[3] = max(sqrt(slope) - _ROUNDING * n * sqrt(size * square), 0.0)
+    w.proof[4] = gap
+    w.proof[5] = gap + w.proof[3] * (1.0 + sqrt(far))
+    return SOLVED

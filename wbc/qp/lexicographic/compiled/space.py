@@ -1,0 +1,295 @@
+"""The space that is left below rows that hold: an orthonormal basis, and the rows that narrow it.
+
+With y = y₀ + √D⁻¹ V₊ z, the columns V₊ of an orthogonal V are what is free and the others, V₀, span the rows that
+hold: a row e of the problem is eᵀ √D⁻¹ V₊ in z, and nothing there where it holds. Rows that hold are not kept as
+equations, because once a level is least but not zero they depend on one another, as thin as rounding. To narrow the
+space, rows are made triangular by Householder reflections, the one with the most left of its length first, and V is
+turned by them; rows with next to nothing left depend on those before.
+"""
+
+from __future__ import annotations
+
+from math import copysign, sqrt
+from typing import NamedTuple
+
+from wbc.compiled import carray, floats, integers, kernel, small_kernel
+from wbc.qp.rows.compiled.equality import evaluate, reduced
+from wbc.qp.rows.compiled.linear import dot
+from wbc.qp.rows.compiled.work import place_of, views
+from wbc.types import Index, Mat, Vec
+
+#: What is larger by a smaller share ties, and the index decides.
+_TIED = 1e-9
+#: A row depends on those before it where no more than this share of its length is left.
+DEPENDENT = 1e-10
+#: The same in the proof of a level: what is left by less is taken to be free there.
+_DOUBTFUL = 1e-8
+
+
+class Space(NamedTuple):
+    """Views of the memory of the levels: n unknowns y, m items with bounds, k rows of a level at most.
+
+    *Items* are those of the core without its laws: the unknowns y, then the range rows.
+    """
+
+    V: Mat  # (n, n): columns from ``free`` on are a basis of what is free
+    root: Vec  # √D⁻¹ (n)
+    y0: Vec  # (n): where the level begins
+    value0: Vec  # (m): the items there
+    low: Vec  # (m): how far each item may go from there
+    high: Vec
+    side: Vec  # (m): +1 held at its upper bound, −1 at its lower, 0 free
+    kept: Vec  # (m): 1 where an item held a level above back, and stays
+    idle: Vec  # (m): 1 where an item cannot stop a step
+    push: Vec  # (m): what a held item pushes with, down from above
+    wrong: Vec  # (m): how much a held item pulls instead; −1 where a free one is beyond a bound
+    B: Mat  # (m, n): the held items in z, of unit length, made triangular
+    bound: Vec  # (m): where they are held
+    reach: Vec  # (m): their lengths in z
+    item: Index  # (m): which items they are
+    holds: Vec  # (m): 1 where they hold the level back, in the order of elimination
+    P: Mat  # (n, n): reflections, row by row
+    beta: Vec  # (n)
+    pivot: Vec  # (n): what was left of each row when it was eliminated
+    z: Vec  # (n): the answer
+    at: Vec  # (n): where a descent stands
+    t: Vec  # (n): the answer as reflected
+    g: Vec  # (n + 1): a gradient
+    step: Vec  # (n): work
+    centre: Vec  # (n): the centre of the last level's distance, as reflected
+    W: Mat  # (k, n): rows of the level in z, weighed
+    A: Mat  # (k, n): the same, as reflected
+    T: Mat  # (n, k): the part of A that decides z, transposed
+    a: Vec  # (k): residual of the rows where the level begins, weighed
+    weigh: Vec  # (k): roots of the weights
+    missing: Vec  # (k): residual of the answer, weighed, in the order of elimination
+    rho: Vec  # (l): work
+    v: Vec  # (l): work
+    size: Vec  # (l): lengths that rows are measured by
+    order: Index  # (l): rows in the order of elimination
+    K: Mat  # (k, k)
+    H: Mat  # (n, n)
+    C: Mat  # (l, n): rows that narrow the space
+    doubt: Vec  # (n): 1 for a column that is not free, but hardly
+    proof: Vec  # (6): worst row that must hold | beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
+    stuck: Vec  # (m): 1 where an item stopped the step that letting it go allowed
+    sizes: Index  # (13): see below
+
+
+#: What stands in ``sizes``: n, m, k of this level, its first row in G, 1 for the last level, 1 where it begins within
+#: all bounds, columns of V that are not free, held items, columns that are decided, address of the core's memory, k and
+#: l of the memory, steps.
+N, ITEMS, ROWS, FIRST, LAST, INSIDE, FREE, HELD, DECIDED, CORE, MOST, LONG, STEPS = range(13)
+
+
+@small_kernel
+def space(at: int) -> Space:
+    """The arrays whose addresses are at ``at``, in the order of :class:`Space`."""
+    a = carray(integers(at), 42)
+    s = carray(integers(a[41]), 13)
+    n, m, k, long = s[N], s[ITEMS], s[MOST], s[LONG]
+    return Space(
+        carray(floats(a[0]), (n, n)), carray(floats(a[1]), n), carray(floats(a[2]), n), carray(floats(a[3]), m),
+        carray(floats(a[4]), m), carray(floats(a[5]), m), carray(floats(a[6]), m), carray(floats(a[7]), m),
+        carray(floats(a[8]), m), carray(floats(a[9]), m), carray(floats(a[10]), m), carray(floats(a[11]), (m, n)),
+        carray(floats(a[12]), m), carray(floats(a[13]), m), carray(integers(a[14]), m), carray(floats(a[15]), m),
+        carray(floats(a[16]), (n, n)), carray(floats(a[17]), n), carray(floats(a[18]), n), carray(floats(a[19]), n),
+        carray(floats(a[20]), n), carray(floats(a[21]), n), carray(floats(a[22]), n + 1), carray(floats(a[23]), n),
+        carray(floats(a[24]), n), carray(floats(a[25]), (k, n)), carray(floats(a[26]), (k, n)),
+        carray(floats(a[27]), (n, k)), carray(floats(a[28]), k), carray(floats(a[29]), k), carray(floats(a[30]), k),
+        carray(floats(a[31]), long), carray(floats(a[32]), long), carray(floats(a[33]), long),
+        carray(integers(a[34]), long),
+        carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
+        carray(floats(a[38]), n), carray(floats(a[39]), 6), carray(floats(a[40]), m), s,
+    )  # fmt: skip
+
+
+# ---- reflections
+@kernel
+def reflector(row: Vec, first: int, last: int, v: Vec) -> float:
+    """β and v of I − β v vᵀ, which turns row[first:last] into its length on ``first``; the row becomes that."""
+    square = 0.0
+    for c in range(first, last):
+        square += row[c] * row[c]
+    if square == 0.0:
+        for c in range(first, last):
+            v[c] = 0.0
+        return 0.0
+    alpha = -copysign(sqrt(square), row[first])
+    beta = 1.0 / (square - alpha * row[first])
+    for c in range(first, last):
+        v[c] = row[c]
+        row[c] = 0.0
+    v[first] -= alpha
+    row[first] = alpha
+    return float(beta)
+
+
+@small_kernel
+def reflect(row: Vec, v: Vec, beta: float, first: int, last: int) -> None:
+    """row := row (I − β v vᵀ)."""
+    share = 0.0
+    for c in range(first, last):
+        share += row[c] * v[c]
+    share *= beta
+    for c in range(first, last):
+        row[c] -= share * v[c]
+
+
+@kernel
+def triangular(at: int, A: Mat, m: int, first: int, last: int, size: Vec, order: Index, tolerance: float) -> int:
+    """Make the columns from ``first`` on of m rows of A lower triangular, rows that depend last; how many do not.
+
+    Reflection i is row i of ``P``. ``size`` is what the rest of a row is compared with; ``order`` says which row stands
+    where.
+    """
+    w = space(at)
+    rank = 0
+    for i in range(m):
+        order[i] = i
+    while first + rank < last and rank < m:
+        best, most = -1, tolerance
+        for i in range(rank, m):
+            square = 0.0
+            for c in range(first + rank, last):
+                square += A[i, c] * A[i, c]
+            left = sqrt(square) / size[i] if size[i] > 0.0 else 0.0
+            if left > most * (1.0 + _TIED):
+                best, most = i, left
+        if best < 0:
+            break
+        if best != rank:
+            for c in range(last):
+                A[best, c], A[rank, c] = A[rank, c], A[best, c]
+            size[best], size[rank] = size[rank], size[best]
+            order[best], order[rank] = order[rank], order[best]
+        k = first + rank
+        w.beta[k] = reflector(A[rank], k, last, w.P[k])
+        w.pivot[rank] = most
+        for i in range(rank + 1, m):
+            reflect(A[i], w.P[k], w.beta[k], k, last)
+        rank += 1
+    return rank
+
+
+# ---- rows in the coordinates of the space
+@kernel
+def gradient_of_row(at: int, row: int) -> float:
+    """The gradient of a row of G in √D y with the base eliminated, in ``g``; its length."""
+    w = space(at)
+    s = views(w.sizes[CORE])
+    n = w.sizes[N]
+    reduced(s, s.G[row], w.g)
+    for c in range(n):
+        w.g[c] *= w.root[c]
+    return sqrt(dot(w.g, w.g, n))
+
+
+@kernel
+def gradient_of_item(at: int, item: int) -> float:
+    """That of an item."""
+    w = space(at)
+    s = views(w.sizes[CORE])
+    n = w.sizes[N]
+    if item >= n:
+        return gradient_of_row(at, place_of(s, item) - s.sizes[0] - n - 1)
+    for c in range(n):
+        w.g[c] = 0.0
+    w.g[item] = w.root[item]
+    return float(w.root[item])
+
+
+@kernel
+def in_space(at: int, out: Vec) -> float:
+    """out = V₊ᵀ g; its length."""
+    w = space(at)
+    n, free = w.sizes[N], w.sizes[FREE]
+    for c in range(n - free):
+        out[c] = 0.0
+    for i in range(n):
+        if w.g[i] != 0.0:
+            share = w.g[i]
+            row = w.V[i, free:]
+            for c in range(n - free):
+                out[c] += share * row[c]
+    return sqrt(dot(out, out, n - free))
+
+
+@kernel
+def go(at: int, z: Vec) -> None:
+    """y = y₀ + √D⁻¹ V₊ z, u, and every row."""
+    w = space(at)
+    s = views(w.sizes[CORE])
+    n, free = w.sizes[N], w.sizes[FREE]
+    for i in range(n):
+        s.value[s.sizes[0] + i] = w.y0[i] + w.root[i] * dot(w.V[i, free:], z, n - free)
+    evaluate(w.sizes[CORE])
+
+
+@kernel
+def begin_here(at: int) -> None:
+    """The space begins where ``value`` is."""
+    w = space(at)
+    s = views(w.sizes[CORE])
+    for i in range(w.sizes[N]):
+        w.y0[i] = s.value[s.sizes[0] + i]
+    for item in range(w.sizes[ITEMS]):
+        w.value0[item] = s.value[place_of(s, item)]
+
+
+@kernel
+def narrow(at: int, m: int, tolerance: float) -> int:
+    """Keep only what the m rows in ``C`` leave, and turn V; how many of them did not depend on others."""
+    w = space(at)
+    n, free = w.sizes[N], w.sizes[FREE]
+    rank = triangular(at, w.C, m, 0, n - free, w.size, w.order, tolerance)
+    for k in range(rank):
+        w.doubt[free + k] = 1.0 if w.pivot[k] <= _DOUBTFUL else 0.0
+    for i in range(n):
+        row = w.V[i, free:]
+        for k in range(rank):
+            reflect(row, w.P[k], w.beta[k], k, n - free)
+    w.sizes[FREE] = free + rank
+    return rank
+
+
+@kernel
+def open_space(at: int, first: int) -> float:
+    """The point nearest to the centre where the rows of G from ``first`` on hold, and what is free there.
+
+    What the worst of them is missing then.
+    """
+    w = space(at)
+    s = views(w.sizes[CORE])
+    n, rows = w.sizes[N], len(s.G)
+    nu = s.sizes[0]
+    for i in range(n):
+        for c in range(n):
+            w.V[i, c] = 0.0
+        w.V[i, i] = 1.0
+        w.y0[i] = s.centre[i]
+        w.doubt[i] = 0.0
+    for item in range(w.sizes[ITEMS]):
+        w.kept[item] = 0.0
+    w.sizes[FREE] = 0
+    m = rows - first
+    for i in range(n):
+        s.value[nu + i] = s.centre[i]
+    evaluate(w.sizes[CORE])
+    for i in range(m):
+        w.size[i] = gradient_of_row(at, first + i)
+        w.rho[i] = s.value[nu + n + 1 + first + i]
+        for c in range(n):
+            w.C[i, c] = w.g[c]
+    rank = narrow(at, m, DEPENDENT)
+    for i in range(rank):
+        w.z[i] = (-w.rho[w.order[i]] - dot(w.C[i], w.z, i)) / w.C[i, i]
+    for i in range(n):
+        w.y0[i] += w.root[i] * dot(w.V[i], w.z, rank)
+        s.value[nu + i] = w.y0[i]
+    evaluate(w.sizes[CORE])
+    begin_here(at)
+    worst = 0.0
+    for i in range(first, rows):
+        worst = max(worst, abs(s.value[nu + n + 1 + i]))
+    return worst
