@@ -35,6 +35,7 @@ from tests.families.oracle import (
     judge_weighted,
     margin,
     read,
+    undamped,
 )
 from tests.families.progress import command, told
 from wbc.qp.solvers import usable
@@ -108,7 +109,7 @@ def draw(seed: int) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
     solver, fast = SOLVERS[index] if SOLVERS[index] in usable() else "pdas", index == 0
     made = stack(name, rng, wild=wild)
     control = wbc.Controller(
-        robot, made, level=wbc.InverseDynamics(), hierarchy=hierarchy, solver=solver, fast=fast
+        robot, made, level=undamped(wbc.InverseDynamics(), hierarchy), hierarchy=hierarchy, solver=solver, fast=fast
     )  # fmt: skip
     noise, speed = (1.0, 3.0) if wild else (0.1, 0.1)
     q = robot.integrate(robot.q0, noise * rng.normal(size=robot.nv) * ([0.1] * 6 + [1.0] * robot.nj))

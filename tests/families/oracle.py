@@ -7,7 +7,7 @@ least squares, with all tasks above held where the answer has them, within all c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import clarabel
@@ -16,6 +16,8 @@ from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
 import wbc
+from wbc.stack.formulation import Formulation
+from wbc.stack.hierarchy import Hierarchy, Weighted
 from wbc.types import Mat, Vec
 
 #: Largest violation of a constraint, in its unit.
@@ -202,6 +204,14 @@ def _refined(F: Mat, f: Vec, E: Mat, e: Vec, A: Mat, a: Vec, x: Vec, unit: Vec) 
             return y * unit, False
         return y * unit, bool(missed <= 1e-7 * scale)
     return y * unit, True
+
+
+def undamped(level: Formulation, hierarchy: Hierarchy) -> Formulation:
+    """The level without damping where levels are ranked: this oracle judges their tasks alone.
+
+    Damped levels have an oracle of their own in tests/stack/test_damped.py.
+    """
+    return level if isinstance(hierarchy, Weighted) else replace(level, lm_damping=0.0)
 
 
 class Verdict(NamedTuple):

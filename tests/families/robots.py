@@ -24,7 +24,7 @@ from tasks import (
     Posture,
     TorqueLimits,
 )
-from tests.families.oracle import FEASIBLE, judge_strict, judge_weighted, margin, read
+from tests.families.oracle import FEASIBLE, judge_strict, judge_weighted, margin, read, undamped
 from tests.families.progress import command, told
 
 LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
@@ -78,8 +78,8 @@ def draw(seed: int, folder: Path) -> tuple[wbc.Controller, np.ndarray, np.ndarra
     hierarchy = wbc.Weighted() if rng.uniform() < 0.6 else wbc.Strict()
     index = int(rng.integers(len(SOLVERS)))
     control = wbc.Controller(
-        robot, wbc.Stack(tasks, subject_to=limits), level=level, hierarchy=hierarchy, solver=SOLVERS[index],
-        fast=index == 0, dt=1e-3,
+        robot, wbc.Stack(tasks, subject_to=limits), level=undamped(level, hierarchy), hierarchy=hierarchy,
+        solver=SOLVERS[index], fast=index == 0, dt=1e-3,
     )  # fmt: skip
     q = np.array(robot.q0)
     return control, q, np.zeros(robot.nv), f"{level.name}, {type(hierarchy).__name__}, {SOLVERS[index]}"
