@@ -110,11 +110,26 @@ def test_next_to_no_problem_is_left_undecided() -> None:
 def test_crossed_bounds_are_a_failure_and_the_next_problem_is_solved() -> None:
     p = drawn_problem(3)
     solver = CoreSolver(p)
-    low = p.lb[p.n_u]
+    before = solver.solve()
+    low, high = p.lb[p.n_u], p.ub[p.n_u]
     p.lb[p.n_u], p.ub[p.n_u] = 2.0, 1.0
     assert not solver.solve().ok
-    p.lb[p.n_u], p.ub[p.n_u] = low, 5.0
-    assert solver.solve() in (Status.SOLVED, Status.INFEASIBLE)
+    p.lb[p.n_u], p.ub[p.n_u] = low, high
+    assert before is Status.SOLVED and solver.solve() is before
+
+
+@pytest.mark.parametrize("weight", [1e7, 1e9, 1e11])
+def test_weights_that_are_raised_after_the_form_was_chosen_are_certified(weight: float) -> None:
+    """Rows of the same weight, two of them contradicting each other, far above the metric."""
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        p = RowProblem(0, 6, n_range=0, n_soft=4, n_law=0, rows=[Row(f"{i}") for i in range(10)], regularisation=1e-9)
+        p.G[:] = rng.normal(size=p.G.shape)
+        p.G[p.soft.stop - 1, :6] = 2.0 * p.G[p.soft.stop - 2, :6]
+        solver = CoreSolver(p)
+        p.weights[:] = weight
+        p.version += 1
+        assert solver.form == "rows" and solver.solve() is Status.SOLVED, seed
 
 
 @pytest.mark.slow
