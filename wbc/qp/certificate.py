@@ -270,7 +270,9 @@ class _Curved:
         zero = _largest(terms[:, 1:]) * self._unit[flat] + np.abs(self._below).dot(np.abs(inside[:, 1:]).sum(axis=1))
         zero *= len(self._order) * FLAT
         magnitude = np.abs(left[:, 1:]).max(axis=1)
-        if ((magnitude > zero) & (of_x[flat] * self._unit[flat] > magnitude)).any():
+        of_x = (of_x * self._unit)[self._order]
+        hiding = of_x[self.rank :] + np.abs(self._below).dot(np.abs(self._inverse).dot(of_x[: self.rank]))
+        if ((magnitude > zero) & (hiding > magnitude)).any():
             return float("inf")
         zero += least * self._unit[flat]
         sum_of = np.abs(left.sum(axis=1))
