@@ -51,8 +51,9 @@ from wbc.qp.rows.compiled.equality import evaluate, reduce_base
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import FAILED, SOLVED, UNDECIDED, Work, place_of, views
 
-#: Held items, and rows of the level beside them, depend on others where no more than this share of them is left.
-_HELD = 1e-12
+#: Held items depend on others where no more than this share of their length is left: with less, what their bounds are
+#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to the second.
+_HELD, _BESIDE = 1e-7, 1e-12
 #: A pull below this share of what it is made of is rounding.
 _ROUNDING = 1e-11
 #: Pushes above this share of what they push against hold a level back. With less, a level is held by its own rows,
@@ -195,7 +196,7 @@ def reduce(at: int, rank: int, d: int) -> None:
     for i in range(k):
         w.size[i] = sqrt(dot(w.W[i], w.W[i], d))
         w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
-    decided = triangular(at, w.A, k, rank, d, w.size, w.order, _HELD)
+    decided = triangular(at, w.A, k, rank, d, w.size, w.order, _BESIDE)
     w.sizes[DECIDED] = rank + decided
     for i in range(k):
         w.missing[i] = w.v[w.order[i]]
@@ -401,7 +402,7 @@ def stopped(at: int, length: float) -> bool:
         if w.side[item] == 0.0 and w.kept[item] == 0.0 and w.idle[item] == 0.0:
             whole = gradient_of_item(at, item)
             ahead = dot(w.g, w.step, n)
-            if abs(ahead) > _HELD * whole * length:
+            if abs(ahead) > _STILL * whole * length:
                 moved = s.value[place_of(s, item)] - w.value0[item]
                 room = max(((w.high[item] if ahead > 0.0 else w.low[item]) - moved) / ahead, 0.0)
                 if room < share:
