@@ -12,9 +12,9 @@ Example:
 """
 
 if __name__ == "tasks":  # found by its short name: there is one library, wbc.tasks
-    from wbc.short_name import give_way
+    from wbc.short_name import hand_over
 
-    give_way(__name__)
+    hand_over(__name__)
 
 from wbc.models.collision import Obstacle as Obstacle
 

@@ -34,7 +34,7 @@ class _ShortName(MetaPathFinder, Loader):
         sys.modules[module.__name__] = import_module(f"wbc.{module.__name__}")
 
 
-def give_way(short: str) -> None:
+def hand_over(short: str) -> None:
     """Called by a package that runs as ``short``: from now on it is ``wbc.short``, with all that is in it."""
     long = import_module(f"wbc.{short}").__name__
     for name, module in list(sys.modules.items()):

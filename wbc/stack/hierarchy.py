@@ -35,6 +35,9 @@ class Rank(NamedTuple):
 class Hierarchy(ABC):
     """Frozen settings; ``open`` gives the solver with its memory."""
 
+    #: QPs a tick at most, None: two for each stage and one.
+    budget: int | None = None
+
     @abstractmethod
     def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
         """How the levels of a problem are decided, one above the other."""
@@ -42,7 +45,11 @@ class Hierarchy(ABC):
     def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
         """The solver of one plan."""
         stages = [stage for rank in self.ranks(problem.levels) for stage in rank.stages]
-        return _opened(problem, solver, stages, budget=getattr(self, "budget", None))
+        weighted = open_rows(problem, solver)
+        if len(stages) < 2:
+            return weighted
+        most = 2 * len(stages) + 1 if self.budget is None else self.budget
+        return LexicographicSolver(problem, stages, budget=most, leave=weighted)
 
 
 @final
@@ -149,12 +156,3 @@ def _keeping_directions(tasks: Sequence[Wish]) -> Rank:
     directions = [Part(task, "direction") for task in tasks if task.scaled]
     parts = [Part(task, "share" if task.scaled else "whole") for task in tasks]
     return Rank((directions,) if directions else (), parts, ())
-
-
-def _opened(problem: RowProblem, solver: Solver, stages: Sequence[Stage], *, budget: int | None) -> RowSolver:
-    """One weighted QP where nothing is ranked, else stage after stage."""
-    weighted = open_rows(problem, solver)
-    if len(stages) < 2:
-        return weighted
-    most = 2 * len(stages) + 1 if budget is None else budget
-    return LexicographicSolver(problem, stages, budget=most, leave=weighted)

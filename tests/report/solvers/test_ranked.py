@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidProblem
-from wbc.qp.solvers import by_name
 from wbc.report.document import Table
 from wbc.report.solvers import closing
 from wbc.report.solvers.problems import from_folder
@@ -61,7 +60,7 @@ def test_the_table_shows_who_comes_how_far():
 
 def test_a_hierarchy_is_solved_and_judged(file: Path):
     assert list(from_folder(file.parent).ranked) == [f"{file.parent.name}/two"]
-    found = ranked(by_name("daqp"), file)
+    found = ranked(file)
     assert found["status"] == "SOLVED" and reached(found["levels"], found["known"]) == 2
 
 
@@ -69,6 +68,6 @@ OTHERS = Path(os.environ.get("WBC_QPS", "qps")) / "lexls" / "test_01.npz"
 
 
 @pytest.mark.skipif(not OTHERS.is_file(), reason="no hierarchy of others; set WBC_QPS to a folder with lexls/")
-def test_the_default_solver_brings_a_hierarchy_of_others_to_the_solution_they_know():
-    found = ranked(by_name("pdas"), OTHERS)
+def test_the_core_brings_a_hierarchy_of_others_to_the_solution_they_know():
+    found = ranked(OTHERS)
     assert found["status"] == "SOLVED" and reached(found["levels"], found["known"]) == len(found["known"]) == 5

@@ -1,4 +1,4 @@
-"""Hierarchies from files: levels of rows, the first above all others, solved lexicographically by every solver."""
+"""Hierarchies from files: levels of rows, the first above all others, solved lexicographically by the core."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import numpy as np
 from wbc.errors import InvalidInput, InvalidProblem, WbcError
 from wbc.npz import read_npz
 from wbc.qp.lexicographic import lexicographic
-from wbc.qp.solver import Solver
 from wbc.report.solvers.measure import plain
 from wbc.types import Mat, Vec
 
@@ -68,7 +67,7 @@ def missed(levels: Sequence[tuple[Mat, Vec, Vec]], x: Vec) -> list[float]:
     return found
 
 
-def ranked(solver: Solver, path: Path) -> dict[str, Any]:
+def ranked(path: Path) -> dict[str, Any]:
     """Solve a hierarchy: the status, ½ ‖v‖² of each level, the least time [µs], and what the known solution misses."""
     problem = read_ranked(path)
     known = None if problem.known is None else [plain(v) for v in missed(problem.levels, problem.known)]
@@ -76,7 +75,7 @@ def ranked(solver: Solver, path: Path) -> dict[str, Any]:
     try:
         for _ in range(TRIES):
             start = perf_counter()
-            answer = lexicographic(problem.levels, solver=solver)
+            answer = lexicographic(problem.levels)
             best = min(best, perf_counter() - start)
     except WbcError as refusal:
         return {"status": "REFUSED", "error": str(refusal), "known": known}

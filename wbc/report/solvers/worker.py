@@ -51,7 +51,7 @@ class Worker:
             case "ranked":
                 from wbc.report.solvers.ranked import ranked
 
-                yield ranked(solver, self._folder / order["file"])
+                yield ranked(self._folder / order["file"])
             case "levels":
                 from wbc.report.solvers.levels import levels
 

@@ -9,8 +9,8 @@ point of the least is as good, and the levels below choose among them. What held
 
     Rᵀ λ = −W_Bᵀ (W z + a) [ − (z − c)_B ]
 
-The working set is guessed (block principal pivoting), and where that does not end found by a descent from the beginning
-of the level, where all items are within their bounds.
+The working set is guessed (block principal pivoting). Where that does not end it is found by a descent from a point
+where all items are within their bounds.
 
 Björck: Numerical Methods for Least Squares Problems, SIAM, 1996, 5.1. Dimitrov, Sherikov, Wieber: Efficient resolution
 of potentially conflicting linear constraints in robotics, 2015.
@@ -47,7 +47,7 @@ from wbc.qp.lexicographic.compiled.space import (
     space,
     triangular,
 )  # fmt: skip
-from wbc.qp.rows.compiled.equality import evaluate, reduce_base
+from wbc.qp.rows.compiled.equality import evaluate, reduce_base, reduced
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import FAILED, SOLVED, UNDECIDED, Work, place_of, views
 
@@ -89,10 +89,8 @@ def read_level(at: int) -> None:
         weight = w.weigh[i] if in_space(at, w.W[i]) > DEPENDENT * whole else 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
-        w.a[i] = w.weigh[i] * (dot(s.G[first + i, s.sizes[0] :], w.y0, n) + s.G[first + i, s.sizes[0] + n])
-        for j in range(s.sizes[0]):
-            u = -(dot(s.X[j], w.y0, n) + s.X[j, n])
-            w.a[i] += w.weigh[i] * s.G[first + i, j] * u
+        reduced(s, s.G[first + i], w.g)
+        w.a[i] = w.weigh[i] * (dot(w.g, w.y0, n) + w.g[n])
     for item in range(w.sizes[ITEMS]):
         place = place_of(s, item)
         w.low[item], w.high[item] = s.lower[place] - w.value0[item], s.upper[place] - w.value0[item]
@@ -203,7 +201,6 @@ def reduce(at: int, rank: int, d: int) -> None:
     if decided == k:
         for i in range(k):
             w.t[rank + i] = -(w.missing[i] + dot(w.A[i, rank:], w.t[rank:], i)) / w.A[i, rank + i]
-            w.rho[i] = 0.0
     else:
         for j in range(decided):
             for i in range(k):
@@ -333,8 +330,8 @@ def descend(at: int) -> bool:
 
     In each step as far as the items allow; the one that stops it is held from then on, and where none does, the one
     that pulls most is let go. More items than there are unknowns may meet in one point, where that could go in circles:
-    each bound is first put a little further out, by an amount of its own. An item that
-    stops the very step that letting it go allows, on the same side, pulls by rounding only. False: too many changes.
+    each bound is first put a little further out, by an amount of its own. An item that is let go and stops the next
+    step, at the same bound, pulled by rounding only: it stays. False: too many changes.
 
     Nocedal, Wright: Numerical Optimization, 16.5. Gill, Murray, Saunders, Wright, Mathematical Programming 45, 1989.
     """

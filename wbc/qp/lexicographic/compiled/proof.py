@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import entry, kernel
+from wbc.compiled import entry, kernel, small_kernel
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
@@ -46,9 +46,9 @@ _ROUNDING = 8.0 * 2.0**-52
 _MET = 1e-7
 
 
-@kernel
-def pushes_wrong(w: Space, s: Work, item: int) -> bool:
-    """Whether an item pushes away from the bound that it is held at, which could do without."""
+@small_kernel
+def pulls(w: Space, s: Work, item: int) -> bool:
+    """Whether an item pulls at the bound that it is held at: it is better let go."""
     place = place_of(s, item)
     return bool(w.push[item] * w.side[item] < 0.0 and s.lower[place] != s.upper[place])
 
@@ -66,7 +66,7 @@ def fit_pushes(at: int) -> None:
     for _ in range(m):
         count, is_right = 0, True
         for item in range(m):
-            if w.side[item] != 0.0 and pushes_wrong(w, s, item):
+            if w.side[item] != 0.0 and pulls(w, s, item):
                 w.idle[item], is_right = 1.0, False
             w.push[item] = 0.0
             if w.side[item] != 0.0 and w.idle[item] == 0.0:
@@ -113,7 +113,7 @@ def certify(at: int) -> int:
         size += dot(w.W[i], w.W[i], d)
     fits = True
     for i in range(rank):
-        fits = fits and not pushes_wrong(w, s, w.item[i])
+        fits = fits and not pulls(w, s, w.item[i])
     if not fits:
         for item in range(w.sizes[ITEMS]):
             w.idle[item] = 0.0

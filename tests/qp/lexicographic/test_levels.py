@@ -1,0 +1,72 @@
+"""The certificate of a level, for answers that are not what the level comes to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.families.hierarchies import FAMILIES, problem
+from wbc.qp.lexicographic.function import _level, _row_problem
+from wbc.qp.lexicographic.levels import Levels
+from wbc.qp.lexicographic.stages import StagedProblem
+
+
+def first_level(family, index: int) -> Levels:
+    """The first level of a drawn hierarchy, decided by itself."""
+    drawn = problem(family, 77, index)
+    named = [_level(i, *level) for i, level in enumerate(drawn.levels)]
+    A, lo, hi = (np.concatenate([level[i] for level in named]) for i in range(3))
+    rows, stages = _row_problem(A, lo, hi, np.cumsum([0] + [len(level[1]) for level in named]))
+    rows.lb[: A.shape[1]], rows.ub[: A.shape[1]] = drawn.lb, drawn.ub
+    staged = StagedProblem(rows, [*stages, []])
+    staged.fill()
+    levels = Levels(staged)
+    levels.begin()
+    assert levels.solve(0).ok
+    return levels
+
+
+def residual(levels: Levels) -> np.ndarray:
+    """What the rows of the first level come to at the y in memory."""
+    p = levels.problem
+    return p.G[levels.staged.rows[0]] @ p.x1
+
+
+@pytest.mark.parametrize("family", FAMILIES[:4], ids=lambda family: family.__name__)
+def test_an_answer_is_no_farther_from_the_least_than_its_certificate_says(family) -> None:
+    """Whatever the answer is moved by, each row stays within the bound."""
+    for index in range(25):
+        levels = first_level(family, index)
+        p, rows = levels.problem, levels.staged.rows[0]
+        least = residual(levels)
+        assert levels.certificate(0).ok
+        for size in (1e-5, 1e-2):
+            p.x[p.n_u :] += size * np.random.default_rng(index).normal(size=p.n_y)
+            p.value[p.item(rows.start) : p.item(rows.stop)] = residual(levels)
+            bounds = levels.certificate(0).bounds
+            off = np.abs(residual(levels) - least)
+            for name, place in levels.staged.parts[0].items():
+                assert off[place].max(initial=0.0) <= bounds[name] * (1.0 + 1e-6) + 1e-9
+
+
+def test_a_level_that_bounds_hold_back_is_not_certified_without_their_pushes() -> None:
+    found = 0
+    for index in range(60):
+        levels = first_level(FAMILIES[0], index)
+        if np.abs(levels._push).max() > 1e-3:
+            levels._side[:] = 0.0
+            assert not levels.certificate(0).ok
+            found += 1
+    assert found > 10
+
+
+def test_a_push_on_a_bound_that_is_not_met_is_no_proof() -> None:
+    found = 0
+    for index in range(60):
+        levels = first_level(FAMILIES[0], index)
+        p, held = levels.problem, levels._places[levels._push > 1e-3]
+        if len(held):
+            p.upper[held] += 1.0
+            assert not levels.certificate(0).ok
+            found += 1
+    assert found > 5
