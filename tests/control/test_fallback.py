@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -41,3 +42,17 @@ def test_a_foot_whose_sensor_gives_no_number_is_left_out_of_the_residual():
             wrenches[contacts[0].frame] = np.array([np.nan, 0.0, 30.0, 0.0, 0.0, np.inf])
         controller.tick(1e-3 * tick, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
         assert np.isfinite(observer.residual).all(), tick
+
+
+def test_a_free_base_that_moves_no_mass_is_braked_with_finite_torques(tmp_path):
+    hinge = '<parent link="a"/><child link="b"/><limit lower="-1" upper="1" velocity="1" effort="1"/>'
+    links = '<link name="a"/><link name="b"/>'
+    path = tmp_path / "light.urdf"
+    path.write_text(f'<robot name="light">{links}<joint name="hinge" type="revolute">{hinge}</joint></robot>')
+    with pytest.warns(UserWarning, match="moves no inertia"):
+        robot = wbc.load(path, base="floating")
+    controller = wbc.Controller(
+        robot, wbc.Stack([Posture(robot.q0)], subject_to=[TorqueLimits()]), level=wbc.InverseDynamics()
+    )
+    command = controller.tick(0.0, np.nan * robot.q0, np.zeros(robot.nv))
+    assert command.rung == "damped" and np.isfinite(command.tau).all()

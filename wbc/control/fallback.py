@@ -76,7 +76,7 @@ class Fallback:
         nb, M, h = self._plan.model.nb, state.M, state.h
         if nb and np.isfinite(M).all():
             a = a.copy()
-            a[:nb] = -np.linalg.solve(M[:nb, :nb], M[:nb, nb:] @ a[nb:] + h[:nb])
+            a[:nb] = -np.linalg.lstsq(M[:nb, :nb], M[:nb, nb:] @ a[nb:] + h[:nb])[0]  # links may have no mass
         return np.asarray((M @ a + h)[nb:])
 
     def _standing(self, state: RobotState) -> Vec:

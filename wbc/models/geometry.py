@@ -55,6 +55,11 @@ class Box:
 
     size: Triple
 
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """What its size is made of."""
+        return self.size
+
 
 @final
 @dataclass(frozen=True)
@@ -62,6 +67,11 @@ class Sphere:
     """A ball of ``radius`` [m], centred."""
 
     radius: float
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """What its size is made of."""
+        return (self.radius,)
 
 
 @final
@@ -72,6 +82,11 @@ class Cylinder:
     radius: float
     length: float
 
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """What its size is made of."""
+        return self.radius, self.length
+
 
 @final
 @dataclass(frozen=True)
@@ -80,6 +95,11 @@ class Mesh:
 
     path: Path
     scale: Triple = (1.0, 1.0, 1.0)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """What its size is made of, beside the numbers in the file."""
+        return self.scale
 
 
 Shape = Box | Sphere | Cylinder | Mesh

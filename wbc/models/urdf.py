@@ -23,6 +23,8 @@ JointKind = Literal["fixed", "revolute", "continuous", "prismatic"]
 
 #: What stands in a written URDF where a limit is infinite; parsers do not read "inf".
 _HUGE = 1e30
+#: No length [m], mass [kg] or inertia [kg m²] of a robot is larger; products of larger ones overflow.
+LARGEST = 1e9
 
 
 @final
@@ -87,7 +89,8 @@ class Urdf:
     ``left_out`` are sentences on parts of a file that are not in here.
 
     Raises:
-        ModelError: names given twice, unknown links, a link with two parents, a loop, two trees, nothing that moves.
+        ModelError: names given twice, unknown links, a link with two parents, a loop, two trees, nothing that moves,
+            a length, mass or inertia beyond ``LARGEST``.
     """
 
     name: str
@@ -107,6 +110,7 @@ class Urdf:
         _check_tree([link.name for link in self.links], self.joints)
         if not any(joint.moves for joint in self.joints):
             raise ModelError("no joint moves; a robot has at least one")
+        _refuse_large(self)
 
     def with_rigid(self, joints: Iterable[str]) -> Urdf:
         """The same robot with some joints fixed at zero.
@@ -162,6 +166,24 @@ def _refuse_twice(what: str, names: Sequence[str]) -> None:
     name, count = Counter(names).most_common(1)[0] if names else ("", 0)
     if count > 1:
         raise ModelError(f"{count} {what} are called {name!r}")
+
+
+def _refuse_large(robot: Urdf) -> None:
+    sizes: list[tuple[str, str, tuple[float, ...]]] = [
+        (f"an origin of joint {joint.name!r}", "m", joint.origin.xyz) for joint in robot.joints
+    ]
+    for link in robot.links:
+        if (inertial := link.inertial) is not None:
+            sizes.append((f"the mass of link {link.name!r}", "kg", (inertial.mass,)))
+            sizes.append((f"the inertia of link {link.name!r}", "kg m²", inertial.inertia))
+            sizes.append((f"an origin of link {link.name!r}", "m", inertial.origin.xyz))
+    for geometry in (*robot.visuals, *robot.collisions):
+        lengths = (*geometry.origin.xyz, *geometry.shape.lengths)
+        sizes.append((f"a shape of link {geometry.link!r}", "m", lengths))
+    for what, unit, values in sizes:
+        largest = max(map(abs, values))
+        if not largest <= LARGEST:
+            raise ModelError(f"{what} has {largest:g} {unit}; robots have at most {LARGEST:g}")
 
 
 def _check_tree(links: Sequence[str], joints: Sequence[Joint]) -> None:
