@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import CenterOfMass, JointVelocityLimits, Orientation, Position, Posture, TorqueLimits
+from tasks import CenterOfMass, JointVelocityLimits, Orientation, Position, Posture, Sole, TorqueLimits
+from tests.seeds import generator
 from tests.stack.conftest import feet
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.qp.problem import QP
@@ -132,6 +133,26 @@ def test_a_saturated_quadruped_keeps_its_ranks_as_exactly_as_the_cascade(quadrup
 def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid: PinocchioModel) -> None:
     told, beyond = compare(humanoid, range(12), ticks=4, every=3)
     assert told >= 24 and not beyond, beyond
+
+
+def test_soles_that_slide_or_tip_seldom_leave_strict_levels_without_an_answer(humanoid: PinocchioModel) -> None:
+    """Corners without force are where five rows of friction meet; rounding must not lead in circles."""
+    rng, robot, without = generator("soles that slide or tip"), humanoid, 0
+    level = wbc.InverseDynamics(lm_damping=0.0)
+    for side in ([0.3, 0.2, 0.1], [-0.5, 0.1, 0.0]):
+        away = CenterOfMass(target=robot.state().com + side, kp=100)
+        stands = [Sole(frame, half_size=(0.11, 0.05), friction=0.5, friction_model="outer") for frame in robot.feet]
+        stack = wbc.Stack(
+            [[away], [Posture(robot.q0, kp=10, weight=1e-2)]],
+            contacts=stands, subject_to=[TorqueLimits(), JointVelocityLimits()],
+        )  # fmt: skip
+        controller = wbc.Controller(robot, stack, level=level, hierarchy=wbc.Strict())
+        for _ in range(300):
+            turn = rng.normal(size=robot.nv) * ([0.01] * 6 + [0.1] * robot.nj)
+            controller.reset()
+            command = controller.tick(0.0, robot.integrate(robot.q0, turn), 0.1 * rng.normal(size=robot.nv))
+            without += command.rung not in ("solved", "other solver", "not optimised", "not certified")
+    assert without <= 12
 
 
 @pytest.mark.deep

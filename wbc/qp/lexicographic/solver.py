@@ -16,7 +16,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.certificate import Certificate
+from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.lexicographic.stages import MET, Stage, StagedProblem
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED, Outcome
@@ -78,6 +78,8 @@ class LexicographicSolver(RowSolver):
         self.staged.give_back()
         self.iterations = way.iterations
         self.certificate = worst(outcome.certificate for outcome in self.outcomes if outcome.how != NOT_OPTIMISED)
+        if self._leave is not None and not self.certificate.primal <= TOLERANCE:
+            return self._weigh(Status.INACCURATE)  # bounds are not met: that is no answer
         if k < self._last:
             self.shortfall, self.certificate = NOT_OPTIMISED, self.certificate._replace(distance=np.inf)
             return Status.MAX_ITERATIONS

@@ -73,6 +73,8 @@ _GUESSES, _CHANCES = 8, 3
 _REFINED = 3
 #: Steps of a descent for each item, and those that are none.
 _MOST, _STILL = 5, 1e-11
+#: What a step gains is rounding below this share of what is left of the level.
+_GAIN = 1e-11
 #: How far bounds are put apart for a descent, for sizes up to the second, and what tells one item from the next.
 _APART, _LARGE, _GOLDEN = 1e-10, 1e3, 0.6180339887498949
 
@@ -360,29 +362,57 @@ def descend(at: int) -> bool:
         hold(at)
         length, most = 0.0, 0.0
         for c in range(d):
-            w.t[c] = w.z[c] - w.at[c]
+            w.t[c] = w.step[c] = w.z[c] - w.at[c]
             length += w.t[c] ** 2
-            most = max(most, abs(w.t[c]) / (1.0 + abs(w.at[c])))
         if not length < inf:
             return False
-        if most > _STILL and stopped(at, sqrt(length)):
-            if let_go >= 0 and w.side[let_go] == side:
-                w.stuck[let_go] = 1.0
-            let_go = -1
-            continue
+        gains = across(at)
         for c in range(d):
-            w.at[c] = w.z[c]
+            most = max(most, abs(w.step[c]) / (1.0 + abs(w.at[c])))
+        if most > _STILL and gains:
+            if stopped(at, sqrt(length)):
+                if let_go >= 0 and w.side[let_go] == side:
+                    w.stuck[let_go] = 1.0
+                let_go = -1
+                continue
+        if most <= _STILL or gains:
+            for c in range(d):
+                w.at[c] = w.z[c]
         let_go, most = -1, 0.0
         for item in range(m):
             w.idle[item] = 0.0
             if w.stuck[item] == 0.0 and w.wrong[item] > most:
                 let_go, most = item, w.wrong[item]
         if let_go < 0:
-            go(at, w.z)
+            go(at, w.at)
             return True
         side = w.side[let_go]
         w.side[let_go] = 0.0
     return False
+
+
+@kernel
+def across(at: int) -> bool:
+    """Leave of ``step`` what no held item feels: the rest puts these where they are held. Whether the level gains.
+
+    What the level gains is the square of what its rows feel of the step, as that ends at their least.
+    """
+    w = space(at)
+    k, d, rank = w.sizes[ROWS], w.sizes[N] - w.sizes[FREE], w.sizes[HELD]
+    for c in range(w.sizes[DECIDED]):
+        reflect(w.step, w.P[c], w.beta[c], c, d)
+    gain, left = 0.0, 0.0
+    for i in range(k):
+        gain += dot(w.A[i, rank:], w.step[rank:], d - rank) ** 2
+        left += w.missing[i] ** 2
+    for c in range(d):
+        if c < rank:
+            w.step[c] = 0.0
+        elif w.sizes[LAST]:
+            gain += w.step[c] ** 2
+    for c in range(w.sizes[DECIDED] - 1, -1, -1):
+        reflect(w.step, w.P[c], w.beta[c], c, d)
+    return bool(gain > (_GAIN * (1.0 + sqrt(left))) ** 2)
 
 
 @kernel
