@@ -49,17 +49,20 @@ def factor(A: Mat, first: int, last: int, tolerance: float) -> int:
     """Lower Cholesky factor of A[first:last, first:last] in place, with the *inverse* of its diagonal.
 
     A row whose pivot is at most ``tolerance`` of its diagonal entry depends on those above it and is left out: its
-    inverse pivot is 0. Returns how many are.
+    inverse pivot is 0. Returns how many are. Zeros that a row begins with stay, and cost nothing.
     """
     left_out = 0
     for i in range(first, last):
         row = A[i]
         size = row[i]
         pivot = size
-        for j in range(first, i):
+        start = first
+        while start < i and row[start] == 0.0:
+            start += 1
+        for j in range(start, i):
             other = A[j]
             value = row[j]
-            for c in range(first, j):
+            for c in range(start, j):
                 value -= row[c] * other[c]
             value *= other[j]
             row[j] = value
