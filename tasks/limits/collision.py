@@ -29,8 +29,8 @@ class CollisionAvoidance(Barrier):
     give way where that is more than the robot can do.
 
     With a margin, shapes touch only in h < 0: witness points and normals, which have no limit where two shapes just
-    touch, are those of shapes that are apart. Distances are coal's; which pairs count, and what is left out, is
-    :class:`~wbc.models.collision.Distances`'s.
+    touch, are those of shapes that are apart. Which pairs count, how distances are found, and what is left
+    out, is :class:`~wbc.models.collision.Distances`'s.
 
     Args:
         obstacles: what stands or moves in the world.
@@ -76,6 +76,10 @@ class CollisionAvoidance(Barrier):
         self.pairs, self.self_collision = pairs, self_collision
         self.count = None if count is None else int(checks.number(f"{self.name}.count", count, low=1))
         self._distances: Distances | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy measures by itself: which pair has which row is memory."""
+        return super().__getstate__() | {"_distances": None}
 
     def prepare(self, model: RobotModel) -> None:
         if self._distances is None or self._distances.model is not model:

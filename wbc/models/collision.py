@@ -1,12 +1,12 @@
 """Distances between the links of a robot, and between them and obstacles: the nearest pairs, with their derivatives.
 
-Distances and witness points are coal's, placements Pinocchio's. A pair of shapes that was far cannot be near before the
-shapes have moved as far, so few pairs are measured in a tick. Meshes stand for their convex hulls.
+Placements are Pinocchio's; distances and witness points come from :mod:`wbc.models.near_pairs`. A pair of shapes that
+was far cannot be near before the shapes have moved as far, so few pairs are measured in a tick. Meshes stand for their
+convex hulls.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
@@ -16,24 +16,16 @@ import pinocchio as pin
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownName
-from wbc.models.coal_ import coal_shape, line_of_force, placements
+from wbc.models.coal_ import coal_shape, memory_of
 from wbc.models.geometry import Geometry, Shape
 from wbc.models.model import RobotModel, RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.pinocchio_state import PinocchioState
 from wbc.models.separation import always_apart
-from wbc.types import Index, Mat, Vec
+from wbc.types import Index, Vec
 
-# Curved shapes get their distance by iteration. To a looser tolerance their normals shake; to this one it fails once in
-# a million times, says so by an absurd number, and is asked again. The penetration depth (EPA) has no floats for more.
-_TIGHT, _LOOSE, _DEPTH_TOLERANCE, _ITERATIONS = 1e-11, 1e-6, 1e-6, 256
-_ABSURD = 1e6
-#: Rounding of sums of ways [m].
-_ROUNDING = 1e-9
 #: Rows that there are by default besides two for each pair that is near in the reference configuration, and the most.
 _ROWS, _MOST_ROWS = 24, 128
-#: Shapes of two links have a row up to this share of the reach further apart than the nearest shapes of the two.
-_BESIDE = 0.5
 #: By how much, as a share of the reach, a pair must be nearer to take the row of another.
 _NEARER = 0.1
 #: Time step of second differences [s].
@@ -162,7 +154,6 @@ class Distances:
         for pair in [*touching, *apart]:
             self._geometry.removeCollisionPair(pair)
         self.excluded = tuple(dict.fromkeys((self._owners[p.first], self._owners[p.second]) for p in touching))
-        self._data, self._beside = self._memory(), self._memory()
         self._prepare()
         self._number_rows(None if count is None else int(checks.number("count", count, low=1)))
 
@@ -219,21 +210,10 @@ class Distances:
     def _is_obstacle(self, shape: int) -> bool:
         return shape >= len(self._owners) - len(self._obstacles)
 
-    def _memory(self) -> Any:
-        data = self._geometry.createData()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # the only way there is to switch the cache off
-            for request in data.distanceRequests:
-                # A guess from the last call would make distances depend on what was measured before, and fail at times.
-                request.enable_cached_gjk_guess = False
-        for request in data.distanceRequests:
-            request.gjk_tolerance, request.gjk_max_iterations = _TIGHT, _ITERATIONS
-            request.epa_tolerance, request.epa_max_iterations = _DEPTH_TOLERANCE, _ITERATIONS
-        return data
-
     def _touching(self, margin: float) -> list[Any]:
         """Pairs of the robot's own shapes that are near in its reference configuration."""
-        model, geometry, data = self.model, self._geometry, self._memory()
+        model, geometry = self.model, self._geometry
+        data = memory_of(geometry)
         pin.updateGeometryPlacements(model.pinocchio, self._kinematics, geometry, data, np.array(model.q0))
         pin.computeDistances(geometry, data)
         return [
@@ -244,49 +224,48 @@ class Distances:
 
     def _prepare(self) -> None:
         """Everything of a constant size."""
-        model, geometry, data = self.model, self._geometry, self._data
+        from wbc.models.near_pairs import NearPairs  # compiled; only who avoids collisions waits for it
+
+        model, geometry = self.model, self._geometry
         chosen = [(pair.first, pair.second) for pair in geometry.collisionPairs]
         if not chosen:
             raise InvalidInput(f"{model.name}: no pair of shapes is left to keep apart")
         #: Names of the two links, or link and obstacle, of each pair of shapes.
         self.pairs = tuple((self._owners[i], self._owners[j]) for i, j in chosen)
         number = {names: i for i, names in enumerate(dict.fromkeys(self.pairs))}
-        self._links = [number[names] for names in self.pairs]
-        n = geometry.ngeoms
+        self._near = NearPairs(
+            model.pinocchio, geometry, [number[names] for names in self.pairs],
+            reach=self.reach, margin=self.margin, ahead=self.ahead,
+        )  # fmt: skip
         # ∂d/∂q = wᵀ J with w = (n, p × n), one line of force through both witness points, J the columns about the
         # world's origin: those that move the second shape count +, those that move the first −.
-        self._moved = moved = np.array([self._moved_by(shape.parentJoint) for shape in geometry.geometryObjects])
-        self._first, self._second = np.array(chosen, dtype=np.intp).T
-        self._sign = moved[self._second] - moved[self._first]
-        # A shape that has come a way of s since then is s nearer to anything at most: a pair of shapes is at least its
-        # distance when it was measured less what the ways of both have grown by, ``measured`` less their sum now.
-        self._centres, self._axes = placements(data)
-        self._radii = np.array([shape.geometry.aabb_radius for shape in geometry.geometryObjects])
-        self._way = np.zeros(n)
-        pin.updateGeometryPlacements(model.pinocchio, self._kinematics, geometry, data, np.array(model.q0))
-        self._last_centres, self._last_axes = self._centres.copy(), self._axes.copy()
-        self._measured_at = np.full(len(chosen), -np.inf)
-        self._results = [data.distanceResults[k] for k in range(len(chosen))]
-        first = n - len(self._obstacles)
-        moving = zip(range(first, n), self._obstacles, self._to_shape, strict=True)
+        moved = np.array([self._moved_by(shape.parentJoint) for shape in geometry.geometryObjects])
+        first, second = np.array(chosen, dtype=np.intp).T
+        self._sign = moved[second] - moved[first]
+        start = geometry.ngeoms - len(self._obstacles)
+        moving = zip(range(start, geometry.ngeoms), self._obstacles, self._to_shape, strict=True)
         self._moving = {shape: (obstacle, middle) for shape, obstacle, middle in moving if obstacle.moves}
         self._shapes = chosen
 
     def _number_rows(self, count: int | None) -> None:
         """Memory for so many rows."""
+        model, near = self.model.pinocchio, self._near
+        pin.updateGeometryPlacements(model, self._kinematics, self._geometry, near.data, np.array(self.model.q0))
+        pairs = near.read(np.zeros((6, model.nv)), np.zeros(model.nv), speeds=False)
         if count is None:
-            near = self._nearest(np.full(len(self._first), self.reach))
-            count = min(_ROWS + 2 * len(near), _MOST_ROWS)
+            count = min(_ROWS + 2 * len(pairs), _MOST_ROWS)
         self.count = count = min(count, len(self.pairs))
         self.which: Index = np.full(count, -1, dtype=np.intp)
         self.distance, self.rate, self.drift = np.full(count, self.reach), np.zeros(count), np.zeros(count)
         self.jacobian = np.zeros((count, self.model.nv))
         self.missing = 0
-        self._held = self.which.copy()
+        #: The pair that had each row last, and the row that each pair had last; −1 where there is none.
+        self._held, self._row_of = self.which.copy(), np.full(len(self.pairs), -1, dtype=np.intp)
 
     def reset(self) -> None:
         """Make all rows free."""
         self._held.fill(-1)
+        self._row_of.fill(-1)
 
     def _moved_by(self, joint: int) -> Vec:
         """1 for each velocity that moves ``joint``."""
@@ -302,79 +281,39 @@ class Distances:
         """Measure the pairs of this state."""
         assert isinstance(state, PinocchioState)
         J = state.joint_columns  # and with them the placements of the joints
-        pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, self._data)
-        self._place_obstacles(self._data, state.t)
+        near = self._near
+        pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, near.data)
+        self._place_obstacles(near.data, state.t)
         self.which[:], self.distance[:], self.jacobian[:] = -1, self.reach, 0.0
         self.rate[:], self.drift[:], self.missing = 0.0, 0.0 if state.drifts else np.nan, 0
-        felt = self._felt(state, J) if state.drifts else np.full(len(self._first), self.reach)
-        found = self._nearest(felt)
-        if not found:
+        if state.drifts:
+            for shape, (obstacle, _) in self._moving.items():
+                near.twists[shape] = _twist(obstacle, state.t)
+        pairs = near.read(J, state.v, speeds=state.drifts)
+        if not len(pairs):
             return
-        pairs, distances = list(found), np.array(list(found.values()))
-        rows = np.dot([line_of_force(self._results[k]) for k in pairs], J)
+        distances, rows = near.line[pairs, 0], near.forces() @ J
         rows *= self._sign[pairs]
         rates = self._rates(pairs, state.t) if self._moving else np.zeros(len(pairs))
         speeds = rows @ state.v + rates
+        soon = distances + self.ahead * speeds
         if state.drifts:
-            near = np.flatnonzero(distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds))
-        else:
-            near = np.arange(len(pairs))
-        at = self._rows_for([pairs[i] for i in near], (distances + self.ahead * speeds)[near])
-        near, at = near[at >= 0], at[at >= 0]
-        self.which[at] = np.array(pairs)[near]
-        self.distance[at], self.jacobian[at], self.rate[at] = distances[near], rows[near], rates[near]
+            felt = distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds)
+            if not felt.all():
+                pairs, soon = pairs[felt], soon[felt]
+                distances, rows, rates = distances[felt], rows[felt], rates[felt]
+        at = self._rows_for(pairs, soon)
+        if self.missing:
+            has_row = at >= 0
+            pairs, at = pairs[has_row], at[has_row]
+            distances, rows, rates = distances[has_row], rows[has_row], rates[has_row]
+        self.which[at], self.distance[at], self.jacobian[at], self.rate[at] = pairs, distances, rows, rates
         if state.drifts and len(at):
-            self._read_drifts(at, self.which[at].tolist(), state)
+            self._read_drifts(at, pairs, state)
 
-    def _felt(self, state: PinocchioState, J: Mat) -> Vec:
-        """The distance up to which each pair of shapes is measured: the reach, or what its approach takes to stop."""
-        twists = (self._moved * state.v) @ J.T  # linear about the world's origin, then angular
-        for shape, (obstacle, _) in self._moving.items():
-            twists[shape] = _twist(obstacle, state.t)
-        if not twists.any():
-            return np.full(len(self._first), self.reach)
-        relative = twists[self._second] - twists[self._first]
-        linear, angular = relative[:, :3], relative[:, 3:]
-        linear = linear + np.cross(angular, self._centres[self._second])
-        most = np.sqrt(np.vecdot(linear, linear)) + np.sqrt(np.vecdot(angular, angular)) * self._radii[self._second]
-        felt: Vec = np.maximum(self.reach, self.margin + 2.0 * self.ahead * most)
-        return felt
-
-    def _nearest(self, felt: Vec) -> dict[int, float]:
-        """The distances of the pairs of shapes that are below what is ``felt`` (shapes,), by their numbers.
-
-        Of two links only their nearest shapes, and those that are further by less than half the reach. What cannot be
-        among them is not measured.
-        """
-        way, centres, axes = self._way, self._centres, self._axes
-        moved = centres - self._last_centres
-        turned = (axes - self._last_axes).reshape(len(way), 9)
-        way += np.sqrt(np.einsum("ij,ij->i", moved, moved))
-        way += np.sqrt(np.einsum("ij,ij->i", turned, turned)) * self._radii
-        self._last_centres[:], self._last_axes[:] = centres, axes
-        since = way[self._first]
-        since += way[self._second]
-        least = self._measured_at - since - _ROUNDING
-        near = np.flatnonzero(least < felt)
-        found: dict[int, float] = {}
-        nearest: dict[int, float] = {}
-        beside = _BESIDE * self.reach
-        for k in near[np.argsort(least[near], kind="stable")].tolist():
-            links = self._links[k]
-            if least[k] > nearest.get(links, np.inf) + beside:
-                continue
-            d = self._measured(self._data, k)
-            self._measured_at[k] = since[k] + d
-            if d < felt[k]:
-                found[k] = d
-                nearest[links] = min(nearest.get(links, np.inf), d)
-        return {k: found[k] for k in sorted(found) if found[k] <= nearest[self._links[k]] + beside}
-
-    def _rows_for(self, pairs: list[int], soon: Vec) -> Index:
+    def _rows_for(self, pairs: Index, soon: Vec) -> Index:
         """The row of each pair, −1 where there is none; ``soon`` says how near each will be."""
-        held = self._held
-        row_of = {pair: row for row, pair in enumerate(held.tolist()) if pair >= 0}
-        at: Index = np.array([row_of.get(pair, -1) for pair in pairs], dtype=np.intp)
+        held, at = self._held, self._row_of[pairs]
         if (at >= 0).all():
             return at
         taken = set(at.tolist())
@@ -390,46 +329,32 @@ class Distances:
                 if soon[i] >= soon[last] - _NEARER * self.reach:
                     break
                 row, at[last] = int(at[last]), -1
-            at[i], held[row] = row, pairs[i]
+            if held[row] >= 0:
+                self._row_of[held[row]] = -1
+            at[i], held[row], self._row_of[pairs[i]] = row, pairs[i], row
         self.missing = int((at < 0).sum())
         return at
-
-    def _measured(self, data: Any, pair: int) -> float:
-        """The distance; to a looser tolerance where the tight one was too much.
-
-        Where neither is enough, the shapes count as touching.
-        """
-        pin.computeDistance(self._geometry, data, pair)
-        d = float(data.distanceResults[pair].min_distance)
-        if -_ABSURD < d < _ABSURD:
-            return d
-        request = data.distanceRequests[pair]
-        request.gjk_tolerance = _LOOSE
-        pin.computeDistance(self._geometry, data, pair)
-        request.gjk_tolerance = _TIGHT
-        d = float(data.distanceResults[pair].min_distance)
-        return d if -_ABSURD < d < _ABSURD else 0.0
 
     def _place_obstacles(self, data: Any, t: float) -> None:
         for shape, (obstacle, middle) in self._moving.items():
             data.oMg[shape] = obstacle.at(t) * middle
 
-    def _rates(self, near: list[int], t: float) -> Vec:
+    def _rates(self, near: Index, t: float) -> Vec:
         """∂d/∂t by the obstacles' own motion."""
         rates = np.zeros(len(near))
-        for row, pair in enumerate(near):
-            for shape, sign in zip(self._shapes[pair], (-1.0, 1.0), strict=True):
+        for row, pair in enumerate(near.tolist()):
+            line = self._near.line[pair]
+            for shape, sign, point in zip(self._shapes[pair], (-1.0, 1.0), (line[4:7], line[7:10]), strict=True):
                 if shape in self._moving:
-                    obstacle, result = self._moving[shape][0], self._results[pair]
-                    point = result.getNearestPoint2() if sign > 0 else result.getNearestPoint1()
+                    obstacle = self._moving[shape][0]
                     inside = obstacle.at(t).actInv(point)
                     velocity = (obstacle.at(t + _STEP).act(inside) - obstacle.at(t - _STEP).act(inside)) / (2.0 * _STEP)
-                    rates[row] += sign * float(result.normal @ velocity)
+                    rates[row] += sign * float(line[1:4] @ velocity)
         return rates
 
-    def _read_drifts(self, at: Index, shapes: list[int], state: PinocchioState) -> None:
+    def _read_drifts(self, at: Index, pairs: Index, state: PinocchioState) -> None:
         """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
-        model, geometry, beside = self.model.pinocchio, self._geometry, self._beside
+        model, geometry, beside = self.model.pinocchio, self._geometry, self._near.beside
         d = self.distance[at]
         speed = self.jacobian[at] @ state.v + self.rate[at]
         halves = []
@@ -437,7 +362,7 @@ class Distances:
             q = pin.integrate(model, state.q, s * state.v)
             pin.updateGeometryPlacements(model, self._kinematics, geometry, beside, q)
             self._place_obstacles(beside, state.t + s)
-            there = np.array([self._measured(beside, k) for k in shapes])
+            there = self._near.again(pairs)
             halves.append((there - d - s * speed) * (2.0 / _STEP**2))
         ahead, behind = halves
         drift = 0.5 * (ahead + behind)

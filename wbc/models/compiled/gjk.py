@@ -1,0 +1,232 @@
+"""The distance of two convex shapes: the algorithm of Gilbert, Johnson and Keerthi, with a proof of what it found.
+
+    d = min |v| over v = a − b, a in the first shape, b in the second     the shapes' *cores*; round ones add a radius
+    v' = the point of the simplex [w_1 … w_k] nearest to the origin       w = a − b furthest along −v: it joins
+    |v| − v·w / |v| <= ε                                                  proves that v is the nearest to ε [m]
+
+The search starts from the shapes' middles, and so depends on nothing but where they are now. A corner of a hull that is
+furthest in a direction is found by climbing from corner to corner along edges. Where shapes touch or are inside one
+another, and where rounding ends the search without a proof, there is no answer.
+
+Gilbert, Johnson, Keerthi: A fast procedure for computing the distance between complex objects in three-dimensional
+space, IEEE Journal on Robotics and Automation 4(2), 1988. Cameron: Enhancing GJK, ICRA 1997 (climbing).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+from wbc.compiled import carray, floats, integers, kernel, small_kernel
+from wbc.models.compiled.simplex import segment, tetrahedron, triangle
+from wbc.types import Index, Mat, Vec
+
+#: Steps at most; hulls need ten, shapes with round edges thirty.
+_STEPS = 128
+#: ε at which the search ends, and with which an answer still counts where rounding ends it [m].
+_SHARP, _ENOUGH = 1e-13, 1e-10
+#: Cores that are nearer [m] are left to a method that knows depths.
+_TOUCHING = 1e-7
+
+
+class Bodies(NamedTuple):
+    """n convex shapes: corners of hulls (a box has 8, a ball one with a radius), or a cylinder along z."""
+
+    placement: Mat  # (n, 12): columns of the rotation, then the position in the world
+    is_cylinder: Index  # (n)
+    size: Mat  # (n, 3): radius and half length of a cylinder; radius that makes a core round
+    corners: Mat  # (c, 3), one shape behind the other, each about its middle
+    edges: Index  # (c + 1): where each corner's neighbours begin
+    neighbours: Index
+    seeds: Index  # (n, 24): corners to climb from, by the direction's octant and largest component
+    W: Mat  # (4, 3): corners of the simplex
+    P: Mat  # (4, 8): their points in both shapes, each in its own axes, and which corners of hulls these are
+    share: Vec  # (4)
+    before: Vec  # (4)
+
+
+@small_kernel
+def bodies(at: int) -> Bodies:
+    """The arrays whose addresses are at ``at``, in the order of :class:`Bodies`, behind their numbers."""
+    m = carray(integers(at), 12)
+    s = carray(integers(m[0]), 3)
+    n, c = s[0], s[1]
+    return Bodies(
+        carray(floats(m[1]), (n, 12)), carray(integers(m[2]), n), carray(floats(m[3]), (n, 3)),
+        carray(floats(m[4]), (c, 3)), carray(integers(m[5]), c + 1), carray(integers(m[6]), s[2]),
+        carray(integers(m[7]), (n, 24)), carray(floats(m[8]), (4, 3)), carray(floats(m[9]), (4, 8)),
+        carray(floats(m[10]), 4), carray(floats(m[11]), 4),
+    )  # fmt: skip
+
+
+@kernel
+def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at: int) -> None:
+    """The point of a shape furthest along (x, y, z), in its own axes, to ``P[at]``: first three entries or last."""
+    R, P, o = s.placement[shape], s.P[at], 3 * side
+    a, b, c = R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z
+    if s.is_cylinder[shape]:
+        across = sqrt(a * a + b * b)
+        r = s.size[shape, 0] / across if across > 0.0 else 0.0
+        P[o], P[o + 1], P[o + 2] = r * a, r * b, s.size[shape, 1] if c >= 0.0 else -s.size[shape, 1]
+        return
+    if at:
+        k = int(s.P[at - 1, 6 + side])
+    else:
+        largest = 0 if abs(a) >= abs(b) and abs(a) >= abs(c) else (1 if abs(b) >= abs(c) else 2)
+        k = s.seeds[shape, 8 * largest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)]
+    furthest = s.corners[k, 0] * a + s.corners[k, 1] * b + s.corners[k, 2] * c
+    climbs = True
+    while climbs:
+        climbs, here = False, k
+        for e in range(s.edges[here], s.edges[here + 1]):
+            i = s.neighbours[e]
+            reached = s.corners[i, 0] * a + s.corners[i, 1] * b + s.corners[i, 2] * c
+            if reached > furthest:
+                furthest, k, climbs = reached, i, True
+    P[6 + side] = k
+    for i in range(3):
+        P[o + i] = s.corners[k, i]
+
+
+@kernel
+def _join(s: Bodies, first: int, second: int, at: int) -> None:
+    """The points P of both shapes, in their own axes, become corner w of the simplex, in the world's."""
+    A, B = s.placement[first], s.placement[second]
+    for i in range(3):
+        s.W[at, i] = (
+            (A[i] * s.P[at, 0] + A[3 + i] * s.P[at, 1] + A[6 + i] * s.P[at, 2])
+            - (B[i] * s.P[at, 3] + B[3 + i] * s.P[at, 4] + B[6 + i] * s.P[at, 5])
+            + (A[9 + i] - B[9 + i])
+        )
+
+
+@kernel
+def _extend(s: Bodies, first: int, second: int, x: float, y: float, z: float, at: int) -> None:
+    """The furthest point of the first shape along −(x, y, z), and of the second along (x, y, z), join the simplex."""
+    for side in range(2):
+        sign = 1.0 if side else -1.0
+        _support(s, second if side else first, side, sign * x, sign * y, sign * z, at)
+    _join(s, first, second, at)
+
+
+@kernel
+def _nearest(s: Bodies, k: int) -> bool:
+    """The shares of the k corners in their point nearest to the origin. False: the origin is inside."""
+    share = s.share
+    for i in range(4):
+        share[i] = 0.0
+    if k == 1:
+        share[0] = 1.0
+    elif k == 2:
+        _, share[0], share[1] = segment(s.W, k - 2, k - 1)
+    elif k == 3:
+        _, share[0], share[1], share[2] = triangle(s.W, k - 3, k - 2, k - 1)
+    else:
+        return tetrahedron(s.W, share)
+    return True
+
+
+@kernel
+def _kept(s: Bodies, k: int) -> int:
+    """Leave out the corners without a share; how many are left."""
+    m = 0
+    for i in range(k):
+        if s.share[i] > 0.0:
+            if m < i:
+                s.share[m] = s.share[i]
+                for j in range(3):
+                    s.W[m, j] = s.W[i, j]
+                for j in range(8):
+                    s.P[m, j] = s.P[i, j]
+            m += 1
+    return m
+
+
+@kernel
+def _point(s: Bodies, k: int) -> tuple[float, float, float]:
+    """The simplex' point."""
+    x = y = z = 0.0
+    for c in range(k):
+        x += s.share[c] * s.W[c, 0]
+        y += s.share[c] * s.W[c, 1]
+        z += s.share[c] * s.W[c, 2]
+    return x, y, z
+
+
+@kernel
+def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int) -> int:
+    """``line`` (10,) becomes distance, normal from the first shape to the second, and the points nearest to each other.
+
+    ``simplex`` (4, 8) has k rows of ``P`` to start from, and those of the answer then.
+    Returns how many; 0: there is no proof of an answer.
+    """
+    for at in range(k):
+        for i in range(8):
+            s.P[at, i] = simplex[at, i]
+        _join(s, first, second, at)
+    if k == 0:
+        A, B = s.placement[first], s.placement[second]
+        _extend(s, first, second, A[9] - B[9], A[10] - B[10], A[11] - B[11], k)
+        k = 1
+    k = _searched(s, first, second, simplex, k)
+    if k:
+        _answer(s, first, second, line, k)
+        for at in range(k):
+            for i in range(8):
+                simplex[at, i] = s.P[at, i]
+    return k
+
+
+@kernel
+def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int) -> int:
+    """Grow the simplex of k corners until it has the nearest point; how many it has then, or 0 without a proof."""
+    if not _nearest(s, k):
+        return 0
+    k = _kept(s, k)
+    x, y, z = _point(s, k)
+    d = sqrt(x * x + y * y + z * z)
+    for _ in range(_STEPS):
+        if not d > _TOUCHING:
+            return 0
+        _extend(s, first, second, x, y, z, k)
+        within = d - (x * s.W[k, 0] + y * s.W[k, 1] + z * s.W[k, 2]) / d
+        if within <= _SHARP:
+            return k
+        # The simplex as it is stays: where rounding lets the next one be no nearer, it is the answer.
+        for at in range(k):
+            s.before[at] = s.share[at]
+            for i in range(8):
+                simplex[at, i] = s.P[at, i]
+        if not _nearest(s, k + 1):
+            return 0
+        m = _kept(s, k + 1)
+        u, v, w = _point(s, m)
+        nearer = sqrt(u * u + v * v + w * w)
+        if not nearer < d:
+            for at in range(k):
+                s.share[at] = s.before[at]
+                for i in range(8):
+                    s.P[at, i] = simplex[at, i]
+            for at in range(k):
+                _join(s, first, second, at)
+            return k if within <= _ENOUGH else 0
+        k, x, y, z, d = m, u, v, w, nearer
+    return 0
+
+
+@kernel
+def _answer(s: Bodies, first: int, second: int, line: Vec, k: int) -> None:
+    """Distance, normal and nearest points of a simplex that has them."""
+    x, y, z = _point(s, k)
+    d = sqrt(x * x + y * y + z * z)
+    line[0] = d - s.size[first, 2] - s.size[second, 2]
+    line[1], line[2], line[3] = -x / d, -y / d, -z / d
+    for side in range(2):
+        shape = second if side else first
+        R, o, sign = s.placement[shape], 3 * side, -1.0 if side else 1.0
+        for i in range(3):
+            total = R[9 + i] + sign * s.size[shape, 2] * line[1 + i]
+            for at in range(k):
+                P = s.P[at]
+                total += s.share[at] * (R[i] * P[o] + R[3 + i] * P[o + 1] + R[6 + i] * P[o + 2])
+            line[4 + o + i] = total

@@ -1,0 +1,218 @@
+"""Which pairs of shapes are near, without measuring those that cannot be.
+
+    way_i     how far any point of shape i can have come in all: the sum of |Δp| + ‖ΔR‖ radius over readings
+    d >= d' − (way_i − way_i') − (way_j − way_j')      with d' the distance when it was measured, at way'
+
+holds along any motion, jumps too: points of two shapes come nearer by no more than they move. A rotation by φ moves a
+unit vector by 2 sin φ/2 at most, which is ‖ΔR‖, the Frobenius norm of ΔR over √2.
+"""
+
+from __future__ import annotations
+
+from math import inf, nan, sqrt
+from typing import NamedTuple
+
+from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
+from wbc.models.compiled.gjk import Bodies, bodies, distance
+from wbc.types import Index, Mat, Vec
+
+#: Rounding of sums of ways [m].
+_ROUNDING = 1e-9
+#: Shapes of two links count up to this share of the reach further apart than the nearest shapes of the two.
+BESIDE = 0.5
+
+#: What ``sizes[6]`` says before a measurement.
+BEGIN, AGAIN = -1, -2
+
+
+class Pairs(NamedTuple):
+    """m pairs of n shapes of links, in so many pairs of links, of a robot with j joints and nv velocities."""
+
+    pair: Index  # (m, 2): shapes
+    links: Index  # (m): pair of links
+    measured: Vec  # (m): d' + way'
+    felt: Vec  # (m): distance up to which a pair is looked for
+    least: Vec  # (m): no distance is smaller than this
+    order: Index  # (m): pairs that may be near, the nearest first
+    distance: Vec  # (m): of this reading, or inf
+    nearest: Vec  # (pairs of links): the smallest of these of two links
+    line: Mat  # (m + 1, 10): distance, normal, nearest points; the last row is for :func:`again`
+    simplex: Mat  # (m + 1, 4, 8): the same
+    corners: Index  # (m): of the simplex
+    start: Mat  # (m, 4, 8): what every search begins with, from the first reading
+    starts: Index  # (m): how many; −1 before the first
+    found: Index  # (m)
+    force: Mat  # (m, 6): lines of force of what was found
+    way: Vec  # (n)
+    last: Mat  # (n, 12): placements of the reading before
+    radius: Vec  # (n): of a ball about the middle of a shape that holds it
+    joint: Index  # (n): that carries the shape; 0 where the world does
+    chain: Index  # (j, 3): parent, first velocity, velocities
+    J: Mat  # (nv, 6): columns of the joints about the world's origin
+    v: Vec  # (nv)
+    joint_twist: Mat  # (j, 6)
+    twist: Mat  # (n, 6): linear about the world's origin, angular
+    numbers: Vec  # reach, margin, ahead
+    sizes: Index  # n, m, pairs of links, j, nv | candidates, done, found, whether speeds count
+
+
+@small_kernel
+def pairs(at: int) -> Pairs:
+    """The arrays whose addresses are at ``at``, in the order of :class:`Pairs`, behind those of the bodies."""
+    a = carray(integers(at), 27)
+    s = carray(integers(a[26]), 9)
+    n, m, n_links, j, nv = s[0], s[1], s[2], s[3], s[4]
+    return Pairs(
+        carray(integers(a[1]), (m, 2)), carray(integers(a[2]), m), carray(floats(a[3]), m), carray(floats(a[4]), m),
+        carray(floats(a[5]), m), carray(integers(a[6]), m), carray(floats(a[7]), m), carray(floats(a[8]), n_links),
+        carray(floats(a[9]), (m + 1, 10)), carray(floats(a[10]), (m + 1, 4, 8)), carray(integers(a[11]), m),
+        carray(floats(a[12]), (m, 4, 8)), carray(integers(a[13]), m), carray(integers(a[14]), m),
+        carray(floats(a[15]), (m, 6)), carray(floats(a[16]), n), carray(floats(a[17]), (n, 12)),
+        carray(floats(a[18]), n), carray(integers(a[19]), n), carray(integers(a[20]), (j, 3)),
+        carray(floats(a[21]), (nv, 6)), carray(floats(a[22]), nv), carray(floats(a[23]), (j, 6)),
+        carray(floats(a[24]), (n, 6)), carray(floats(a[25]), 3), s,
+    )  # fmt: skip
+
+
+@small_kernel
+def _copy(simplex: Mat, to: Mat) -> None:
+    for c in range(4):
+        for i in range(8):
+            to[c, i] = simplex[c, i]
+
+
+@kernel
+def _move(s: Pairs, b: Bodies) -> None:
+    """The way that each shape has come since the reading before."""
+    for i in range(len(s.way)):
+        new, old = b.placement[i], s.last[i]
+        turned = moved = 0.0
+        for c in range(9):
+            turned += (new[c] - old[c]) ** 2
+        for c in range(9, 12):
+            moved += (new[c] - old[c]) ** 2
+        for c in range(12):
+            old[c] = new[c]
+        s.way[i] += sqrt(moved) + sqrt(0.5 * turned) * s.radius[i]
+
+
+@kernel
+def _feel(s: Pairs, b: Bodies) -> None:
+    """The distance up to which each pair is looked for: the reach, or what its fastest approach takes to stop."""
+    reach, margin, ahead = s.numbers[0], s.numbers[1], s.numbers[2]
+    for k in range(len(s.felt)):
+        s.felt[k] = reach
+    if not s.sizes[8]:
+        return
+    for joint in range(1, len(s.chain)):
+        parent, start, count = s.chain[joint, 0], s.chain[joint, 1], s.chain[joint, 2]
+        for i in range(6):
+            total = s.joint_twist[parent, i]
+            for c in range(start, start + count):
+                total += s.J[c, i] * s.v[c]
+            s.joint_twist[joint, i] = total
+    for shape in range(len(s.joint)):
+        for i in range(6 if s.joint[shape] else 0):
+            s.twist[shape, i] = s.joint_twist[s.joint[shape], i]
+    for k in range(len(s.pair)):
+        A, B, at = s.twist[s.pair[k, 0]], s.twist[s.pair[k, 1]], b.placement[s.pair[k, 1]]
+        x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
+        u = B[0] - A[0] + y * at[11] - z * at[10]
+        v = B[1] - A[1] + z * at[9] - x * at[11]
+        w = B[2] - A[2] + x * at[10] - y * at[9]
+        most = sqrt(u * u + v * v + w * w) + sqrt(x * x + y * y + z * z) * s.radius[s.pair[k, 1]]
+        s.felt[k] = max(reach, margin + 2.0 * ahead * most)
+
+
+@kernel
+def _start(s: Pairs, b: Bodies) -> None:
+    """The pairs that may be near, in order."""
+    _move(s, b)
+    _feel(s, b)
+    for i in range(len(s.nearest)):
+        s.nearest[i] = inf
+    count = 0
+    for k in range(len(s.pair)):
+        s.least[k] = s.measured[k] - s.way[s.pair[k, 0]] - s.way[s.pair[k, 1]] - _ROUNDING
+        s.distance[k] = inf
+        if s.least[k] < s.felt[k]:
+            i = count
+            while i > 0 and s.least[s.order[i - 1]] > s.least[k]:
+                s.order[i] = s.order[i - 1]
+                i -= 1
+            s.order[i] = k
+            count += 1
+    s.sizes[5], s.sizes[6] = count, 0
+
+
+@kernel
+def _note(s: Pairs, k: int) -> None:
+    """Pair k has been measured."""
+    d = s.line[k, 0]
+    s.measured[k] = d + s.way[s.pair[k, 0]] + s.way[s.pair[k, 1]]
+    if d < s.felt[k]:
+        s.distance[k] = d
+        s.nearest[s.links[k]] = min(s.nearest[s.links[k]], d)
+
+
+@kernel
+def _collect(s: Pairs) -> None:
+    """What is near enough, by number, with its line of force."""
+    beside, count = BESIDE * s.numbers[0], 0
+    for k in range(len(s.pair)):
+        if s.distance[k] < inf and s.distance[k] <= s.nearest[s.links[k]] + beside:
+            line, force = s.line[k], s.force[count]
+            force[0], force[1], force[2] = line[1], line[2], line[3]
+            force[3] = line[5] * line[3] - line[6] * line[2]
+            force[4] = line[6] * line[1] - line[4] * line[3]
+            force[5] = line[4] * line[2] - line[5] * line[1]
+            s.found[count] = k
+            count += 1
+    s.sizes[7] = count
+
+
+@kernel
+def _again(s: Pairs, b: Bodies) -> None:
+    """Measure the first ``sizes[7]`` of ``found`` as the shapes are placed now: the distances to ``least``.
+
+    Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN.
+    """
+    spare = len(s.pair)
+    for i in range(s.sizes[7]):
+        k = s.found[i]
+        _copy(s.simplex[k], s.simplex[spare])
+        done = distance(b, s.pair[k, 0], s.pair[k, 1], s.line[spare], s.simplex[spare], s.corners[k])
+        s.least[i] = s.line[spare, 0] if done else nan
+
+
+@entry
+def measure(at: int) -> int:
+    """Measure, the nearest first. A pair that has to be measured otherwise is handed out; −1 at the end.
+
+    ``sizes[6]`` says what is done: ``BEGIN``, a reading begins; ``AGAIN``, what was found is measured again; or how
+    many candidates are, the last of which was handed out and has its ``line`` now.
+    """
+    s, b = pairs(at), bodies(carray(integers(at), 1)[0])
+    if s.sizes[6] == AGAIN:
+        _again(s, b)
+        return -1
+    if s.sizes[6] == BEGIN:
+        _start(s, b)
+    else:
+        _note(s, s.order[s.sizes[6] - 1])
+    beside = BESIDE * s.numbers[0]
+    while s.sizes[6] < s.sizes[5]:
+        k = s.order[s.sizes[6]]
+        s.sizes[6] += 1
+        if s.least[k] > s.nearest[s.links[k]] + beside:
+            continue
+        _copy(s.start[k], s.simplex[k])
+        s.corners[k] = distance(b, s.pair[k, 0], s.pair[k, 1], s.line[k], s.simplex[k], max(s.starts[k], 0))
+        if s.starts[k] < 0:
+            _copy(s.simplex[k], s.start[k])
+            s.starts[k] = s.corners[k]
+        if s.corners[k] == 0:
+            return int(k)
+        _note(s, k)
+    _collect(s)
+    return -1
