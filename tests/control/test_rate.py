@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import wbc
 from wbc.errors import InvalidInput
+from wbc.tasks import Posture
 
 DT = 2.0**-10  # sums of it are exact
 
@@ -113,3 +114,54 @@ def test_settings_that_make_no_sense_are_refused(settings: dict[str, object]):
         wbc.Rate(**settings)  # type: ignore[arg-type]
     with pytest.raises(InvalidInput, match="percent"):
         wbc.Rate(DT).percentile(101)
+
+
+class Dry:
+    """A dry tick that takes ``seconds`` of a clock that moves on by itself a little whenever it is read."""
+
+    def __init__(self, time: Time, seconds: float) -> None:
+        self.time, self.seconds, self.begun = time, seconds, list[float]()
+
+    def __call__(self) -> None:
+        self.begun.append(self.time.now)
+        self.time.now += self.seconds
+
+    def clock(self) -> float:
+        self.time.now += DT / 4096
+        return self.time.now
+
+    def rate(self, monkeypatch: pytest.MonkeyPatch) -> wbc.Rate:
+        monkeypatch.setattr("wbc.control.rate.Twin", lambda controller: self)
+        robot = wbc.load("arm")
+        controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.VelocityLevel())
+        rate = wbc.Rate(DT, clock=self.clock, sleep=self.time.sleep, warm=controller)
+        self.begun.clear()
+        return rate
+
+
+@pytest.mark.parametrize("late", [0.0, DT / 32])
+def test_a_dry_tick_ends_shortly_before_each_deadline(monkeypatch: pytest.MonkeyPatch, late: float):
+    time = Time(late)
+    dry = Dry(time, DT / 8)
+    rate = dry.rate(monkeypatch)
+    rate.sleep()
+    start = time.now
+    for k in range(1, 60):
+        time.now += DT / 4  # the work
+        assert rate.sleep() == 1
+        assert time.now - (start + k * DT) < DT / 100
+        left = start + k * DT - dry.begun[-1] - dry.seconds
+        assert 0.0 < left < DT / 2  # at first it is taken to be slower
+    assert rate.dry == len(dry.begun) == 59 and rate.late == 0
+    assert left < DT / 16
+
+
+def test_where_there_is_no_time_for_it_there_is_no_dry_tick_and_no_delay(monkeypatch: pytest.MonkeyPatch):
+    time = Time()
+    dry = Dry(time, DT / 2)
+    rate = dry.rate(monkeypatch)
+    rate.sleep()
+    for _ in range(20):
+        time.now += 0.7 * DT
+        assert rate.sleep() == 1
+    assert rate.late == rate.dry == 0 and rate.worst < DT / 100

@@ -46,6 +46,10 @@ class Target:
         """Whether it is a function of time."""
         return self._function is not None
 
+    def hold(self) -> None:
+        """From now on the reference is what it is now: nothing is called any more."""
+        self._function = None
+
     def at(self, t: float) -> Target:
         """Evaluate at time t [s]; then read ``value``, ``rate``, ``second``."""
         if self._function is not None:
