@@ -48,7 +48,13 @@ FAULT = 0.5
 
 
 def driven(
-    table: Sequence[When], duration: float = 1.9, *, noise: float = 0.0, tasks: Sequence[Any] = (), **fault: Any
+    table: Sequence[When],
+    duration: float = 1.9,
+    *,
+    noise: float = 0.0,
+    tasks: Sequence[Any] = (),
+    brought_back: bool = True,
+    **fault: Any,
 ) -> tuple[wbc.Run, FaultReaction]:
     """The arm waves while its shoulder fails."""
     state = ARM.state()
@@ -58,7 +64,7 @@ def driven(
     reaction = FaultReaction(observer, table=table, start=0.1, noise=known.noise)
     wave = Sinusoid(ARM.q0, amplitude=0.3, frequency=0.5)
     stack = wbc.Stack(
-        [Posture(wave), reaction.limits, *tasks], subject_to=[TorqueLimits(), JointPositionLimits()],
+        [Posture(wave), *([reaction.limits] if brought_back else []), *tasks], subject_to=[TorqueLimits(), JointPositionLimits()],
         components=[observer, reaction],
     )  # fmt: skip
     plant = ForwardDynamicsPlant(ARM)
@@ -266,6 +272,14 @@ def test_a_released_joint_is_wished_back_into_its_limits() -> None:
     assert np.flatnonzero(limits.wanted(state, (1,))).tolist() == [1]
     assert np.flatnonzero(limits.wanted(state, ())).tolist() == []
     assert free.rows == 1200
+
+
+def test_a_stack_with_the_task_pulls_from_when_a_released_joint_is_about_to_leave_its_limits() -> None:
+    pulled, free = (driven(TABLE, duration=1.1, brought_back=brought_back)[0] for brought_back in (True, False))
+    soon = free["plant.q"][:, 1] + 0.05 * free["plant.v"][:, 1]
+    leaves = int((np.abs(soon) > ARM.limits.q_max[1]).argmax())
+    np.testing.assert_allclose(pulled["tau"][:leaves], free["tau"][:leaves], rtol=0, atol=1e-6)
+    assert np.abs(pulled["tau"][leaves + 1] - free["tau"][leaves + 1]).max() > 1.0
 
 
 def test_what_makes_no_sense_is_refused() -> None:
