@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-FOLDERS = ("tests/methods", "tests/qp", "tests/stack", "tests/control")
+FOLDERS = ("tests/methods", "tests/qp", "tests/stack", "tests/control", "tests/models/test_near_pairs.py")
 
 #: Families of OpenBLAS and what /proc/cpuinfo lists for a processor that can run them.
 FLAGS: Mapping[str, frozenset[str]] = {
