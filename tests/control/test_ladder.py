@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
+from tasks import (
+    CenterOfMass,
+    JointAccelerationLimits,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Position,
+    Posture,
+    TorqueLimits,
+    feet,
+)
 from tests.reliability.faults import A_MAX, FAULTS, V_MAX, excess, limited, sabotaged
 from wbc.control.fallback import Fallback
 from wbc.errors import InvalidInput
@@ -170,6 +179,20 @@ def test_a_robot_that_held_as_long_as_it_may_is_not_stopped_yet():
     assert [control.tick(1e-3 * k, ARM.q0, STILL).rung for k in (1, 2)] == ["closed form"] * 2
     script.fault = ""
     assert control.tick(3e-3, ARM.q0, STILL).rung == "solved"
+
+
+@pytest.mark.parametrize("away", [0.0, 1.0])
+def test_on_legs_a_closed_form_is_commanded_only_where_feet_can_carry_it(away: float):
+    """A robot that pushes itself off with forces that its feet cannot give falls; holding on is better."""
+    robot = wbc.load("quadruped")
+    goal = CenterOfMass(target=robot.state().com + away * np.eye(3)[0], kp=100.0)
+    stack = wbc.Stack([goal, Posture(robot.q0, weight=1e-2)], contacts=feet(robot), subject_to=[TorqueLimits()])
+    control, script = sabotaged(robot, wbc.InverseDynamics(), other=False, stack=stack)
+    good = control.tick(0.0, robot.q0, np.zeros(robot.nv))
+    script.fault = "iterations"
+    command = control.tick(1e-3, robot.q0, np.zeros(robot.nv))
+    assert good.rung == "solved" and command.rung == ("hold" if away else "closed form")
+    np.testing.assert_allclose(command.tau, good.tau, rtol=0, atol=1e-4)
 
 
 def test_where_no_braking_torque_is_a_number_the_robot_is_carried_and_damped():

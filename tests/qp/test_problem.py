@@ -85,6 +85,19 @@ def test_rounding_is_no_asymmetry():
     qp.check()
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_a_cost_is_convex_up_to_a_billionth_of_its_size(scale: float):
+    turn, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(4, 4)))
+    for least, convex in ((-1e-10, True), (-1e-8, False)):
+        H = (turn * [1.0, 0.5, 0.1, least]) @ turn.T
+        H *= scale / np.abs(H).max()
+        if convex:
+            QP(0.5 * (H + H.T), np.zeros(4))
+        else:
+            with pytest.raises(InvalidProblem, match="not convex"):
+                QP(0.5 * (H + H.T), np.zeros(4))
+
+
 def test_a_crossed_row_is_named_with_its_owner_and_unit():
     rows = [Row("friction[left_sole]", "fx - mu fz", "N")]
     with pytest.raises(InvalidProblem, match=r"row friction\[left_sole\]: fx - mu fz are crossed: 2 > 1 N"):

@@ -64,7 +64,8 @@ def driven(
     reaction = FaultReaction(observer, table=table, start=0.1, noise=known.noise)
     wave = Sinusoid(ARM.q0, amplitude=0.3, frequency=0.5)
     stack = wbc.Stack(
-        [Posture(wave), *([reaction.limits] if brought_back else []), *tasks], subject_to=[TorqueLimits(), JointPositionLimits()],
+        [Posture(wave), *([reaction.limits] if brought_back else []), *tasks],
+        subject_to=[TorqueLimits(), JointPositionLimits()],
         components=[observer, reaction],
     )  # fmt: skip
     plant = ForwardDynamicsPlant(ARM)
