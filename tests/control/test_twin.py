@@ -18,6 +18,7 @@ from wbc.tasks import (
     CollisionAvoidance,
     ContactSchedule,
     JointLimits,
+    JointVelocityLimits,
     Obstacle,
     Orientation,
     Position,
@@ -167,6 +168,28 @@ def test_what_is_assigned_later_is_not_told_to_the_twin():
     known = len(calls)
     twin()
     assert len(calls) == known
+
+
+def test_targets_of_tasks_that_other_members_hold_are_not_asked_either():
+    asked: list[float] = []
+
+    def target(t: float) -> Any:
+        asked.append(t)
+        return np.array([0.4, 0.0, 0.5])
+
+    reach = Position("tool", target=target)
+    stack = wbc.Stack(
+        [Posture(ARM.q0), JointVelocityLimits().softly(), Position("forearm", target=target).scaled()],
+        subject_to=[reach.within(1.0), TorqueLimits()],
+        contacts=[Position("tool", target=target, name="held").with_reaction()],
+    )
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    twin = Twin(controller)
+    known = len(asked)
+    twin()
+    assert len(asked) == known and twin._twin.ticks == 1
+    controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    assert len(asked) > known
 
 
 @pytest.mark.parametrize("given", [True, "arm", ARM])

@@ -40,11 +40,12 @@ class Twin:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         make, (model, stack) = controller.__reduce__()
-        levels = [[_own(task) for task in level] for level in stack.levels]
-        apart = Stack(levels, subject_to=_own(stack.subject_to), contacts=_own(stack.contacts))
-        self._twin: Controller = make(model, apart, watchdog=Watchdog())
-        for member in (*self._twin.plan.stack.tasks, *self._twin.plan.stack.subject_to):
-            _hold(member)
+        levels, subject_to, contacts = _own((stack.levels, stack.subject_to, stack.contacts), {})
+        self._twin: Controller = make(
+            model, Stack(levels, subject_to=subject_to, contacts=contacts), watchdog=Watchdog()
+        )  # fmt: skip
+        planned = self._twin.plan.stack
+        _hold((planned.levels, planned.subject_to, planned.contacts))
 
     def __call__(self) -> None:
         """A dry tick."""
@@ -52,14 +53,16 @@ class Twin:
         self._twin.tick(state.t, state.q, state.v)
 
 
-def _own(value: Any) -> Any:
-    """Copies of members, and of the members that they hold."""
+def _own(value: Any, known: dict[int, Member]) -> Any:
+    """Copies of members, and of the members that they hold; of each one, by its id."""
     if type(value) in (list, tuple):
-        return type(value)(_own(one) for one in value)
+        return type(value)(_own(one, known) for one in value)
     if not isinstance(value, Member):
         return value
-    same = copy(value)
-    same.__dict__.update({name: _own(inner) for name, inner in same.__dict__.items()})
+    same = known.get(id(value))
+    if same is None:
+        same = known[id(value)] = copy(value)
+        same.__dict__.update({name: _own(inner, known) for name, inner in same.__dict__.items()})
     return same
 
 
