@@ -91,6 +91,20 @@ def test_what_gives_way_is_declared(level: Any):
         assert excess(control, command) <= 1e-9
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_three_rows_that_gave_way_most_are_named_the_largest_first(seed: int):
+    """Joint i is asked to move faster than it may, by ``beyond`` of its own: that is what its row gives way by."""
+    beyond = np.random.default_rng(seed).permutation(np.arange(1.0, 8.0)) / 8.0
+    posture = Posture(ARM.q0 + 0.2 * (1.0 + beyond), rate=5.0).exactly()
+    stack = wbc.Stack([Posture(ARM.q0, name="rest")], subject_to=[posture, JointVelocityLimits(1.0)])
+    control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel())
+    assert control.tick(0.0, ARM.q0, STILL).rung == "relaxed"
+    said = [part.rsplit(" by ", 1) for part in control.why.removeprefix("relaxed: ").split(", ")]
+    most = np.argsort(-beyond)[:3]
+    assert [name.split()[-1] for name, _ in said] == [ARM.joint_names[i] for i in most]
+    assert [float(amount.split()[0]) for _, amount in said] == pytest.approx(beyond[most], abs=1e-3)
+
+
 def test_laws_give_before_joint_limits_do():
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     control = wbc.Controller(ARM, limited(ARM, LEVELS[1], extra=(up,)), level=LEVELS[1])
