@@ -248,3 +248,12 @@ def test_wrong_arguments_are_named(arguments: dict[str, object], sentence: str):
     good: dict[str, object] = {"G": np.eye(3), "wrench": [0.0, 0.0, 1.0]}
     with pytest.raises(InvalidInput, match=sentence):
         ForceDistribution(**(good | arguments))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("beyond", [-10.0, 0.0, 10.0, 40.0])
+def test_a_force_beyond_its_limit_is_a_difference_by_as_much_of_the_largest_force(beyond: float):
+    task = ForceDistribution(np.eye(3), [0.0, 0.0, 50.0], friction=0.5, f_min=-150.0, f_max=150.0)
+    right = task.closed_form()
+    wrong = replace(right, f=np.array([0.0, 0.0, 150.0 + beyond]))
+    assert task.difference(right, right)["limits"] == 0.0
+    assert task.difference(wrong, right)["limits"] == pytest.approx(max(0.0, beyond) / 50.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -250,3 +251,13 @@ def test_shapes_and_steps_are_checked():
         ParameterUpdate(np.eye(2), [1, 1, 1], gain=1.0, a_hat=[0.0, 0.0])
     with pytest.raises(InvalidInput, match="dt is 0; it must be > 0"):
         ParameterUpdate(np.eye(2), [1, 1], gain=1.0, a_hat=[0.0, 0.0]).step(0.0)
+
+
+@pytest.mark.parametrize("out", [0.0, 0.5, 2.0])
+def test_a_rate_that_leaves_the_set_is_a_difference_by_how_fast_it_does(out: float):
+    """The first estimate is at its upper limit; without limits both would grow at 1."""
+    update = ParameterUpdate(np.eye(2), [1.0, 1.0], gain=1.0, a_hat=[0.0, 0.0], upper=[0.0, np.inf])
+    right = update.closed_form()
+    wrong = replace(right, a_hat_dot=right.a_hat_dot + np.array([out, 0.0]))
+    np.testing.assert_allclose(right.a_hat_dot, [0.0, 1.0], atol=1e-12)
+    assert update.difference(wrong, right)["set"] == pytest.approx(out / np.sqrt(2.0), abs=1e-12)
