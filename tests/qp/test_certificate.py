@@ -164,3 +164,16 @@ def test_pushes_that_cancel_are_certified_where_rounding_is_all_they_leave(size:
     push = 10.0**size * np.linalg.svd(rows.T)[2][-1]
     qp = QP(np.diag([0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], A=np.column_stack([rows, np.zeros(3)]), b=np.zeros(3))
     assert certificate(qp, np.array([0.0, 0.0, 1.0]), push, np.zeros(0), np.zeros(3)).ok
+
+
+@pytest.mark.parametrize("beside", [False, True], ids=["alone", "beside a variable that is held"])
+def test_an_x_so_large_that_its_rounding_hides_the_slope_is_not_certified(beside: bool):
+    """Along (1, -1) the cost falls for ever, and at 10^16 (1, -1) rounding of H x is larger than the slope."""
+    n = 3 if beside else 2
+    H, g, x, A = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros((n - 2, n))
+    H[:2, :2], g[:2], x[:2] = 1.0, (0.1, -0.1), (1e16, -1e16)
+    g[2:], A[:, 2:] = 5.0, 1.0
+    qp = QP(H, g, A=A, b=np.zeros(n - 2))
+    assert not certificate(qp, x, np.full(n - 2, -5.0), np.zeros(0), np.zeros(n)).ok
+    near = certificate(qp, np.zeros(n), np.full(n - 2, -5.0), np.zeros(0), np.zeros(n))
+    assert not near.ok and near.slope == pytest.approx(1.0)
