@@ -300,16 +300,16 @@ class Distances:
         if state.drifts:
             felt = distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds)
             if not felt.all():
-                pairs, soon = pairs[felt], soon[felt]
+                pairs, soon, speeds = pairs[felt], soon[felt], speeds[felt]
                 distances, rows, rates = distances[felt], rows[felt], rates[felt]
         at = self._rows_for(pairs, soon)
         if self.missing:
             has_row = at >= 0
-            pairs, at = pairs[has_row], at[has_row]
+            pairs, at, speeds = pairs[has_row], at[has_row], speeds[has_row]
             distances, rows, rates = distances[has_row], rows[has_row], rates[has_row]
         self.which[at], self.distance[at], self.jacobian[at], self.rate[at] = pairs, distances, rows, rates
         if state.drifts and len(at):
-            self._read_drifts(at, pairs, state)
+            self.drift[at] = self._drifts(pairs, distances, speeds, state)
 
     def _rows_for(self, pairs: Index, soon: Vec) -> Index:
         """The row of each pair, −1 where there is none; ``soon`` says how near each will be."""
@@ -352,25 +352,25 @@ class Distances:
                     rates[row] += sign * float(line[1:4] @ velocity)
         return rates
 
-    def _read_drifts(self, at: Index, pairs: Index, state: PinocchioState) -> None:
+    def _drifts(self, pairs: Index, d: Vec, speed: Vec, state: PinocchioState) -> Vec:
         """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
         model, geometry, beside = self.model.pinocchio, self._geometry, self._near.beside
-        d = self.distance[at]
-        speed = self.jacobian[at] @ state.v + self.rate[at]
-        halves = []
+        there = []
         for s in (_STEP, -_STEP):
             q = pin.integrate(model, state.q, s * state.v)
             pin.updateGeometryPlacements(model, self._kinematics, geometry, beside, q)
             self._place_obstacles(beside, state.t + s)
-            there = self._near.again(pairs)
-            halves.append((there - d - s * speed) * (2.0 / _STEP**2))
-        ahead, behind = halves
-        drift = 0.5 * (ahead + behind)
+            there.append(self._near.again(pairs))
+        # Each side says (d(±s) − d ∓ s ḋ) 2 / s²; the drift is their mean.
+        drift: Vec = (there[0] + there[1] - 2.0 * d) * (1.0 / _STEP**2)
+        half = (there[0] - there[1] - 2.0 * _STEP * speed) * (1.0 / _STEP**2)
         # Where other features become the nearest on one side, the other knows the curvature; where on both, nobody.
-        jumps = np.abs(ahead - behind) > _JUMP
-        drift[jumps] = np.where(np.abs(ahead) < np.abs(behind), ahead, behind)[jumps]
+        jumps = np.abs(half) > 0.5 * _JUMP
+        if jumps.any():
+            smaller = np.where(np.abs(drift + half) < np.abs(drift - half), drift + half, drift - half)
+            drift[jumps] = smaller[jumps]
         drift[np.abs(drift) > _MOST_CURVATURE * self._speed_squared(state)] = 0.0
-        self.drift[at] = drift
+        return drift
 
     def _speed_squared(self, state: PinocchioState) -> float:
         """The largest entry of v, and of a velocity of each moving obstacle, squared."""

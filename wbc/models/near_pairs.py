@@ -83,10 +83,11 @@ class NearPairs:
         """The distances of pairs that were found, where the shapes are in ``beside``."""
         n = len(pairs)
         self._found[:n], self._sizes[6], self._sizes[7] = pairs, AGAIN, n
-        measure(self._memory_beside.address)
+        left = measure(self._memory_beside.address)
         distances = self._again[:n].copy()
-        for i in np.flatnonzero(np.isnan(distances)):
-            distances[i] = self._measured(self.beside, int(pairs[i]))
+        if left:
+            for i in np.flatnonzero(np.isnan(distances)):
+                distances[i] = self._measured(self.beside, int(pairs[i]))
         return distances
 
     def _ask(self, pair: int) -> None:

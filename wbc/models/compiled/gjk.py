@@ -59,7 +59,7 @@ def bodies(at: int) -> Bodies:
     )  # fmt: skip
 
 
-@kernel
+@small_kernel
 def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at: int) -> None:
     """The point of a shape furthest along (x, y, z), in its own axes, to ``P[at]``: first three entries or last."""
     R, P, o = s.placement[shape], s.P[at], 3 * side
@@ -88,7 +88,7 @@ def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at:
         P[o + i] = s.corners[k, i]
 
 
-@kernel
+@small_kernel
 def _join(s: Bodies, first: int, second: int, at: int) -> None:
     """The points P of both shapes, in their own axes, become corner w of the simplex, in the world's."""
     A, B = s.placement[first], s.placement[second]
@@ -100,7 +100,7 @@ def _join(s: Bodies, first: int, second: int, at: int) -> None:
         )
 
 
-@kernel
+@small_kernel
 def _extend(s: Bodies, first: int, second: int, x: float, y: float, z: float, at: int) -> None:
     """The furthest point of the first shape along −(x, y, z), and of the second along (x, y, z), join the simplex."""
     for side in range(2):
@@ -109,7 +109,7 @@ def _extend(s: Bodies, first: int, second: int, x: float, y: float, z: float, at
     _join(s, first, second, at)
 
 
-@kernel
+@small_kernel
 def _nearest(s: Bodies, k: int) -> bool:
     """The shares of the k corners in their point nearest to the origin. False: the origin is inside."""
     share = s.share
@@ -126,7 +126,7 @@ def _nearest(s: Bodies, k: int) -> bool:
     return True
 
 
-@kernel
+@small_kernel
 def _kept(s: Bodies, k: int) -> int:
     """Leave out the corners without a share; how many are left."""
     m = 0
@@ -142,7 +142,7 @@ def _kept(s: Bodies, k: int) -> int:
     return m
 
 
-@kernel
+@small_kernel
 def _point(s: Bodies, k: int) -> tuple[float, float, float]:
     """The simplex' point."""
     x = y = z = 0.0
@@ -177,7 +177,7 @@ def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int
     return k
 
 
-@kernel
+@small_kernel
 def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int) -> int:
     """Grow the simplex of k corners until it has the nearest point; how many it has then, or 0 without a proof."""
     if not _nearest(s, k):
@@ -214,7 +214,7 @@ def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int) -> int:
     return 0
 
 
-@kernel
+@small_kernel
 def _answer(s: Bodies, first: int, second: int, line: Vec, k: int) -> None:
     """Distance, normal and nearest points of a simplex that has them."""
     x, y, z = _point(s, k)

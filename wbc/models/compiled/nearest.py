@@ -172,30 +172,31 @@ def _collect(s: Pairs) -> None:
 
 
 @kernel
-def _again(s: Pairs, b: Bodies) -> None:
+def _again(s: Pairs, b: Bodies) -> int:
     """Measure the first ``sizes[7]`` of ``found`` as the shapes are placed now: the distances to ``least``.
 
-    Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN.
+    Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN; how many are.
     """
-    spare = len(s.pair)
+    spare, left = len(s.pair), 0
     for i in range(s.sizes[7]):
         k = s.found[i]
         _copy(s.simplex[k], s.simplex[spare])
         done = distance(b, s.pair[k, 0], s.pair[k, 1], s.line[spare], s.simplex[spare], s.corners[k])
         s.least[i] = s.line[spare, 0] if done else nan
+        left += done == 0
+    return left
 
 
 @entry
 def measure(at: int) -> int:
     """Measure, the nearest first. A pair that has to be measured otherwise is handed out; −1 at the end.
 
-    ``sizes[6]`` says what is done: ``BEGIN``, a reading begins; ``AGAIN``, what was found is measured again; or how
-    many candidates are, the last of which was handed out and has its ``line`` now.
+    ``sizes[6]`` says what is done: ``BEGIN``, a reading begins; ``AGAIN``, what was found is measured again, see
+    :func:`_again`; or how many candidates are, the last of which was handed out and has its ``line`` now.
     """
     s, b = pairs(at), bodies(carray(integers(at), 1)[0])
     if s.sizes[6] == AGAIN:
-        _again(s, b)
-        return -1
+        return _again(s, b)
     if s.sizes[6] == BEGIN:
         _start(s, b)
     else:
