@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 
 import wbc
 from tasks import JointLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
 from tests.control.random_arms import arm, holding_torque, restless_posture, walk
 from wbc.models.model import RobotModel
+from wbc.stack.component import Component
 from wbc.types import Vec
 
 
@@ -110,3 +112,32 @@ def test_a_fast_arm_is_braked_while_its_motor_can_still_stop_it(tmp_path: Path) 
     best = np.sqrt(tau_max / inertia * (limit + 1.4))  # half of the way speeding up, half of it braking
     assert 0.85 * best <= fastest <= best
     assert limit - 1e-3 <= q[0]
+
+
+class Carries(Component):
+    """Torques (nv,) that the motors have to give besides, and that are there."""
+
+    def __init__(self, bias: Vec) -> None:
+        super().__init__(name="carries")
+        self.bias = bias
+
+    def before(self, state: Any, last: object, plan: Any) -> wbc.Overrides:
+        return wbc.Overrides(bias=self.bias)
+
+
+@pytest.mark.parametrize("seed", [2, 3, 6])
+def test_what_components_say_that_motors_carry_is_counted_in_the_way_to_rest(seed: int, tmp_path: Path) -> None:
+    robot, tau_max = arm(seed, tmp_path, share=0.5)
+    bias = 0.45 * tau_max * np.random.default_rng(seed).choice([-1.0, 1.0], robot.nj)
+    stack = wbc.Stack(
+        [Posture(restless_posture(robot, seed, 0.1), kp=2500.0)],
+        subject_to=[JointPositionLimits(), JointVelocityLimits(), TorqueLimits(tau_max)], components=[Carries(bias)],
+    )  # fmt: skip
+    dt, low, high = 4e-3, robot.limits.q_min, robot.limits.q_max
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=dt)
+    q, v, data = 0.5 * (low + high), np.zeros(robot.nv), robot.pinocchio.createData()
+    for k in range(500):
+        command = controller.tick(dt * k, q, v)
+        a = pinocchio.aba(robot.pinocchio, data, q, v, command.tau - bias)
+        q, v = q + dt * v + 0.5 * dt**2 * a, v + dt * a
+        assert np.maximum(q - high, low - q).max() <= 1e-6, k
