@@ -107,7 +107,7 @@ def test_the_three_closed_forms_say_the_same(task: WeightedTorque):
 @given(problems(**CALM), st.sampled_from(FORMS))
 def test_the_qp_as_it_is_written_has_the_closed_form_as_its_optimum(task: WeightedTorque, form: str):
     """Property 45, without the units in which methods solve their QPs."""
-    answer = solve(task.qp(form), "pdas" if form != "joint" else "daqp")
+    answer = solve(task.qp(form))
     x = task.closed_form()
     values = {"torque": x.tau, "acceleration": x.a, "joint": np.concatenate([x.a, x.tau])}[form]
     H, g = task.qp(form).H, task.qp(form).g
@@ -128,7 +128,7 @@ def test_every_form_is_certified_near_singularities(form: str, decade: int):
         row = rng.normal(size=2)
         rows = np.array([row, 2.0 * row + 10.0**decade * rng.normal(size=2)])
         task = WeightedTorque(M, [0, 0], rows, rows @ rng.normal(size=2), tau_0=rng.normal(size=2))
-        assert solve(task.qp(form), "daqp").status.ok
+        assert solve(task.qp(form)).status.ok
 
 
 def test_the_examples_have_active_limits_infeasible_tasks_and_dependent_rows():

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.qp.zoo import SOLVABLE, UNBOUNDED, random_qp, sequence
+from tests.qp.zoo import SOLVABLE, random_qp, sequence
 from wbc.qp import QP, Shape, solve
-from wbc.qp.solvers.pdas import Pdas, PdasSession
+from wbc.qp.solvers.pdas import Pdas
 from wbc.types import Status
 
 BOX = QP(np.eye(4), [-3.0, -2.0, 0.0, 3.0], C=[[1, 1, 1, 1]], cl=[-1], cu=[1], lb=[-1] * 4, ub=[1] * 4)
@@ -48,14 +48,6 @@ def test_a_row_is_repaired_however_little_it_is_wrong(by: float):
     assert (session.counts.first, session.counts.repaired) == (1, 2)
 
 
-def test_with_one_try_daqp_repairs():
-    loose, tight = (QP(np.eye(2), [-1.0, -1.0], C=[[1, 1]], cu=[cu]) for cu in (5.0, 1.0))
-    session = Pdas(tries=1).open(loose.shape)
-    for qp in (loose, tight, tight):
-        assert session.solve(qp).status is Status.SOLVED
-    assert (session.counts.first, session.counts.repaired, session.counts.fallback) == (2, 0, 1)
-
-
 def test_a_slowly_changing_sequence_is_mostly_guessed_right():
     problems = sequence(300, rate=0.002)
     session = Pdas().open(problems[0].shape)
@@ -65,7 +57,7 @@ def test_a_slowly_changing_sequence_is_mostly_guessed_right():
     assert session.counts.first >= 270
 
 
-def test_an_active_set_that_never_settles_is_left_to_daqp():
+def test_an_active_set_that_never_settles_is_left_to_the_finite_method():
     session = Pdas().open(random_qp(0, 12, 2, 20).shape)
     for seed in range(40):
         assert session.solve(random_qp(seed, 12, 2, 20)).status is Status.SOLVED
@@ -139,7 +131,7 @@ def test_pins_can_make_a_flat_cost_curved():
     session = Pdas().open(qp.shape)
     for _ in range(3):
         np.testing.assert_allclose(session.solve(qp).x, [1.0, 2.0])
-    assert (session.counts.first, session.counts.fallback) == (2, 1)
+    assert session.counts.first == 2
 
 
 def test_an_equality_of_pinned_variables_does_not_cost_the_guess():
@@ -157,15 +149,7 @@ def test_a_cost_that_is_all_but_flat_does_not_overflow(curvature: float):
     np.testing.assert_allclose(solve(qp).x, [-1.0, -1.0])
 
 
-def test_a_flat_cost_is_left_to_daqp():
-    qp = UNBOUNDED[0].make()
-    session = Pdas().open(qp.shape)
-    assert session.solve(qp).status is Status.UNBOUNDED
-    assert session.counts.fallback == 1
-
-
 def test_rows_that_are_small_in_their_units_are_not_lost():
-    """A flat cost, so DAQP is asked; at first it takes the second row for zero."""
     H, C = np.diag([1e8, 0.0, 0.0]), [[1e-4, 1e-4, 0.0], [0.0, 1e-5, 1e-5]]
     qp = QP(H, [-1e8, 1.0, 0.0], C=C, cl=[-1e-4, 0.0], cu=[1e-4, 1e-5], lb=[-5] * 3, ub=[5] * 3)
     assert solve(qp).certificate.within(1e-8)
@@ -186,11 +170,6 @@ def test_guesses_are_refined_where_the_cost_is_nearly_flat(seed: int):
         proof = session.solve(qp).certificate
         assert proof.ok and proof.residual <= 1e-8
     assert session.counts.first >= 1
-    rough = Pdas(refinements=0).open(qp.shape)
-    for _ in range(3):
-        proof = rough.solve(qp).certificate
-        assert proof.ok and proof.residual <= 1e-8
-    assert rough.counts.first == 0
 
 
 def test_a_row_with_one_value_may_push_either_way():
@@ -199,7 +178,7 @@ def test_a_row_with_one_value_may_push_either_way():
     for g in (-3.0, 3.0, -3.0):
         qp = QP(np.eye(2), [g, g], C=[[1, 0]], cl=[0.5], cu=[0.5], lb=[-9, 0.25], ub=[9, 0.25])
         np.testing.assert_allclose(session.solve(qp).x, [0.5, 0.25])
-    assert (session.counts.first, session.counts.repaired) == (2, 1)
+    assert session.counts.first == 3
 
 
 @pytest.mark.parametrize("rows", [[[1, 1], [1, 1], [2, 2]], [[0, 0], [1, 1]], [[1, 1], [0, 0], [0, 0]]])
@@ -212,23 +191,13 @@ def test_dependent_equalities_do_not_cost_the_guess(rows: list[list[float]]):
     assert np.abs(answer.y).max() < 10.0
 
 
-def test_nothing_is_guessed_while_the_active_set_keeps_changing(monkeypatch: pytest.MonkeyPatch):
-    guesses = []
-    guess = PdasSession._guess
-    monkeypatch.setattr(PdasSession, "_guess", lambda self, qp: guesses.append(qp) or guess(self, qp))
-    session = Pdas(tries=1).open(random_qp(0, 12, 2, 20).shape)
-    for seed in range(40):
-        session.solve(random_qp(seed, 12, 2, 20))
-    assert len(guesses) <= 4
-
-
-def test_a_failed_problem_leaves_the_last_active_set():
+def test_after_a_problem_without_an_answer_it_starts_from_no_active_row():
     bad = QP(BOX.H, BOX.g, C=BOX.C, cl=[5], cu=[6], lb=BOX.lb, ub=BOX.ub)
     session = Pdas().open(BOX.shape)
-    session.solve(BOX)
+    first = session.solve(BOX)
     assert session.solve(bad).status is Status.INFEASIBLE
-    right = session.counts.first
-    assert session.solve(BOX).iterations == 1 and session.counts.first == right + 1
+    again = session.solve(BOX)
+    assert again.iterations == first.iterations and (again.x == first.x).all()
 
 
 @given(flat=st.floats(-10.0, -7.0).map(lambda power: 10.0**power), away=st.floats(0.5, 100.0), held=st.floats(1.0, 1e3))

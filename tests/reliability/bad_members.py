@@ -302,10 +302,8 @@ def _controllers() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]
     yield "another base", lambda: wbc.load("arm", base="flying"), ("base", "flying")  # type: ignore[arg-type]
     for maker, settings, what in (
         (solvers.Daqp, {"primal_tol": -1.0}, "primal_tol"),
-        (solvers.Pdas, {"tries": 0}, "tries"),
         (solvers.Osqp, {"eps_abs": NAN}, "eps_abs"),
         (solvers.ProxQp, {"max_iter": 0}, "max_iter"),
-        (solvers.Pdas, {"accuracy": 1.0}, "accuracy"),
     ):
         yield f"{maker.__name__} with {settings}", lambda maker=maker, settings=settings: maker(**settings), (what,)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from wbc.errors import InvalidProblem
 from wbc.models.model import RobotState
-from wbc.qp.solvers.daqp_ import Daqp
+from wbc.qp.solvers import by_name
 from wbc.stack.interval import BRAKING
 from wbc.stack.plan import Plan
 from wbc.types import Vec
@@ -49,8 +49,8 @@ class Fallback:
         """(nj,): the held one, or what brakes, cut to the bounds of this tick.
 
         Fixed base: τ = M a + h. On legs τ of the QP  minimise ½ ‖a + v / T‖² + ½ ε ‖f‖²  under the laws of the stack
-        (contacts, friction, torques), solved by DAQP whatever solver failed. Where neither is a number: ``carrying``,
-        the torques that last carried the robot, less damping.
+        (contacts, friction, torques), solved by the default solver, whatever solver failed. Where neither is a number:
+        ``carrying``, the torques that last carried the robot, less damping.
         """
         low, high = self._plan.torque_range
         if held is None:
@@ -87,7 +87,7 @@ class Fallback:
         qp.g[:] = 0.0
         qp.g[:nv] = state.v / self._slowly
         try:
-            solution = Daqp(max_iter=1000).solve(qp)
+            solution = by_name("pdas").solve(qp)
         except InvalidProblem:
             return np.full(nv - nb, np.nan)
         return np.asarray(p.G[nb:nv] @ np.append(solution.x / p.scale, 1.0))

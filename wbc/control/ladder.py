@@ -38,9 +38,6 @@ from wbc.qp.relax import relaxed
 from wbc.qp.rows import RowSolver
 from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED
 from wbc.qp.solvers import by_name
-from wbc.qp.solvers.clarabel_ import Clarabel
-from wbc.qp.solvers.daqp_ import Daqp
-from wbc.qp.solvers.pdas import Pdas
 from wbc.stack.damped import open_plan
 from wbc.stack.plan import Plan
 from wbc.types import Status, Vec
@@ -60,7 +57,7 @@ _PRECISE = 1e-4
 _SHOWN = 1e-6
 #: What the largest curvature of the cost counts beside a unit of violation.
 _SHARE = 1e-3
-_OF_RELAXED = (Daqp(max_iter=1000), Clarabel())
+_OF_RELAXED = ("pdas", "clarabel")
 
 
 @final
@@ -206,7 +203,7 @@ class Ladder:
         controller = self._controller
         mode = controller.mode
         if mode.second is None:
-            name = "clarabel" if isinstance(controller.solver, Pdas) else "pdas"
+            name = "clarabel" if controller.solver.takes_rows else "pdas"
             mode.second = open_plan(controller.plan, controller.hierarchy, by_name(name))
         answer = controller.asked(mode.second)
         return status if answer is Status.FAILED else answer
@@ -222,7 +219,7 @@ class Ladder:
             if not classes[kind] or not self._in_time(start):
                 continue
             items += classes[kind]
-            for solver in _OF_RELAXED:  # what one takes for infeasible the other may solve
+            for solver in map(by_name, _OF_RELAXED):  # what one takes for infeasible the other may solve
                 try:
                     solution = solver.solve(relaxed(qp, items, share=share))
                 except InvalidProblem:

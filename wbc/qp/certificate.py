@@ -51,6 +51,8 @@ from wbc.types import Index, Mat, Vec
 TOLERANCE = 1e-6
 #: An answer is certified at tolerance t where it is within 100 t of the optimum, relative to what is asked.
 DISTANCE = 100.0
+#: The share of a tolerance at which an answer is as good as it need be.
+FINE = 1e-2
 
 #: Curvature below this share of a variable's own, times the number of variables, is rounding of the products in H.
 FLAT = 64.0 * float(np.finfo(np.float64).eps)
@@ -258,9 +260,9 @@ class _Curved:
         slope beside them: they are zero but for rounding of large pushes that cancel, as next to a singularity, or x
         and the multipliers are too large to know anything. There the slope counts beside ``matters`` (n,), that which
         changes the cost by all it is the sum of when a variable moves by its size. Where the rounding of H x alone,
-        ``of_x`` (n,), is larger than all other terms, x is so large that it says nothing of them, as on the way to a
-        minimum that does not exist: the slope is infinite. ``least`` is what rounding of x by its size makes of H x:
-        pushes that are smaller are zero.
+        ``of_x`` (n,), hides all other terms, x is so large that it says nothing of them, as on the way to a minimum
+        that does not exist: the slope is infinite. ``least`` is what rounding of x by its size makes of H x: pushes
+        that are smaller are zero.
         """
         if self.rank == len(self._order):
             return 0.0
@@ -272,7 +274,7 @@ class _Curved:
         magnitude = np.abs(left[:, 1:]).max(axis=1)
         of_x = (of_x * self._unit)[self._order]
         hiding = of_x[self.rank :] + np.abs(self._below).dot(np.abs(self._inverse).dot(of_x[: self.rank]))
-        if ((magnitude > zero) & (hiding > magnitude)).any():
+        if ((magnitude > zero) & (hiding > _HIDES * magnitude)).any():
             return float("inf")
         zero += least * self._unit[flat]
         sum_of = np.abs(left.sum(axis=1))

@@ -1,10 +1,9 @@
-"""Solver: frozen settings. Session: workspace and warm start. Solution: the answer and its certificate."""
+"""Solver: frozen settings. Session: workspace and warm start; what it answers is certified here, whoever solves."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
-from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from time import perf_counter
 from typing import Self, final
@@ -13,84 +12,16 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidProblem, SolverMissing
-from wbc.qp.certificate import TOLERANCE, Certificate, certificate
-from wbc.qp.problem import QP, Shape
+from wbc.qp.answer import Answer, Counts, Solution
+from wbc.qp.certificate import FINE, TOLERANCE, Certificate
+from wbc.qp.problem import QP, Shape, moderate
 from wbc.qp.proof import contradiction, descent
-from wbc.qp.refine import Point, refined
-from wbc.types import Status, Vec
+from wbc.types import Status
 
-#: The share of the tolerance at which an answer is as good as it need be.
-_FINE = 1e-2
+__all__ = ["Answer", "Counts", "Session", "Solution", "Solver"]
 
-
-@final
-@dataclass(slots=True)
-class Answer:
-    """What a back end returns: its own word, before anything is checked."""
-
-    status: Status
-    x: Vec
-    y: Vec
-    z: Vec
-    z_box: Vec
-    iterations: int = 0
-    build_time: float = 0.0
-
-    @classmethod
-    def none(cls, shape: Shape, status: Status, iterations: int = 0) -> Answer:
-        """No answer: NaN everywhere."""
-        x, y, z, z_box = (np.full(size, np.nan) for size in (shape.n, shape.n_eq, shape.n_in, shape.n))
-        return cls(status, x, y, z, z_box, iterations)
-
-    def certificate(self, qp: QP, tolerance: float = TOLERANCE) -> Certificate:
-        """The certificate of this answer, recomputed from the data of ``qp``."""
-        return certificate(qp, self.x, self.y, self.z, self.z_box, tolerance=tolerance)
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """The answer to a QP: status, x (n,), multipliers y (n_eq,), z (n_in,), z_box (n,).
-
-    ``status`` is SOLVED exactly when our own certificate holds, INFEASIBLE and UNBOUNDED exactly when multipliers or
-    a direction were found that prove it; ``reason`` says in a sentence why there is no certified answer, and is empty
-    where there is one. Times are in seconds: ``build_time`` is spent on turning the QP into the back end's form,
-    ``solve_time`` in the back end and in the refinement of its answer.
-    Arrays are NaN where there is no answer, and the best the back end has where it gave up.
-
-    Example:
-        >>> import wbc
-        >>> answer = wbc.solve(wbc.QP([[1.0]], [-1.0]))
-        >>> answer.status.name, answer.certificate.ok
-        ('SOLVED', True)
-    """
-
-    status: Status
-    x: Vec
-    y: Vec
-    z: Vec
-    z_box: Vec
-    certificate: Certificate
-    iterations: int = 0
-    build_time: float = 0.0
-    solve_time: float = 0.0
-    solver: str = ""
-    reason: str = ""
-
-
-@final
-@dataclass(slots=True)
-class Counts:
-    """How often the first guess of the active set was right, had to be repaired, or led nowhere."""
-
-    first: int = 0
-    repaired: int = 0
-    fallback: int = 0
-
-    @property
-    def total(self) -> int:
-        """All solves."""
-        return self.first + self.repaired + self.fallback
+#: An answer this near to an optimum, beside its size, is refined to it.
+_NEAR = 1e-2
 
 
 class Session(ABC):
@@ -100,14 +31,28 @@ class Session(ABC):
         self.solver = solver
         self.shape = shape
         self.counts = Counts()
+        from wbc.qp.rows.dense import DenseSteps  # compiled code: loaded where a problem is to be solved
+
+        self._steps = DenseSteps(shape)
 
     @abstractmethod
     def _solve(self, qp: QP) -> Answer:
         """Hand the problem to the back end. The problem has been checked; the answer will be."""
 
-    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        """A second answer for a session that can do better than the first; ``None`` keeps that."""
-        return None
+    def _improved(self, qp: QP, answer: Answer, proof: Certificate) -> tuple[Answer, Certificate]:
+        """A better answer with its certificate, where there is one: here what the core makes of the active rows.
+
+        It does not speak for a back end that is far off: that one has failed.
+        """
+        if not moderate(np.concatenate([answer.x, answer.y, answer.z, answer.z_box])):
+            return answer, proof
+        self._steps.read(qp)
+        self._steps.name(qp, answer)
+        better, found = self._steps.onwards(qp, answer, proof, self.solver.tolerance)
+        if not (np.abs(better.x - answer.x) <= _NEAR * (1.0 + np.abs(answer.x))).all():
+            return answer, proof
+        better.status, better.iterations, better.build_time = answer.status, answer.iterations, answer.build_time
+        return better, found
 
     def reset(self) -> None:
         """Forget the warm start."""
@@ -121,10 +66,9 @@ class Session(ABC):
         """Check the problem, solve it, check the answer; the same for every back end.
 
         The certificate decides, not the back end's word. An answer that is not a hundred times finer than asked is
-        refined once with the active rows that its multipliers name (:mod:`wbc.qp.refine`), and the better of the two
-        is kept. Where it still fails, a
-        proof is looked for that there is no answer (:mod:`wbc.qp.proof`). Without one the status says how the back
-        end ended, never INFEASIBLE or UNBOUNDED.
+        refined once with the active rows that its multipliers name (:mod:`wbc.qp.rows.dense`), and the better of the
+        two is kept. Where it still fails, a proof is looked for that there is no answer (:mod:`wbc.qp.proof`). Without
+        one the status says how the back end ended, never INFEASIBLE or UNBOUNDED.
 
         Raises:
             InvalidProblem: what :meth:`QP.check` refuses, or another shape than the session's.
@@ -138,11 +82,8 @@ class Session(ABC):
         start = perf_counter()
         answer = self._solve(qp)
         proof = answer.certificate(qp, tolerance)
-        second = self._improve(qp, answer, proof)
-        if second is not None:
-            answer, proof = second, second.certificate(qp, tolerance)
-        if not proof.within(_FINE * tolerance):
-            answer, proof = _refined(qp, answer, proof, tolerance)
+        if not proof.within(FINE * tolerance):
+            answer, proof = self._improved(qp, answer, proof)
         elapsed = perf_counter() - start
         status, reason = answer.status, ""
         if proof.within(tolerance):
@@ -155,16 +96,6 @@ class Session(ABC):
             status, answer.x, answer.y, answer.z, answer.z_box, proof, answer.iterations,
             answer.build_time, elapsed - answer.build_time, self.solver.name, reason,
         )  # fmt: skip
-
-
-def _refined(qp: QP, answer: Answer, proof: Certificate, tolerance: float) -> tuple[Answer, Certificate]:
-    """The answer, or the one of its active rows where that is certified better."""
-    point = refined(qp, Point(answer.x, answer.y, answer.z, answer.z_box))
-    if point is None:
-        return answer, proof
-    better = replace(answer, x=point.x, y=point.y, z=point.z, z_box=point.z_box)
-    found = better.certificate(qp, tolerance)
-    return (better, found) if found.level < proof.level else (answer, proof)
 
 
 def _verdict(qp: QP, claimed: Status, proof: Certificate, tolerance: float) -> tuple[Status, str]:
@@ -187,7 +118,8 @@ class Solver(ABC):
     ``package`` what to install. ``tolerance`` is the certificate without which no answer is SOLVED;
     ``semidefinite`` says whether H may be singular (a linear program, a task without posture),
     ``repeatable`` whether fresh sessions give the same bits, and ``offline`` is true for a solver that is
-    not shown to keep limits to 1e-6 at 1 kHz and so is refused by a controller.
+    not shown to keep limits to 1e-6 at 1 kHz and so is refused by a controller. ``takes_rows`` is true for the one that
+    solves a tick from its rows (:mod:`wbc.qp.rows`); all others get products.
     """
 
     name: str
@@ -197,6 +129,7 @@ class Solver(ABC):
     semidefinite: bool = True
     repeatable: bool = True
     offline: bool = False
+    takes_rows: bool = False
 
     @abstractmethod
     def open(self, shape: Shape) -> Session:

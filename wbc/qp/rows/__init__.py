@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from wbc.qp.answer import Answer, Counts, Solution
 from wbc.qp.certificate import certificate
 from wbc.qp.problem import QP
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.solver import RowSolver
 from wbc.qp.rows.wish import Outcome, Wish
-from wbc.qp.solver import Answer, Counts, Solution, Solver
+from wbc.qp.solver import Solver
 from wbc.types import Status
 
 __all__ = ["Counts", "Outcome", "RowProblem", "RowSolver", "Wish", "open_rows", "solution_of"]
@@ -16,13 +17,12 @@ __all__ = ["Counts", "Outcome", "RowProblem", "RowSolver", "Wish", "open_rows", 
 def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:
     """The way this problem is solved, decided once.
 
-    The default solver works on the rows (:mod:`wbc.qp.rows.core`). Any other solver gets the standard form.
+    The default solver takes rows (:mod:`wbc.qp.rows.core`). Any other solver gets the standard form.
     """
     from wbc.qp.rows.core import CoreSolver
     from wbc.qp.rows.standard import StandardSolver
-    from wbc.qp.solvers.pdas import Pdas
 
-    if isinstance(solver, Pdas):
+    if solver.takes_rows:
         return CoreSolver(problem)
     return StandardSolver(problem, solver)
 

@@ -69,14 +69,8 @@ class CoreSolver(RowSolver):
         code = guess(self.address)
         if code == UNDECIDED:
             code = decide(self.address)
-        guesses, steps = int(self._sizes[7]), int(self._sizes[8])
-        self.iterations = guesses + steps
-        if steps:
-            self.counts.fallback += 1
-        elif guesses > 1:
-            self.counts.repaired += 1
-        else:
-            self.counts.first += 1
+        self.iterations = sum(self.work)
+        self.counts.add(*self.work)
         if code == SOLVED:
             *numbers, spread = self._proof.tolist()
             self.certificate = self.proof.found(numbers, spread)
@@ -90,6 +84,11 @@ class CoreSolver(RowSolver):
         self.reset()
         self.certificate = Certificate.none()
         return Status.INFEASIBLE if code == INFEASIBLE else Status.FAILED
+
+    @property
+    def work(self) -> tuple[int, int]:
+        """Guesses of the last answer, and steps of the finite method after them."""
+        return int(self._sizes[7]), int(self._sizes[8])
 
     def reset(self) -> None:
         self._side.fill(0.0)

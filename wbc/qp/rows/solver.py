@@ -8,11 +8,11 @@ from typing import final
 
 import numpy as np
 
+from wbc.qp.answer import Counts
 from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Row
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.wish import Outcome
-from wbc.qp.solver import Counts
 from wbc.types import Index, Status, Vec
 
 

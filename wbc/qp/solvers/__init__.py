@@ -77,5 +77,5 @@ def table() -> str:
             told = solver.settings
         settings = ", ".join(f"{key} = {value}" for key, value in told.items()) or "its own"
         marks = ("yes" if mark else "no" for mark in (solver.semidefinite, solver.repeatable, not solver.offline))
-        lines.append(f"| `{solver.name}` | {solver.package} | {settings} | {' | '.join(marks)} |")
+        lines.append(f"| `{solver.name}` | {solver.package or 'nothing more'} | {settings} | {' | '.join(marks)} |")
     return "\n".join(lines)

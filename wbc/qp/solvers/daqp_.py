@@ -12,9 +12,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
-from wbc.qp.reduce import proximal
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession
 from wbc.types import Status
@@ -83,7 +81,6 @@ class DaqpSession(KeptSession):
 
     def __init__(self, solver: Daqp, shape: Shape) -> None:
         super().__init__(solver, shape)
-        self._daqp = solver
         n, n_eq, n_in = shape
         self._lower, self._upper = np.empty(n + n_eq + n_in), np.empty(n + n_eq + n_in)
         self._sense = np.zeros(n + n_eq + n_in, np.intc)
@@ -94,19 +91,17 @@ class DaqpSession(KeptSession):
             "iter_limit": solver.max_iter, "eq_reduction": 0,
         }  # fmt: skip
         self._flag = 0
-
-    def _improve(self, qp: QP, answer: Answer, proof: Certificate) -> Answer | None:
-        """A failure is only believed of the problem without its equalities, in other units, made strictly convex."""
-        if proof.within(self.solver.tolerance):
-            return None
-        return proximal(qp, lambda shape: DaqpSession(self._daqp, shape)._solve, self.solver.tolerance)
+        self._matrix, self._share = np.empty((n_eq + n_in, n)), np.empty(n_eq + n_in)
 
     def _write(self, qp: QP) -> bool:
         n, lower, upper = qp.n, self._lower, self._upper
+        length = np.sqrt(np.einsum("ij,ij->i", qp.matrix, qp.matrix))
+        self._share = 1.0 / np.where(length > 0.0, length, 1.0)  # it takes a row for zero that is small in its unit
+        self._matrix = qp.matrix * self._share[:, None]
         np.maximum(qp.lb, -INFINITY, out=lower[:n])
-        np.maximum(qp.lower, -INFINITY, out=lower[n:])
+        np.maximum(qp.lower * self._share, -INFINITY, out=lower[n:])
         np.minimum(qp.ub, INFINITY, out=upper[:n])
-        np.minimum(qp.upper, INFINITY, out=upper[n:])
+        np.minimum(qp.upper * self._share, INFINITY, out=upper[n:])
         return True
 
     def _make(self, qp: QP) -> Any:
@@ -114,11 +109,11 @@ class DaqpSession(KeptSession):
 
         model = daqp.Model()
         model.settings = self._settings
-        self._flag, _ = model.setup(qp.H, qp.g, qp.matrix, self._upper, self._lower, self._sense)
+        self._flag, _ = model.setup(qp.H, qp.g, self._matrix, self._upper, self._lower, self._sense)
         return model
 
     def _update(self, qp: QP, workspace: Any) -> None:
-        rows = qp.matrix if len(qp.matrix) else None  # an empty array is not understood here
+        rows = self._matrix if len(self._matrix) else None  # an empty array is not understood here
         self._flag = workspace.update(qp.H, qp.g, rows, self._upper, self._lower)
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
@@ -130,4 +125,5 @@ class DaqpSession(KeptSession):
             return Answer.none(qp.shape, status, iterations)
         n, n_eq, _ = qp.shape
         force = np.array(info["lam"])
+        force[n:] *= self._share
         return Answer(status, np.array(x), force[n : n + n_eq], force[n + n_eq :], force[:n], iterations)

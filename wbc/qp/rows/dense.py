@@ -1,0 +1,156 @@
+"""Steps from a point of a QP towards its optimum, each of them one problem of the core.
+
+With x = at + T z, the step of least cost from a point ``at`` is
+
+    minimise ½ zᵀ D z + (Tᵀ ∇)ᵀ z     subject to     lower − R at ≤ R T z ≤ upper − R at,     ∇ = H at + g
+
+where R are all rows, bounds included. A Cholesky factorisation with pivots splits the variables into curved and flat
+ones, H = L [L₁ᵀ L₂ᵀ], and T makes the cost diagonal:
+
+    T = [ L₁⁻ᵀ  −L₁⁻ᵀ L₂ᵀ ]        D = 1 on the curved ones,
+        [  0        1     ]        D = μ on the flat ones: a proximal term, whose centre is where the step begins.
+
+Where nothing is flat, one step is the optimum, and another refines it. Elsewhere steps are the proximal point method,
+which ends after finitely many; each is ten times as long as the one before, as far as the rows let it.
+
+Rockafellar: Monotone operators and the proximal point algorithm, SIAM J. Control and Optimization 14(5), 1976.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dpstrf
+
+from wbc.qp.answer import Answer
+from wbc.qp.certificate import FINE, FLAT, Certificate
+from wbc.qp.problem import QP, Row, Shape, moderate
+from wbc.qp.proof import descent
+from wbc.qp.rows.core import CoreSolver
+from wbc.qp.rows.problem import RowProblem
+from wbc.types import Status, Vec
+
+#: The first proximal term, beside the curvature of the other variables, and what the next one is of it.
+_PROXIMAL, _LONGER = 1e-5, 0.1
+#: Steps that are taken at most.
+_STEPS = 6
+#: A variable with less of the largest curvature has none: its unit would be out of all proportion.
+_NO_CURVATURE = 1e-22
+
+
+@final
+class DenseSteps:
+    """Memory of the core for QPs of one shape, and the working set of the last step.
+
+    Example:
+        >>> import numpy as np, wbc
+        >>> from wbc.qp.rows.dense import DenseSteps
+        >>> qp = wbc.QP([[1.0]], [-3.0], ub=[2.0])
+        >>> steps = DenseSteps(qp.shape)
+        >>> steps.read(qp)
+        >>> steps.step(qp, np.zeros(1)).x
+        array([2.])
+    """
+
+    def __init__(self, shape: Shape) -> None:
+        n, n_eq, n_in = shape
+        names = [Row("z")] * (n_in + n + n_eq + n)
+        self._problem = RowProblem(0, n, n_range=n_in + n, n_soft=0, n_law=n_eq, rows=names, regularisation=0.0)
+        self._core = CoreSolver(self._problem)
+        self._identity, self._curved = np.eye(n), n
+
+    def read(self, qp: QP) -> None:
+        """Factor H, in units that give it a diagonal of one, and write all rows, in units of at most their length."""
+        n, n_eq, n_in = qp.shape
+        p, diagonal = self._problem, qp.H.diagonal()
+        unit = 1.0 / np.sqrt(np.where(diagonal > _NO_CURVATURE * diagonal.max(), diagonal, 1.0))
+        factor, pivots, rank, _ = dpstrf(qp.H * np.multiply.outer(unit, unit), tol=n * FLAT, lower=1)
+        rows = np.concatenate([qp.matrix[n_eq:], self._identity, qp.matrix[:n_eq]])
+        rows *= unit
+        columns = rows.take(pivots - 1, 1).T  # in the order that LAPACK wants
+        if rank == n:
+            columns = dtrsm(1.0, factor, columns, lower=1, overwrite_b=1)
+        elif rank:
+            columns[:rank] = dtrsm(1.0, factor[:rank, :rank], columns[:rank], lower=1)
+            columns[rank:] -= factor[rank:, :rank].dot(columns[:rank])
+        rows = columns.T
+        self._T = rows[n_in : n_in + n]
+        self._size = float(np.abs(qp.g.dot(self._T)).max()) or 1.0  # of z
+        rows *= self._size
+        length = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+        self._share = 1.0 / np.where(length > 0.0, np.minimum(length, 1.0), 1.0)
+        np.multiply(rows, self._share[:, None], out=p.G[:, :n])
+        if rank < n or self._curved < n:
+            p.metric[:rank] = 1.0
+            p.version += 1
+        self._curved, self._proximal = int(rank), _PROXIMAL
+
+    def step(self, qp: QP, at: Vec) -> Answer:
+        """The answer one step from ``at`` (n,)."""
+        n, n_eq, n_in = qp.shape
+        p, m, cost = self._problem, n_in + n, self._size**2
+        p.centre[:] = (qp.H.dot(at) + qp.g).dot(self._T)
+        if self.has_flat:
+            p.metric[self._curved :] = self._proximal
+            p.version += 1
+            self._proximal *= _LONGER
+            p.centre /= p.metric
+        p.centre /= -cost
+        values, share = qp.matrix.dot(at), self._share[:m]
+        for side, of_rows, of_x in zip(p.range_bounds(), (qp.lower, qp.upper), (qp.lb, qp.ub), strict=True):
+            np.subtract(of_rows[n_eq:], values[n_eq:], out=side[:n_in])
+            np.subtract(of_x, at, out=side[n_in:])
+            side *= share
+        np.multiply(values[:n_eq] - qp.upper[:n_eq], self._share[m:], out=p.G[m:, n])
+        status = self._core.solve()
+        force = cost * self._share * self._core.proof.push
+        box = force[n_in:m]
+        x = np.clip(at + self._T.dot(p.x), qp.lb, qp.ub)
+        x = np.where(box > 0.0, qp.ub, np.where(box < 0.0, qp.lb, x))
+        return Answer(status, x, force[m:], force[:n_in], box, self._core.iterations)
+
+    def onwards(self, qp: QP, answer: Answer, proof: Certificate, tolerance: float) -> tuple[Answer, Certificate]:
+        """Further steps from ``answer``, until one is as fine as it need be or they add nothing; the best there was."""
+        at = answer
+        for k in range(_STEPS):
+            if at.status is Status.INFEASIBLE or not moderate(at.x):
+                break
+            # Far away rounding hides the slope, so nobody goes there where it is proven not to end.
+            if k == 1 and self.has_flat and descent(qp, tolerance) is not None:
+                break
+            at = self.step(qp, at.x)
+            at.iterations += answer.iterations
+            found, before = at.certificate(qp, tolerance), proof.level
+            if found.level < before:
+                answer, proof = at, found
+            if proof.within(FINE * tolerance) or not (found.level < 0.5 * before or self.has_flat):
+                break
+        return answer, proof
+
+    def name(self, qp: QP, answer: Answer) -> None:
+        """Guess as held what ``answer`` pushes on by more than the room left; no more than can be independent."""
+        n, n_eq, n_in = qp.shape
+        values, share = np.concatenate([qp.matrix[n_eq:].dot(answer.x), answer.x]), self._share[: n_in + n]
+        force = np.concatenate([answer.z, answer.z_box])
+        lower, upper = np.concatenate([qp.cl, qp.lb]), np.concatenate([qp.cu, qp.ub])
+        room = np.where(force > 0.0, upper - values, values - lower) * share
+        push = np.abs(force) / (self._size**2 * share)
+        held = np.flatnonzero((force != 0.0) & (push >= room))
+        held = held[np.argsort(-push[held], kind="stable")[: max(n - n_eq, 0)]]
+        self._core.guess(self._core.places[n + held], np.sign(force[held]))
+
+    @property
+    def work(self) -> tuple[int, int]:
+        """Guesses of the last step, and steps of the finite method after them."""
+        return self._core.work
+
+    @property
+    def has_flat(self) -> bool:
+        """Whether the cost is flat along some variable."""
+        return self._curved < len(self._identity)
+
+    def forget(self) -> None:
+        """Guess nothing."""
+        self._core.reset()
