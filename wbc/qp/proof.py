@@ -1,8 +1,8 @@
 """Proofs that a QP has no answer: multipliers that contradict its rows, or a direction of endless descent.
 
-A verdict needs the proof and its check. Two searches, in units that balance the columns, propose multipliers: least
-squares of what the rows miss, and nonnegative least squares of the multipliers themselves. The check is
-plain arithmetic on the problem's data:
+A verdict needs the proof and its check. The core proposes both: multipliers where its finite method finds no point of
+all rows, in units that balance the columns, and as direction the point nearest to −g of the cone of directions that
+rows leave open. The check is plain arithmetic on the problem's data:
 
 * **infeasible** (Farkas 1902): multipliers s of all rows and bounds R, positive for an upper side and negative for a
   lower one. Every point of the problem has s·R x ≤ β = Σ s·(the side pushed on). With Rᵀs = 0 the left side is 0,
@@ -17,11 +17,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from wbc.qp.answer import Answer
 from wbc.qp.certificate import FLAT
-from wbc.qp.conflict import least_violation
-from wbc.qp.nonnegative import nonnegative
-from wbc.qp.problem import QP
-from wbc.types import Mat, Vec
+from wbc.qp.problem import QP, Shape, moderate
+from wbc.types import Mat, Status, Vec
 
 #: How far away a point may be for a proof to hold for it too, beside the size of the bounds.
 _FAR = 1e8
@@ -30,10 +29,10 @@ _EPS = float(np.finfo(np.float64).eps)
 _ZERO = 1e-11
 #: The slope along a direction, beside the terms it is the sum of, from which the cost falls.
 _FALLS = 1e-7
-#: A singular value of rows below this share of the largest is rounding.
-_RANK = 1e-12
+#: A multiplier below this share of the largest is rounding.
+_NO_PUSH = 1e-9
 #: How often the columns are scaled, and by how much at most.
-_BALANCING, _UNITS = 4, 1e12
+_BALANCING, _UNITS = 4, 1e5
 
 
 def contradiction(qp: QP, tolerance: float) -> Vec | None:
@@ -46,59 +45,34 @@ def contradiction(qp: QP, tolerance: float) -> Vec | None:
         >>> contradiction(qp, 1e-6).round(6)
         array([-0.5,  1. ])
     """
-    rows, lower, upper, length = _unit_rows(qp, _column_units(qp))
-    for search in (_of_least_violation, _of_unit_slope):
-        s = search(rows, lower, upper)
-        largest = float(np.abs(s).max(initial=0.0))
-        if not 0.0 < largest < np.inf:
+    for units in (_column_units(qp), np.ones(qp.n)):
+        answer = _nearest(qp, units)
+        if answer.status is not Status.INFEASIBLE:
             continue
-        used = np.abs(s) > 1e-9 * largest
-        s[~used] = 0.0
-        exact = s.copy()
-        exact[used] = _without_row_space(rows[used], s[used])
-        for found in (s, exact):
-            push = found / length
-            with np.errstate(all="ignore"):
-                push /= np.abs(push).max()
-            if contradicts(qp, push, tolerance):
-                return push
+        push = np.concatenate([answer.y, answer.z, answer.z_box])
+        push[np.abs(push) <= _NO_PUSH * np.abs(push).max()] = 0.0
+        with np.errstate(all="ignore"):
+            push /= np.abs(push).max()
+        if contradicts(qp, push, tolerance):
+            return push
     return None
 
 
-def _of_least_violation(rows: Mat, lower: Vec, upper: Vec) -> Vec:
-    """What the rows miss (m,) where the sum of its squares is least."""
-    return least_violation(rows, lower, upper)[1]
+def _nearest(qp: QP, units: Vec) -> Answer:
+    """The point of all rows that is nearest to zero in these units (n,), or the multipliers that contradict."""
+    nearest = qp.copy()
+    nearest.H[:], nearest.g[:] = np.diag(units**-2.0), 0.0
+    return _projected(nearest)
 
 
-def _of_unit_slope(rows: Mat, lower: Vec, upper: Vec) -> Vec:
-    """Multipliers s (m,) with Rᵀs = 0 and β = −1, β in units of the largest side, or the nearest to that.
+def _projected(qp: QP) -> Answer:
+    """What the core makes of a QP with a curved cost: a step, and another that refines it."""
+    from wbc.qp.rows.dense import DenseSteps  # compiled code: loaded where a problem is to be solved
 
-    Its steps are sets of rows, not points: it needs no point far away where rows all but depend on each other.
-    """
-    above, below = np.flatnonzero(np.isfinite(upper)), np.flatnonzero(np.isfinite(lower))
-    sides = np.concatenate([upper[above], -lower[below]])
-    columns = np.vstack([rows[above], -rows[below]]).T
-    columns = np.vstack([columns, sides / (float(np.abs(sides).max(initial=0.0)) or 1.0)])
-    length = np.linalg.norm(columns, axis=0)
-    length[length == 0.0] = 1.0
-    wanted = np.zeros(len(columns))
-    wanted[-1] = -1.0
-    z = nonnegative(columns / length, wanted) / length
-    s = np.zeros(len(rows))
-    s[above] += z[: len(above)]
-    s[below] -= z[len(above) :]
-    return s
-
-
-def _without_row_space(rows: Mat, s: Vec) -> Vec:
-    """The part of s (m,) with Rᵀs = 0; rows R (m, n).
-
-    Directions in which R is rounding are left as they are: dividing by them would move s by more than they are worth.
-    """
-    U, size, _ = np.linalg.svd(rows)
-    null: Mat = U[:, int((size > _RANK * size.max(initial=0.0)).sum()) :]
-    part: Vec = null @ (null.T @ s)
-    return part
+    steps = DenseSteps(qp.shape)
+    steps.read(qp)
+    answer = steps.step(qp, np.zeros(qp.n))
+    return steps.step(qp, answer.x) if answer.status.ok else answer
 
 
 def contradicts(qp: QP, s: Vec, tolerance: float) -> bool:
@@ -137,30 +111,30 @@ def descent(qp: QP, tolerance: float) -> Vec | None:
     unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     values, axes = np.linalg.eigh(qp.H * np.multiply.outer(unit, unit))
     flat: Mat = axes[:, values <= qp.n * FLAT] * unit[:, None]
-    rows, lower, upper, length = _unit_rows(qp)
     size = float(np.linalg.norm(qp.g @ flat))
     if not size > 0.0:
         return None
-    # The part of −g in the cone of directions is what is left of it beside the rows' pushes (Moreau 1962).
+    # The part of −g in the cone of directions: what is nearest to it there.
+    rows = np.concatenate([qp.matrix, np.eye(qp.n)])
     along = rows @ flat
     reach = np.linalg.norm(along, axis=1)
     matter = reach > _ZERO * np.linalg.norm(rows, axis=1)
-    along, reach = along[matter], reach[matter]
-    along /= reach[:, None]
-    has_upper, has_lower = np.isfinite(upper[matter]), np.isfinite(lower[matter])
-    columns = np.concatenate([along[has_upper], -along[has_lower]]).T
-    slope = -(qp.g @ flat) / size
-    if columns.shape[1]:
-        slope = slope - columns @ nonnegative(columns, slope)
-    direction = flat @ slope
+    cone = QP.empty(Shape(flat.shape[1], 0, int(matter.sum())))
+    cone.H[:], cone.g[:] = np.eye(flat.shape[1]), (qp.g @ flat) / size
+    cone.matrix[:] = along[matter] / reach[matter, None]
+    cone.lower[:] = np.where(np.isfinite(np.concatenate([qp.lower, qp.lb])[matter]), 0.0, -np.inf)
+    cone.upper[:] = np.where(np.isfinite(np.concatenate([qp.upper, qp.ub])[matter]), 0.0, np.inf)
+    direction = flat @ _projected(cone).x
     part = np.abs(direction / unit)
     direction[part <= _ZERO * part.max()] = 0.0
-    if not direction.any():
+    if not direction.any() or not moderate(direction):
         return None
     direction /= np.abs(direction).max()
-    met, _ = least_violation(rows, lower, upper)
-    violation = np.maximum(rows @ met - upper, lower - rows @ met) * length
-    return direction if violation.max(initial=0.0) <= tolerance and falls(qp, direction) else None
+    if not falls(qp, direction):
+        return None
+    met = _nearest(qp, _column_units(qp)).x
+    over, under = rows @ met - np.concatenate([qp.upper, qp.ub]), np.concatenate([qp.lower, qp.lb]) - rows @ met
+    return direction if np.maximum(over, under).max() <= tolerance else None
 
 
 def falls(qp: QP, d: Vec) -> bool:
@@ -192,12 +166,3 @@ def _column_units(qp: QP) -> Vec:
         column[column == 0.0] = 1.0
         units = np.clip(units / column, 1.0 / _UNITS, _UNITS)
     return units
-
-
-def _unit_rows(qp: QP, units: Vec | float = 1.0) -> tuple[Mat, Vec, Vec, Vec]:
-    """Rows and bounds for variables in these units, with all rows of length 1, and the lengths they had."""
-    rows = np.concatenate([qp.matrix, np.eye(qp.n)]) * units
-    length = np.linalg.norm(rows, axis=1)
-    length[length == 0.0] = 1.0
-    lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
-    return rows / length[:, None], lower / length, upper / length, length

@@ -20,6 +20,8 @@ from wbc.types import Status
 
 __all__ = ["Answer", "Counts", "Session", "Solution", "Solver"]
 
+#: Steps of the core that are taken at most from an answer.
+_STEPS = 6
 #: An answer this near to an optimum, beside its size, is refined to it.
 _NEAR = 1e-2
 
@@ -48,11 +50,30 @@ class Session(ABC):
             return answer, proof
         self._steps.read(qp)
         self._steps.name(qp, answer)
-        better, found = self._steps.onwards(qp, answer, proof, self.solver.tolerance)
+        better, found = self._onwards(qp, answer, proof)
         if not (np.abs(better.x - answer.x) <= _NEAR * (1.0 + np.abs(answer.x))).all():
             return answer, proof
         better.status, better.iterations, better.build_time = answer.status, answer.iterations, answer.build_time
         return better, found
+
+    @final
+    def _onwards(self, qp: QP, answer: Answer, proof: Certificate) -> tuple[Answer, Certificate]:
+        """Steps of the core from ``answer`` until one is as fine as it need be, or they add nothing; the best."""
+        at, tolerance = answer, self.solver.tolerance
+        for k in range(_STEPS):
+            if at.status is Status.INFEASIBLE or not moderate(at.x):
+                break
+            # Far away rounding hides the slope, so nobody goes there where it is proven not to end.
+            if k == 1 and self._steps.has_flat and descent(qp, tolerance) is not None:
+                break
+            at = self._steps.step(qp, at.x)
+            at.iterations += answer.iterations
+            found, before = at.certificate(qp, tolerance), proof.level
+            if found.level < before:
+                answer, proof = at, found
+            if proof.within(FINE * tolerance) or not (found.level < 0.5 * before or self._steps.has_flat):
+                break
+        return answer, proof
 
     def reset(self) -> None:
         """Forget the warm start."""

@@ -25,17 +25,14 @@ from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpstrf
 
 from wbc.qp.answer import Answer
-from wbc.qp.certificate import FINE, FLAT, Certificate
-from wbc.qp.problem import QP, Row, Shape, moderate
-from wbc.qp.proof import descent
+from wbc.qp.certificate import FLAT
+from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
-from wbc.types import Status, Vec
+from wbc.types import Vec
 
 #: The first proximal term, beside the curvature of the other variables, and what the next one is of it.
 _PROXIMAL, _LONGER = 1e-5, 0.1
-#: Steps that are taken at most.
-_STEPS = 6
 #: A variable with less of the largest curvature has none: its unit would be out of all proportion.
 _NO_CURVATURE = 1e-22
 
@@ -110,24 +107,6 @@ class DenseSteps:
         x = np.clip(at + self._T.dot(p.x), qp.lb, qp.ub)
         x = np.where(box > 0.0, qp.ub, np.where(box < 0.0, qp.lb, x))
         return Answer(status, x, force[m:], force[:n_in], box, self._core.iterations)
-
-    def onwards(self, qp: QP, answer: Answer, proof: Certificate, tolerance: float) -> tuple[Answer, Certificate]:
-        """Further steps from ``answer``, until one is as fine as it need be or they add nothing; the best there was."""
-        at = answer
-        for k in range(_STEPS):
-            if at.status is Status.INFEASIBLE or not moderate(at.x):
-                break
-            # Far away rounding hides the slope, so nobody goes there where it is proven not to end.
-            if k == 1 and self.has_flat and descent(qp, tolerance) is not None:
-                break
-            at = self.step(qp, at.x)
-            at.iterations += answer.iterations
-            found, before = at.certificate(qp, tolerance), proof.level
-            if found.level < before:
-                answer, proof = at, found
-            if proof.within(FINE * tolerance) or not (found.level < 0.5 * before or self.has_flat):
-                break
-        return answer, proof
 
     def name(self, qp: QP, answer: Answer) -> None:
         """Guess as held what ``answer`` pushes on by more than the room left; no more than can be independent."""

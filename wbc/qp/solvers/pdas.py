@@ -54,4 +54,4 @@ class PdasSession(Session):
         return answer
 
     def _improved(self, qp: QP, answer: Answer, proof: Certificate) -> tuple[Answer, Certificate]:
-        return self._steps.onwards(qp, answer, proof, self.solver.tolerance)
+        return self._onwards(qp, answer, proof)
