@@ -30,13 +30,13 @@ class ArmSoak(Subject):
         self.name, self._level = name, level
         self.summary = f"an arm at the {level.name}: points in and out of reach"
 
-    def controller(self, solver: str, *, fast: bool) -> wbc.Controller:
+    def controller(self, solver: str) -> wbc.Controller:
         robot = load("arm")
         limits: list[Any] = [JointPositionLimits(), JointVelocityLimits(2.0), JointAccelerationLimits(20.0)]
         if self._level.dynamics:
             limits.append(TorqueLimits())
         tasks = [Position("tool", target=[0.4, 0.2, 0.5], kp=100.0), Posture(robot.q0, kp=10.0, weight=1e-2)]
-        return wbc.Controller(robot, wbc.Stack(tasks, subject_to=limits), level=self._level, solver=solver, fast=fast)
+        return wbc.Controller(robot, wbc.Stack(tasks, subject_to=limits), level=self._level, solver=solver)
 
     def stir(self, controller: wbc.Controller, rng: np.random.Generator) -> None:
         reach, posture = controller.stack.tasks
@@ -53,7 +53,7 @@ class LegSoak(Subject):
         self.name, self._robot = name, robot
         self.summary = f"a {robot} on its feet, inverse dynamics: sways, some of them wide"
 
-    def controller(self, solver: str, *, fast: bool) -> wbc.Controller:
+    def controller(self, solver: str) -> wbc.Controller:
         robot = load(self._robot)
         limits = [JointPositionLimits(), JointVelocityLimits(), TorqueLimits()]
         tasks = [
@@ -62,7 +62,7 @@ class LegSoak(Subject):
             Posture(robot.q0, kp=20.0, weight=1e-1),
         ]
         stack = wbc.Stack(tasks, contacts=feet(robot), subject_to=limits)
-        return wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, fast=fast)
+        return wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver)
 
     def stir(self, controller: wbc.Controller, rng: np.random.Generator) -> None:
         sway, _, posture = controller.stack.tasks

@@ -39,12 +39,11 @@ class Workload(ClosedLoop):
     @final
     def __call__(
         self, ticks: int | None = None, repeats: int = 5, progress: Progress | None = None, solver: str = "pdas",
-        fast: bool = False,
     ) -> dict[str, Any]:  # fmt: skip
         """Run the workload and measure it.
 
         ``ticks``: how many, all by default. ``repeats``: closed loops of which each tick's least time counts.
-        ``progress(done, total)`` is called now and then, outside what is timed. ``fast``: compiled ticks.
+        ``progress(done, total)`` is called now and then, outside what is timed.
 
         Raises:
             InvalidInput: ``ticks`` or ``repeats`` below 1.
@@ -53,19 +52,17 @@ class Workload(ClosedLoop):
         """
         ticks = int(checks.number("ticks", self.ticks if ticks is None else ticks, low=1))
         repeats = int(checks.number("repeats", repeats, low=1))
-        return measure(self, ticks, repeats, progress, solver=solver, fast=fast)
+        return measure(self, ticks, repeats, progress, solver=solver)
 
     def __repr__(self) -> str:
         return f"{self.name} {self.title}"
 
 
-def measure(
-    workload: Workload, ticks: int, repeats: int, progress: Progress | None, *, solver: str, fast: bool
-) -> dict[str, Any]:
+def measure(workload: Workload, ticks: int, repeats: int, progress: Progress | None, *, solver: str) -> dict[str, Any]:
     """The row of one workload: time, where it goes, what came out of it."""
     steps = _Steps(progress, 3 * repeats * ticks)
     with workload.recipe.made() as made, threadpool_limits(1):
-        setting = _Setting(workload, made, workload.problem(made, ticks), ticks, solver, fast)
+        setting = _Setting(workload, made, workload.problem(made, ticks), ticks, solver)
         timed = []
         for _ in range(repeats):
             controller = setting.controller()
@@ -114,14 +111,11 @@ class _Setting:
     problem: Problem
     ticks: int
     solver: str
-    fast: bool
 
     def controller(self) -> Controller:
         workload = self.workload
-        return Controller(
-            self.made.robot, self.problem.stack, level=workload.level, solver=self.solver, dt=workload.dt,
-            fast=self.fast,
-        )  # fmt: skip
+        stack = self.problem.stack
+        return Controller(self.made.robot, stack, level=workload.level, solver=self.solver, dt=workload.dt)
 
 
 def _closed_loop(setting: _Setting, controller: Controller, steps: _Steps) -> Record:

@@ -16,32 +16,30 @@ from wbc import Controller, InverseDynamics, Stack, VelocityLevel
 ARM, HUMANOID = wbc.load("arm"), wbc.load("humanoid")
 
 
-def reaching(fast):
+def reaching():
     pose = ARM.state().frame("tool").placement
     stack = Stack([Frame("tool", target=pose), Posture(ARM.q0, weight=1e-4)],
                   subject_to=[JointPositionLimits(), JointVelocityLimits()])  # fmt: skip
-    return Controller(ARM, stack, level=VelocityLevel(), fast=fast)
+    return Controller(ARM, stack, level=VelocityLevel())
 
 
-def standing(fast):
+def standing():
     stack = Stack(
         [CenterOfMass(target=HUMANOID.state().com), Posture(HUMANOID.q0, kp=10.0, weight=1e-3)],
         subject_to=[TorqueLimits(), JointVelocityLimits()],
         contacts=[Sole(foot, half_size=(0.08, 0.04), friction=0.6) for foot in HUMANOID.feet],
     )
-    return Controller(HUMANOID, stack, level=InverseDynamics(), fast=fast)
+    return Controller(HUMANOID, stack, level=InverseDynamics())
 
 
 #: Calls counted when this was written, with one or two to spare. Those of BLAS on vectors cost a third of an operator
 #: between arrays, which is not counted: where one can do the other's work, more calls are less time.
-#: Some thirty of those without ``fast`` are the certificate, recomputed from the rows in every tick; some thirty more
-#: (six and thirty with ``fast``) are the damping by the residual of the last tick.
-BUDGETS = {(reaching, False): 97, (reaching, True): 15, (standing, False): 105, (standing, True): 40}
+BUDGETS = {reaching: 15, standing: 40}
 
 
-def ready(make, fast):
+def ready(make):
     """A controller that has ticked, and its tick with a state that moves a little."""
-    controller = make(fast)
+    controller = make()
     robot = controller.model
     q, v, step = np.array(robot.q0), np.zeros(robot.nv), 1e-4 * np.sin(np.arange(robot.nv))
 
@@ -53,15 +51,15 @@ def ready(make, fast):
     return tick
 
 
-@pytest.mark.parametrize(("make", "fast"), BUDGETS, ids=lambda value: getattr(value, "__name__", f"fast={value}"))
-def test_calls_of_numpy_stay_within_their_budget(make, fast):
-    found = calls_of(ready(make, fast), 10)
-    assert np.median(found) <= BUDGETS[make, fast], found
+@pytest.mark.parametrize("make", BUDGETS, ids=lambda make: make.__name__)
+def test_calls_of_numpy_stay_within_their_budget(make):
+    found = calls_of(ready(make), 10)
+    assert np.median(found) <= BUDGETS[make], found
 
 
-@pytest.mark.parametrize(("make", "fast"), BUDGETS, ids=lambda value: getattr(value, "__name__", f"fast={value}"))
-def test_no_memory_stays_from_tick_to_tick(make, fast):
-    tick = ready(make, fast)
+@pytest.mark.parametrize("make", BUDGETS, ids=lambda make: make.__name__)
+def test_no_memory_stays_from_tick_to_tick(make):
+    tick = ready(make)
     sizes = []
     tracemalloc.start()
     try:

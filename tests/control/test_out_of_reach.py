@@ -90,31 +90,17 @@ def test_without_damping_the_joints_chatter_at_their_limits(level: Any):
 
 
 @each_level
-@pytest.mark.parametrize("fast", [False, True], ids=["plain", "fast"])
 @pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=lambda h: type(h).__name__)
-def test_what_can_be_met_gets_the_same_command_with_and_without(level: Any, hierarchy: Any, fast: bool):
+def test_what_can_be_met_gets_the_same_command_with_and_without(level: Any, hierarchy: Any):
     start = ARM.state().frame("tool").placement
     near = Frame("tool", target=start * pin.SE3(pin.exp3(np.array([0.1, 0.0, 0.2])), np.array([0.05, -0.05, 0.02])))
     commands = []
     for factor in (0.0, 0.05):
         stack = Stack([[near], [Damping(weight=1e-6)]], subject_to=[JointLimits()])
-        controller = Controller(ARM, stack, level=level(lm_damping=factor), hierarchy=hierarchy, dt=DT, fast=fast)
+        controller = Controller(ARM, stack, level=level(lm_damping=factor), hierarchy=hierarchy, dt=DT)
         q, v, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.5)
         commands.append(np.concatenate([q, v, *seen]))
     np.testing.assert_allclose(commands[0], commands[1], atol=1e-4)
-
-
-@each_level
-@pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=lambda h: type(h).__name__)
-def test_fast_and_plain_ticks_damp_alike(level: Any, hierarchy: Any):
-    found = []
-    for fast in (False, True):
-        stack = Stack([[Frame("tool", target=far_away(3))], [Posture(ARM.q0, weight=1e-3)]], subject_to=[JointLimits()])
-        controller = Controller(ARM, stack, level=level(), hierarchy=hierarchy, dt=DT, fast=fast)
-        q, v, _ = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.5)
-        assert controller.plan.damping.is_on
-        found.append(np.concatenate([q, v]))
-    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
 
 
 @each_level

@@ -67,7 +67,7 @@ def test_our_robots_stay_within_their_limits_with_feet_in_the_air(name: str) -> 
 @pytest.mark.deep
 def test_compiled_ticks_stay_within_the_limits_too(tmp_path: Path) -> None:
     robot, tau_max = arm(3, tmp_path)
-    kept(robot, tau_max, 3, 150, fast=True)
+    kept(robot, tau_max, 3, 150)
 
 
 def test_a_decision_that_can_be_braked_is_left_as_it_is(tmp_path: Path) -> None:

@@ -106,16 +106,16 @@ def draw(seed: int) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
     robot = robot_named(name)
     hierarchy = HIERARCHIES[rng.integers(3)]
     index = int(rng.integers(len(SOLVERS)))
-    solver, fast = SOLVERS[index] if SOLVERS[index] in usable() else "pdas", index == 0
+    solver = SOLVERS[index] if SOLVERS[index] in usable() else "pdas"
     made = stack(name, rng, wild=wild)
     control = wbc.Controller(
-        robot, made, level=undamped(wbc.InverseDynamics(), hierarchy), hierarchy=hierarchy, solver=solver, fast=fast
+        robot, made, level=undamped(wbc.InverseDynamics(), hierarchy), hierarchy=hierarchy, solver=solver
     )  # fmt: skip
     noise, speed = (1.0, 3.0) if wild else (0.1, 0.1)
     q = robot.integrate(robot.q0, noise * rng.normal(size=robot.nv) * ([0.1] * 6 + [1.0] * robot.nj))
     v = speed * rng.normal(size=robot.nv)
     kind = type(hierarchy).__name__
-    return control, q, v, f"{kind} {'fast' if fast else solver}"
+    return control, q, v, f"{kind} {solver}"
 
 
 def judge(control: wbc.Controller, command: Any, kind: str) -> tuple[str, str]:

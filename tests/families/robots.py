@@ -79,7 +79,7 @@ def draw(seed: int, folder: Path) -> tuple[wbc.Controller, np.ndarray, np.ndarra
     index = int(rng.integers(len(SOLVERS)))
     control = wbc.Controller(
         robot, wbc.Stack(tasks, subject_to=limits), level=undamped(level, hierarchy), hierarchy=hierarchy,
-        solver=SOLVERS[index], fast=index == 0, dt=1e-3,
+        solver=SOLVERS[index], dt=1e-3,
     )  # fmt: skip
     q = np.array(robot.q0)
     return control, q, np.zeros(robot.nv), f"{level.name}, {type(hierarchy).__name__}, {SOLVERS[index]}"

@@ -144,10 +144,6 @@ def test_while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate(s
     keep_to_the_force_rate(seed, rate)
 
 
-def test_nor_does_one_in_compiled_ticks() -> None:
-    keep_to_the_force_rate(0, 0.05, fast=True)
-
-
 def test_a_robot_that_stands_may_change_its_forces_as_fast_as_it_has_to() -> None:
     with_rate, without = (
         jolted(ContactSchedule([(0.0, FEET), (10.0, FEET[1:])], force_rate=rate), seed=0)[1] for rate in (0.05, np.inf)

@@ -13,8 +13,8 @@ from wbc.report.scaling import Problem, axes
 ENDS = [(name, size) for name, axis in AXES.items() for size in (axis.sizes[0], axis.sizes[-2], axis.sizes[-1])]
 
 
-def ticked(problem: Problem, count: int = 15, *, fast: bool = False) -> Controller:
-    controller = Controller(problem.robot, problem.stack, level=problem.level, fast=fast)
+def ticked(problem: Problem, count: int = 15) -> Controller:
+    controller = Controller(problem.robot, problem.stack, level=problem.level)
     for moment in problem.states(count):
         controller.tick(*moment)
     return controller
@@ -38,10 +38,9 @@ def test_every_size_is_solved_and_is_what_it_says(name: str, size: int):
         assert size <= controller.active_count <= size + 5, "the weak joints are at their limits, hardly any other is"
 
 
-@pytest.mark.parametrize("fast", [False, True])
 @pytest.mark.parametrize("limits", [10, 30])
-def test_limits_that_go_on_holding_are_guessed_although_forces_of_a_long_chain_lose_digits(limits: int, fast: bool):
-    counts = ticked(AXES["active rows"].problem(limits), fast=fast).counts
+def test_limits_that_go_on_holding_are_guessed_although_forces_of_a_long_chain_lose_digits(limits: int):
+    counts = ticked(AXES["active rows"].problem(limits)).counts
     assert counts.fallback <= 2 and counts.first >= 10, counts
 
 

@@ -27,7 +27,7 @@ class Workload(Protocol):
 
     title: str
 
-    def __call__(self, *, ticks: int | None, repeats: int, progress: Any, solver: str, fast: bool) -> dict[str, Any]:
+    def __call__(self, *, ticks: int | None, repeats: int, progress: Any, solver: str) -> dict[str, Any]:
         """Run it; one row of figures that json can write."""
 
 
@@ -44,7 +44,6 @@ def bench(
     *,
     ticks: Annotated[int | None, typer.Option(min=1, help="Ticks of a run; default: the workload's own.")] = None,
     repeats: Annotated[int, typer.Option(min=1, help="Runs; the least time of each tick counts.")] = 5,
-    fast: Annotated[bool, typer.Option("--fast", help="Compiled ticks (extra fast).")] = False,
     peers: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Run the scripts of other libraries there too.")
     ] = None,
@@ -67,11 +66,11 @@ def bench(
             def one(done: int, total: int, i: int = i, name: str = name) -> None:
                 step((i + done / total) / len(chosen), f"timing {name}")
 
-            def run(fast: bool, name: str = name, one: Any = one) -> dict[str, Any]:
-                return known[name](ticks=ticks, repeats=repeats, progress=one, solver=solver, fast=fast)
+            def run(name: str = name, one: Any = one) -> dict[str, Any]:
+                return known[name](ticks=ticks, repeats=repeats, progress=one, solver=solver)
 
             if found_peers is None:
-                rows.append(run(fast))
+                rows.append(run())
             else:
                 rows += _in_turns(found_peers, name, run, repeats)
         write("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
@@ -79,10 +78,9 @@ def bench(
     _print(rows)
 
 
-def _in_turns(peers: Peers, name: str, run: Callable[[bool], dict[str, Any]], repeats: int) -> list[dict[str, Any]]:
-    """We without and with compiled ticks, and every peer, one after the other, twice; the better row of each counts."""
-    ways: list[Callable[[], dict[str, Any]]] = [lambda: run(False), lambda: run(True)]
-    ways += [partial(peers.row, peer, name, repeats) for peer in peers.names(name)]
+def _in_turns(peers: Peers, name: str, run: Callable[[], dict[str, Any]], repeats: int) -> list[dict[str, Any]]:
+    """We and every peer, one after the other, twice; the better row of each counts."""
+    ways = [run, *(partial(peers.row, peer, name, repeats) for peer in peers.names(name))]
     rounds = [[way() for way in ways] for _ in range(_ROUNDS)]
     rows = [min(tries, key=_median) for tries in zip(*rounds, strict=True)]
     theirs = {row["peer"]: _median(row) for row in rows if not _is_ours(row) and "total_us" in row}

@@ -36,7 +36,6 @@ def soak(
     kind: Annotated[str, typer.Option(help=f"{', '.join(KINDS)}.")] = "valid",
     ticks: Annotated[int, typer.Option(min=1, help="Ticks of each subject.")] = 10_000,
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
-    fast: Annotated[bool, typer.Option("--fast", help="Compiled ticks (extra fast).")] = False,
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")] = None,
 ) -> None:
@@ -51,8 +50,8 @@ def soak(
             def one(done: float, i: int = i, name: str = subject.name) -> None:
                 step((i + done) / len(chosen), f"soaking {name}")
 
-            found = soaked(subject, solver=solver, fast=fast, ticks=ticks, kind=kind, seed=seed, progress=one)
-            rows.append({"subject": subject.name, "solver": solver, "fast": fast, "seed": seed, **_row(found)})
+            found = soaked(subject, solver=solver, ticks=ticks, kind=kind, seed=seed, progress=one)
+            rows.append({"subject": subject.name, "solver": solver, "seed": seed, **_row(found)})
         write(json.dumps(rows, indent=1) + "\n")
     _print(kind, rows)
     raise typer.Exit(0 if all(row["ok"] for row in rows) else NO)
@@ -96,7 +95,7 @@ def _print(kind: str, rows: list[dict[str, Any]]) -> None:
     made = table(f"Soak: {kind}", "subject", "ticks", "first rung", "raised", "not finite", "beyond", "memory")
     for row in rows:
         made.add_row(
-            Text(f"{row['subject']}, {row['solver']}{', fast' * row['fast']}"),
+            Text(f"{row['subject']}, {row['solver']}"),
             f"{row['ticks']:,}",
             f"{100 * row['first_rung']:.3f} %",
             *(str(count) for count in (sum(row["exceptions"].values()), row["not_finite"], row["beyond"])),

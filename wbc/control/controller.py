@@ -51,7 +51,6 @@ class Controller(Solving):
         hierarchy: ``Weighted()``, the default, ``Strict()`` or ``Scaled()``: what the levels of the stack mean.
         solver: a solver's name or its settings.
         dt: time between ticks [s].
-        fast: write the rows by compiled code: the same answers to 1e-9, in a part of the time.
         recovery: what to do in ticks without an answer.
         watchdog: what is a stale state, a late or a long tick; ``watch`` counts them.
 
@@ -80,7 +79,6 @@ class Controller(Solving):
         hierarchy: Hierarchy | None = None,
         solver: str | Solver = "pdas",
         dt: float = 1e-3,
-        fast: bool = False,
         recovery: Recovery | None = None,
         watchdog: Watchdog | None = None,
     ) -> None:
@@ -111,20 +109,16 @@ class Controller(Solving):
             raise NotSupported(
                 f"solver {solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
             )
-        if not isinstance(fast, bool | np.bool_):
-            raise InvalidInput(f"fast is {checks.shown(fast)}; it must be True or False")
-        self.fast = bool(fast)
         super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
         self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
-        self._speed_up()
         self.components = stack.components
         self.reset()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy, or a pickle, is a controller made anew from the same settings: it remembers nothing."""
         settings: dict[str, Any] = {
-            "level": self.level, "hierarchy": self.hierarchy, "solver": self.solver, "dt": self.dt, "fast": self.fast,
+            "level": self.level, "hierarchy": self.hierarchy, "solver": self.solver, "dt": self.dt,
             "recovery": self.ladder.recovery, "watchdog": self.watch.settings,
         }  # fmt: skip
         return partial(Controller, **settings), (self.model, self.stack)
@@ -316,15 +310,7 @@ class Controller(Solving):
         To be called between ticks, when there is time: until then the plan before holds. Returns how many there were;
         ``plans.unplanned`` counts them all. ``simulate`` does it after every tick.
         """
-        made = self.plans.compile_waiting()
-        self._speed_up()
-        return made
-
-    def _speed_up(self) -> None:
-        """Fast ticks for every plan that has none yet."""
-        for mode in self.plans.modes if self.fast else ():
-            if not mode.plan.is_fast:
-                mode.plan.compile_for(self.state)
+        return self.plans.compile_waiting()
 
     def explain(self, *, save: str | Path | None = None) -> str:
         """The last tick in words and units: tasks with residual and share of the cost, active rows with multipliers.

@@ -40,8 +40,8 @@ class Solving:
     ) -> None:
         self.model, self.stack, self.level, self._dt = robot, stack, level, dt
         self.hierarchy, self.solver = hierarchy, solver
-        self.plans = Plans(robot, stack, level, dt=dt, open_solver=self._open)
         self.state = robot.state(drifts=level.order > 1)
+        self.plans = Plans(self.state, stack, level, dt=dt, open_solver=self._open)
         #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
         self.serial = 0
 

@@ -196,10 +196,10 @@ class PinocchioState(RobotState):
         return JointMemory(np.concatenate([placement.rotation.ravel(), place]), columns, arrays, (data, where))
 
     def memory(self) -> tuple[Vec, ...]:
-        """Joint Jacobians, Jacobian, position and drift of the centre of mass, joint positions: the arrays themselves,
-        as they lie in memory (Pinocchio stores columns)."""
+        """Joint Jacobians, Jacobian, position and drift of the centre of mass: the arrays themselves, as they lie in
+        memory (Pinocchio stores columns)."""
         data = self._data
-        return data.J, data.Jcom, self._view(data.com[0]), self._view(data.acom[0]), self.q_joints
+        return data.J, data.Jcom, self._view(data.com[0]), self._view(data.acom[0])
 
     def _view(self, array: NDArray[np.float64], *shape: int) -> NDArray[np.float64]:
         return _view(array, self._data, *shape)

@@ -42,7 +42,7 @@ class Subject(ABC):
     summary: str
 
     @abstractmethod
-    def controller(self, solver: str, *, fast: bool) -> Controller:
+    def controller(self, solver: str) -> Controller:
         """A new controller on this solver, its ticks compiled or not."""
 
     @abstractmethod
@@ -81,7 +81,7 @@ class Findings:
 
 
 def soak(
-    subject: Subject, *, solver: str = "pdas", fast: bool = False, ticks: int, kind: str = "valid", seed: int = 0,
+    subject: Subject, *, solver: str = "pdas", ticks: int, kind: str = "valid", seed: int = 0,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Findings:  # fmt: skip
     """Let a subject run for ``ticks`` ticks.
@@ -91,7 +91,7 @@ def soak(
     """
     if kind not in KINDS or ticks < 1:
         raise InvalidInput(f"a soak is of kind {', '.join(KINDS)} and has ticks, not {kind!r} and {ticks}")
-    control = subject.controller(solver, fast=fast)
+    control = subject.controller(solver)
     run = _Run(subject, control, np.random.default_rng([seed, KINDS.index(kind)]), Findings(kind))
     start, digest, memory = perf_counter(), hashlib.sha256(), 0
     for k in range(ticks):

@@ -28,7 +28,7 @@ class Filled(PlanView):
     shares: Mat
     _barriers: list[BarrierWriter]
     _normal: Index
-    _pulls: list[tuple[Vec, Vec]]
+    _joint_wanted: Mat
     _torque_range: tuple[Vec, Vec]
 
     @property
@@ -43,7 +43,7 @@ class Filled(PlanView):
             bad[: self.layout.motion_row] = False
         if bad.any():
             return f"{self.problem.rows[int(np.argmax(bad))]} is not finite"
-        for task, (_, wanted) in zip(self.layout.on_joints, self._pulls[:-1], strict=True):
+        for task, wanted in zip(self.layout.on_joints, self._joint_wanted[:-1], strict=True):
             if not np.isfinite(wanted).all():
                 return f"{task.name} {task.label(int(np.argmin(np.isfinite(wanted))))} is not finite"
         return ""

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from typing import Any, Self, final
 
 import numpy as np
-from scipy.linalg.blas import daxpy, dcopy, ddot
 
 from wbc import checks
+from wbc.compiled import Memory
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
+from wbc.stack.compiled.interval_kernel import bound_joints
 from wbc.stack.constraint import JointInterval
 from wbc.stack.jerk import JerkLimits
 from wbc.types import Vec
@@ -23,9 +24,9 @@ RETURN_SPEED = 1.0
 #: Distances from a limit [rad, m] that are none.
 _ROUNDING = 1e-9
 _QUANTITIES = ("position", "velocity", "acceleration", "jerk")
-# What the formulas are made of, in the order in which compiled code reads it.
-_CONSTANTS = ("position", "velocity", "acceleration", "−B", "2 B", "B dt", "(B dt)²", "return speed")
-_WORK = ("value", "room", "reach", "wanted", "free", "bound")
+# What the compiled formulas are made of, and what they leave, in the order in which they take it.
+_CONSTANTS = ("position", "velocity", "acceleration", "−B", "2 B", "B dt", "(B dt)²", "return speed", "a dt")
+_WORK = ("room", "reach", "wanted", "free", "bound")
 
 
 @final
@@ -72,7 +73,7 @@ class JointIntervals:
     """
 
     # Arrays hold both sides, one behind the other: the upper limit, and the lower one seen in a mirror, so that one
-    # formula does for both: limit − value >= 0 on either. Their memory never moves: compiled code reads it too.
+    # formula does for both: limit − value >= 0 on either. Their memory never moves: the formulas are compiled.
 
     def __init__(self, joint_names: tuple[str, ...], dt: float, *, braking: float | None = None) -> None:
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
@@ -82,24 +83,16 @@ class JointIntervals:
         self._limits = {quantity: np.full(shape, np.inf) for quantity in _QUANTITIES}
         self._composed = {quantity: limit.copy() for quantity, limit in self._limits.items()}
         self._owners = dict.fromkeys(_QUANTITIES, "joint limits")
-        self._per_dt, self._two_per_dt, self._half_dt = 1.0 / self.dt, 2.0 / self.dt, 0.5 * self.dt
         self._constants = {name: np.zeros(2 * shape[1]) for name in _CONSTANTS}
         self._work = {name: np.zeros(2 * shape[1]) for name in _WORK}
-        self._zero, self._per_dt_each = np.zeros(2 * shape[1]), np.full(2 * shape[1], 1.0 / self.dt)
-        self._q, self._v, self._a, self._minus_B, self._two_B, self._B_dt, self._B_dt_squared, self._return_speed = (
-            self._constants.values()
-        )
-        self._value, self._room, self._reach, self._wanted, self._free, self._bound = self._work.values()
+        self._v, self._minus_B = self._constants["velocity"], self._constants["−B"]
+        self._room, _, self._wanted, self._free, self._bound = self._work.values()
         nj = shape[1]
-        self._plain, self._mirrored = self._value[:nj], self._value[nj:]
-        self._room_below = self._room[nj:]
-        self._bound_above, self._bound_below = self._bound[:nj], self._bound[nj:]
-        self._wanted_above, self._wanted_below = self._wanted[:nj], self._wanted[nj:]
-        self._back, self._room_before, self._value_now = np.zeros(2 * nj), np.zeros(shape), np.zeros(shape)
-        self._opposite_back = self._back.reshape(shape)[::-1]
-        # Whether only velocities are limited, whether accelerations are, whether a joint is outside (1) or none is near
-        # a position limit (−1), whether jerks are limited.
-        self._flags = np.zeros(4, dtype=np.int64)
+        # Whether only velocities are limited, whether accelerations are, whether a joint is outside.
+        self._flags = np.zeros(3, dtype=np.int64)
+        self._order = np.array([nj, 0], dtype=np.int64)
+        self._now = [np.zeros(nj) for _ in range(4)]
+        self._memory = Memory(self._order, np.array([self.dt]), *self._now, *self.memory())
         self._jerk: JerkLimits | None = None
         self._is_sealed = False
         self._derive()
@@ -202,7 +195,7 @@ class JointIntervals:
 
     def owner(self, joint: int, *, upper: bool) -> str:
         """Which law gave a bound that was computed last, for reports."""
-        if self._only_velocity or self._flags[2] < 0:
+        if self._only_velocity:
             return self._owners["velocity"]
         at = joint if upper else joint + len(self.joint_names)
         if self._narrowed.reshape(-1)[at]:
@@ -247,146 +240,36 @@ class JointIntervals:
         B = np.minimum(B, np.inf if self._braking is None else self._braking)
         # No limit to brake for times no brakes is still no bound: inf · tiny = inf, where inf · 0 is NaN.
         two_B, return_speed = np.maximum(2.0 * B, np.finfo(float).tiny), np.where(np.isfinite(v), v, RETURN_SPEED)
-        constants = (q, v, a, -B, two_B, B * dt, (B * dt) ** 2, return_speed)
+        constants = (q, v, a, -B, two_B, B * dt, (B * dt) ** 2, return_speed, a * dt)
         for constant, values in zip(self._constants.values(), constants, strict=True):
             constant[:] = values.reshape(-1)
-        self._unlimited, self._faster = unlimited.reshape(-1), (a * dt).reshape(-1)
-        self._slower = np.where(unlimited, np.inf, B * dt).reshape(-1)
-        self._highest_v_per_dt, self._lowest_v_per_dt = v[0] / dt, -v[1] / dt
-        # Positions and velocities alone: beyond these positions a limit is nearer than a tick at full speed.
-        self._is_simple = not (self._has_acceleration or np.isfinite(jerk).any()) and bool(np.isfinite(v).all())
-        if self._is_simple:
-            self._clear = (q - v * dt).reshape(-1)
-        self._fastest_above, self._fastest_below = v[0].copy(), -v[1]
-        self._least_above, self._most_below = -B[0], B[1]
-        self._surely_slow = float(v.min()) ** 2
         self._narrowed = np.zeros(B.shape, dtype=bool)
         if not np.isfinite(jerk).any():
             self._jerk = None
         else:
             self._jerk = self._jerk or JerkLimits(len(self.joint_names))
             self._jerk.derive(jerk, B, v, a, dt)
-        self._flags[3] = self._jerk is not None
 
     def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,).
-
-        All are one piece of memory each, of float64: BLAS writes into a copy of anything else.
-        """
-        if self._only_velocity:
-            self._acceleration_by_velocity(v, lower, upper)
-            return
-        np.multiply(v, self._half_dt, self._plain)
-        self._plain += q
-        np.negative(self._plain, self._mirrored)
-        np.subtract(self._q, self._value, self._room)
-        if self._jerk is not None:
-            self._room_before[:] = self._room.reshape(2, -1)
-        self._speed_that_can_brake()
-        self._velocity_wanted(self._two_per_dt)
-        self._plain[:] = v
-        np.negative(v, self._mirrored)
-        np.subtract(self._wanted, self._value, self._free)
-        self._free *= self._per_dt_each
-        np.maximum(self._free, self._minus_B, out=self._free)
-        np.minimum(self._free, self._a, out=self._bound)
-        upper[:] = self._bound_above
-        np.negative(self._bound_below, lower)
-        if self._jerk is not None:
-            self._jerk.narrow(self._room_before, self._value.reshape(2, -1), lower, upper)
-            self._note_narrowed(lower, upper)
-
-    def _acceleration_by_velocity(self, v: Vec, lower: Vec, upper: Vec) -> None:
-        """The same where nothing but velocities is limited."""
-        dcopy(self._highest_v_per_dt, upper)
-        dcopy(self._lowest_v_per_dt, lower)
-        daxpy(v, upper, len(v), -self._per_dt)
-        daxpy(v, lower, len(v), -self._per_dt)
-        if not ddot(v, v) <= self._surely_slow:  # a joint may be too fast to be slow enough at once
-            np.maximum(upper, self._least_above, out=upper)
-            np.minimum(lower, self._most_below, out=lower)
+        """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
+        self._write(2, q, v, lower, upper)
 
     def velocity(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Write bounds (nj,) on the joint velocities of the next tick, one piece of memory each as for accelerations;
-        v is read with acceleration limits only."""
-        if self._is_simple:
-            room = self._room
-            dcopy(self._clear, room)
-            daxpy(q, room, len(q), -1.0)
-            daxpy(q, self._room_below)
-            if room.item(room.argmin()) >= 0.0:
-                dcopy(self._fastest_above, upper)
-                dcopy(self._fastest_below, lower)
-                self._flags[2] = -1
-                return
-        self._plain[:] = q
-        np.negative(q, self._mirrored)
-        np.subtract(self._q, self._value, self._room)
-        if self._jerk is not None:
-            self._room_before[:] = self._room.reshape(2, -1)
-        if not self._has_acceleration:
-            np.multiply(self._room, self._per_dt_each, self._reach)
-            self._velocity_wanted(self._per_dt)
-            above, below = self._wanted_above, self._wanted_below
-        else:
-            self._speed_that_can_brake()
-            np.multiply(self._room, self._per_dt, out=self._reach, where=self._unlimited)
-            self._velocity_wanted(self._per_dt)
-            self._plain[:] = v
-            np.negative(v, self._mirrored)
-            np.subtract(self._value, self._slower, self._free)
-            np.maximum(self._free, self._wanted, out=self._free)
-            self._value += self._faster
-            np.minimum(self._free, self._value, out=self._bound)
-            above, below = self._bound_above, self._bound_below
-        upper[:] = above
-        np.negative(below, lower)
-        if self._jerk is not None:
-            np.copyto(self._bound_above, upper)
-            np.negative(lower, self._bound_below)
-            self._velocity_by_jerk(v, lower, upper)
+        """Write bounds (nj,) on the joint velocities of the next tick; v is read with acceleration limits only."""
+        self._write(1, q, v, lower, upper)
 
-    def _velocity_by_jerk(self, v: Vec, lower: Vec, upper: Vec) -> None:
-        """The same bounds seen as accelerations of the tick, narrowed there."""
-        assert self._jerk is not None
-        value = self._value_now
-        value[0] = v
-        np.negative(v, value[1])
-        for bound in (lower, upper):
-            bound -= v
-            bound *= self._per_dt
-        self._jerk.narrow(self._room_before, value, lower, upper)
-        for bound in (lower, upper):
-            bound *= self.dt
-            bound += v
-        self._note_narrowed(lower, upper)
+    def _write(self, order: int, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
+        self._order[1], self._now[0][:], self._now[1][:] = order, q, v
+        bound_joints(self._memory.address)
+        lower[:], upper[:] = self._now[2], self._now[3]
+        self.narrow_by_jerk(order, v, lower, upper)
 
-    def _note_narrowed(self, lower: Vec, upper: Vec) -> None:
-        np.less(upper, self._bound_above, out=self._narrowed[0])
-        np.greater(lower, -self._bound_below, out=self._narrowed[1])
-
-    def _speed_that_can_brake(self) -> None:
-        """reach = −B dt + √((B dt)² + 2 B room), 0 where there is no room."""
-        reach = self._reach
-        np.maximum(self._room, self._zero, out=reach)
-        reach *= self._two_B
-        reach += self._B_dt_squared
-        np.sqrt(reach, reach)
-        reach -= self._B_dt
-
-    def _velocity_wanted(self, per_time: float) -> None:
-        """Inside, the speed the limits leave; outside, the way back: at once, or as fast as the other side allows."""
-        room, reach, back = self._room, self._reach, self._back
-        outside = room[room.argmin()] < 0.0
-        self._flags[2] = outside
-        if not outside:
-            np.minimum(reach, self._v, out=self._wanted)
+    def narrow_by_jerk(self, order: int, v: Vec, lower: Vec, upper: Vec) -> None:
+        """Narrow bounds that were just written to what jerk limits allow; at order 1 by way of accelerations."""
+        if self._jerk is None:
             return
-        np.maximum(reach, self._zero, out=reach)
-        np.minimum(reach, self._v, out=reach)
-        np.minimum(reach, self._return_speed, out=back)
-        np.negative(back, back)
-        np.minimum(room, self._zero, out=room)
-        room *= per_time
-        np.maximum(room.reshape(2, -1), self._opposite_back, out=room.reshape(2, -1))
-        np.add(reach, room, self._wanted)
+        bounds, towards = np.stack([upper, lower]), np.stack([v, -v])
+        narrowed = bounds.copy() if order == 2 else (bounds - v) / self.dt
+        self._jerk.narrow(self._room.reshape(2, -1), towards, narrowed[1], narrowed[0])
+        upper[:], lower[:] = narrowed if order == 2 else narrowed * self.dt + v
+        self._narrowed[0], self._narrowed[1] = upper < bounds[0], lower > bounds[1]

@@ -1,16 +1,15 @@
-"""All kinematic rows of a plan in one block: gains are applied once for all of them, not task by task."""
+"""All kinematic rows of a plan in one block: gains are applied once for all of them, by compiled code."""
 
 from __future__ import annotations
 
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg.blas import daxpy, dcopy, dgemv
 
 from wbc.errors import InvalidInput
 from wbc.stack.contact import Contact, ContactRows
 from wbc.stack.task import Task, TaskRows
-from wbc.types import Mat, Vec
+from wbc.types import Mat
 
 #: Relative rounding of gains and dt.
 _ROUNDING = 1e-9
@@ -31,28 +30,19 @@ class MotionRows:
 
     def __init__(self, order: int, rows: Mat, nv: int, nj: int, n_joint_tasks: int, *, dt: float) -> None:
         self._dt = dt
-        self.order, self.J, self._right, self._rows_T = order, rows[:, :nv], rows[:, -1], rows.T
-        self._flat, self._width = rows.reshape(-1), rows.shape[1]
+        self.order, self.J = order, rows[:, :nv]
         self.n_joint_blocks = n_joint_tasks + 1
         m, n = len(rows), len(rows) + self.n_joint_blocks * nj
         self._m = m
-        # What is wanted at order 2 is a sum of five terms, each a gain times what stands in one row of a block.
-        self._terms, self._gains, self._weighted = np.zeros((5, n)), np.zeros((5, n)), np.zeros((5, n))
-        self._weighted_T, self._ones = self._weighted.T, np.ones(5)
-        self._references = self._terms[:2]
-        self.rate_ref, self.acc_ref, self.e, self.drift, self._Jv = self._terms
-        self.kd, ones, self.kp, minus_ones, self._minus_kd = self._gains
-        ones[:], minus_ones[:] = 1.0, -1.0
+        self._references = np.zeros((2, n))
+        self.rate_ref, self.acc_ref = self._references
+        self.e, self.drift, self.wanted = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.kp, self.kd, self.rate = np.zeros(n), np.zeros(n), np.zeros(n)
         self.e[: n - nj] = np.nan
         self.drift[:m] = np.nan
-        self.rate, self.wanted = np.zeros(n), np.zeros(n)
         self.own_ed = np.full(n, np.nan)
         self.writes_ed: Any = None
-        self._v0 = np.zeros(rows.shape[1])  # v, and zeros for what is no velocity
-        self._v = self._v0[:nv]
-        self._Jv_rows = self._Jv[:m]
-        self._Jv_joints = self._Jv[m:].reshape(self.n_joint_blocks, nj)
-        self.kd[n - nj :], self._minus_kd[n - nj :] = 1.0, -1.0
+        self.kd[n - nj :] = 1.0
 
     def task_rows(self, first: int, task: Task) -> TaskRows:
         """The views a task writes into; for an ``on_joints`` task, J is left out."""
@@ -89,7 +79,6 @@ class MotionRows:
         self.kp[rows], self.kd[rows], self.rate[rows] = member.gains()
         if self.order == 1 and np.isinf(self.rate[rows]).any():
             raise InvalidInput(f"{member.name} has kd = 0, so kp / kd says nothing at the velocity level{advice}")
-        self._minus_kd[rows] = -self.kd[rows]
         self._refuse_unstable(rows, member.name)
 
     def _refuse_unstable(self, rows: slice, name: str) -> None:
@@ -146,24 +135,3 @@ class MotionRows:
         """Called once after all checks: remember which tasks write their own error rate."""
         writes = ~np.isnan(self.own_ed)
         self.writes_ed = writes if writes.any() else None
-
-    def lower(self, v: Vec, v_joints: Vec) -> None:
-        """From errors to wanted velocities or accelerations, for all rows at once."""
-        if not len(self.wanted):  # BLAS refuses what is empty
-            return
-        self._right.fill(0.0)  # also because 0 times what a bad tick has left there need not be 0
-        if self.order == 1:
-            np.multiply(self.rate, self.e, self.wanted)
-            daxpy(self.rate_ref, self.wanted)
-        else:
-            if self._m:
-                dcopy(v, self._v)
-                dgemv(1.0, self._rows_T, self._v0, 0.0, self._Jv_rows, 0, 1, 0, 1, 1, 1)
-            self._Jv_joints[:] = v_joints
-            if self.writes_ed is not None:  # kd ė as it is given: in the place of the reference's rate, without J v
-                np.copyto(self.rate_ref, self.own_ed, where=self.writes_ed)
-                self._Jv[self.writes_ed] = 0.0
-            np.multiply(self._gains, self._terms, self._weighted)
-            dgemv(1.0, self._weighted_T, self._ones, 0.0, self.wanted, 0, 1, 0, 1, 0, 1)  # the sum of the rows
-        if self._m:
-            daxpy(self.wanted, self._flat, self._m, -1.0, 0, 1, self._width - 1, self._width)

@@ -67,7 +67,6 @@ class Plan(Filled):
             rows=layout.names(), regularisation=level.regularisation,
         )  # fmt: skip
         nv, nb = model.nv, model.nb
-        self._column = p.G[:, p.n]
         motion = slice(layout.motion_row, layout.n_rows)
         self.motion = MotionRows(level.order, p.G[motion], nv, model.nj, len(layout.on_joints), dt=dt)
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
@@ -82,14 +81,11 @@ class Plan(Filled):
         self._writers = self._make_writers()
         soft = [writer.barrier for writer in _of(self._writers, SoftLawWriter)]
         self._barriers: list[BarrierWriter] = [*_of(self._writers, BarrierWriter), *_of(soft, BarrierWriter)]
-        self.joint_bound_rows = self._joint_lower, self._joint_upper = p.lb[nb:nv], p.ub[nb:nv]
-        if self.intervals is not None:
-            self._bound_joints = self.intervals.velocity if level.order == 1 else self.intervals.acceleration
-        self._centre_joints = p.centre[nb - layout.n_u : nv - layout.n_u]
+        self.joint_bound_rows = p.lb[nb:nv], p.ub[nb:nv]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
         #: Of each task on the joints, and of their damping: its share of each joint's cost, and what it wants there.
         self.shares = np.zeros(joint_wanted.shape)
-        self._pulls = list(zip(self.shares, joint_wanted, strict=True))
+        self._joint_wanted = joint_wanted
         self.damping = Damping(layout, self.motion, p, level.lm_damping, dt)
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
@@ -102,7 +98,7 @@ class Plan(Filled):
         above = [layout.slack] if layout.slack else []
         p.levels = [[self._wish(task) for task in tasks] for tasks in (*above, *stack.levels)]
         self._qp: QP | None = None
-        self._compiled: CompiledFill | None = None
+        self._filler: CompiledFill | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
         self.stopping = Stopping.of(self)
         self._first_fill(like)
@@ -139,19 +135,9 @@ class Plan(Filled):
         behind = layout.n_rows - first
         for i, task in enumerate(layout.on_joints):
             self._fills.append((task.fill, (motion.task_rows(behind + i * self.model.nj, task),)))
-        self._task_fills = [(fill, *out) for fill, out in self._fills if len(out) == 1]
-        self._contact_fills = [(fill, *out) for fill, out in self._fills if len(out) == 2]
 
     def _prepare_dynamics(self) -> None:
         layout, p, model = self.layout, self.problem, self.model
-        nv, nf = model.nv, layout.nf
-        self._T_a, self._T_f, self._T_h = p.G[:nv, :nv], p.G[:nv, nv : nv + nf], self._column[:nv]
-        contacts = slice(layout.contact_row, layout.n_rows)
-        # Whole rows of contacts, one behind the other: scaled they are the columns of forces.
-        self._contact_rows = p.G[contacts].reshape(-1)
-        self._force_factors = np.zeros(self._contact_rows.shape)
-        self._scaled_rows = np.zeros(self._contact_rows.shape)
-        self._scaled_J_T = self._scaled_rows.reshape(nf, p.n + 1)[:, :nv].T
         presses = [
             (column + contact.wrench_axes.index(2), place)
             for contact, column, place in zip(layout.contacts, layout.force_columns, self._place, strict=True)
@@ -201,7 +187,7 @@ class Plan(Filled):
             i = pulling.index(task)
             unknowns, weights = slice(columns[i], columns[i] + dim), self._pull_weights[i]
             if isinstance(task, Task):
-                wanted = self._pulls[i][1]
+                wanted = self._joint_wanted[i]
                 return Wish(task.name, None, unknowns, weights, wanted, np.zeros(dim), scaled=task.is_scaled)
             return Wish(task.name, None, unknowns, weights, np.zeros(dim), np.zeros(dim))
         starts = [*layout.linear_rows, *layout.kinematic_rows]
@@ -224,8 +210,7 @@ class Plan(Filled):
             _explained(member.name, fill, state, *out)
             motion.check_written(row - first, member.dim, member.name)
         motion.freeze()
-        if self.level.dynamics:
-            self._fill_dynamics(state)  # rows about torques are made of these
+        self.bind(state)()  # rows about torques are made of these
         for writer in self._writers:
             _explained(writer.name, writer.fill, state)
             writer.check()
@@ -259,7 +244,6 @@ class Plan(Filled):
             forces = self._force_weights + eps
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
-            self._force_factors[:] = np.repeat(-p.scale[nv : nv + layout.nf], p.n + 1)
             self._write_cones()
         for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
             p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
@@ -333,14 +317,10 @@ class Plan(Filled):
                 self._read_weights()
             except InvalidInput as cause:
                 self._refusal = str(cause)
-        if self._compiled is not None and state is self._compiled.state and self.applied.inertia is None:
-            self._compiled()
-            bounded = self.intervals is None or not self.intervals.remembers
-        else:
-            self._fill_rows(state)
-            bounded = self.intervals is None
-        if not bounded:
-            self._bound_joints(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
+        filler = self._filler
+        (filler if filler is not None and state is filler.state else self.bind(state))()
+        if self.intervals is not None and self.intervals.remembers:
+            self.intervals.narrow_by_jerk(self.level.order, state.v_joints, *self.joint_bound_rows)
         if self.damping.of_levels and self.level.order > 1:
             self.damping.v[:] = state.v
         if self.level.dynamics:
@@ -381,47 +361,11 @@ class Plan(Filled):
         for bound, now in zip(self.torque_bounds, self._torque_range, strict=True):
             now[:] = bound
 
-    @property
-    def is_fast(self) -> bool:
-        """Whether it is filled by compiled code."""
-        return self._compiled is not None
-
-    def compile_for(self, state: RobotState) -> None:
-        """From now on fill by compiled code, for this state; any other one is filled as before."""
-        self.fill(state)  # every row once by its task: what is never written again, and what the state has to compute
-        self._compiled = CompiledFill(self, state, self.members(), self.failed)
-
-    def _fill_rows(self, state: RobotState) -> None:
-        self.motion.clear()
-        for fill, out in self._task_fills:
-            try:
-                fill(state, out)
-            except Exception as cause:
-                self.failed(_owner(fill), cause)
-        for fill, anchor, out in self._contact_fills:
-            try:
-                fill(state, anchor, out)
-            except Exception as cause:
-                self.failed(_owner(fill), cause)
-        self.motion.lower(state.v, state.v_joints)
-        share, wanted = self._pulls[0]
-        np.multiply(share, wanted, self._centre_joints)
-        for share, wanted in self._pulls[1:]:
-            self._centre_joints += share * wanted
-        if self.level.dynamics:
-            self._fill_dynamics(state)
-
-    def _fill_dynamics(self, state: RobotState) -> None:
-        """τ̂ = M a + h − Jᵀ f, base rows first: one row of G each."""
-        self._T_a[:] = state.M
-        self._T_h[:] = state.h
-        if self.layout.nf:
-            np.multiply(self._contact_rows, self._force_factors, self._scaled_rows)
-            self._T_f[:] = self._scaled_J_T
-        if self._has_components:
-            self._T_h += self.extra_bias
-            if self.applied.inertia is not None:
-                self._T_a += self.applied.inertia
+    def bind(self, state: RobotState) -> CompiledFill:
+        """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""
+        filler = CompiledFill(self, state, self.members(), self.failed)
+        self._filler = filler if filler.is_complete else None
+        return filler
 
     # ---- what others read
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
@@ -431,8 +375,10 @@ class Plan(Filled):
         """
         if self.intervals is None:
             return None
-        self._bound_joints(state.q_joints, state.v_joints, self._joint_lower, self._joint_upper)
-        return self._joint_lower.copy(), self._joint_upper.copy()
+        lower, upper = np.zeros(self.model.nj), np.zeros(self.model.nj)
+        write = self.intervals.velocity if self.level.order == 1 else self.intervals.acceleration
+        write(state.q_joints, state.v_joints, lower, upper)
+        return lower, upper
 
     @property
     def qp(self) -> QP:
@@ -454,11 +400,6 @@ def _make(contact: Contact, anchor: Anchor, state: RobotState) -> None:
     """The contact is where the robot is now, or at its target."""
     made = contact.target or contact.anchor(state)
     anchor.rotation[:], anchor.position[:] = made.rotation, made.position
-
-
-def _owner(fill: Callable[..., None]) -> str:
-    """Name of the member whose method this is."""
-    return str(getattr(getattr(fill, "__self__", None), "name", fill))
 
 
 def _of(members: Any, kind: type[Any]) -> list[Any]:

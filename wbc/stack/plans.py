@@ -14,7 +14,7 @@ from typing import final
 import numpy as np
 
 from wbc.errors import InvalidInput, UnknownName
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotState
 from wbc.qp.rows import RowSolver
 from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
@@ -53,7 +53,9 @@ class Mode:
 
 @final
 class Plans:
-    """The modes of a stack. ``whole`` has all contacts; the others are compiled for the sets of the stack's schedule.
+    """The modes of a stack, whose plans are filled from ``state``.
+
+    ``whole`` has all contacts; the others are compiled for the sets of the stack's schedule.
 
     ``unplanned`` counts the sets that were asked for without having been announced.
 
@@ -63,17 +65,18 @@ class Plans:
     """
 
     def __init__(
-        self, model: RobotModel, stack: Stack, level: Formulation, *, dt: float,
+        self, state: RobotState, stack: Stack, level: Formulation, *, dt: float,
         open_solver: Callable[[Plan], RowSolver],
     ) -> None:  # fmt: skip
         schedules = [component for component in stack.components if isinstance(component, Schedule)]
         if len(schedules) > 1:
             raise InvalidInput(f"{schedules[0].name} and {schedules[1].name} both schedule contacts; one can")
         self.schedule = schedules[0] if schedules else None
-        self._level, self._open_solver = level, open_solver
+        self._state, self._level, self._open_solver = state, level, open_solver
         self._named = dict(keys(stack.contacts))
         self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
-        plan = level.compile(model, stack, dt=dt)
+        plan = level.compile(state.model, stack, dt=dt)
+        plan.bind(state)
         self.whole = self.present = Mode(plan, open_solver(plan), plan)
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
         self._waiting: list[frozenset[str]] = []
@@ -94,6 +97,7 @@ class Plans:
         if names not in self._modes:
             whole = self.whole.plan
             plan = self._level.compile(whole.model, whole.stack.standing_on(names), dt=whole.dt, like=whole)
+            plan.bind(self._state)
             self._modes[names] = Mode(plan, self._open_solver(plan), whole)
 
     @property

@@ -1,4 +1,4 @@
-"""CompiledFill: a plan's hot path on one state, compiled. Tasks that users write stay Python, called as ever."""
+"""CompiledFill: a plan's hot path on one state. Tasks that users write are called; the rest is compiled."""
 
 from __future__ import annotations
 
@@ -20,16 +20,34 @@ from wbc.types import Vec
 #: A task or contact, its first row, its ``fill`` and what that writes into.
 MotionMember = tuple[Any, int, tuple[Callable[..., None], tuple[Any, ...]]]
 
+_Call = tuple[Callable[..., None], str, tuple[Any, ...]]
+
 _ROTATION, _PLACE = slice(0, 9), slice(9, 12)
+
+
+def _rows_of(member: Any) -> FrameRows | JointRows | None:
+    """What a member says of its rows; None where it says nothing, or where a subclass or the object writes its own."""
+    if "fill" in vars(member):
+        return None
+    for kind in type(member).__mro__:
+        if "compiled_rows" in vars(kind):
+            rows: FrameRows | JointRows | None = member.compiled_rows()
+            return rows
+        if "fill" in vars(kind):
+            return None
+    return None
 
 
 @final
 class CompiledFill:
-    """Fills the motion rows, the centre and the dynamics of ``plan`` from ``state``, as Python does to 1e-9.
+    """Fills the motion rows, the centre, the dynamics and the joints' bounds of ``plan`` from ``state``.
 
-    ``members`` write the motion rows, and have written them once; ``failed`` is told which of them raised, and what.
+    ``members`` write the motion rows. Those that say what their rows are (``compiled_rows``) are asked once, here, so
+    that the state computes what they read and zeros stand where they are never written; all others are called in every
+    tick. ``failed`` is told which of them raised, and what. A robot that is not Pinocchio's has no memory to read rows
+    from: its members are all called, and the rest is compiled.
 
-    A robot that is not Pinocchio's has no memory to read from: its tasks are all called, and the rest is compiled.
+    ``is_complete`` is false where a member raised here: then the state may lack what its rows are read from.
     """
 
     def __init__(
@@ -37,37 +55,48 @@ class CompiledFill:
     ) -> None:
         self.state, self._failed = state, failed
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
-        self._calls: list[tuple[Callable[..., None], str, tuple[Any, ...]]] = []
+        self._applied, self._inertia = plan.applied, None
+        self._calls: list[_Call] = []
         self._followers: list[_Follower] = []
         self._moving: list[_Follower] = []
         self._binding, self._targets = plan.binding, -1
-        self._items = items = _Items(state, model.nv)
+        own_memory = isinstance(state, PinocchioState)
+        items = _Items(state, model.nv)
         self._motion = motion
         first = layout.motion_row
+        motion.clear()
+        self.is_complete = True
         for member, row, (call, out) in members:
-            rows = member.compiled_rows() if isinstance(state, PinocchioState) else None
+            rows = _rows_of(member) if own_memory else None
             if rows is None:
                 self._calls.append((call, member.name, out))
-            elif isinstance(member, Contact):
+                continue
+            self.is_complete &= self._called(call, member.name, out)
+            if isinstance(member, Contact):
                 items.add(rows, row - first, out[0].rotation, out[0].position)
             else:
                 target = np.zeros(model.nj if isinstance(rows, JointRows) else 12)
                 self._followers.append(_Follower(member, rows, target, out[0]))
                 items.add(rows, row - first, target, target[_PLACE])
         dynamics, m = plan.level.dynamics, layout.n_rows - first
-        sizes = np.array(
+        self._sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, motion.n_joint_blocks, first,
-             layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None], dtype=np.int64,
+             layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None, 0], dtype=np.int64,
         )  # fmt: skip
         writes_ed = np.zeros(len(motion.e)) if motion.writes_ed is None else motion.writes_ed.astype(np.float64)
         scale = p.scale[model.nv : model.nv + layout.nf]
-        own = [state.M, state.h, plan.extra_bias, scale] if dynamics else [state.v] * 4
+        self._more_inertia = np.zeros((model.nv, model.nv))
+        read = [state.v, state.q_joints, *([state.M, state.h] if dynamics else [])]
+        #: Of a robot that may answer with new arrays each time: what is read of it, and where the kernel finds it.
+        self._copies = [] if own_memory else [np.array(value) for value in read]
+        v, q_joints, *of_dynamics = self._copies or read
+        of_dynamics = [*of_dynamics, plan.extra_bias, scale, self._more_inertia] if dynamics else [v] * 5
         bounds = (np.array([plan.dt]), *plan.joint_bound_rows)
         intervals = () if plan.intervals is None else plan.intervals.memory()
         self._memory = Memory(
-            sizes, p.G, motion.e, motion.drift, motion.rate_ref, motion.acc_ref, motion.kp, motion.kd, motion.rate,
-            motion.own_ed, writes_ed, motion.wanted, plan.shares, p.centre, state.v, *own, *bounds,
-            *items.arrays(), *intervals,
+            self._sizes, p.G, motion.e, motion.drift, motion.rate_ref, motion.acc_ref, motion.kp, motion.kd,
+            motion.rate, motion.own_ed, writes_ed, motion.wanted, plan.shares, p.centre, v, *of_dynamics, *bounds,
+            q_joints, *items.arrays(), *intervals,
         )  # fmt: skip
 
     def __call__(self) -> None:
@@ -77,17 +106,31 @@ class CompiledFill:
         if self._calls:
             self._motion.clear()
             for call, name, out in self._calls:
-                try:
-                    call(state, *out)
-                except Exception as cause:
-                    self._failed(name, cause)
+                self._called(call, name, out)
         if self._binding.targets != self._targets:
             self._targets = self._binding.targets
             self._moving = [follower for follower in self._followers if self._follow(follower, t)]
         else:
             for follower in self._moving:
                 self._follow(follower, t)
-        fill(self._memory.addresses)
+        if self._copies:
+            dynamics = (state.M, state.h) if len(self._copies) > 2 else ()
+            for copy, value in zip(self._copies, (state.v, state.q_joints, *dynamics), strict=True):
+                copy[:] = value
+        if self._applied.inertia is not self._inertia:
+            self._inertia = more = self._applied.inertia
+            self._sizes[13] = more is not None
+            self._more_inertia[:] = 0.0 if more is None else more
+        fill(self._memory.address)
+
+    def _called(self, call: Callable[..., None], name: str, out: tuple[Any, ...]) -> bool:
+        """Whether a member wrote its rows; one that raises is told of."""
+        try:
+            call(self.state, *out)
+        except Exception as cause:
+            self._failed(name, cause)
+            return False
+        return True
 
     def _follow(self, follower: _Follower, t: float) -> bool:
         """Whether this target has to be followed in every tick."""
@@ -186,6 +229,5 @@ class _Items:
         supports = np.array(self._supports, dtype=np.int64).reshape(k, nv)
         addresses = np.array(self._addresses, dtype=np.int64).reshape(k, 6)
         tables = np.array(self._tables, dtype=np.float64).reshape(k, 27)
-        unread = (np.zeros(1),) * 4
-        memory = self._state.memory() if isinstance(self._state, PinocchioState) else (*unread, self._state.q_joints)
+        memory = self._state.memory() if isinstance(self._state, PinocchioState) else (np.zeros(1),) * 4
         return [items, supports, tables, addresses, *memory, np.zeros(42)]

@@ -1,22 +1,23 @@
-"""Everything a plan writes for its solver, compiled: rows of frames, gains, centre, dynamics."""
+"""Everything a plan writes for its solver: rows of frames, gains, centre, dynamics, bounds of joints."""
 
 from __future__ import annotations
 
-from wbc.compiled import carray, floats, integers, kernel
+from wbc.compiled import carray, entry, floats, integers
 from wbc.stack.compiled.interval_kernel import joint_bounds
 from wbc.stack.compiled.rows_kernel import fill_rows
-from wbc.types import Index
 
 
-@kernel
-def fill(memory: Index) -> None:
-    """What tasks that are followed, :meth:`~wbc.stack.motion.MotionRows.lower` and the plan itself write.
+@entry
+def fill(at: int) -> int:
+    """What tasks that are followed, the gains of :class:`~wbc.stack.motion.MotionRows` and the plan itself write.
 
-    ``memory``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
-    contact row, columns of u, whether there are dynamics, items, whether joints have intervals), what the code below
-    reads by name, from place 22 on what ``fill_rows`` reads, from 32 on what ``joint_bounds`` does.
+    At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
+    contact row, columns of u, whether there are dynamics, items, whether joints have intervals, whether inertia is
+    added), what the code below reads by name, from place 24 on what ``fill_rows`` reads, from 33 on what
+    ``joint_bounds`` does.
     """
-    sizes = carray(integers(memory[0]), 13)
+    memory = carray(integers(at), 48)
+    sizes = carray(integers(memory[0]), 14)
     order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
@@ -37,8 +38,9 @@ def fill(memory: Index) -> None:
     share = carray(floats(memory[12]), n_joint_blocks * nj)
     centre = carray(floats(memory[13]), nv - n_u)
     v = carray(floats(memory[14]), nv)
+    q = carray(floats(memory[23]), nj)
 
-    fill_rows(memory[22:], sizes[11], nv, nj, order == 2, G[first:], e, drift)
+    fill_rows(memory[24:], sizes[11], nv, q, order == 2, G[first:], e, drift)
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]
@@ -64,16 +66,20 @@ def fill(memory: Index) -> None:
         h = carray(floats(memory[16]), nv)
         extra = carray(floats(memory[17]), nv)
         force_scale = carray(floats(memory[18]), nf)
+        more_inertia = carray(floats(memory[19]), (nv, nv))
         for i in range(nv):
-            row, inertia = G[i], M[i]
             for c in range(nv):
-                row[c] = inertia[c]
-            row[columns - 1] = h[i] + extra[i]
+                G[i, c] = M[i, c]
+            if sizes[13] > 0:
+                for c in range(nv):
+                    G[i, c] += more_inertia[i, c]
+            G[i, columns - 1] = h[i] + extra[i]
         for f in range(nf):
             J, scale = G[contact + f], -force_scale[f]
             for i in range(nv):
                 G[i, nv + f] = scale * J[i]
     if sizes[12] > 0:
-        dt = carray(floats(memory[19]), 1)[0]
-        lower, upper = carray(floats(memory[20]), nj), carray(floats(memory[21]), nj)
-        joint_bounds(memory[32:], nj, order, dt, carray(floats(memory[30]), nj), v[nb:], lower, upper)
+        dt = carray(floats(memory[20]), 1)[0]
+        lower, upper = carray(floats(memory[21]), nj), carray(floats(memory[22]), nj)
+        joint_bounds(memory[33:], nj, order, dt, q, v[nb:], lower, upper)
+    return 0

@@ -116,21 +116,20 @@ def _drift(local: bool, V: Vec, A: Vec, R: Mat, offset: Vec, turn: Vec, where: I
 
 
 @kernel
-def fill_rows(memory: Index, n_items: int, nv: int, nj: int, second: bool, G: Mat, e: Vec, drift: Vec) -> None:
-    """Write J into ``G``, e and, at the ``second`` order, the drift of every item.
+def fill_rows(memory: Index, n_items: int, nv: int, q: Vec, second: bool, G: Mat, e: Vec, drift: Vec) -> None:
+    """Write J into ``G``, e and, at the ``second`` order, the drift of every item; ``q`` (nj,) are the joints.
 
     ``memory``: items (k, 9), of each its kind, the size of its support, whether it is turned, and where its six rows go
     (−1: nowhere); supports (k, nv), the columns that move it; tables (k, 27), its placement in its joint (rotation by
     rows, position) and :meth:`FrameRows.table`; addresses (k, 6), rotation and position of its joint, its velocity and
     acceleration, rotation and position of the target; joint Jacobians; Jacobian, position and drift of the centre of
-    mass; joint positions; 42 numbers to work in.
+    mass; 42 numbers to work in.
     """
     items, supports = carray(integers(memory[0]), (n_items, 9)), carray(integers(memory[1]), (n_items, nv))
     tables, addresses = carray(floats(memory[2]), (n_items, 27)), carray(integers(memory[3]), (n_items, 6))
     Jw, J_com = carray(floats(memory[4]), (nv, 6)), carray(floats(memory[5]), (nv, 3))
     com, com_drift = carray(floats(memory[6]), 3), carray(floats(memory[7]), 3)
-    q = carray(floats(memory[8]), nj)
-    work = carray(floats(memory[9]), 42)
+    nj, work = len(q), carray(floats(memory[8]), 42)
     R, S = work[0:9].reshape((3, 3)), work[9:18].reshape((3, 3))
     p, w, six, V, A = work[18:21], work[21:24], work[24:30], work[30:36], work[36:42]
     for k in range(n_items):

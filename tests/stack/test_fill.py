@@ -1,0 +1,320 @@
+"""What a plan writes: the rows that each member says, and the equations of the level, on any stack."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+import wbc.stack.compiled.fill as fill_module
+from tasks import (
+    CenterOfMass,
+    ContactForce,
+    Damping,
+    Frame,
+    JointAccelerationLimits,
+    JointPositionLimits,
+    JointVelocity,
+    JointVelocityLimits,
+    Orientation,
+    Point,
+    Position,
+    Posture,
+    Sinusoid,
+    Sole,
+    TorqueLimits,
+)  # fmt: skip
+from tasks.motions import pose_motion, swing
+from tests.stack.conftest import Saying
+from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
+from wbc.models import Planar4P
+
+ARM, HUMANOID, QUADRUPED = wbc.load("arm"), wbc.load("humanoid"), wbc.load("quadruped")
+PATH = Sinusoid([0.4, 0.1, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9])
+POSE = pose_motion(PATH, swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6))
+SLOPE = pinocchio.exp3(np.array([0.3, -0.2, 0.1]))
+LIMITS = [JointPositionLimits(), JointVelocityLimits(), JointAccelerationLimits(50.0)]
+
+
+def reaching() -> Stack:
+    return Stack(
+        [
+            Frame("tool", target=POSE, kp=200.0), Position("tool", target=[0.4, 0.2], axes="xz", weight=0.1),
+            Orientation("tool", target=SLOPE, weight=[0.1, 0.2, 0.3]), Posture(ARM.q0, weight=1e-2),
+            JointVelocity(np.zeros(ARM.nj), weight=1e-3), Damping(weight=1e-3),
+        ],
+        subject_to=LIMITS,
+    )  # fmt: skip
+
+
+def standing() -> Stack:
+    soles = [f for f in HUMANOID.feet]
+    sway = Sinusoid(HUMANOID.state().com, amplitude=0.02, frequency=0.5)
+    return Stack(
+        [CenterOfMass(target=sway, kp=100.0), Posture(HUMANOID.q0, kp=10.0, weight=1e-2)],
+        subject_to=[TorqueLimits(), JointVelocityLimits()],
+        contacts=[Sole(sole, half_size=(0.08, 0.04), friction=0.6, origin=(0.01, 0.0, -0.005)) for sole in soles],
+    )
+
+
+def on_points() -> Stack:
+    feet = list(QUADRUPED.feet)
+    contacts = [Point(feet[0], friction=0.7, radius=0.02), Point(feet[1], friction=0.7, axes=SLOPE)]
+    contacts += [Point(foot, friction=0.7) for foot in feet[2:]]
+    return Stack(
+        [
+            CenterOfMass(target=QUADRUPED.state().com, kp=100.0), Orientation(QUADRUPED.frame_names[0], kp=100.0),
+            Posture(QUADRUPED.q0, weight=1e-3), ContactForce(feet[0], target=[0.0, 0.0, 20.0], weight=1e-4),
+        ],
+        subject_to=[TorqueLimits(), JointVelocityLimits()], contacts=contacts,
+    )  # fmt: skip
+
+
+def as_law() -> Stack:
+    law = Position("tool", target=PATH, kp=50.0).exactly()
+    return Stack([Posture(ARM.q0, weight=1.0)], subject_to=[law, *LIMITS, TorqueLimits()])
+
+
+CASES: list[tuple[wbc.models.RobotModel, Callable[[], Stack], wbc.stack.formulation.Formulation]] = [
+    (ARM, reaching, VelocityLevel()), (ARM, reaching, AccelerationLevel()), (ARM, reaching, InverseDynamics()),
+    (HUMANOID, standing, InverseDynamics()), (QUADRUPED, on_points, InverseDynamics()),
+    (ARM, as_law, InverseDynamics()),
+]  # fmt: skip
+NAMES = ["arm velocity", "arm acceleration", "arm torque", "humanoid", "quadruped", "law"]
+
+
+def moments(robot: wbc.models.RobotModel, count: int = 6):
+    """Times, configurations and velocities."""
+    rng = np.random.default_rng(1)
+    for k in range(count):
+        q = robot.integrate(robot.q0, 0.2 * rng.normal(size=robot.nv)) if k else np.array(robot.q0)
+        yield 0.1 * k, q, (0.5 * rng.normal(size=robot.nv) if k % 2 else np.zeros(robot.nv))
+
+
+def filled(robot, stack, level, moment, state=None):
+    """A plan that was filled for a moment."""
+    plan, state = level.compile(robot, stack, dt=1e-3), robot.state() if state is None else state
+    state.update(*moment)
+    plan.start(state)
+    plan.fill(state)
+    return plan
+
+
+@pytest.mark.parametrize(("robot", "stack", "level"), CASES, ids=NAMES)
+def test_compiled_rows_are_what_the_members_themselves_write(robot, stack, level, monkeypatch):
+    """The oracle is each member's ``fill``, which is what a reader of a task reads, called for every member."""
+    plan, state = level.compile(robot, stack(), dt=1e-3), robot.state()
+    for moment in moments(robot):
+        state.update(*moment)
+        if moment[0] == 0.0:
+            plan.start(state)
+        plan.fill(state)
+        assert plan._filler._followers, "members of these stacks have compiled rows"
+        p = plan.problem
+        rows, bounds, centre = p.G[: p.n_rows].copy(), p.bounds.copy(), p.centre.copy()
+        p.G[plan.layout.motion_row : p.n_rows, : robot.nv] = 7.0
+        with monkeypatch.context() as patch:
+            patch.setattr(fill_module, "_rows_of", lambda member: None)
+            for array in (plan.motion.J, plan.motion.e):
+                array[:] = 7.0
+            plan.bind(state)
+            plan.fill(state)
+        size = 1.0 + np.abs(p.G[: p.n_rows]).max()
+        np.testing.assert_allclose(rows, p.G[: p.n_rows], rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(bounds, p.bounds, rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(centre, p.centre, rtol=0, atol=1e-9 * (1.0 + np.abs(p.centre).max()))
+        plan.bind(state)
+
+
+@pytest.mark.parametrize(("robot", "stack", "level"), CASES, ids=NAMES)
+def test_rows_say_what_gains_and_dynamics_ask_for(robot, stack, level):
+    """J x = ẏ_ref + rate e or J a = ÿ_ref + kd (ẏ_ref − J v) + kp e − J̇ v, and M a + h − Jᵀ f, written in numpy."""
+    for moment in moments(robot):
+        v = moment[2]
+        plan = filled(robot, stack(), level, moment)
+        p, layout, motion = plan.problem, plan.layout, plan.motion
+        first, m, nv = layout.motion_row, p.n_rows - layout.motion_row, robot.nv
+        J = np.vstack([p.G[first : first + m, :nv], *[np.eye(nv)[robot.nb :]] * motion.n_joint_blocks])
+        if level.order == 1:
+            wanted = motion.rate_ref + motion.rate * motion.e
+        else:
+            wanted = motion.acc_ref + motion.kd * (motion.rate_ref - J @ v) + motion.kp * motion.e - motion.drift
+        size = 1.0 + np.abs(wanted).max()
+        np.testing.assert_allclose(motion.wanted, wanted, rtol=0, atol=1e-11 * size)
+        np.testing.assert_array_equal(p.G[first : first + m, p.n], -motion.wanted[:m])
+        pulls = (plan.shares * motion.wanted[m:].reshape(plan.shares.shape)).sum(axis=0)
+        np.testing.assert_allclose(p.centre[robot.nb - layout.n_u : nv - layout.n_u], pulls, rtol=0, atol=1e-12 * size)
+        if level.dynamics:
+            state = robot.state()
+            state.update(*moment)
+            contacts = p.G[layout.contact_row : p.n_rows, :nv]
+            np.testing.assert_allclose(p.G[:nv, :nv], state.M, rtol=0, atol=1e-12 * (1.0 + np.abs(state.M).max()))
+            np.testing.assert_allclose(p.G[:nv, p.n], state.h, rtol=0, atol=1e-10 * (1.0 + np.abs(state.h).max()))
+            forces = p.G[:nv, nv : nv + layout.nf]
+            size = 1.0 + np.abs(forces).max(initial=0.0)
+            np.testing.assert_allclose(forces, -contacts.T * plan.force_scale, rtol=0, atol=1e-12 * size)
+
+
+def test_a_plan_may_be_filled_from_one_state_and_then_from_another():
+    """States of one robot have memory of their own: the plan reads the one it is given."""
+    plan, states = InverseDynamics().compile(ARM, reaching(), dt=1e-3), [ARM.state(), ARM.state()]
+    found: list[list[np.ndarray]] = [[], []]
+    for state, moment in zip(states, list(moments(ARM))[1:3], strict=True):
+        state.update(*moment)
+    for _ in range(2):
+        for state, rows in zip(states, found, strict=True):
+            plan.fill(state)
+            rows.append(plan.problem.G[: plan.problem.n_rows].copy())
+    for first, second in found:
+        np.testing.assert_array_equal(first, second)
+    assert np.abs(found[0][0] - found[1][0]).max() > 1e-3
+
+
+def test_a_subclass_that_writes_its_own_rows_is_asked_for_them():
+    class Mirrored(Position):
+        def fill(self, state, out):
+            super().fill(state, out)
+            out.e[:] *= -1.0
+
+    target = [0.4, 0.2, 0.5]
+    moment = next(iter(moments(ARM)))
+    stacks = [Stack([kind("tool", target=target)]) for kind in (Position, Mirrored)]
+    plain, own = (filled(ARM, stack, VelocityLevel(), moment) for stack in stacks)
+    np.testing.assert_allclose(own.motion.wanted[:3], -plain.motion.wanted[:3], rtol=1e-12)
+
+
+@given(angle=st.floats(0.0, np.pi - 1e-6), axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3), near=st.booleans())
+def test_rotation_errors_of_any_angle_are_pinocchios(angle, axis, near):
+    from wbc.stack.compiled.geometry import log3, log6
+
+    direction = np.array(axis) if np.linalg.norm(axis) > 1e-3 else np.array([1.0, 0.0, 0.0])
+    direction /= np.linalg.norm(direction)
+    R = pinocchio.exp3((np.pi - 1e-3 * angle if near else angle) * direction)
+    w, e, p = np.zeros(3), np.zeros(6), np.array([0.3, -0.2, 0.1])
+    log3(R, w)
+    log6(R, p, np.zeros(3), e)
+    assert np.linalg.norm(w) <= np.pi + 1e-12
+    np.testing.assert_allclose(pinocchio.exp3(w), R, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pinocchio.SE3(R, p).homogeneous, rtol=0, atol=1e-12)
+    if not near:  # at π either way round is right
+        np.testing.assert_allclose(w, pinocchio.log3(R), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(e, pinocchio.log6(pinocchio.SE3(R, p)).vector, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-5, 1e-4, 2e-3, 0.029, 0.031, 0.3])
+def test_twists_of_small_angles_lose_no_digits(angle):
+    from wbc.stack.compiled.geometry import log6
+
+    pose, e = pinocchio.SE3(pinocchio.exp3(angle * np.array([0.6, 0.0, 0.8])), np.array([0.3, -0.2, 0.1])), np.zeros(6)
+    log6(pose.rotation, pose.translation, np.zeros(3), e)
+    np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pose.homogeneous, rtol=0, atol=2e-13)
+
+
+@pytest.mark.parametrize("axis", [(4.0, 2.0, 3.0), (-1.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, -1.0, 1e-9)])
+@pytest.mark.parametrize("short_of_pi", [0.0, 1e-16, 1e-12, 1e-9, 1e-3])
+def test_half_a_turn_about_any_axis_is_read_from_its_rotation(axis, short_of_pi):
+    from wbc.stack.compiled.geometry import log3
+
+    R, w = pinocchio.exp3((np.pi - short_of_pi) * np.array(axis) / np.linalg.norm(axis)), np.zeros(3)
+    log3(R, w)
+    np.testing.assert_allclose(pinocchio.exp3(w), R, rtol=0, atol=1e-12)
+
+
+def test_targets_weights_and_gains_that_are_assigned_are_read_at_the_next_tick():
+    tasks = reaching().tasks
+    stack = Stack(list(tasks), subject_to=LIMITS)
+    level = InverseDynamics(lm_damping=0.0)  # that remembers what the tick before left
+    controller = Controller(ARM, stack, level=level)
+    q, v = np.array(ARM.q0), np.zeros(ARM.nv)
+    controller.tick(0.0, q, v)
+    tasks[2].target, tasks[3].target = np.eye(3), 0.9 * ARM.q0
+    tasks[0].weight, tasks[1].kp = 3.0, 7.0
+    tasks[0].target = pinocchio.SE3(SLOPE, np.array([0.3, 0.0, 0.4]))  # no rates any more
+    command = controller.tick(1e-3, q, v)
+    expected = Controller(ARM, stack, level=level).tick(1e-3, q, v)
+    np.testing.assert_allclose(command.tau, expected.tau, rtol=0, atol=1e-9 * (1.0 + np.abs(expected.tau).max()))
+
+
+def test_a_task_of_ones_own_stays_python_and_is_called():
+    called = []
+
+    class Height(wbc.Task):
+        def __init__(self):
+            super().__init__(kp=100.0)
+            self.dim, self.units = 1, "m"
+
+        def fill(self, state, out):
+            called.append(state.t)
+            frame = state.frame("tool")
+            out.J[:], out.e[:], out.drift[:] = frame.jacobian()[2:3], 0.6 - frame.position[2], frame.drift()[2:3]
+
+    stack = Stack([Height(), Posture(ARM.q0, weight=1e-2)], subject_to=LIMITS)
+    controller = Controller(ARM, stack, level=AccelerationLevel())
+    called.clear()
+    answer = controller.tick(0.5, ARM.q0, np.zeros(ARM.nv))
+    assert called == [0.5]
+    same = Stack([Position("tool", target=[0.6], axes="z", kp=100.0), Posture(ARM.q0, weight=1e-2)], subject_to=LIMITS)
+    expected = Controller(ARM, same, level=AccelerationLevel()).tick(0.5, ARM.q0, np.zeros(ARM.nv))
+    np.testing.assert_allclose(answer.a, expected.a, rtol=0, atol=1e-9)
+
+
+def test_limits_replaced_by_a_component_hold():
+    stack, saying = reaching(), Saying()
+    stack = Stack(stack.levels, subject_to=stack.subject_to, components=[saying])
+    controller = Controller(ARM, stack, level=AccelerationLevel())
+    q, v = np.array(ARM.q0), np.zeros(ARM.nv)
+    controller.tick(0.0, q, v)
+    saying.now = wbc.Overrides(velocity=(-0.01, 0.01))
+    assert np.abs(controller.tick(1e-3, q, v).v[ARM.nb :]).max() <= 0.01 + 1e-9
+
+
+def test_forces_and_inertia_that_components_know_of_are_in_the_torques():
+    class Load(wbc.Component):
+        def before(self, state, last, plan):
+            return wbc.Overrides(bias=np.arange(1.0, 1.0 + len(plan.extra_bias)), inertia=0.1 * np.eye(ARM.nv))
+
+    still = np.zeros(ARM.nv)
+    stack = Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()], components=[Load()])
+    loaded = Controller(ARM, stack, level=InverseDynamics()).tick(0.0, ARM.q0, still)
+    bare = Controller(ARM, Stack([Posture(ARM.q0)]), level=InverseDynamics()).tick(0.0, ARM.q0, still)
+    more = np.arange(1.0, 1.0 + ARM.nv) + 0.1 * loaded.a
+    np.testing.assert_allclose(loaded.tau - bare.tau, more, rtol=0, atol=1e-9)
+
+
+def test_inertia_that_a_component_no_longer_adds_is_gone():
+    saying, v = Saying(), np.zeros(ARM.nv)
+    target = 0.9 * ARM.q0 + 0.1
+    controller = Controller(ARM, Stack([Posture(target)], components=[saying]), level=InverseDynamics())
+    before = controller.tick(0.0, ARM.q0, v).tau
+    saying.now = wbc.Overrides(inertia=np.eye(ARM.nv))
+    with_it = controller.tick(1e-3, ARM.q0, v)
+    np.testing.assert_allclose(with_it.tau - before, with_it.a, rtol=0, atol=1e-9 * (1.0 + np.abs(with_it.a).max()))
+    saying.now = wbc.Overrides()
+    np.testing.assert_allclose(controller.tick(2e-3, ARM.q0, v).tau, before, rtol=0, atol=1e-9)
+
+
+def test_a_robot_without_pinocchios_memory_has_its_tasks_called():
+    robot = Planar4P()
+    stack = Stack([Position("end_effector", target=[0.5, 0.2], axes="xy"), Posture(robot.q0, weight=1e-2)])
+    q, v = np.array([0.1, -0.2, 0.3, 0.1]), np.array([0.3, 0.1, -0.2, 0.4])
+    controller = Controller(robot, stack, level=InverseDynamics())
+    controller.tick(0.0, 2.0 * q, v)
+    command, state = controller.tick(1e-3, q, v), robot.state()
+    state.update(1e-3, q, v)
+    np.testing.assert_allclose(command.tau, state.M @ command.a + state.h, rtol=0, atol=1e-9)
+
+
+def test_another_solver_gets_the_same_rows():
+    controller = Controller(ARM, reaching(), level=InverseDynamics(), solver="daqp")
+    assert controller.form == "standard"
+    assert controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok
+
+
+def test_there_is_no_other_way_to_fill():
+    with pytest.raises(TypeError, match="fast"):
+        Controller(ARM, reaching(), level=InverseDynamics(), fast=True)  # type: ignore[call-arg]
