@@ -126,7 +126,7 @@ def _levels_of_a_run(
 
 
 def test_a_saturated_quadruped_keeps_its_ranks_as_exactly_as_the_cascade(quadruped: PinocchioModel) -> None:
-    told, beyond = compare(quadruped, range(12), ticks=6, every=5)
+    told, beyond = compare(quadruped, range(16), ticks=6, every=5)
     assert told >= 45 and not beyond, beyond
 
 

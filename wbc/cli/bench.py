@@ -80,7 +80,10 @@ def bench(
 
 def _in_turns(peers: Peers, name: str, run: Callable[[], dict[str, Any]], repeats: int) -> list[dict[str, Any]]:
     """We and every peer, one after the other, twice; the better row of each counts."""
-    ways = [run, *(partial(peers.row, peer, name, repeats) for peer in peers.names(name))]
+    ways: list[Callable[[], dict[str, Any]]] = [
+        run,
+        *(partial(peers.row, peer, name, repeats) for peer in peers.names(name)),
+    ]
     rounds = [[way() for way in ways] for _ in range(_ROUNDS)]
     rows = [min(tries, key=_median) for tries in zip(*rounds, strict=True)]
     theirs = {row["peer"]: _median(row) for row in rows if not _is_ours(row) and "total_us" in row}

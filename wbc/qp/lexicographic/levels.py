@@ -151,7 +151,10 @@ class Levels:
         kept = self._places[self._kept != 0.0]
         q.lower[kept] = q.upper[kept] = p.value[kept]
         q.metric[:], q.centre[:], q.scale[:] = p.metric, p.centre, p.scale
-        longest = float(np.vecdot(q.G[q.soft, p.n_u : p.n], q.G[q.soft, p.n_u : p.n]).max(initial=0.0)) or 1.0
+        # Of the rows in y alone, u = −X y, before what of the two parts cancels: rows may have nothing but u.
+        along, X = q.G[q.soft, : p.n], np.linalg.solve(q.G[: p.n_u, : p.n_u], q.G[: p.n_u, p.n_u : p.n])
+        parts = along[:, p.n_u :], along[:, : p.n_u] @ X
+        longest = float(sum(np.vecdot(part, part) for part in parts).max(initial=0.0)) or 1.0
         for heavy in _HEAVY:
             q.weights[:] = heavy / longest * self._weighs[k] ** 2
             q.version += 1

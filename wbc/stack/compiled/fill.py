@@ -15,7 +15,7 @@ from wbc.stack.contact import Contact
 from wbc.stack.filled import Filled
 from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.stack.target import Target
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 #: A task or contact, its first row, its ``fill`` and what that writes into.
 MotionMember = tuple[Any, int, tuple[Callable[..., None], tuple[Any, ...]]]
@@ -55,7 +55,8 @@ class CompiledFill:
     ) -> None:
         self.state, self._failed = state, failed
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
-        self._applied, self._inertia = plan.applied, None
+        self._applied = plan.applied
+        self._inertia: Mat | None = None
         self._calls: list[_Call] = []
         self._followers: list[_Follower] = []
         self._moving: list[_Follower] = []
