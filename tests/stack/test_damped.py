@@ -11,7 +11,7 @@ import wbc
 from tasks import Damping, JointLimits, Position, Posture
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.qp.problem import QP
-from wbc.types import Status, Vec
+from wbc.types import Vec
 
 ARM = wbc.load("arm")
 FAR, AWAY = np.array([1.5, 1.2, 0.8]), np.array([-0.4, 0.9, 1.4])
@@ -103,19 +103,6 @@ def test_what_is_left_of_a_damped_level_is_told_of_what_was_asked(level: Any, hi
     if isinstance(hierarchy, wbc.Strict):
         assert first.how == "optimal"
         assert first.residual == pytest.approx(float(np.sqrt(wish.weights @ left**2)))
-
-
-def test_where_the_damped_problem_has_no_answer_the_level_is_not_damped(monkeypatch: pytest.MonkeyPatch):
-    levels = [[Position("tool", target=FAR)], [Damping()]]
-    controller = running(VelocityLevel(), wbc.Strict(), levels, seconds=0.1, limits=[JointLimits()])
-    q, v = controller.last.q, controller.last.v
-    bare = Controller(ARM, Stack(levels, subject_to=[JointLimits()]), level=VelocityLevel(lm_damping=0.0),
-                      hierarchy=wbc.Strict(), dt=DT)  # fmt: skip
-    monkeypatch.setattr("wbc.stack.damped._Level.solve", lambda _: Status.FAILED)
-    command = controller.tick(0.1, q, v)
-    assert command.status.ok and controller.plan.damping.is_on
-    J = controller.plan.problem.G[controller.plan.problem.levels[0][0].rows, : ARM.nv]
-    np.testing.assert_allclose(J @ command.v, J @ bare.tick(0.1, q, v).v, atol=1e-6)
 
 
 def test_a_reset_ends_the_damping_of_every_level():

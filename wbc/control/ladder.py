@@ -38,7 +38,6 @@ from wbc.qp.relax import relaxed
 from wbc.qp.rows import RowSolver
 from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED
 from wbc.qp.solvers import by_name
-from wbc.stack.damped import open_plan
 from wbc.stack.plan import Plan
 from wbc.types import Status, Vec
 
@@ -204,7 +203,8 @@ class Ladder:
         mode = controller.mode
         if mode.second is None:
             name = "clarabel" if controller.solver.takes_rows else "pdas"
-            mode.second = open_plan(controller.plan, controller.hierarchy, by_name(name))
+            plan = mode.plan
+            mode.second = controller.hierarchy.open(plan.problem, by_name(name), plan.damping.pulls)
         answer = controller.asked(mode.second)
         return status if answer is Status.FAILED else answer
 

@@ -13,7 +13,6 @@ from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
-from wbc.stack.damped import open_plan
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy
 from wbc.stack.plan import Plan
@@ -46,7 +45,7 @@ class Solving:
         self.serial = 0
 
     def _open(self, plan: Plan) -> RowSolver:
-        return open_plan(plan, self.hierarchy, self.solver)
+        return self.hierarchy.open(plan.problem, self.solver, plan.damping.pulls)
 
     @property
     def dt(self) -> float:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import final
 
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.qp.rows import RowProblem
+from wbc.qp.lexicographic import Pull
+from wbc.qp.rows import RowProblem, Wish
 from wbc.stack.compiled.damping_kernel import CHANGED, SPOILT, observe
+from wbc.stack.hierarchy import Rank
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
+#: What directions feel of the damping: they are kept to about this share of what is asked.
+_SIDEWAYS = 1e-3
 #: Levels below one that can do nothing of what it asks go on at this share of their speed.
 _SLOWEST = 1e-3
 
@@ -63,6 +68,8 @@ class ResidualDamping:
             gain[own], motion.kd[own], motion.e[own], self.base, self.applied, np.zeros((len(dims), nj)),
             self.rate, np.zeros(rows), *(np.zeros(nj) for _ in range(3)),
         )  # fmt: skip
+        #: What a level that is damped by itself costs beside its tasks: weight of each joint, and what it wants there.
+        self.weights, self.wanted = np.zeros(nj), np.zeros(nj)
         self._at, self._counts = self._memory.address, factor > 0.0 and rows > 0
         self._rows, self._x1 = problem.G[first : first + rows], problem.x1
         self._weights = problem.weights[first - problem.soft.start :][:rows]
@@ -118,30 +125,91 @@ class ResidualDamping:
 class Damping:
     """The damping of a plan: one in the metric of all joints, and one by itself for each level that ranks above others.
 
-    A level that ranks above others is damped by what is left of its own tasks, and by nothing below it
-    (:mod:`wbc.stack.damped`); the one in the metric is by what is left of all other kinematic tasks.
+    A level that ranks above others is damped by what is left of its own tasks, and by nothing below it: it comes to
+
+        minimise ½ Σ wᵢ (Jᵢ x − tᵢ)² + ½ Σ dⱼ (xⱼ − cⱼ)² + ½ ε ‖x‖²        over the joints' part of x
+
+    and the levels below keep J x. The damping in the metric is by what is left of all other kinematic tasks.
 
     What the rows of a level leave free is free to first order only: the second order that it is damped for stands in
     the way of the levels below, too. So these are damped by the same joints, by dⱼ/σ² of the curvature that their own
     tasks have there, with d/σ² the ratio of what the level left to what it did. They are slowed, and come to rest at
-    the same points. Source: Pfeiffer, Escande, Righetti, IEEE RA-L 3(4), 2018 (the second order of a level takes the
+    the same points. Source: Chiaverini, IEEE T-RA 13(3), 1997 (damped least squares above an undamped null space);
+    Pfeiffer, Escande, Righetti, IEEE RA-L 3(4), 2018 (the second order of a level takes the
     freedom of those below).
     """
 
-    def __init__(self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float) -> None:
+    def __init__(
+        self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, least: float
+    ) -> None:
         self._made_of = layout, motion, problem, factor, dt
-        self.factor = factor
+        self._order, self._least = motion.order, least
         self.in_metric = ResidualDamping(*self._made_of, tasks=slice(0, len(layout.kinematic)))
         self.of_levels: list[ResidualDamping] = []
-        #: The velocities (nv,) of the tick, where accelerations are decided and levels are damped.
-        self.v = np.zeros(layout.model.nv)
+        self._v = np.zeros(layout.model.nj)
+        #: Tasks on the joints at the levels that are damped.
+        self._on_joints: list[tuple[ResidualDamping, Wish]] = []
+        #: What a task does in part it brakes with all of its kd: where it stands, kd and J.
+        self._braking: list[tuple[ResidualDamping, Vec, Vec, Mat]] = []
 
-    def divide(self, of_levels: Sequence[slice], in_metric: slice) -> None:
-        """Say which of the kinematic tasks each level has, and which are left for the metric."""
-        base = self.in_metric.base
-        self.in_metric = ResidualDamping(*self._made_of, tasks=in_metric)
-        self.in_metric.base[:] = base
-        self.of_levels = [ResidualDamping(*self._made_of, tasks=tasks) for tasks in of_levels]
+    def pulls(self, ranks: Sequence[Rank]) -> list[Pull | None]:
+        """Of each stage of these ranks what damps it; the last stage has its damping in the metric.
+
+        The tasks of the ranks are those of the plan, whoever solves it.
+        """
+        layout, motion, _, factor, _ = self._made_of
+        upper = [rank for rank in ranks[:-1] if any(wish.kinematic for wish in rank.wishes)]
+        last = ranks[-1]
+        if last.after and any(wish.kinematic for wish in last.wishes):
+            upper.append(last)
+        if not upper or not factor:
+            return []
+        if not self.of_levels:
+            first = layout.model.nb  # of the unknowns that the joints are
+            ends = np.cumsum([0, *(sum(wish.kinematic for wish in rank.wishes) for rank in upper)]).tolist()
+            base = self.in_metric.base
+            self.in_metric = ResidualDamping(*self._made_of, tasks=slice(ends[-1], len(layout.kinematic)))
+            self.in_metric.base[:] = base
+            self.of_levels = [ResidualDamping(*self._made_of, tasks=slice(*pair)) for pair in pairwise(ends)]
+            for rank, damping in zip(upper, self.of_levels, strict=True):
+                joints = (wish for wish in rank.wishes if wish.unknowns is not None and wish.unknowns.start == first)
+                self._on_joints += [(damping, wish) for wish in joints]
+                turned = (part.wish for stage in rank.directions for part in stage)
+                for wish in turned if motion.order > 1 else ():
+                    if wish.kinematic and wish.rows is not None:
+                        own = slice(wish.rows.start - layout.motion_row, wish.rows.stop - layout.motion_row)
+                        self._braking.append((damping, wish.drift, motion.kd[own], motion.J[own]))
+            self.read_weights()
+        found: list[Pull | None] = []
+        for rank in ranks:
+            if rank not in upper:
+                found += [None] * len(rank.stages)
+                continue
+            damping = self.of_levels[upper.index(rank)]
+            turning, whole = (
+                Pull(damping.columns, damping.weights, damping.wanted, share) for share in (_SIDEWAYS, 1.0)
+            )
+            found += [*[turning] * len(rank.directions), whole, *[None] * len(rank.after)]
+        return found
+
+    def read_weights(self) -> None:
+        """The weights that the joints have from the tasks of their own levels, and the regularisation."""
+        for damping in self.of_levels:
+            damping.base[:] = self._least
+        for damping, wish in self._on_joints:
+            damping.base += wish.weights
+
+    def follow(self, v: Vec) -> None:
+        """After a fill for the velocities v (nv,): what the damping of each level wants, and brakes of its own."""
+        if self._order > 1:
+            self._v[:] = v[-len(self._v) :]
+        for damping in self.of_levels:
+            damping.weights[:] = damping.applied + self._least if damping.is_on else 0.0
+            if damping.is_on:
+                damping.wanted[:] = -damping.applied / damping.weights * damping.rate * self._v
+        for damping, drift, kd, J in self._braking:
+            if damping.is_on:
+                drift += kd * (J @ v)
 
     def reset(self) -> None:
         """No damping, as before the first tick."""
@@ -167,7 +235,7 @@ class Damping:
         nj = len(self.in_metric.rate)
         stalled, rate = np.zeros(nj), np.zeros(nj)
         for damping in (*self.of_levels, self.in_metric):
-            own = damping.stalled(self.v[-nj:])
+            own = damping.stalled(self._v)
             own_rate = damping.rate.copy()
             if stalled.any():
                 damping.slow(stalled, rate)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
 from wbc import checks
-from wbc.qp.lexicographic import LexicographicSolver, Part, Stage
+from wbc.qp.lexicographic import LexicographicSolver, Part, Pull, Stage
 from wbc.qp.rows import RowProblem, RowSolver, Wish, open_rows
 from wbc.qp.solver import Solver
 
@@ -32,6 +32,10 @@ class Rank(NamedTuple):
         return list({id(part.wish): part.wish for part in parts}.values())
 
 
+#: Of each stage what damps it, or None.
+Pulls = Callable[[Sequence[Rank]], "list[Pull | None]"]
+
+
 class Hierarchy(ABC):
     """Frozen settings; ``open`` gives the solver with its memory."""
 
@@ -42,14 +46,15 @@ class Hierarchy(ABC):
     def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
         """How the levels of a problem are decided, one above the other."""
 
-    def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
-        """The solver of one plan."""
-        stages = [stage for rank in self.ranks(problem.levels) for stage in rank.stages]
+    def open(self, problem: RowProblem, solver: Solver, pulls: Pulls | None = None) -> RowSolver:
+        """The solver of one plan; ``pulls`` says what damps each stage."""
+        ranks = self.ranks(problem.levels)
+        stages = [stage for rank in ranks for stage in rank.stages]
         weighted = open_rows(problem, solver)
         if len(stages) < 2:
             return weighted
         most = 2 * len(stages) + 1 if self.budget is None else self.budget
-        return LexicographicSolver(problem, stages, budget=most, leave=weighted)
+        return LexicographicSolver(problem, stages, budget=most, leave=weighted, pulls=pulls(ranks) if pulls else ())
 
 
 @final
@@ -73,8 +78,8 @@ class Strict(Hierarchy):
     Least squares of level 1 under the constraints and contacts; of level 2 among all that keep level 1 at its least;
     and so on. The last level is a weighted sum as under :class:`Weighted`, with postures, forces and regularisation.
     Weights count within a level. A soft constraint (``limit.softly()``) is an inequality at its level. A level that
-    the tick before left something of is damped (``lm_damping``, :class:`~wbc.stack.damped.DampedLevels`): then its
-    least is that of the tasks with their damping, which takes one QP more, and the levels below are slowed.
+    the tick before left something of is damped (``lm_damping``, :class:`~wbc.stack.damping.Damping`): then its least
+    is that of the tasks with their damping, and the levels below are slowed.
 
     While all levels but the last can be met exactly this is one QP. Where one cannot, it and those below it are decided
     one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach are

@@ -86,7 +86,7 @@ class Plan(Filled):
         #: Of each task on the joints, and of their damping: its share of each joint's cost, and what it wants there.
         self.shares = np.zeros(joint_wanted.shape)
         self._joint_wanted = joint_wanted
-        self.damping = Damping(layout, self.motion, p, level.lm_damping, dt)
+        self.damping = Damping(layout, self.motion, p, level.lm_damping, dt, least=level.regularisation)
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
         self._stamp = -1
@@ -239,6 +239,7 @@ class Plan(Filled):
         p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
         self.damping.in_metric.base[:] = joints
+        self.damping.read_weights()
         self._share_joints()
         if layout.nf:
             forces = self._force_weights + eps
@@ -321,8 +322,8 @@ class Plan(Filled):
         (filler if filler is not None and state is filler.state else self.bind(state))()
         if self.intervals is not None and self.intervals.remembers:
             self.intervals.narrow_by_jerk(self.level.order, state.v_joints, *self.joint_bound_rows)
-        if self.damping.of_levels and self.level.order > 1:
-            self.damping.v[:] = state.v
+        if self.damping.of_levels:
+            self.damping.follow(state.v)
         if self.level.dynamics:
             if self._torque_version != self.applied.version:
                 self._take_torque_bounds()

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from wbc.qp.lexicographic.function import lexicographic
 from wbc.qp.lexicographic.solver import LexicographicSolver
-from wbc.qp.lexicographic.stages import Part, Stage
+from wbc.qp.lexicographic.stages import Part, Pull, Stage
 
-__all__ = ["LexicographicSolver", "Part", "Stage", "lexicographic"]
+__all__ = ["LexicographicSolver", "Part", "Pull", "Stage", "lexicographic"]

@@ -11,7 +11,7 @@ leave the set where the level above is best.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import sqrt
 from typing import final
 
@@ -20,8 +20,8 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.qp.certificate import Certificate
 from wbc.qp.lexicographic.compiled import level, proof
-from wbc.qp.lexicographic.compiled.space import CORE, FIRST, INSIDE, ITEMS, LAST, LONG, MOST, ROWS, STEPS, N
-from wbc.qp.lexicographic.stages import MET, StagedProblem
+from wbc.qp.lexicographic.compiled.space import CORE, FIRST, HELD, INSIDE, ITEMS, LAST, LONG, MOST, OWN, ROWS, STEPS, N
+from wbc.qp.lexicographic.stages import MET, Pull, StagedProblem
 from wbc.qp.problem import QP
 from wbc.qp.rows.compiled.work import SOLVED
 from wbc.qp.rows.core import CoreSolver
@@ -42,14 +42,18 @@ class Levels:
     hoped to be met.
     """
 
-    def __init__(self, staged: StagedProblem) -> None:
+    def __init__(self, staged: StagedProblem, pulls: Sequence[Pull | None] = ()) -> None:
         self.staged, self.problem = staged, staged.problem
         self.core = CoreSolver(self.problem)
         self.counts, self.iterations = self.core.counts, 0
         p, n = self.problem, self.problem.n_y
         items, rows = n + p.n_range, max((len(weights) for weights in staged.weights), default=0)
+        self._pulls = [*pulls, *[None] * (len(staged.stages) - len(pulls))]
+        rows += max((len(pull.weights) for pull in self._pulls if pull is not None), default=0)
         long = max(items, rows, p.n_soft + p.n_law, n)
-        self._sizes = np.zeros(13, dtype=np.int64)
+        self._sizes = np.zeros(14, dtype=np.int64)
+        self._item, self._holds = np.zeros(items, dtype=np.int64), np.zeros(items)
+        self._which, self._toward = np.zeros(n, dtype=np.int64), np.zeros(n)
         self._sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long
         self._root, self._weigh, self._proof = np.ones(n), np.zeros(rows), np.zeros(6)
         self._side, self._kept, self._push = np.zeros(items), np.zeros(items), np.zeros(items)
@@ -59,10 +63,11 @@ class Levels:
 
         self._memory = Memory(
             of(n, n), self._root, of(n), of(items), of(items), of(items), self._side, self._kept, of(items), self._push,
-            of(items), of(items, n), of(items), of(items), np.zeros(items, dtype=np.int64), of(items), of(n, n), of(n),
+            of(items), of(items, n), of(items), of(items), self._item, self._holds, of(n, n), of(n),
             of(n), of(n), of(n), of(n), of(n + 1), of(n), of(n), of(rows, n), of(rows, n), of(n, rows), of(rows),
             self._weigh, of(rows), of(long), of(long), of(long), np.zeros(long, dtype=np.int64), of(rows, rows),
-            of(n, n), of(long, n), of(n), self._proof, of(items), self._sizes,
+            of(n, n), of(long, n), of(n), self._proof, of(items), self._which, self._toward,
+            self._sizes,
         )  # fmt: skip
         self._at = self._memory.address
         self._places = self.core.places[:items]
@@ -85,8 +90,9 @@ class Levels:
         p = self.problem
         if p.version != self._version:
             self._root[:] = 1.0 / np.sqrt(p.metric)
-            upper = (np.sqrt(weights / (weights.max(initial=0.0) or 1.0)) for weights in self.staged.weights[:-1])
-            self._weighs = [*upper, np.sqrt(p.weights / p.unit)]
+            weights = [*self.staged.weights[:-1], p.weights]
+            self._units = [*(float(each.max(initial=0.0)) or 1.0 for each in weights[:-1]), p.unit]
+            self._weighs = [np.sqrt(each / unit) for each, unit in zip(weights, self._units, strict=True)]
             self._version = p.version
         self._one_by_one = False
         self._unmet: list[tuple[slice, Vec, Vec]] = []  # levels with a residual: items, weights and residual
@@ -104,6 +110,9 @@ class Levels:
         if not self._keeps(k):
             return Status.INACCURATE
         self._memories[k][:] = self._side
+        if not self._sizes[LAST]:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
+            idle = self._item[: self._sizes[HELD]][self._holds[: self._sizes[HELD]] == 0.0]
+            self._memories[k][idle] = 0.0
         self._one_by_one = True
         if self._sizes[LAST]:  # what held a level back is one value in the last problem
             p, kept = self.problem, self._places[self._kept != 0.0]
@@ -171,9 +180,27 @@ class Levels:
 
     def _read(self, k: int, *, begins: bool) -> None:
         rows, sizes = self.staged.rows[k], self._sizes
-        sizes[ROWS], sizes[FIRST], sizes[STEPS] = rows.stop - rows.start, rows.start, 0
+        own = rows.stop - rows.start
+        sizes[OWN], sizes[FIRST], sizes[STEPS] = own, rows.start, 0
         sizes[LAST], sizes[INSIDE] = k == len(self.staged.stages) - 1, not begins
-        self._weigh[: sizes[ROWS]] = self._weighs[k]
+        self._weigh[:own] = self._weighs[k]
+        sizes[ROWS] = own + self._damp(k, own)
+
+    def _damp(self, k: int, own: int) -> int:
+        """Write the rows that damp level k, behind its own; how many there are."""
+        pull = self._pulls[k]
+        if pull is None:
+            return 0
+        on = np.flatnonzero(pull.weights)
+        scale = self.problem.scale[self.problem.n_u :][pull.columns][on]
+        self._which[: len(on)], self._toward[: len(on)] = pull.columns.start + on, pull.wanted[on] / scale
+        self._weigh[own : own + len(on)] = np.sqrt(pull.share * pull.weights[on] / self._units[k]) * scale
+        return len(on)
+
+    def first_damped(self) -> int:
+        """The first level that is damped now, or the last one: those above it may all be met at once."""
+        damped = (k for k, pull in enumerate(self._pulls) if pull is not None and pull.weights.any())
+        return next(damped, len(self._pulls) - 1)
 
     def _keeps(self, k: int) -> bool:
         """Whether the levels above still have what they came to."""
@@ -191,7 +218,8 @@ class Levels:
         """From here on level k keeps what it has; its residual (rows of the level,)."""
         level.finish(self._at)
         residual = self.staged.hold(k)
-        if float(np.abs(residual).max(initial=0.0)) > MET:
+        is_damped = self._sizes[ROWS] > self._sizes[OWN]
+        if float(np.abs(residual).max(initial=0.0)) > MET and not is_damped:
             self._unmet.append((self.staged.rows[k], self.staged.weights[k], residual))
         return residual
 

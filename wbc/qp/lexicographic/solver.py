@@ -17,7 +17,7 @@ from typing import final
 import numpy as np
 
 from wbc.qp.certificate import TOLERANCE, Certificate
-from wbc.qp.lexicographic.stages import MET, Stage, StagedProblem
+from wbc.qp.lexicographic.stages import MET, Pull, Stage, StagedProblem
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED, Outcome
 from wbc.types import Index, Status, Vec
@@ -27,6 +27,8 @@ from wbc.types import Index, Status, Vec
 class LexicographicSolver(RowSolver):
     """A row problem whose wishes are ranked. ``budget`` QPs a tick; ``leave`` solves the weighted sum instead.
 
+    ``pulls`` says of each stage what damps it (None: nothing); one that is damped is decided by itself.
+
     Every stage is solved and certified from the rows (:mod:`wbc.qp.lexicographic.levels`), whichever solver the
     weighted sum is left to.
     """
@@ -34,13 +36,14 @@ class LexicographicSolver(RowSolver):
     form = "levels"
 
     def __init__(
-        self, source: RowProblem, stages: Sequence[Stage], *, budget: int, leave: RowSolver | None = None
-    ) -> None:
+        self, source: RowProblem, stages: Sequence[Stage], *, budget: int, leave: RowSolver | None = None,
+        pulls: Sequence[Pull | None] = (),
+    ) -> None:  # fmt: skip
         from wbc.qp.lexicographic.levels import Levels  # who ranks nothing need not wait for its kernels
 
         super().__init__(source)
         self.staged = StagedProblem(source, stages)
-        self.way = Levels(self.staged)
+        self.way = Levels(self.staged, pulls)
         self._more = self.staged.problem.n - source.n
         self.counts = self.way.counts
         self.budget, self._leave = budget, leave
@@ -87,7 +90,7 @@ class LexicographicSolver(RowSolver):
 
     def _start(self) -> tuple[Status, int]:
         """The first answer, and the stage it minimises: all above that are met."""
-        k = self._hope
+        k = min(self._hope, self.way.first_damped())
         self._found: list[Outcome] = []
         status = self._try(k)
         while not status.ok and k and self.qps < self.budget:

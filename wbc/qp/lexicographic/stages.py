@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, final
+from typing import Literal, NamedTuple, final
 
 import numpy as np
 from scipy.linalg.blas import dgemv
@@ -47,6 +47,18 @@ class Part:
 
 
 Stage = Sequence[Part]
+
+
+class Pull(NamedTuple):
+    """What damps a stage while it is decided, ½ Σ ``share`` wⱼ (yⱼ − tⱼ)² on a part of y; no stage below keeps it.
+
+    ``weights`` and ``wanted`` are views that follow the plan; where all weights are 0 nothing is damped.
+    """
+
+    columns: slice
+    weights: Vec
+    wanted: Vec
+    share: float
 
 
 @final

@@ -20,7 +20,7 @@ from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
 from wbc.report.scaling.axis import Axis, Problem
 from wbc.sim.scenario import Progress, silent
-from wbc.stack.hierarchy import Hierarchy, Rank, Weighted
+from wbc.stack.hierarchy import Hierarchy, Pulls, Rank, Weighted
 from wbc.types import Vec
 
 GROUP = "wbc.scaling"
@@ -42,7 +42,7 @@ class InStandardForm(Hierarchy):
     def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
         return Weighted().ranks(levels)
 
-    def open(self, problem: RowProblem, solver: Solver) -> RowSolver:
+    def open(self, problem: RowProblem, solver: Solver, pulls: Pulls | None = None) -> RowSolver:
         return StandardSolver(problem, solver)
 
 

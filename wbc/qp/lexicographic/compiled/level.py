@@ -2,7 +2,8 @@
 
     minimise ½ ‖W z + a‖² [ + ½ ‖z − c‖² in the last level ]      subject to  low ≤ B z ≤ high
 
-z counts from where the level begins. For the items that are held, B P = [R 0] with reflections P and R lower triangular
+z counts from where the level begins. The last rows of W may damp unknowns: they count while the level is decided, and
+the levels below need not keep them. For the items that are held, B P = [R 0] with reflections P and R lower triangular
 gives their share of P z; what is left of W there, W P = [W_B L 0] after more reflections, gives the rest. So the
 products of B and W with themselves are never made in a level above the last. Where nothing decides, z stays 0: any
 point of the least is as good, and the levels below choose among them. What held items push with is
@@ -31,6 +32,7 @@ from wbc.qp.lexicographic.compiled.space import (
     INSIDE,
     ITEMS,
     LAST,
+    OWN,
     ROWS,
     STEPS,
     N,
@@ -38,6 +40,7 @@ from wbc.qp.lexicographic.compiled.space import (
     begin_here,
     go,
     gradient_of_item,
+    gradient_of_own,
     gradient_of_row,
     in_space,
     narrow,
@@ -85,14 +88,17 @@ def read_level(at: int) -> None:
     """W and a of the level, and how far items may go from where it begins."""
     w = space(at)
     s = views(w.sizes[CORE])
-    n, first = w.sizes[N], w.sizes[FIRST]
+    n, first, own = w.sizes[N], w.sizes[FIRST], w.sizes[OWN]
     for i in range(w.sizes[ROWS]):
-        whole = gradient_of_row(at, first + i)
+        whole = gradient_of_own(at, i)
         weight = w.weigh[i] if in_space(at, w.W[i]) > DEPENDENT * whole else 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
-        reduced(s, s.G[first + i], w.g)
-        w.a[i] = w.weigh[i] * (dot(w.g, w.y0, n) + w.g[n])
+        if i < own:
+            reduced(s, s.G[first + i], w.g)
+            w.a[i] = w.weigh[i] * (dot(w.g, w.y0, n) + w.g[n])
+        else:
+            w.a[i] = w.weigh[i] * (w.y0[w.which[i - own]] - w.toward[i - own])
     for item in range(w.sizes[ITEMS]):
         place = place_of(s, item)
         w.low[item], w.high[item] = s.lower[place] - w.value0[item], s.upper[place] - w.value0[item]
@@ -487,15 +493,20 @@ def decide(at: int) -> int:
 
 @entry
 def finish(at: int) -> int:
-    """Keep to what the level came to: its rows, and with a residual the items that hold it back."""
+    """Keep to what the level came to: its rows, and with a residual the items that hold it back.
+
+    What a damped level came to is not the least of its rows, so that nothing but the rows themselves has to be kept.
+    """
     w = space(at)
     s = views(w.sizes[CORE])
-    k, first = w.sizes[ROWS], w.sizes[FIRST]
+    k, first = w.sizes[OWN], w.sizes[FIRST]
     left, count = 0.0, 0
     for i in range(k):
         left = max(left, abs(s.value[s.sizes[0] + w.sizes[N] + 1 + first + i]))
         whole = gradient_of_row(at, first + i)
         w.rho[i] = max(in_space(at, w.C[i]), _BARELY * whole)
+    if w.sizes[ROWS] > k:
+        left = 0.0
     if left > _SLIGHT:
         for i in range(w.sizes[HELD]):
             if w.holds[i] != 0.0:

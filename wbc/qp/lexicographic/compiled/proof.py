@@ -22,7 +22,6 @@ from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
     DEPENDENT,
-    FIRST,
     FREE,
     HELD,
     ITEMS,
@@ -31,11 +30,12 @@ from wbc.qp.lexicographic.compiled.space import (
     N,
     Space,
     gradient_of_item,
-    gradient_of_row,
+    gradient_of_own,
     in_space,
     reflect,
     space,
     triangular,
+    value_of_own,
 )  # fmt: skip
 from wbc.qp.rows.compiled.linear import add, dot
 from wbc.qp.rows.compiled.work import SOLVED, Work, place_of, views
@@ -96,9 +96,9 @@ def certify(at: int) -> int:
     """Of the level solved last: what is beyond its bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, and what is under the root."""
     w = space(at)
     s = views(w.sizes[CORE])
-    n, k, first, free, rank = w.sizes[N], w.sizes[ROWS], w.sizes[FIRST], w.sizes[FREE], w.sizes[HELD]
+    n, k, free, rank = w.sizes[N], w.sizes[ROWS], w.sizes[FREE], w.sizes[HELD]
     nu = s.sizes[0]
-    d, decided, values = n - free, w.sizes[DECIDED] - rank, nu + n + 1
+    d, decided = n - free, w.sizes[DECIDED] - rank
     # the gradient, and what the pushes leave of it
     off, square, size, gap = 0.0, 0.0, 0.0, 0.0
     for c in range(n):
@@ -106,9 +106,9 @@ def certify(at: int) -> int:
         w.step[c] = w.at[c] if w.sizes[LAST] else 0.0
     for i in range(k):
         row = w.order[i]
-        gradient_of_row(at, first + row)
+        gradient_of_own(at, row)
         add(w.weigh[row] * w.missing[i], w.g, n, w.step)
-        off += (w.weigh[row] * s.value[values + first + row] - w.missing[i]) ** 2
+        off += (w.weigh[row] * value_of_own(w, s, row) - w.missing[i]) ** 2
         square += w.missing[i] ** 2
         size += dot(w.W[i], w.W[i], d)
     fits = True
@@ -150,16 +150,20 @@ def certify(at: int) -> int:
         if c < rank or c >= rank + decided:
             slope += w.z[c] ** 2
     rho = 0.0
-    if decided == k:
-        for i in range(k - 1, -1, -1):
+    for step in range(decided):
+        i = decided - 1 - step if decided == k else step
+        left = w.z[rank + i]
+        if decided == k:
             for j in range(i + 1, k):
-                w.z[rank + i] -= w.A[j, rank + i] * w.z[rank + j]
-            w.z[rank + i] /= w.A[i, rank + i]
-    else:
-        for i in range(decided):
-            w.z[rank + i] = (w.z[rank + i] - dot(w.T[i], w.z[rank:], i)) / w.T[i, i]
-    for i in range(decided):
-        rho += w.z[rank + i] ** 2
+                left -= w.A[j, rank + i] * w.z[rank + j]
+            share = left / w.A[i, rank + i]
+        else:
+            left -= dot(w.T[i], w.z[rank:], i)
+            share = left / w.T[i, i]
+        if share * share > abs(left) * (1.0 + sqrt(far)):  # hardly any curvature: less is said by none
+            slope, share = slope + left**2, 0.0
+        w.z[rank + i] = share
+        rho += share**2
     # what must hold
     primal = 0.0
     for c in range(nu):

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from wbc.compiled import carray, floats, integers, kernel, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, reduced
 from wbc.qp.rows.compiled.linear import dot
-from wbc.qp.rows.compiled.work import place_of, views
+from wbc.qp.rows.compiled.work import Work, place_of, views
 from wbc.types import Index, Mat, Vec
 
 #: What is larger by a smaller share ties, and the index decides.
@@ -73,20 +73,23 @@ class Space(NamedTuple):
     doubt: Vec  # (n): 1 for a column that is not free, but hardly
     proof: Vec  # (6): worst row that must hold | beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
     stuck: Vec  # (m): 1 where an item stopped the step that letting it go allowed
-    sizes: Index  # (13): see below
+    which: Index  # (n): which unknown each damping row is about
+    toward: Vec  # (n): where it pulls
+    sizes: Index  # (14): see below
 
 
 #: What stands in ``sizes``: n, m, k of this level, its first row in G, 1 for the last level, 1 where it begins within
 #: all bounds, columns of V that are not free, held items, columns that are decided, address of the core's memory, k and
-#: l of the memory, steps.
-N, ITEMS, ROWS, FIRST, LAST, INSIDE, FREE, HELD, DECIDED, CORE, MOST, LONG, STEPS = range(13)
+#: l of the memory, steps, and how many of the k rows stand in G. Those behind them damp unknowns, one each, while the
+#: level is decided.
+N, ITEMS, ROWS, FIRST, LAST, INSIDE, FREE, HELD, DECIDED, CORE, MOST, LONG, STEPS, OWN = range(14)
 
 
 @small_kernel
 def space(at: int) -> Space:
     """The arrays whose addresses are at ``at``, in the order of :class:`Space`."""
-    a = carray(integers(at), 42)
-    s = carray(integers(a[41]), 13)
+    a = carray(integers(at), 44)
+    s = carray(integers(a[43]), 14)
     n, m, k, long = s[N], s[ITEMS], s[MOST], s[LONG]
     return Space(
         carray(floats(a[0]), (n, n)), carray(floats(a[1]), n), carray(floats(a[2]), n), carray(floats(a[3]), m),
@@ -100,7 +103,8 @@ def space(at: int) -> Space:
         carray(floats(a[31]), long), carray(floats(a[32]), long), carray(floats(a[33]), long),
         carray(integers(a[34]), long),
         carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
-        carray(floats(a[38]), n), carray(floats(a[39]), 6), carray(floats(a[40]), m), s,
+        carray(floats(a[38]), n), carray(floats(a[39]), 6), carray(floats(a[40]), m),
+        carray(integers(a[41]), n), carray(floats(a[42]), n), s,
     )  # fmt: skip
 
 
@@ -197,6 +201,23 @@ def gradient_of_item(at: int, item: int) -> float:
         w.g[c] = 0.0
     w.g[item] = w.root[item]
     return float(w.root[item])
+
+
+@kernel
+def gradient_of_own(at: int, i: int) -> float:
+    """That of row i of the level, which stands in G or damps an unknown."""
+    w = space(at)
+    own = w.sizes[OWN]
+    return gradient_of_row(at, w.sizes[FIRST] + i) if i < own else gradient_of_item(at, w.which[i - own])
+
+
+@small_kernel
+def value_of_own(w: Space, s: Work, i: int) -> float:
+    """What row i of the level comes to in ``value``."""
+    nu, own = s.sizes[0], w.sizes[OWN]
+    if i < own:
+        return float(s.value[nu + w.sizes[N] + 1 + w.sizes[FIRST] + i])
+    return float(s.value[nu + w.which[i - own]] - w.toward[i - own])
 
 
 @kernel
