@@ -372,14 +372,14 @@ class Plan(Filled):
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
 
-        None where the stack limits neither.
+        They are the problem's from now on. None where the stack limits neither.
         """
         if self.intervals is None:
             return None
-        lower, upper = np.zeros(self.model.nj), np.zeros(self.model.nj)
+        lower, upper = self.joint_bound_rows
         write = self.intervals.velocity if self.level.order == 1 else self.intervals.acceleration
         write(state.q_joints, state.v_joints, lower, upper)
-        return lower, upper
+        return lower.copy(), upper.copy()
 
     @property
     def qp(self) -> QP:
