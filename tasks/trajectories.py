@@ -62,6 +62,11 @@ class Sinusoid:
             amplitude * ((ddr - r * self._omega**2) * sine + 2.0 * dr * cosine),
         )
 
+    def known_motion(self) -> tuple[str, Vec]:
+        """What a compiled tick evaluates instead of calling this, and the numbers that it is made of."""
+        parts = (self._center, self._amplitude, self._omega, self._phase)
+        return "sinusoid", np.concatenate([[self._ramp], *parts])
+
 
 @final
 class MinimumJerk:
@@ -119,6 +124,11 @@ class MinimumJerk:
         )
         value, rate, acceleration = powers @ self._coefficients
         return value, rate / T, acceleration / T**2
+
+    def known_motion(self) -> tuple[str, Vec]:
+        """What a compiled tick evaluates instead of calling this, and the numbers that it is made of."""
+        parts = (*self._coefficients, *self._ends[0], *self._ends[1])
+        return "minimum jerk", np.concatenate([[self._duration, self._start_time], *parts])
 
 
 @final

@@ -21,6 +21,7 @@ from tasks import (
     JointPositionLimits,
     JointVelocity,
     JointVelocityLimits,
+    MinimumJerk,
     Orientation,
     Point,
     Position,
@@ -238,6 +239,52 @@ def test_targets_weights_and_gains_that_are_assigned_are_read_at_the_next_tick()
     command = controller.tick(1e-3, q, v)
     expected = Controller(ARM, stack, level=level).tick(1e-3, q, v)
     np.testing.assert_allclose(command.tau, expected.tau, rtol=0, atol=1e-9 * (1.0 + np.abs(expected.tau).max()))
+
+
+@given(
+    times=st.lists(st.floats(-1.0, 4.0), min_size=2, max_size=4), numbers=st.integers(0, 2**32 - 1),
+    axes=st.sampled_from(["x", "xz", "yz", "xyz"]), ramp=st.sampled_from([0.0, 1e-3, 1.0]),
+    kind=st.sampled_from(["sinusoid", "minimum jerk"]),
+)  # fmt: skip
+def test_motions_of_the_library_are_evaluated_as_they_are_when_called(times, numbers, axes, ramp, kind):
+    rng, n = np.random.default_rng(numbers), len(axes)
+    one, two, *more = rng.normal(size=(6, n))
+    if kind == "sinusoid":
+        motion = Sinusoid(one, amplitude=two, frequency=more[0], phase=more[1], ramp=ramp)
+    else:
+        motion = MinimumJerk(one, two, duration=0.1 + rng.random(), start_time=ramp, start_rate=more[0],
+                             end_rate=more[1])  # fmt: skip
+    called = []
+
+    def other(t):
+        called.append(t)
+        return motion(t)
+
+    stacks = [Stack([Position("tool", target=target, axes=axes, kp=50.0)]) for target in (motion, other)]
+    state, plans = ARM.state(), [AccelerationLevel().compile(ARM, stack, dt=1e-3) for stack in stacks]
+    for t in times:
+        state.update(t, ARM.q0, np.ones(ARM.nv))
+        for plan in plans:
+            plan.fill(state)
+        assert called[-1] == t
+        mine, asked = (plan.motion for plan in plans)
+        for what in ("e", "rate_ref", "acc_ref", "wanted"):
+            found, expected = getattr(mine, what), getattr(asked, what)
+            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * (1.0 + np.abs(expected).max()))
+
+
+def test_a_target_that_stops_moving_is_followed_to_where_it_stops():
+    reach = Position("tool", target=PATH)
+    controller = Controller(ARM, Stack([reach]), level=AccelerationLevel())
+    controller.tick(0.3, ARM.q0, np.zeros(ARM.nv))
+    assert np.abs(controller.plan.motion.rate_ref[:3]).max() > 0.0
+    reach.target = [0.4, 0.1, 0.5]
+    controller.tick(0.301, ARM.q0, np.zeros(ARM.nv))
+    motion = controller.plan.motion
+    assert np.abs(motion.rate_ref[:3]).max() == np.abs(motion.acc_ref[:3]).max() == 0.0
+    np.testing.assert_allclose(
+        motion.e[:3], np.array([0.4, 0.1, 0.5]) - controller.state.frame("tool").position, atol=1e-12
+    )
 
 
 def test_a_task_of_ones_own_stays_python_and_is_called():

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.models.pinocchio_state import JointMemory, PinocchioState
 from wbc.stack.compiled.fill_kernel import fill
+from wbc.stack.compiled.reference_kernel import MINIMUM_JERK, NONE, SINUSOID
 from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
 from wbc.stack.contact import Contact
 from wbc.stack.filled import Filled
@@ -23,6 +24,7 @@ MotionMember = tuple[Any, int, tuple[Callable[..., None], tuple[Any, ...]]]
 _Call = tuple[Callable[..., None], str, tuple[Any, ...]]
 
 _ROTATION, _PLACE = slice(0, 9), slice(9, 12)
+_KINDS = {"sinusoid": SINUSOID, "minimum jerk": MINIMUM_JERK}
 
 
 def _rows_of(member: Any) -> FrameRows | JointRows | None:
@@ -82,8 +84,10 @@ class CompiledFill:
         dynamics, m = plan.level.dynamics, layout.n_rows - first
         self._sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, motion.n_joint_blocks, first,
-             layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None, 0], dtype=np.int64,
+             layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None, 0,
+             len(self._followers)], dtype=np.int64,
         )  # fmt: skip
+        self._references, self._now = np.full((len(self._followers), 7), NONE, dtype=np.int64), np.zeros(1)
         writes_ed = np.zeros(len(motion.e)) if motion.writes_ed is None else motion.writes_ed.astype(np.float64)
         scale = p.scale[model.nv : model.nv + layout.nf]
         self._more_inertia = np.zeros((model.nv, model.nv))
@@ -97,7 +101,7 @@ class CompiledFill:
         self._memory = Memory(
             self._sizes, p.G, motion.e, motion.drift, motion.rate_ref, motion.acc_ref, motion.kp, motion.kd,
             motion.rate, motion.own_ed, writes_ed, motion.wanted, plan.shares, p.centre, v, *of_dynamics, *bounds,
-            q_joints, *items.arrays(), *intervals,
+            q_joints, self._references, self._now, *items.arrays(), *intervals,
         )  # fmt: skip
 
     def __call__(self) -> None:
@@ -110,10 +114,16 @@ class CompiledFill:
                 self._called(call, name, out)
         if self._binding.targets != self._targets:
             self._targets = self._binding.targets
-            self._moving = [follower for follower in self._followers if self._follow(follower, t)]
+            self._moving = []
+            for follower, reference in zip(self._followers, self._references, strict=True):
+                moves = self._follow(follower, t)
+                reference[:] = follower.compiled() if moves else NONE
+                if moves and reference[0] == NONE:
+                    self._moving.append(follower)
         else:
             for follower in self._moving:
                 self._follow(follower, t)
+        self._now[0] = t
         if self._copies:
             dynamics = (state.M, state.h) if len(self._copies) > 2 else ()
             for copy, value in zip(self._copies, (state.v, state.q_joints, *dynamics), strict=True):
@@ -146,11 +156,12 @@ class CompiledFill:
 class _Follower:
     """Where a task's target goes, and the views for its rates."""
 
-    __slots__ = ("_had_rates", "_out", "_parts", "_reference", "_seen", "moves", "name")
+    __slots__ = ("_had_rates", "_kept", "_out", "_parts", "_reference", "_seen", "_task", "moves", "name")
 
     def __init__(self, task: Any, rows: FrameRows | JointRows, memory: Vec, out: Any) -> None:
         self._reference: Callable[[float], Target] = task.reference
         self.name: str = task.name
+        self._task, self._kept = task, np.zeros(0)
         self._seen: Target | None = None
         #: Whether the target seen last is a function of time.
         self.moves = True
@@ -182,6 +193,18 @@ class _Follower:
         if target.has_rates or self._had_rates:
             self._out.rate_ref[:], self._out.acc_ref[:] = target.rate, target.second
             self._had_rates = target.has_rates
+
+    def compiled(self) -> list[int] | int:
+        """The row of the table of references where the target is a motion that kernels know; else NONE."""
+        known = getattr(self._task.target, "known_motion", None)
+        place = self._parts[0]
+        if known is None or len(self._parts) > 1 or place.ndim > 1:
+            return NONE
+        kind, self._kept = known()
+        written = (self._kept, place, self._out.rate_ref, self._out.acc_ref)
+        addresses = (int(array.__array_interface__["data"][0]) for array in written)
+        self._had_rates = True
+        return [_KINDS[kind], len(place), place.strides[0] // place.itemsize, *addresses]
 
 
 @final

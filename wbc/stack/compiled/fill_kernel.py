@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from wbc.compiled import carray, entry, floats, integers
 from wbc.stack.compiled.interval_kernel import joint_bounds
+from wbc.stack.compiled.reference_kernel import refer
 from wbc.stack.compiled.rows_kernel import fill_rows
 
 
@@ -13,11 +14,11 @@ def fill(at: int) -> int:
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
     contact row, columns of u, whether there are dynamics, items, whether joints have intervals, whether inertia is
-    added), what the code below reads by name, from place 24 on what ``fill_rows`` reads, from 33 on what
+    added, references), what the code below reads by name, from place 26 on what ``fill_rows`` reads, from 35 on what
     ``joint_bounds`` does.
     """
-    memory = carray(integers(at), 48)
-    sizes = carray(integers(memory[0]), 14)
+    memory = carray(integers(at), 50)
+    sizes = carray(integers(memory[0]), 15)
     order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
@@ -40,7 +41,8 @@ def fill(at: int) -> int:
     v = carray(floats(memory[14]), nv)
     q = carray(floats(memory[23]), nj)
 
-    fill_rows(memory[24:], sizes[11], nv, q, order == 2, G[first:], e, drift)
+    refer(carray(integers(memory[24]), (sizes[14], 7)), carray(floats(memory[25]), 1)[0])
+    fill_rows(memory[26:], sizes[11], nv, q, order == 2, G[first:], e, drift)
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]
@@ -81,5 +83,5 @@ def fill(at: int) -> int:
     if sizes[12] > 0:
         dt = carray(floats(memory[20]), 1)[0]
         lower, upper = carray(floats(memory[21]), nj), carray(floats(memory[22]), nj)
-        joint_bounds(memory[33:], nj, order, dt, q, v[nb:], lower, upper)
+        joint_bounds(memory[35:], nj, order, dt, q, v[nb:], lower, upper)
     return 0
