@@ -338,8 +338,8 @@ def descend(at: int) -> bool:
 
     In each step as far as the items allow; the one that stops it is held from then on, and where none does, the one
     that pulls most is let go. More items than there are unknowns may meet in one point, where that could go in circles:
-    each bound is first put a little further out, by an amount of its own. An item that is let go and stops the next
-    step, at the same bound, pulled by rounding only: it stays. False: too many changes.
+    each bound is first put a little further out, by an amount of its own. Rounding can be more than that: an item that
+    was let go is not let go again before the cost is lower. False: too many changes.
 
     Nocedal, Wright: Numerical Optimization, 16.5. Gill, Murray, Saunders, Wright, Mathematical Programming 45, 1989.
     """
@@ -360,7 +360,7 @@ def descend(at: int) -> bool:
             out = _APART * min(1.0 + abs(w.value0[item]), _LARGE) * (1.0 + own - floor(own))
             w.low[item] -= out
             w.high[item] += out
-    let_go, side = -1, 0.0
+    lowest = inf
     for _ in range(_MOST * m + 1):
         for item in range(m):
             if w.side[item] != 0.0:
@@ -375,25 +375,25 @@ def descend(at: int) -> bool:
         gains = across(at)
         for c in range(d):
             most = max(most, abs(w.step[c]) / (1.0 + abs(w.at[c])))
-        if most > _STILL and gains:
-            if stopped(at, sqrt(length)):
-                if let_go >= 0 and w.side[let_go] == side:
-                    w.stuck[let_go] = 1.0
-                let_go = -1
-                continue
+        if most > _STILL and gains and stopped(at, sqrt(length)):
+            continue
         if most <= _STILL or gains:
             for c in range(d):
                 w.at[c] = w.z[c]
+        cost = cost_of(at, d)
+        is_lower = cost < lowest * (1.0 - _ROUNDING)
+        lowest = min(cost, lowest)
         let_go, most = -1, 0.0
         for item in range(m):
             w.idle[item] = 0.0
+            if is_lower:
+                w.stuck[item] = 0.0
             if w.stuck[item] == 0.0 and w.wrong[item] > most:
                 let_go, most = item, w.wrong[item]
         if let_go < 0:
             go(at, w.at)
             return True
-        side = w.side[let_go]
-        w.side[let_go] = 0.0
+        w.side[let_go], w.stuck[let_go] = 0.0, 1.0
     return False
 
 
@@ -419,6 +419,18 @@ def across(at: int) -> bool:
     for c in range(w.sizes[DECIDED] - 1, -1, -1):
         reflect(w.step, w.P[c], w.beta[c], c, d)
     return bool(gain > (_GAIN * (1.0 + sqrt(left))) ** 2)
+
+
+@kernel
+def cost_of(at: int, d: int) -> float:
+    """What the level minimises, at ``at``, twice."""
+    w = space(at)
+    cost = 0.0
+    for i in range(w.sizes[ROWS]):
+        cost += (w.a[i] + dot(w.W[i], w.at, d)) ** 2
+    for c in range(d if w.sizes[LAST] else 0):
+        cost += (w.at[c] - w.centre[c]) ** 2
+    return float(cost)
 
 
 @kernel

@@ -72,7 +72,7 @@ class Space(NamedTuple):
     C: Mat  # (l, n): rows that narrow the space
     doubt: Vec  # (n): 1 for a column that is not free, but hardly
     proof: Vec  # (6): worst row that must hold | beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
-    stuck: Vec  # (m): 1 where an item stopped the step that letting it go allowed
+    stuck: Vec  # (m): 1 where an item was let go, and nothing came of it yet
     which: Index  # (n): which unknown each damping row is about
     toward: Vec  # (n): where it pulls
     sizes: Index  # (14): see below
