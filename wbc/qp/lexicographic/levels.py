@@ -19,7 +19,7 @@ import numpy as np
 
 from wbc.compiled import Memory
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.compiled import level, proof
+from wbc.qp.lexicographic.compiled import proof, search
 from wbc.qp.lexicographic.compiled.space import CORE, FIRST, HELD, INSIDE, ITEMS, LAST, LONG, MOST, OWN, ROWS, STEPS, N
 from wbc.qp.lexicographic.stages import MET, Pull, StagedProblem
 from wbc.qp.problem import QP
@@ -126,11 +126,11 @@ class Levels:
         self._side[:] = self._memories[k]
         if begins:
             self._sizes[FIRST] = self.staged.rows[k].stop
-            if level.begin(self._at) != SOLVED:
+            if search.begin(self._at) != SOLVED:
                 return Status.FAILED
             self._sizes[FIRST] = self.staged.rows[k].start
         there = not begins or self._proof[0] <= _ENOUGH
-        if there and level.guess(self._at) == SOLVED:
+        if there and search.guess(self._at) == SOLVED:
             self.counts.first += self._sizes[STEPS] == 1
             self.counts.repaired += self._sizes[STEPS] > 1
             return Status.SOLVED
@@ -140,12 +140,12 @@ class Levels:
             if not status.ok:
                 return status
             self._y[:] = found
-            level.begin_from(self._at)
+            search.begin_from(self._at)
             self._sizes[INSIDE] = 1
-        if level.guess(self._at) == SOLVED:
+        if search.guess(self._at) == SOLVED:
             return Status.SOLVED
         self._y[:] = found
-        return Status.SOLVED if level.decide(self._at) == SOLVED else Status.FAILED
+        return Status.SOLVED if search.decide(self._at) == SOLVED else Status.FAILED
 
     def _find(self, k: int) -> tuple[Status, Vec]:
         """A point y within all bounds that keeps the levels above k, near the least, and its working set, by the core.
@@ -216,7 +216,7 @@ class Levels:
 
     def hold(self, k: int) -> Vec:
         """From here on level k keeps what it has; its residual (rows of the level,)."""
-        level.finish(self._at)
+        search.finish(self._at)
         residual = self.staged.hold(k)
         is_damped = self._sizes[ROWS] > self._sizes[OWN]
         if float(np.abs(residual).max(initial=0.0)) > MET and not is_damped:
