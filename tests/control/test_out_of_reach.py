@@ -32,12 +32,14 @@ def hand_of(robot: Any) -> str:
     return "tool" if robot is ARM else "tool0"
 
 
-def moved(controller: Controller, q: Vec, v: Vec, seconds: float, start: float = 0.0) -> tuple[Vec, Vec, list[Vec]]:
+def moved(
+    controller: Controller, q: Vec, v: Vec, seconds: float, start: float = 0.0, *, certified: bool = True
+) -> tuple[Vec, Vec, list[Vec]]:
     """The state in the end, and all velocities on the way."""
     seen = []
     for k in range(round(seconds / DT)):
         command = controller.tick(start + k * DT, q, v)
-        assert command.status.ok, controller.why
+        assert command.status.ok or not certified, controller.why
         q, v = command.q, command.v
         seen.append(v)
     return q, v, seen
@@ -85,7 +87,8 @@ def test_without_damping_the_joints_chatter_at_their_limits(level: Any):
     """What the damping is there for: else the tests above could not fail."""
     stack = Stack([Position("tool", target=far_away(0).translation)], subject_to=[JointLimits()])
     controller = Controller(ARM, stack, level=level(lm_damping=0.0), dt=DT)
-    _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0)
+    # Where the arm is stretched out nothing but a regularisation of 1e-8 says what six joints at full speed do.
+    _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0, certified=False)
     assert np.abs(seen[-50:]).max() > 1.0
 
 

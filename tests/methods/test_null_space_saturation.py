@@ -10,7 +10,7 @@ from scipy.optimize import linprog, lsq_linear, nnls
 
 from tests.methods.problems import scaled_tasks
 from wbc import qp
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, SolverFailed
 from wbc.methods import NullSpaceSaturation
 from wbc.models import PlanarPR
 from wbc.qp.solvers import usable
@@ -420,10 +420,15 @@ def test_a_start_on_a_limit_that_the_task_leaves_outwards_asks_for_scale_zero(so
     """x = start + s rate with start₂ on its limit and rate₂ > 0, however small: only s = 0 is inside."""
     start, rate, side = np.array([0.0, 1.0, 0.3]), np.array([1.0, slope, 0.4]), np.array([0.0, 1.0, 0.0])
     J = np.array([[1.0, 2.0, 0.5], [-1.0, 0.5, 0.25], [0.5, 1.0, -2.0]])
-    on, beyond, inside = (
-        NullSpaceSaturation(J, J @ rate, lower=-1, upper=1, drift=-J @ (start + away * side)).solve(solver)
+    tasks = [
+        NullSpaceSaturation(J, J @ rate, lower=-1, upper=1, drift=-J @ (start + away * side))
         for away in (0.0, 1e-6, -0.5 * slope)
-    )
+    ]
+    try:
+        on, beyond, inside = (task.solve(solver) for task in tasks)
+    except SolverFailed:  # one that iterates may say that a limit so near to the task contradicts it, and is named
+        assert solver not in ("pdas", "daqp", "quadprog") and slope < 1e-5
+        return
     assert on.feasible and on.scale <= 1e-14 / slope
     np.testing.assert_allclose(on.x, start, rtol=0, atol=1e-13 / slope)
     assert not beyond.feasible

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.overrides import Overrides
+from wbc.stack.plan_view import PlanView
 from wbc.types import Vec
-
-if TYPE_CHECKING:  # what a plan is made of loads the compiler
-    from wbc.stack.plan_view import PlanView
 
 
 class Component(ABC):

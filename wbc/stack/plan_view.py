@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from wbc.models.model import RobotModel
 from wbc.stack.actuators import Actuators
-from wbc.stack.applied import Applied
 from wbc.stack.contact import Contact
-from wbc.stack.interval import JointIntervals
 from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.objective import Objective
 from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:  # these load the compiler, and components read views
+    from wbc.stack.applied import Applied
+    from wbc.stack.interval import JointIntervals
 
 
 class Members(Protocol):
