@@ -83,6 +83,7 @@ class Session(ABC):
         return self._solve(qp)
 
     @final
+    @np.errstate(all="ignore")  # numbers that overflow have a status; where warnings are errors, nobody sees one
     def solve(self, qp: QP) -> Solution:
         """Check the problem, solve it, check the answer; the same for every back end.
 

@@ -74,7 +74,7 @@ class DenseSteps:
             columns[rank:] -= factor[rank:, :rank].dot(columns[:rank])
         rows = columns.T
         self._T = rows[n_in : n_in + n]
-        self._size = float(np.abs(qp.g.dot(self._T)).max()) or 1.0  # of z
+        self._size = np.abs(qp.g.dot(self._T)).max() or np.float64(1.0)  # of z; its square may overflow
         rows *= self._size
         length = np.sqrt(np.einsum("ij,ij->i", rows, rows))
         self._share = 1.0 / np.where(length > 0.0, np.minimum(length, 1.0), 1.0)

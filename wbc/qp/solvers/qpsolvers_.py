@@ -122,7 +122,7 @@ class QpSolversSession(Session):
                 found = qpsolvers.solve_problem(problem, self.solver.name, None, False, **self._settings)
             except (qpsolvers.QPError, ValueError):
                 return Answer.none(qp.shape, Status.FAILED)
-        if found.x is None:
+        if np.shape(found.x) != (qp.n,):  # HiGHS gives a point of no size where it gives up
             return Answer.none(qp.shape, Status.FAILED)
         up, low = np.isfinite(qp.cu), np.isfinite(qp.cl)
         pushed = _vector(found.z, int(up.sum() + low.sum()))
@@ -136,4 +136,4 @@ class QpSolversSession(Session):
 
 def _vector(values: Any, size: int) -> Vec:
     """Multipliers as an array; zeros where the back end gives none."""
-    return np.zeros(size) if values is None or len(values) == 0 else np.array(values, dtype=np.float64)
+    return np.zeros(size) if np.shape(values) != (size,) else np.array(values, dtype=np.float64)
