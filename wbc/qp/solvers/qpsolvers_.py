@@ -122,7 +122,7 @@ class QpSolversSession(Session):
                 found = qpsolvers.solve_problem(problem, self.solver.name, None, False, **self._settings)
             except (qpsolvers.QPError, ValueError):
                 return Answer.none(qp.shape, Status.FAILED)
-        if np.shape(found.x) != (qp.n,):  # HiGHS gives a point of no size where it gives up
+        if found.x is None or found.x.shape != (qp.n,):  # HiGHS gives a point of no size where it gives up
             return Answer.none(qp.shape, Status.FAILED)
         up, low = np.isfinite(qp.cu), np.isfinite(qp.cl)
         pushed = _vector(found.z, int(up.sum() + low.sum()))
