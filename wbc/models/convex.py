@@ -13,10 +13,10 @@ from wbc.types import Index, Mat, Vec
 
 
 class Tables(NamedTuple):
-    """n shapes, each about its middle: corners of hulls, of which a ball has one, or a cylinder along z."""
+    """n shapes, each about its middle: corners of hulls, of which a ball has one; a cylinder has none."""
 
-    is_cylinder: Index  # (n,)
-    size: Mat  # (n, 3): radius and half length of a cylinder, radius of a ball
+    is_other: Index  # (n,): 1 for a cylinder
+    round: Vec  # (n,): radius of a ball
     corners: Mat  # (c, 3), of one shape behind the other
     edges: Index  # (c + 1,): where each corner's neighbours begin
     neighbours: Index
@@ -26,25 +26,21 @@ class Tables(NamedTuple):
     @classmethod
     def of(cls, shapes: Iterable[Any]) -> Tables:
         """Of shapes of coal, as :func:`wbc.models.coal_.coal_shape` makes them."""
-        is_cylinder, sizes, corners, seeds, radii = [], [], [], [], []
+        is_other, rounds, corners, seeds, radii = [], [], [], [], []
         neighbours: list[list[int]] = []
         for shape in shapes:
             points, beside = _corners(shape)
             first = len(neighbours)
             neighbours += [[first + i for i in near] for near in beside]
-            size = np.zeros(3)
-            if isinstance(shape, coal.Cylinder):
-                size[:2] = shape.radius, shape.halfLength
-            elif isinstance(shape, coal.Sphere):
-                size[2] = shape.radius
-            is_cylinder.append(isinstance(shape, coal.Cylinder))
-            sizes.append(size)
+            is_other.append(isinstance(shape, coal.Cylinder))
+            rounds.append(shape.radius if isinstance(shape, coal.Sphere) else 0.0)
+            reach = np.hypot(shape.radius, shape.halfLength) if is_other[-1] else rounds[-1]
             corners.append(points)
             seeds.append(first + np.argmax(_DIRECTIONS @ points.T, axis=1))
-            radii.append(np.linalg.norm(size) + np.linalg.norm(points, axis=1).max())
+            radii.append(reach + np.linalg.norm(points, axis=1).max())
         edges = np.cumsum([0, *map(len, neighbours)])
         return cls(
-            np.array(is_cylinder, dtype=np.int64), np.array(sizes), np.vstack(corners), edges.astype(np.int64),
+            np.array(is_other, dtype=np.int64), np.array(rounds), np.vstack(corners), edges.astype(np.int64),
             np.array([i for near in neighbours for i in near], dtype=np.int64), np.array(seeds, dtype=np.int64),
             np.array(radii),
         )  # fmt: skip

@@ -21,7 +21,7 @@ from wbc.compiled import carray, floats, integers, kernel, small_kernel
 from wbc.models.compiled.simplex import segment, tetrahedron, triangle
 from wbc.types import Index, Mat, Vec
 
-#: Steps at most; hulls need ten, shapes with round edges thirty.
+#: Steps at most; hulls need ten.
 _STEPS = 128
 #: ε at which the search ends, and with which an answer still counts where rounding ends it [m].
 _SHARP, _ENOUGH = 1e-13, 1e-10
@@ -30,11 +30,11 @@ _TOUCHING = 1e-7
 
 
 class Bodies(NamedTuple):
-    """n convex shapes: corners of hulls (a box has 8, a ball one with a radius), or a cylinder along z."""
+    """n convex shapes: corners of hulls (a box has 8, a ball one with a radius). Others are left to coal."""
 
     placement: Mat  # (n, 12): columns of the rotation, then the position in the world
-    is_cylinder: Index  # (n)
-    size: Mat  # (n, 3): radius and half length of a cylinder; radius that makes a core round
+    is_other: Index  # (n): 1 for a cylinder, whose normals a search in steps finds to half the digits of its distance
+    round: Vec  # (n): radius that makes a core round
     corners: Mat  # (c, 3), one shape behind the other, each about its middle
     edges: Index  # (c + 1): where each corner's neighbours begin
     neighbours: Index
@@ -52,7 +52,7 @@ def bodies(at: int) -> Bodies:
     s = carray(integers(m[0]), 3)
     n, c = s[0], s[1]
     return Bodies(
-        carray(floats(m[1]), (n, 12)), carray(integers(m[2]), n), carray(floats(m[3]), (n, 3)),
+        carray(floats(m[1]), (n, 12)), carray(integers(m[2]), n), carray(floats(m[3]), n),
         carray(floats(m[4]), (c, 3)), carray(integers(m[5]), c + 1), carray(integers(m[6]), s[2]),
         carray(integers(m[7]), (n, 24)), carray(floats(m[8]), (4, 3)), carray(floats(m[9]), (4, 8)),
         carray(floats(m[10]), 4), carray(floats(m[11]), 4),
@@ -64,11 +64,6 @@ def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at:
     """The point of a shape furthest along (x, y, z), in its own axes, to ``P[at]``: first three entries or last."""
     R, P, o = s.placement[shape], s.P[at], 3 * side
     a, b, c = R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z
-    if s.is_cylinder[shape]:
-        across = sqrt(a * a + b * b)
-        r = s.size[shape, 0] / across if across > 0.0 else 0.0
-        P[o], P[o + 1], P[o + 2] = r * a, r * b, s.size[shape, 1] if c >= 0.0 else -s.size[shape, 1]
-        return
     if at:
         k = int(s.P[at - 1, 6 + side])
     else:
@@ -160,6 +155,8 @@ def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int
     ``simplex`` (4, 8) has k rows of ``P`` to start from, and those of the answer then.
     Returns how many; 0: there is no proof of an answer.
     """
+    if s.is_other[first] or s.is_other[second]:
+        return 0
     for at in range(k):
         for i in range(8):
             s.P[at, i] = simplex[at, i]
@@ -219,13 +216,13 @@ def _answer(s: Bodies, first: int, second: int, line: Vec, k: int) -> None:
     """Distance, normal and nearest points of a simplex that has them."""
     x, y, z = _point(s, k)
     d = sqrt(x * x + y * y + z * z)
-    line[0] = d - s.size[first, 2] - s.size[second, 2]
+    line[0] = d - s.round[first] - s.round[second]
     line[1], line[2], line[3] = -x / d, -y / d, -z / d
     for side in range(2):
         shape = second if side else first
         R, o, sign = s.placement[shape], 3 * side, -1.0 if side else 1.0
         for i in range(3):
-            total = R[9 + i] + sign * s.size[shape, 2] * line[1 + i]
+            total = R[9 + i] + sign * s.round[shape] * line[1 + i]
             for at in range(k):
                 P = s.P[at]
                 total += s.share[at] * (R[i] * P[o] + R[3 + i] * P[o + 1] + R[6 + i] * P[o + 2])
