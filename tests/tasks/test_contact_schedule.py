@@ -91,10 +91,10 @@ def test_feet_that_land_together_may_touch_one_after_the_other_without_surprise(
     assert len(ContactSchedule(timeline).contact_sets()) == 2
 
 
-def controller(*components: wbc.Component, **options: Any) -> wbc.Controller:
+def controller(*components: wbc.Component) -> wbc.Controller:
     stack = standing(QUADRUPED)
     stack = Stack(stack.levels, subject_to=stack.subject_to, contacts=stack.contacts, components=components)
-    return wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics(), **options)
+    return wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
 
 
 @given(st.floats(0.01, 0.1), st.sampled_from(FEET))
@@ -115,9 +115,9 @@ def test_the_normal_force_of_a_contact_comes_and_goes_no_faster_than_the_ramp(ra
     assert (np.array(forces) <= np.array(limits) + 1e-7).all()
 
 
-def jolted(schedule: ContactSchedule, seed: int, **options: Any) -> tuple[wbc.Controller, np.ndarray]:
+def jolted(schedule: ContactSchedule, seed: int) -> tuple[wbc.Controller, np.ndarray]:
     """Normal forces (ticks, feet) of a robot whose base gets another velocity in every tick, and one foot goes."""
-    loop, rng = controller(schedule, **options), np.random.default_rng(seed)
+    loop, rng = controller(schedule), np.random.default_rng(seed)
     forces = []
     for k in range(80):
         v = np.zeros(QUADRUPED.nv)
@@ -128,20 +128,16 @@ def jolted(schedule: ContactSchedule, seed: int, **options: Any) -> tuple[wbc.Co
     return loop, np.array(forces)
 
 
-def keep_to_the_force_rate(seed: int, rate: float, **options: Any) -> None:
+@given(seed=st.integers(0, 2**32 - 1), rate=st.floats(0.02, 0.2))
+@settings(max_examples=5, phases=[Phase.generate])  # nothing to learn from shrinking states
+def test_while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate(seed: int, rate: float) -> None:
     timeline = [(0.0, FEET), (0.04, FEET[1:]), (0.07, FEET)]
     most = 1e3 * rate * QUADRUPED.mass * DT
-    loop, forces = jolted(ContactSchedule(timeline, ramp=rate, force_rate=rate), seed, **options)
+    loop, forces = jolted(ContactSchedule(timeline, ramp=rate, force_rate=rate), seed)
     assert np.abs(np.diff(forces, axis=0)).max() <= most + 1e-6
     assert not loop.ladder.rungs
     _, free = jolted(ContactSchedule(timeline, ramp=rate, force_rate=np.inf), seed)
     assert np.abs(np.diff(free, axis=0)).max() > most, "without the bound they would"
-
-
-@given(seed=st.integers(0, 2**32 - 1), rate=st.floats(0.02, 0.2))
-@settings(max_examples=5, phases=[Phase.generate])  # nothing to learn from shrinking states
-def test_while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate(seed: int, rate: float) -> None:
-    keep_to_the_force_rate(seed, rate)
 
 
 def test_a_robot_that_stands_may_change_its_forces_as_fast_as_it_has_to() -> None:

@@ -228,6 +228,8 @@ class Damping:
 
     def observe(self) -> bool:
         """Read what the last answer left, level after level; whether the damping in the metric changed by it."""
+        if not self.of_levels:
+            return self.in_metric.observe()
         was_on = self.in_metric.is_on
         changed = [damping.observe() for damping in (*self.of_levels, self.in_metric)][-1]
         if not any(damping.is_on for damping in self.of_levels):
