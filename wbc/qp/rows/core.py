@@ -33,24 +33,28 @@ class CoreSolver(RowSolver):
     ``form`` says which factorisation the problem's sizes and weights chose: "rows" or "variables".
     """
 
+    is_compiled = True
+
     def __init__(self, problem: RowProblem) -> None:
         super().__init__(problem)
         p = problem
         self.proof = proof = RowProof(p)
         self.form = "rows" if fits_rows(p) else "variables"
         items = p.n_y + p.n_range + p.n_law
-        most = p.n_soft + min(items, p.n_y + p.n_law) + 1
+        most = p.n_soft + p.n_u + min(items, p.n_y + p.n_law) + 1
         form = ROWS if self.form == "rows" else VARIABLES
         self._sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_law, form, 0, 0, 0], dtype=np.int64)
-        self._proof, self._numbers = np.zeros(7), np.zeros(4)
+        self._proof, self._numbers = np.zeros(7), np.array([p.unit, p.regularisation, 0.0, 0.0])
         self._side, self._best, self._wrong = np.zeros(items), np.zeros(items), np.zeros(items)
         floats = [np.zeros(p.n_y) for _ in range(3)] + [np.zeros(p.n_y + 1)] + [np.zeros(most) for _ in range(4)]
         shapes = (
             p.n_u, (p.n_u, p.n_u), (p.n_u, p.n_y + 1), (p.n_y, p.n_y), (most, p.n_y + 1), (most, p.n_y), (most, most),
         )  # fmt: skip
+        weighed, self._reach = p.n_soft + p.n_u, np.zeros(p.n_soft + p.n_y)
         self._memory = Memory(
-            p.G, p.value, p.lower, p.upper, p.metric, p.centre, p.scale, proof.weights, proof.compliance, proof.reach,
-            proof.push, proof.z, proof.left, self._proof, self._numbers, self._sizes, self._side, self._best,
+            p.G, p.value, p.lower, p.upper, p.metric, p.centre, p.scale, p.weights, np.zeros(weighed),
+            np.zeros(weighed), self._reach, proof.push, proof.z, proof.left, self._proof, self._numbers, self._sizes,
+            self._side, self._best,
             self._wrong, np.zeros(most, dtype=np.int64), *floats, *(np.zeros(shape) for shape in shapes),
         )  # fmt: skip
         self.address = self._memory.address
@@ -61,26 +65,29 @@ class CoreSolver(RowSolver):
             np.arange(first + p.law.start, first + p.law.stop),
         ]).astype(np.intp)  # fmt: skip
         self._bounded = p.n_y + p.n_range
+        # What certificates are told of ``reach``: they may be read when it has changed.
+        self._told, self._version = self._reach, -1
 
     def solve(self) -> Status:
-        self.proof.read()
         p = self.problem
-        self._numbers[0], self._numbers[1] = p.unit, p.regularisation / p.unit
+        changed = p.version != self._version
+        if changed:
+            self._numbers[0] = p.unit
         code = guess(self.address)
         if code == UNDECIDED:
             code = decide(self.address)
-        self.iterations = sum(self.work)
-        self.counts.add(*self.work)
+        guesses, steps = self.work
+        self.iterations = guesses + steps
+        self.counts.add(guesses, steps)
         if code == SOLVED:
-            *numbers, spread = self._proof.tolist()
-            self.certificate = self.proof.found(numbers, spread)
+            if changed:
+                self._told, self._version = self._reach.copy(), p.version
+            self.certificate = self.proof.found(self._proof.tolist(), self._told)
             return Status.SOLVED
         if code == INACCURATE:  # what rounding hides of an unknown that no task asks for is left to the reference
-            self.certificate = self.proof.certify(self.proof.push.copy())
-            if self.certificate.ok:
-                return Status.SOLVED
-        if code == INACCURATE:
-            return Status.INACCURATE
+            with np.errstate(all="ignore"):
+                self.certificate = self.proof.certify(self.proof.push.copy())
+            return Status.SOLVED if self.certificate.ok else Status.INACCURATE
         self.reset()
         self.certificate = Certificate.none()
         return Status.INFEASIBLE if code == INFEASIBLE else Status.FAILED
@@ -88,7 +95,7 @@ class CoreSolver(RowSolver):
     @property
     def work(self) -> tuple[int, int]:
         """Guesses of the last answer, and steps of the finite method after them."""
-        return int(self._sizes[7]), int(self._sizes[8])
+        return self._sizes.item(7), self._sizes.item(8)
 
     def reset(self) -> None:
         self._side.fill(0.0)
@@ -115,12 +122,9 @@ def fits_rows(problem: RowProblem) -> bool:
     """Whether the row form is right and pays.
 
     It pays with fewer rows than unknowns, and as long as its products stay few. It is right while no row weighs so much
-    more than the metric that rounding of K hides the metric, and while every unscaled y costs far more than the
-    regularisation of u, which its metric leaves out.
+    more than the metric that rounding of K hides the metric.
     """
-    p, rows = problem, problem.n_soft + problem.n_law
+    p, rows = problem, problem.n_u + problem.n_soft + problem.n_law
     pays = rows < p.n_y or rows**2 * (rows / 3.0 + p.n_y) < _PAYS
     heavy = float(p.weights.max(initial=0.0)) > _LIGHT * p.unit * float(p.metric.min(initial=np.inf))
-    cost = p.metric[p.scale[p.n_u :] == 1.0] * p.unit
-    is_real = not p.n_u or float(cost.min(initial=np.inf)) >= 1e3 * p.regularisation
-    return pays and is_real and not heavy
+    return pays and not heavy

@@ -45,6 +45,8 @@ class Bounds(Mapping[str, float]):
     ``reach`` (rows,) is how far a row moves per unit of ``spread``; ``owners`` says whose row it is.
     """
 
+    __slots__ = ("_owners", "_reach", "_spread")
+
     def __init__(self, spread: float, reach: Vec, owners: Mapping[str, list[int]]) -> None:
         self._spread, self._reach, self._owners = spread, reach, owners
 
@@ -158,7 +160,8 @@ class RowProof:
         largest = float(np.abs(push).max(initial=0.0)) + float(np.abs(away).max(initial=0.0))
         cost = float(np.abs(push) @ (1.0 + np.abs(value))) + float(np.abs(held[pushing]) @ (1.0 + np.abs(y[pushing])))
         dual = p.unit * float(np.abs(left).max(initial=0.0))
-        return self.found((primal, dual, p.unit * gap, 1.0 + p.unit * largest, 1.0 + p.unit * cost, distance), spread)
+        scales = 1.0 + p.unit * largest, 1.0 + p.unit * cost
+        return self.found((primal, dual, p.unit * gap, *scales, distance, spread), self._reach)
 
     def _known_spread(self) -> float:
         """The spread of what is left of the gradient beyond the rounding of the products that it is the sum of."""
@@ -186,11 +189,11 @@ class RowProof:
         push[p.soft] += np.linalg.lstsq(K, self._rho - shifted @ self.left, rcond=None)[0]
         return push
 
-    def found(self, numbers: Sequence[float], spread: float) -> Certificate:
-        """The certificate of primal, dual, gap, the scales of these two, and distance."""
-        primal, dual, gap, scale_dual, scale_gap, distance = numbers
-        bounds = Bounds(spread, self._reach, self._owners)
-        return Certificate(primal, dual, gap, scale_dual, scale_gap, distance=distance, bounds=bounds)
+    def found(self, numbers: Sequence[float], reach: Vec) -> Certificate:
+        """The certificate of primal, dual, gap, the scales of these two, distance and spread."""
+        primal, dual, gap, scale_dual, scale_gap, distance, spread = numbers
+        bounds = Bounds(spread, reach, self._owners)
+        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, bounds)
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         """y, z and z_box of the standard form for the answer certified last."""

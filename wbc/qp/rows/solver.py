@@ -23,6 +23,8 @@ class RowSolver(ABC):
     form: str
     #: How what was ranked came out in the last answer; nothing where nothing is ranked.
     outcomes: tuple[Outcome, ...] = ()
+    #: Whether ``solve`` is compiled code and nothing else that computes.
+    is_compiled = False
     #: Why an answer that meets all constraints is not what was asked: "not optimised", "weighted fallback"; or nothing.
     shortfall = ""
 

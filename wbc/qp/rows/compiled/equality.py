@@ -2,14 +2,15 @@
 
 u = −X [y; 1] turns every row of the problem into E [y; 1]. With the working set held at its bounds b, the optimum has
 
-    [ M  −Eᵀ ] [ dy ]   [ −r ]        r = D (y − c) − Eᵀ λ − ε Xᵀ u     what is left of the gradient
-    [ E   C  ] [ dλ ] = [ −ρ ]        ρ = E y + e − b + C λ             what is left of the rows
+    [ M  −Eᵀ ] [ dy ]   [ −r ]        r = D (y − c) − Eᵀ λ        what is left of the gradient
+    [ E   C  ] [ dλ ] = [ −ρ ]        ρ = E y + e − b + C λ       what is left of the rows
 
 from whatever (y, λ) it stands at: the first solution, its refinement and a step after a change of W are the same
-function, :func:`step`. ε is the regularisation of u. Two factorisations:
+function, :func:`step`. The regularisation ½ ε ‖u‖² of the cost makes X soft rows of weight ε. With S̄ = [S; X] and
+w̄ = [w; ε], two factorisations:
 
-    rows       M = D,              E = [S; W], C = 1/w on the soft rows     while there are fewer rows than unknowns
-    variables  M = D + Sᵀ w S,     E = W,      C = 0
+    rows       M = D,              E = [S̄; W], C = 1/w̄ on the soft rows     while there are fewer rows than unknowns
+    variables  M = D + S̄ᵀ w̄ S̄,     E = W,      C = 0
 
 In both, F = E M^−½ and K = F Fᵀ + C, of which the Cholesky factor is kept. Bounds of unknowns that are guessed to be
 held are *pins*: their entry of M^−½ is 0. The finite method holds them as rows.
@@ -20,8 +21,8 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.compiled import kernel, small_kernel
-from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
-from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views
+from wbc.qp.rows.compiled.linear import add, add_four, backward, dot, factor, forward, products
+from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views, weighed
 from wbc.types import Vec
 
 #: A row of a guess depends on others where less than this share of its squared length is left beside them.
@@ -87,24 +88,28 @@ def write_row(s: Work, k: int, item: int) -> None:
 def factor_metric(at: int) -> bool:
     """M^−½ with the pins of ``free``; False where M is singular."""
     s = views(at)
-    nu, ny, ns = s.sizes[0], s.sizes[1], s.sizes[3]
+    ny, ns, w = s.sizes[1], weighed(s), s.weights
     for c in range(ny):
         s.root[c] = s.free[c] / sqrt(s.metric[c])
     if s.sizes[5] != VARIABLES:
         return True
     for i in range(ny):
+        row, k = s.H[i], 0
         for c in range(i + 1):
-            s.H[i, c] = 0.0
-    for k in range(ns + nu):
-        weight = s.weights[k] if k < ns else s.numbers[1]
-        if weight > 0.0:
-            for c in range(ny):
-                s.t[c] = (s.E[k, c] if k < ns else s.X[k - ns, c]) * s.free[c]
-            for i in range(ny):
-                if s.t[i] != 0.0:
-                    add(weight * s.t[i], s.t, i + 1, s.H[i])
-    for i in range(ny):
-        s.H[i, i] = s.H[i, i] + s.metric[i] if s.free[i] != 0.0 else 1.0
+            row[c] = 0.0
+        if s.free[i] == 0.0:
+            row[i] = 1.0
+            continue
+        while k + 3 < ns:
+            shares = w[k] * s.E[k, i], w[k + 1] * s.E[k + 1, i], w[k + 2] * s.E[k + 2, i], w[k + 3] * s.E[k + 3, i]
+            add_four(s.E, k, shares, 0, i + 1, row)
+            k += 4
+        while k < ns:
+            add(w[k] * s.E[k, i], s.E[k], i + 1, row)
+            k += 1
+        for c in range(i):
+            row[c] *= s.free[c]
+        row[i] += s.metric[i]
     return bool(factor(s.H, 0, ny, _SINGULAR) == 0)
 
 
@@ -134,14 +139,14 @@ def back(s: Work, out: Vec) -> None:
 
 @small_kernel
 def first_row(s: Work) -> int:
-    """The first row of E that K has: soft rows are in M where that is D + Sᵀ w S."""
-    return s.sizes[3] if s.sizes[5] == VARIABLES else 0
+    """The first row of E that K has: soft rows are in M where that is D + S̄ᵀ w̄ S̄."""
+    return weighed(s) if s.sizes[5] == VARIABLES else 0
 
 
 @small_kernel
 def compliance(s: Work, k: int) -> float:
     """C of row k of E."""
-    return 1.0 / max(s.weights[k], _WEIGHTLESS) if k < s.sizes[3] else 0.0
+    return 1.0 / max(s.weights[k], _WEIGHTLESS) if k < weighed(s) else 0.0
 
 
 # ---- the working set and its optimum
@@ -160,7 +165,7 @@ def place(at: int) -> None:
 def hold_guess(at: int) -> bool:
     """Factors of the working set in ``side``: bounds are pins, rows that depend on others are left out."""
     s = views(at)
-    ny, ns, first = s.sizes[1], s.sizes[3], first_row(s)
+    ny, ns, first = s.sizes[1], weighed(s), first_row(s)
     m = ns
     for c in range(ny):
         s.free[c] = 1.0 if s.side[c] == 0.0 else 0.0
@@ -187,15 +192,13 @@ def hold_guess(at: int) -> bool:
 def step(at: int, is_first: bool) -> None:
     """One Newton step on (y, λ) from where they are. ``is_first``: nothing pushes yet and y is the centre."""
     s = views(at)
-    nu, ny, ns, m, first = s.sizes[0], s.sizes[1], s.sizes[3], s.sizes[6], first_row(s)
-    y, regular = s.value[nu:], s.numbers[1]
+    nu, ny, ns, m, first = s.sizes[0], s.sizes[1], weighed(s), s.sizes[6], first_row(s)
+    y = s.value[nu:]
     for i in range(ns, m) if first else range(m):
         s.rho[i] = -(dot(s.E[i], y, ny) + s.E[i, ny] + compliance(s, i) * s.lam[i])
     if first > 0 or s.sizes[5] == VARIABLES or not is_first:
         for c in range(ny):
             s.r[c] = -s.metric[c] * (y[c] - s.centre[c])
-        for j in range(nu):
-            add(-regular * (dot(s.X[j], y, ny) + s.X[j, ny]), s.X[j], ny, s.r)
         for i in range(m):
             share = -s.weights[i] * (dot(s.E[i], y, ny) + s.E[i, ny]) if i < first else s.lam[i]
             if share != 0.0:

@@ -28,7 +28,7 @@ from wbc.qp.rows.compiled.equality import (
 )  # fmt: skip
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products, remove
 from wbc.qp.rows.compiled.verify import beyond, disproved, largest_push
-from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, is_fixed, place_of, views
+from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, is_fixed, place_of, views, weighed
 
 #: An item depends on those held where less than this share of its length is left beside them.
 _DEPENDENT = 1e-9
@@ -48,7 +48,7 @@ _SKIP = 9.0
 def direction(at: int, item: int) -> float:
     """Row m, not held yet: r (in ``rho``), L⁻¹ F f (in K[m]), t = f − Fᵀ r, and its room |t|² + rᵀ C r."""
     s = views(at)
-    ny, ns, m, first = s.sizes[1], s.sizes[3], s.sizes[6], first_row(s)
+    ny, ns, m, first = s.sizes[1], weighed(s), s.sizes[6], first_row(s)
     write_row(s, m, item)
     half(s, s.E[m], s.F[m])
     s.length[m] = dot(s.F[m], s.F[m], ny)
@@ -81,7 +81,7 @@ def hold(at: int, item: int) -> None:
     s = views(at)
     m = s.sizes[6]
     room = direction(at, item)
-    if m - s.sizes[3] >= s.sizes[1] or not room > _DEPENDENT**2 * s.length[m]:
+    if m - weighed(s) >= s.sizes[1] or not room > _DEPENDENT**2 * s.length[m]:
         s.side[item] = 0.0
         return
     s.K[m, m], s.lam[m], s.sizes[6] = 1.0 / sqrt(room), 0.0, m + 1
@@ -106,7 +106,7 @@ def let_go(at: int, j: int) -> None:
 def start(at: int) -> bool:
     """Hold what is fixed and, of the best guess, what pushes the right way. False: M or K is singular."""
     s = views(at)
-    ny, ns, first = s.sizes[1], s.sizes[3], first_row(s)
+    ny, ns, first = s.sizes[1], weighed(s), first_row(s)
     for item in range(len(s.side)):
         s.side[item] = 0.0
     for c in range(ny):
@@ -163,7 +163,7 @@ def admit(at: int, item: int) -> int:
     INFEASIBLE: the held rows contradict it; the multipliers of the contradiction are in ``push``.
     """
     s = views(at)
-    nu, ny, ns, first = s.sizes[0], s.sizes[1], s.sizes[3], first_row(s)
+    nu, ny, ns, first = s.sizes[0], s.sizes[1], weighed(s), first_row(s)
     place_, first_item = place_of(s, item), nu + ny + 1
     sigma = 1.0 if s.value[place_] > s.upper[place_] else -1.0
     push = 0.0

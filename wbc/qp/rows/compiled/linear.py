@@ -44,34 +44,48 @@ def products(F: Mat, i: int, first: int, n: int, out: Vec) -> None:
         j += 1
 
 
+@small_kernel
+def add_four(A: Mat, k: int, shares: tuple[float, float, float, float], first: int, last: int, out: Vec) -> None:
+    """out += Σ shares · rows k to k + 3 of A, entries first to last − 1."""
+    p, q, r, s = A[k], A[k + 1], A[k + 2], A[k + 3]
+    a, b, c, d = shares
+    if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+        for i in range(first, last):
+            out[i] += a * p[i] + b * q[i] + c * r[i] + d * s[i]
+
+
 @kernel
 def factor(A: Mat, first: int, last: int, tolerance: float) -> int:
     """Lower Cholesky factor of A[first:last, first:last] in place, with the *inverse* of its diagonal.
 
     A row whose pivot is at most ``tolerance`` of its diagonal entry depends on those above it and is left out: its
-    inverse pivot is 0. Returns how many are. Zeros that a row begins with stay, and cost nothing.
+    inverse pivot is 0. Returns how many are. Four columns are finished at a time; the upper triangle, whose entries
+    may be anything, keeps them as rows meanwhile, and holds the transpose of the factor in the end.
     """
-    left_out = 0
-    for i in range(first, last):
-        row = A[i]
-        size = row[i]
-        pivot = size
-        start = first
-        while start < i and row[start] == 0.0:
-            start += 1
-        for j in range(start, i):
-            other = A[j]
-            value = row[j]
-            for c in range(start, j):
-                value -= row[c] * other[c]
-            value *= other[j]
-            row[j] = value
-            pivot -= value * value
-        if pivot > tolerance * size:
-            row[i] = 1.0 / sqrt(pivot)
-        else:
-            row[i] = 0.0
-            left_out += 1
+    left_out, k = 0, first
+    while k < last:
+        end = min(k + 4, last)
+        for j in range(k, end):
+            row = A[j]
+            for c in range(j + 1, last):
+                row[c] = A[c, j]
+            for above in range(k, j):
+                share = -A[above, j]
+                for c in range(j, last):
+                    row[c] += share * A[above, c]
+            pivot = row[j]
+            size = pivot + dot(row[first:], row[first:], j - first)
+            if pivot > tolerance * size:
+                row[j] = 1.0 / sqrt(pivot)
+            else:
+                row[j] = 0.0
+                left_out += 1
+            for c in range(j + 1, last):
+                row[c] *= row[j]
+                A[c, j] = row[c]
+        for i in range(k + 4, last):
+            add_four(A, k, (-A[i, k], -A[i, k + 1], -A[i, k + 2], -A[i, k + 3]), end, i + 1, A[i])
+        k = end
     return left_out
 
 

@@ -11,7 +11,7 @@ Computers & Operations Research 21(5), 1994.
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 
 from wbc.compiled import entry, kernel, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
@@ -26,7 +26,26 @@ _CHANCES = 1
 #: Steps of refinement at most.
 _REFINED = 4
 #: An answer is refined while it can be this far from the optimum, relative to what is asked, and a step helps.
-_SHARP = 1e-9
+_SHARP = 1e-8
+
+
+@small_kernel
+def weigh(s: Work) -> bool:
+    """Weights over the unit, what they are the inverse of, and what a unit of distance is. False: no weights at all."""
+    nu, ny, ns, unit = s.sizes[0], s.sizes[1], s.sizes[3], s.numbers[0]
+    for k in range(ns + nu):
+        given = s.given[k] if k < ns else s.numbers[1]
+        if not 0.0 <= given < inf:
+            return False
+        s.weights[k] = given / unit
+        s.compliance[k] = unit / given if given > 0.0 else 0.0
+        if k < ns:
+            s.reach[k] = 1.0 / sqrt(given) if given > 0.0 else 0.0
+    for c in range(ny):
+        if not 0.0 < s.metric[c] < inf:
+            return False
+        s.reach[ns + c] = s.scale[nu + c] / sqrt(unit * s.metric[c])
+    return True
 
 
 @kernel
@@ -34,17 +53,19 @@ def prepare(at: int) -> bool:
     """Soft rows in y, and the guess as the bounds allow it. False: a number that no problem can have."""
     s = views(at)
     nu, ny, nr, ns = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
-    s.sizes[6], s.sizes[7], s.sizes[8] = ns, 0, 0
+    s.sizes[6], s.sizes[7], s.sizes[8] = ns + nu, 0, 0
     s.value[nu + ny] = 1.0
-    if not reduce_base(at):
+    if not (reduce_base(at) and weigh(s)):
         return False
     for k in range(ns):
         reduced(s, s.G[nu + nr + k], s.E[k])
         s.item[k] = -1
-        if not 0.0 <= s.weights[k] < inf:
-            return False
+    for j in range(nu):
+        for c in range(ny + 1):
+            s.E[ns + j, c] = s.X[j, c]
+        s.item[ns + j] = -1
     for c in range(ny):
-        if not (0.0 < s.metric[c] < inf and abs(s.centre[c]) < inf):
+        if not abs(s.centre[c]) < inf:
             return False
     for item in range(len(s.side)):
         low, high = s.lower[place_of(s, item)], s.upper[place_of(s, item)]
@@ -70,7 +91,7 @@ def refined(at: int, wrong: int) -> int:
         step(at, False)
         evaluate(at)
         wrong = verify(at)
-        if not (s.proof[5] <= 0.5 * distance or s.numbers[3] <= 0.5 * held):
+        if not (s.proof[5] <= 0.5 * distance or s.numbers[3] < 0.5 * held):
             break
     return wrong
 

@@ -10,10 +10,12 @@ from math import inf, sqrt
 from wbc.compiled import kernel, small_kernel
 from wbc.qp.rows.compiled.equality import first_row
 from wbc.qp.rows.compiled.linear import add, backward, forward
-from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views
+from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
 
 #: As in the reference: an answer is certified at this tolerance, and within a hundred times that of the optimum.
-_TOLERANCE, _DISTANCE = 1e-6, 1e-4
+_TOLERANCE, _DISTANCE = 1e-6, 100.0
+#: An unknown whose cost is at most this many times the regularisation belongs to no task.
+_ALONE = 1.5
 #: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
 _BROKEN = 1e-10
 #: Multipliers below this share of the largest have no sign.
@@ -34,7 +36,7 @@ def certify(at: int) -> bool:
     s = views(at)
     n_u, n_y, n_range, n_soft = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
     n, first_soft, rows = n_u + n_y, n_u + n_range, len(s.G)
-    items, first_law, unit, regular = n + 1, first_soft + n_soft, s.numbers[0], s.numbers[1]
+    items, first_law, unit, regular = n + 1, first_soft + n_soft, s.numbers[0], s.numbers[1] / s.numbers[0]
     push, value, z = s.push, s.value, s.z
     primal, gap, largest, cost = 0.0, 0.0, 0.0, 0.0
     for i in range(n_u):
@@ -91,7 +93,10 @@ def certify(at: int) -> bool:
         z[c], s.left[j] = -held, left
         dual = dual if abs(left) <= dual else abs(left)
         square += left * left / s.metric[j]
-        distance = max(distance, s.reach[n_soft + j] / (1.0 + abs(value[c] * s.scale[c])))
+        reach = s.reach[n_soft + j]
+        if unit * s.metric[j] <= _ALONE * s.numbers[1]:
+            reach *= _DISTANCE * _TOLERANCE
+        distance = max(distance, reach / (1.0 + abs(value[c] * s.scale[c])))
     for i in range(n_soft):
         rho = value[items + first_soft + i] - push[first_soft + i] * s.compliance[i]
         square += rho * rho * s.weights[i]
@@ -111,7 +116,7 @@ def certified(s: Work) -> bool:
         s.proof[0] <= _TOLERANCE
         and s.proof[1] <= _TOLERANCE * s.proof[3]
         and s.proof[2] <= _TOLERANCE * s.proof[4]
-        and s.proof[5] <= _DISTANCE
+        and s.proof[5] <= _DISTANCE * _TOLERANCE
         and s.proof[4] < inf
     )
 
@@ -135,7 +140,7 @@ def largest_push(s: Work) -> float:
     largest = 0.0
     for i in range(first, m):
         largest = max(largest, abs(s.lam[i]) * sqrt(s.length[i]))
-    for k in range(first):
+    for k in range(min(first, s.sizes[3])):
         rho = s.value[nu + s.sizes[1] + 1 + nu + nr + k]
         largest = max(largest, abs(rho) * sqrt(s.weights[k]))
     return largest
@@ -155,7 +160,7 @@ def verify(at: int) -> int:
     """
     s = views(at)
     nu, ny, nr, ns, m = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3], s.sizes[6]
-    first_item, first_soft = nu + ny + 1, nu + nr
+    first_item, first_soft, first_held = nu + ny + 1, nu + nr, weighed(s)
     if first_row(s):
         for k in range(ns):
             s.lam[k] = -s.weights[k] * s.value[first_item + first_soft + k]
@@ -164,14 +169,14 @@ def verify(at: int) -> int:
         s.push[i] = 0.0
     for k in range(ns):
         s.push[first_soft + k] = -s.lam[k]
-    for i in range(ns, m):
+    for i in range(first_held, m):
         item = s.item[i]
         if item >= ny and (is_fixed(s, item) or s.lam[i] * s.side[item] < 0.0):
             s.push[place_of(s, item) - first_item] = -s.lam[i]
     certify(at)
     for item in range(len(s.side)):
         s.wrong[item] = 0.0
-    for i in range(ns, m):
+    for i in range(first_held, m):
         item = s.item[i]
         if item >= ny and not is_fixed(s, item):
             if pushes_wrong(s, s.lam[i], s.side[item], sqrt(s.length[i]), largest):

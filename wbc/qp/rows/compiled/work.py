@@ -30,19 +30,20 @@ class Work(NamedTuple):
     metric: Vec  # D (n_y)
     centre: Vec  # c (n_y)
     scale: Vec  # (n)
-    weights: Vec  # w (n_soft), over the unit
-    compliance: Vec  # 1 / w (n_soft), 0 without weight
+    given: Vec  # weights of the soft rows (n_soft), in units of the cost
+    weights: Vec  # w (n_soft + n_u): these over the unit, then the regularisation of u
+    compliance: Vec  # 1 / w (n_soft + n_u), 0 without weight
     reach: Vec  # (n_soft + n_y): what a unit of distance is in the task's unit
     push: Vec  # π (n_rows): the multipliers that are certified
     z: Vec  # (n): those of the bounds
     left: Vec  # (n_y): what they leave of the gradient
     proof: Vec  # (7): primal, dual, gap, scales of the two, distance, spread
-    numbers: Vec  # unit | regularisation over unit | what is near enough | held rows, beside what counts
+    numbers: Vec  # unit | regularisation | what is near enough | held rows, beside what counts
     sizes: Index  # n_u, n_y, n_range, n_soft, n_law, form | rows of E, guesses, steps
     side: Vec  # (m): +1 held at the upper bound, −1 at the lower, 0 free
     best: Vec  # (m): the best guess
     wrong: Vec  # (m): 1 where the working set is wrong
-    item: Index  # (k): item of each row of E, −1 of a soft one
+    item: Index  # (k): item of each row of E, −1 of one with a weight
     root: Vec  # (n_y): D^−½, 0 at pins
     free: Vec  # (n_y): 0 at pins, else 1
     r: Vec  # (n_y): what is left of the gradient
@@ -55,7 +56,7 @@ class Work(NamedTuple):
     B: Mat  # (n_u, n_u): Cholesky factor of B_u
     X: Mat  # (n_u, n_y + 1): B_u⁻¹ [B_y | b]
     H: Mat  # (n_y, n_y): Cholesky factor of D + Sᵀ w S
-    E: Mat  # (k, n_y + 1): soft rows, then held ones, in y
+    E: Mat  # (k, n_y + 1): soft rows, X, then held ones, in y
     F: Mat  # (k, n_y): E M^−½
     K: Mat  # (k, k): Cholesky factor of F Fᵀ + C
 
@@ -63,23 +64,31 @@ class Work(NamedTuple):
 @small_kernel
 def views(at: int) -> Work:
     """The arrays whose addresses are at ``at``, in the order of :class:`Work`."""
-    m = carray(integers(at), 35)
-    s = carray(integers(m[15]), 9)
+    m = carray(integers(at), 36)
+    s = carray(integers(m[16]), 9)
     nu, ny, nr, ns, nl = s[0], s[1], s[2], s[3], s[4]
     n, rows, items = nu + ny, nu + nr + ns + nl, ny + nr + nl
-    k = ns + items + 1 if items < ny + nl else ns + ny + nl + 1
+    k = ns + nu + items + 1 if items < ny + nl else ns + nu + ny + nl + 1
     return Work(
         carray(floats(m[0]), (rows, n + 1)), carray(floats(m[1]), n + 1 + rows), carray(floats(m[2]), n + 1 + rows),
         carray(floats(m[3]), n + 1 + rows), carray(floats(m[4]), ny), carray(floats(m[5]), ny), carray(floats(m[6]), n),
-        carray(floats(m[7]), ns), carray(floats(m[8]), ns), carray(floats(m[9]), ns + ny), carray(floats(m[10]), rows),
-        carray(floats(m[11]), n), carray(floats(m[12]), ny), carray(floats(m[13]), 7), carray(floats(m[14]), 4), s,
-        carray(floats(m[16]), items), carray(floats(m[17]), items), carray(floats(m[18]), items),
-        carray(integers(m[19]), k), carray(floats(m[20]), ny), carray(floats(m[21]), ny), carray(floats(m[22]), ny),
-        carray(floats(m[23]), ny + 1), carray(floats(m[24]), k), carray(floats(m[25]), k), carray(floats(m[26]), k),
-        carray(floats(m[27]), k), carray(floats(m[28]), nu), carray(floats(m[29]), (nu, nu)),
-        carray(floats(m[30]), (nu, ny + 1)), carray(floats(m[31]), (ny, ny)), carray(floats(m[32]), (k, ny + 1)),
-        carray(floats(m[33]), (k, ny)), carray(floats(m[34]), (k, k)),
+        carray(floats(m[7]), ns), carray(floats(m[8]), ns + nu), carray(floats(m[9]), ns + nu),
+        carray(floats(m[10]), ns + ny), carray(floats(m[11]), rows), carray(floats(m[12]), n),
+        carray(floats(m[13]), ny),
+        carray(floats(m[14]), 7), carray(floats(m[15]), 4), s,
+        carray(floats(m[17]), items), carray(floats(m[18]), items), carray(floats(m[19]), items),
+        carray(integers(m[20]), k), carray(floats(m[21]), ny), carray(floats(m[22]), ny), carray(floats(m[23]), ny),
+        carray(floats(m[24]), ny + 1), carray(floats(m[25]), k), carray(floats(m[26]), k), carray(floats(m[27]), k),
+        carray(floats(m[28]), k), carray(floats(m[29]), nu), carray(floats(m[30]), (nu, nu)),
+        carray(floats(m[31]), (nu, ny + 1)), carray(floats(m[32]), (ny, ny)), carray(floats(m[33]), (k, ny + 1)),
+        carray(floats(m[34]), (k, ny)), carray(floats(m[35]), (k, k)),
     )  # fmt: skip
+
+
+@small_kernel
+def weighed(s: Work) -> int:
+    """How many rows of E have a weight: the soft rows, and X for the regularisation of u."""
+    return int(s.sizes[3] + s.sizes[0])
 
 
 @small_kernel
