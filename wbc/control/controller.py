@@ -153,7 +153,7 @@ class Controller(Solving):
         if self.why:
             command = self.ladder.invalid()
         else:
-            command = self._decide(t, q, v)
+            command = self._decide(t, q, v) if self.mode.is_compiled else self._decide_in_silence(t, q, v)
         intervals = self.plan.intervals
         if intervals is not None and intervals.remembers:
             intervals.remember((command.v - self.state.v)[self.model.nb :] / self.dt)
@@ -185,7 +185,8 @@ class Controller(Solving):
         """
         try:
             t = t if type(t) is float else float(checks.floats(t)[()])
-            q, v = (x.copy() if type(x) is np.ndarray and x.dtype == _NUMBERS else checks.floats(x) for x in (q, v))
+            q = q.copy() if type(q) is np.ndarray and q.dtype is _NUMBERS else checks.floats(q)
+            v = v.copy() if type(v) is np.ndarray and v.dtype is _NUMBERS else checks.floats(v)
         except Exception as cause:  # a conversion may raise whatever it likes
             text = f"{type(cause).__name__}: {cause}"
             raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of real numbers: {text}") from None
@@ -213,7 +214,6 @@ class Controller(Solving):
                 q[3:7] /= square**0.5
         return ""
 
-    @np.errstate(all="ignore")  # what overflows has a status; where warnings are errors, a tick raises none
     def _decide(self, t: float, q: Vec, v: Vec) -> Command:
         state = self.state
         state.update(t, q, v)
@@ -233,7 +233,7 @@ class Controller(Solving):
             return self.ladder.descend(status, q, v)
         if plan.intervals is not None and plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
-        if notes := plan.notes:
+        if plan.barriers and (notes := plan.notes):
             self.why = "; ".join([*([self.why] if self.why else []), *notes])
         self._solved = plan
         command = self.decode(q, v)
@@ -241,6 +241,9 @@ class Controller(Solving):
             return self.ladder.resume(command, q, v)
         self.ladder.good = command
         return command
+
+    # What overflows has a status: where warnings are errors, a tick raises none. Compiled code never warns.
+    _decide_in_silence = np.errstate(all="ignore")(_decide)
 
     def _ask_members(self) -> None:
         """What members say of this tick: schedule, components, then the rows of tasks, constraints and contacts.

@@ -129,10 +129,12 @@ class Ladder:
         self.failures = 0
         self._solved = 0
 
+    @np.errstate(all="ignore")
     def invalid(self) -> Command:
         """The command for a state that is not to be believed."""
         return self._fail(Status.INVALID_STATE, *self._expected())
 
+    @np.errstate(all="ignore")
     def failed(self, q: Vec, v: Vec) -> Command:
         """The command of a tick in which a member failed, so that there is no problem to solve: hold, or brake."""
         return self._fail(Status.FAILED, q, v)
@@ -142,6 +144,7 @@ class Ladder:
         self._controller.status = command.status = Status.FAILED
         self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
 
+    @np.errstate(all="ignore")
     def descend(self, status: Status, q: Vec, v: Vec) -> Command:
         """The command of the first fallback level that has one."""
         controller, start = self._controller, perf_counter()

@@ -64,14 +64,15 @@ class ResidualDamping:
         self.rate = np.zeros(nj)
         self._memory = Memory(
             np.array([len(dims), rows, nj, problem.n + 1, nb], dtype=np.int64), starts.astype(np.int64), self._numbers,
-            problem.G[first : first + rows], problem.x1, problem.weights[first - problem.soft.start :][:rows],
+            problem.G[first : first + rows], problem.value[problem.item(first) :][:rows],
+            problem.weights[first - problem.soft.start :][:rows],
             gain[own], motion.kd[own], motion.e[own], self.base, self.applied, np.zeros((len(dims), nj)),
             self.rate, np.zeros(rows), *(np.zeros(nj) for _ in range(3)),
         )  # fmt: skip
         #: What a level that is damped by itself costs beside its tasks: weight of each joint, and what it wants there.
         self.weights, self.wanted = np.zeros(nj), np.zeros(nj)
         self._at, self._counts = self._memory.address, factor > 0.0 and rows > 0
-        self._rows, self._x1 = problem.G[first : first + rows], problem.x1
+        self._rows, self._left = problem.G[first : first + rows], problem.value[problem.item(first) :][:rows]
         self._weights = problem.weights[first - problem.soft.start :][:rows]
         self._J = self._rows[:, nb:nv]
         self.reset()
@@ -95,8 +96,7 @@ class ResidualDamping:
         if not self._counts or largest == 0.0:
             return np.zeros(len(self.applied))
         asked = self._rows[:, -1] - self._J @ (self.rate * v)
-        left = self._rows @ self._x1
-        before, after = (float((self._weights * r).dot(r)) ** 0.5 for r in (asked, left))
+        before, after = (float((self._weights * r).dot(r)) ** 0.5 for r in (asked, self._left))
         done = max(before - after, _SLOWEST * before)
         found: Vec = self.applied / largest * (min(after, before) / done) if before > 0.0 else 0.0 * self.applied
         return found

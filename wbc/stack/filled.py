@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.errors import InvalidInput
 from wbc.qp.rows import RowProblem
+from wbc.stack.compiled.fill_kernel import ROW_SPOILT
 from wbc.stack.constraint import Barrier
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
@@ -26,7 +27,9 @@ class Filled(PlanView):
     joint_bound_rows: tuple[Vec, Vec]
     #: Of each task on the joints, and of their damping: its share of each joint's cost.
     shares: Mat
-    _barriers: list[BarrierWriter]
+    #: What the last fill left that is no number: a sum of ROW_SPOILT and BOUND_SPOILT.
+    _spoilt: int
+    barriers: list[BarrierWriter]
     _normal: Index
     _joint_wanted: Mat
     _torque_range: tuple[Vec, Vec]
@@ -54,7 +57,7 @@ class Filled(PlanView):
         Raises:
             InvalidInput: what was filled last is not finite, by the name of the row.
         """
-        if not np.isfinite(self.problem.G[: self.layout.n_rows].sum() + self.motion.wanted.sum()):
+        if self._spoilt & ROW_SPOILT:
             text = self.not_finite()
             if text:
                 raise InvalidInput(text)
@@ -76,16 +79,16 @@ class Filled(PlanView):
 
     def margins(self) -> Mapping[str, tuple[Barrier, Vec]]:
         """Each barrier and its h (dim,), a copy, in the state that was filled last."""
-        return {writer.name: (writer.barrier, writer.margins.copy()) for writer in self._barriers}
+        return {writer.name: (writer.barrier, writer.margins.copy()) for writer in self.barriers}
 
     @property
     def notes(self) -> list[str]:
         """What barriers have to say of the state that was filled last, beside their rows."""
-        return [writer.barrier.note for writer in self._barriers if writer.barrier.note]
+        return [writer.barrier.note for writer in self.barriers if writer.barrier.note]
 
     def about(self, row: int) -> str:
         """What a row of G is about in the state that was filled last, where that is not always the same; or nothing."""
-        for writer in self._barriers:
+        for writer in self.barriers:
             barrier, at = writer.barrier, row - writer.row
             if 0 <= at < barrier.dim and barrier.codes is not None:
                 return barrier.about(at)

@@ -12,15 +12,18 @@ from typing import Any, final
 
 import numpy as np
 
+from wbc.compiled import Memory
 from wbc.errors import InvalidInput, MemberFailed
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, Wish
 from wbc.stack.applied import Applied
+from wbc.stack.compiled.damping_kernel import share
 from wbc.stack.compiled.fill import CompiledFill, MotionMember
+from wbc.stack.compiled.fill_kernel import BOUND_SPOILT, spoilt
 from wbc.stack.constraint import TorqueBySpeed, torque_bounds
 from wbc.stack.contact import Anchor, Contact
-from wbc.stack.damping import Damping
+from wbc.stack.damping import Damping, ResidualDamping
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
@@ -80,15 +83,19 @@ class Plan(Filled):
             self._prepare_dynamics()
         self._writers = self._make_writers()
         soft = [writer.barrier for writer in _of(self._writers, SoftLawWriter)]
-        self._barriers: list[BarrierWriter] = [*_of(self._writers, BarrierWriter), *_of(soft, BarrierWriter)]
+        self.barriers: list[BarrierWriter] = [*_of(self._writers, BarrierWriter), *_of(soft, BarrierWriter)]
         self.joint_bound_rows = p.lb[nb:nv], p.ub[nb:nv]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
         #: Of each task on the joints, and of their damping: its share of each joint's cost, and what it wants there.
         self.shares = np.zeros(joint_wanted.shape)
         self._joint_wanted = joint_wanted
         self.damping = Damping(layout, self.motion, p, level.lm_damping, dt, least=level.regularisation)
+        self._joint_weights = np.zeros((len(layout.on_joints), model.nj))
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
-        self._pull_weights = [np.zeros(member.dim) for member in (*layout.on_joints, *layout.soft_laws)]
+        self._pull_weights = [*self._joint_weights, *(np.zeros(member.dim) for member in layout.soft_laws)]
+        #: The damping that shares the joints' metric, and the memory for that.
+        self._sharing: tuple[ResidualDamping, Memory] | None = None
+        self._unit = np.zeros(1)
         self._stamp = -1
         #: Why gains that were assigned between ticks cannot be used; until others are, no tick has an answer.
         self._refusal = ""
@@ -101,6 +108,8 @@ class Plan(Filled):
         self._filler: CompiledFill | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
         self.stopping = Stopping.of(self)
+        sizes = np.array([len(p.G), p.n + 1, len(self.motion.wanted), len(p.lower)], dtype=np.int64)
+        self._numbers = Memory(sizes, p.G, self.motion.wanted, p.lower, p.upper)
         self._first_fill(like)
         for component in () if like else stack.components:
             component.check(self)
@@ -234,9 +243,8 @@ class Plan(Filled):
         joints = np.full(self.model.nj, eps)
         for weights, task in zip(self._pull_weights, (*layout.on_joints, *layout.soft_laws), strict=True):
             weights[:] = task.weights()
-        for weights, _ in zip(self._pull_weights, layout.on_joints, strict=False):
-            joints += weights
-        p.unit = float(joints.max())
+        joints += self._joint_weights.sum(axis=0)
+        self._unit[0] = p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
         self.damping.in_metric.base[:] = joints
         self.damping.read_weights()
@@ -253,11 +261,11 @@ class Plan(Filled):
     def _share_joints(self) -> None:
         """The metric of the joints, and what part of it each task on them has; of the damping, what it makes of −v."""
         p, damping = self.problem, self.damping.in_metric
-        joints = damping.base + damping.applied
-        for share, weights in zip(self.shares[:-1], self._pull_weights, strict=False):
-            np.divide(weights, joints, out=share)
-        np.divide(damping.applied * damping.rate, joints, out=self.shares[-1])
-        p.metric[damping.columns] = joints / p.unit
+        if self._sharing is None or self._sharing[0] is not damping:
+            sizes = np.array(self._joint_weights.shape, dtype=np.int64)
+            own = damping.base, damping.applied, damping.rate, self.shares, p.metric[damping.columns]
+            self._sharing = damping, Memory(sizes, self._unit, self._joint_weights, *own)
+        share(self._sharing[1].address)
 
     def observe(self) -> None:
         """Before a fill: damp the joints by what the answer to the one before left of the kinematic tasks."""
@@ -280,7 +288,7 @@ class Plan(Filled):
         self.binding.refresh()
         if self.stopping is not None:
             self.stopping.reset()
-        for writer in self._barriers:
+        for writer in self.barriers:
             writer.barrier.reset()
         if self.damping.is_on:
             self.damping.reset()
@@ -338,6 +346,8 @@ class Plan(Filled):
                     writer.fill(state)
                 except Exception as cause:
                     self.failed(writer.name, cause)
+        self._spoilt = spoilt(self._numbers.address)
+        if self._spoilt & BOUND_SPOILT:
             self._refuse_nan_bounds()
         if self._failure is not None:
             raise self._failure
@@ -351,11 +361,9 @@ class Plan(Filled):
             self._failure.__cause__ = cause
 
     def _refuse_nan_bounds(self) -> None:
-        bad = np.isnan(self.problem.bounds).any(axis=0)
-        if bad.any():
-            i = int(np.argmax(bad))
-            row = self.problem.rows[i - self.problem.first_row if i > self.problem.n else self.layout.n_rows + i]
-            self.failed(row.owner, InvalidInput(f"a bound of {row} is NaN"))
+        i = int(np.isnan(self.problem.bounds).any(axis=0).argmax())
+        row = self.problem.rows[i - self.problem.first_row if i > self.problem.n else self.layout.n_rows + i]
+        self.failed(row.owner, InvalidInput(f"a bound of {row} is NaN"))
 
     def _take_torque_bounds(self) -> None:
         self._torque_version = self.applied.version
@@ -369,6 +377,14 @@ class Plan(Filled):
         return filler
 
     # ---- what others read
+    @property
+    def is_compiled(self) -> bool:
+        """Whether a fill is compiled code, but for targets that users write, and nobody changes it in a tick."""
+        filler = self._filler
+        compiled = filler is not None and filler.is_compiled
+        remembers = self.intervals is not None and self.intervals.remembers
+        return compiled and not (self._writers or self._has_components or self.stopping or remembers)
+
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
 

@@ -28,7 +28,7 @@ from wbc.types import Vec
 class Mode:
     """One set of contacts: its plan, its solver, and where its forces stand among those of all contacts."""
 
-    __slots__ = ("_nf", "_places", "plan", "second", "solver")
+    __slots__ = ("_nf", "_places", "is_compiled", "plan", "second", "solver")
 
     def __init__(self, plan: Plan, solver: RowSolver, whole: Plan) -> None:
         self.plan, self.solver = plan, solver
@@ -37,6 +37,8 @@ class Mode:
         #: Of each force among the (nf,) of all contacts; None where the plan has them all.
         self._places = None if plan is whole else np.concatenate([np.zeros(0, np.intp), *columns])
         self._nf = whole.layout.nf
+        #: Whether a tick with this plan is compiled code and nothing else that computes.
+        self.is_compiled = plan.is_compiled and solver.is_compiled
         #: The solver that is asked where ``solver`` fails, made when it is needed.
         self.second: RowSolver | None = None
 

@@ -31,7 +31,7 @@ def observe(at: int) -> int:
     tasks, rows, nj, width, column = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     first = carray(integers(m[1]), tasks + 1)
     numbers = carray(floats(m[2]), 3)  # λ | step | residual that needs no damping
-    G, x1 = carray(floats(m[3]), (rows, width)), carray(floats(m[4]), width)
+    G, left_of = carray(floats(m[3]), (rows, width)), carray(floats(m[4]), rows)
     weights, gain, kd = carray(floats(m[5]), rows), carray(floats(m[6]), rows), carray(floats(m[7]), rows)
     e, base, applied = carray(floats(m[8]), rows), carray(floats(m[9]), nj), carray(floats(m[10]), nj)
     asked, rate, residual = carray(floats(m[11]), (tasks, nj)), carray(floats(m[12]), nj), carray(floats(m[13]), rows)
@@ -41,10 +41,7 @@ def observe(at: int) -> int:
         was_on = was_on or applied[j] != 0.0
         needed[j] = most[j] = rate[j] = 0.0
     for i in range(rows):
-        value = 0.0
-        for c in range(width):
-            value += G[i, c] * x1[c]
-        residual[i] = abs(value)
+        residual[i] = abs(left_of[i])
         largest = max(largest, residual[i])
     if largest <= numbers[2] and not was_on:
         return UNCHANGED
@@ -85,3 +82,25 @@ def observe(at: int) -> int:
         # The same residuals x times as large need x² times as much at most, also where errors allow for all of them.
         numbers[2] = largest * share / _GROWTH
     return CHANGED if is_on or was_on else UNCHANGED
+
+
+@entry
+def share(at: int) -> int:
+    """The metric of the joints, and what part of it each task on them has; of the damping, what it makes of −v.
+
+    At ``at``: sizes (tasks on joints, nj), unit of the cost, weights of the tasks (tasks, nj), base, applied, rate,
+    shares (tasks + 1, nj), metric (nj).
+    """
+    m = carray(integers(at), 8)
+    sizes = carray(integers(m[0]), 2)
+    tasks, nj = sizes[0], sizes[1]
+    unit, weights = carray(floats(m[1]), 1)[0], carray(floats(m[2]), (tasks, nj))
+    base, applied, rate = carray(floats(m[3]), nj), carray(floats(m[4]), nj), carray(floats(m[5]), nj)
+    shares, metric = carray(floats(m[6]), (tasks + 1, nj)), carray(floats(m[7]), nj)
+    for j in range(nj):
+        whole = base[j] + applied[j]
+        for k in range(tasks):
+            shares[k, j] = weights[k, j] / whole
+        shares[tasks, j] = applied[j] * rate[j] / whole
+        metric[j] = whole / unit
+    return 0

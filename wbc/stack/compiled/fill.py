@@ -104,6 +104,11 @@ class CompiledFill:
             q_joints, self._references, self._now, *items.arrays(), *intervals,
         )  # fmt: skip
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether no member writes its own rows."""
+        return not self._calls
+
     def __call__(self) -> None:
         """Write for what the state is now."""
         state = self.state
@@ -156,7 +161,18 @@ class CompiledFill:
 class _Follower:
     """Where a task's target goes, and the views for its rates."""
 
-    __slots__ = ("_had_rates", "_kept", "_out", "_parts", "_reference", "_seen", "_task", "moves", "name")
+    __slots__ = (
+        "_acc_ref",
+        "_had_rates",
+        "_kept",
+        "_parts",
+        "_rate_ref",
+        "_reference",
+        "_seen",
+        "_task",
+        "moves",
+        "name",
+    )
 
     def __init__(self, task: Any, rows: FrameRows | JointRows, memory: Vec, out: Any) -> None:
         self._reference: Callable[[float], Target] = task.reference
@@ -166,7 +182,7 @@ class _Follower:
         #: Whether the target seen last is a function of time.
         self.moves = True
         self._had_rates = True
-        self._out = out
+        self._rate_ref, self._acc_ref = out.rate_ref, out.acc_ref
         self._parts: tuple[Vec, ...]
         if isinstance(rows, JointRows):
             self._parts = (memory,)
@@ -191,7 +207,7 @@ class _Follower:
         else:
             self._parts[0][:], self._parts[1][:] = target.value
         if target.has_rates or self._had_rates:
-            self._out.rate_ref[:], self._out.acc_ref[:] = target.rate, target.second
+            self._rate_ref[:], self._acc_ref[:] = target.rate, target.second
             self._had_rates = target.has_rates
 
     def compiled(self) -> list[int] | int:
@@ -201,7 +217,7 @@ class _Follower:
         if known is None or len(self._parts) > 1 or place.ndim > 1:
             return NONE
         kind, self._kept = known()
-        written = (self._kept, place, self._out.rate_ref, self._out.acc_ref)
+        written = (self._kept, place, self._rate_ref, self._acc_ref)
         addresses = (int(array.__array_interface__["data"][0]) for array in written)
         self._had_rates = True
         return [_KINDS[kind], len(place), place.strides[0] // place.itemsize, *addresses]

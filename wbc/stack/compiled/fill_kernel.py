@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from wbc.compiled import carray, entry, floats, integers
 from wbc.stack.compiled.interval_kernel import joint_bounds
 from wbc.stack.compiled.reference_kernel import refer
@@ -85,3 +87,29 @@ def fill(at: int) -> int:
         lower, upper = carray(floats(memory[21]), nj), carray(floats(memory[22]), nj)
         joint_bounds(memory[35:], nj, order, dt, q, v[nb:], lower, upper)
     return 0
+
+
+#: What :func:`spoilt` finds.
+ROW_SPOILT, BOUND_SPOILT = 1, 2
+
+
+@entry
+def spoilt(at: int) -> int:
+    """Whether the rows, or what is wanted of the joints, are not finite; and whether a bound is NaN.
+
+    At ``at``: sizes (rows, columns, motion rows, items), rows of G, what motion rows want, lower and upper bounds.
+    """
+    memory = carray(integers(at), 5)
+    sizes = carray(integers(memory[0]), 4)
+    G, wanted = carray(floats(memory[1]), sizes[0] * sizes[1]), carray(floats(memory[2]), sizes[2])
+    lower, upper = carray(floats(memory[3]), sizes[3]), carray(floats(memory[4]), sizes[3])
+    total = 0.0
+    for i in range(len(G)):
+        total += abs(G[i])
+    for i in range(len(wanted)):
+        total += abs(wanted[i])
+    found = 0 if total < inf else ROW_SPOILT
+    for i in range(len(lower)):
+        if not (lower[i] <= inf and upper[i] <= inf):
+            found |= BOUND_SPOILT
+    return found
