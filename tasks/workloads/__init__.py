@@ -1,4 +1,4 @@
-"""Five workloads on which whole-body controllers are compared; ``wbc bench`` runs them by name.
+"""Workloads on which whole-body controllers are compared; ``wbc bench`` runs them by name.
 
 Each is called as ``WORKLOADS["W5"](ticks=None, repeats=5, progress=None, solver="pdas")`` and answers with one row of
 figures, a dict that ``json`` can write. What they are and what is timed: ``docs/benchmark.md``.
@@ -14,6 +14,7 @@ from .measure import Workload
 from .panda_id import PandaInverseDynamics
 from .panda_ik import PandaInverseKinematics
 from .quadruped_id import QuadrupedInverseDynamics
+from .readme import ReadmeStack
 
 WORKLOADS: Mapping[str, Workload] = {
     workload.name: workload
@@ -23,5 +24,6 @@ WORKLOADS: Mapping[str, Workload] = {
         PandaInverseDynamics(),
         QuadrupedInverseDynamics(),
         HumanoidInverseDynamics(),
+        ReadmeStack(),
     )
 }

@@ -6,6 +6,7 @@ from typing import Any, ClassVar, final
 
 from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
+from wbc.stack.task import Objective
 
 from .. import CenterOfMass, JointVelocityLimits, Orientation, Posture, Sole, TorqueLimits
 from .measure import Workload
@@ -34,12 +35,15 @@ class HumanoidInverseDynamics(Workload):
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
         com = sway(times(ticks, self.dt), [0.02, 0.05, 0.03], [0.5, 0.4, 0.6]).moved(made.com())
         upright = made.placement(_TORSO).rotation
-        stack = Stack(
+        levels: list[list[Objective]] = [
             [
                 CenterOfMass(target=com.track(self.dt), kp=100.0),
                 Orientation(_TORSO, target=upright, kp=100.0, weight=0.1),
-                Posture(made.q0, kp=10.0, weight=1e-3),
             ],
+            [Posture(made.q0, kp=10.0, weight=1e-3)],
+        ]
+        stack = Stack(
+            levels,
             subject_to=[TorqueLimits(), JointVelocityLimits()],
             contacts=[
                 Sole(

@@ -7,9 +7,10 @@ the first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter_ns as now
+from time import sleep
 from typing import Any, final
 
 import numpy as np
@@ -19,13 +20,16 @@ from threadpoolctl import threadpool_limits
 import wbc
 from wbc import checks
 from wbc.control.controller import Controller
+from wbc.errors import InvalidInput
 from wbc.qp.problem import QP
+from wbc.stack.hierarchy import Hierarchy, Scaled, Strict, Weighted
 from wbc.types import Vec
 
 from .calls import calls_of
 from .robots import MadeRobot
 from .workload import ClosedLoop, Problem, Progress, Record
 
+HIERARCHIES: Mapping[str, Hierarchy] = {"weighted": Weighted(), "strict": Strict(), "scaled": Scaled()}
 WARM_UP = 100
 _REPORT_EVERY = 250
 _COUNTED = 100
@@ -38,31 +42,45 @@ class Workload(ClosedLoop):
 
     @final
     def __call__(
-        self, ticks: int | None = None, repeats: int = 5, progress: Progress | None = None, solver: str = "pdas",
+        self, ticks: int | None = None, repeats: int = 5, progress: Progress | None = None, *, solver: str = "pdas",
+        hierarchy: str = "weighted", pause: float = 0.0,
     ) -> dict[str, Any]:  # fmt: skip
         """Run the workload and measure it.
 
         ``ticks``: how many, all by default. ``repeats``: closed loops of which each tick's least time counts.
-        ``progress(done, total)`` is called now and then, outside what is timed.
+        ``progress(done, total)`` is called now and then, outside what is timed. ``hierarchy``: "weighted", "strict" or
+        "scaled". ``pause``: time [s] to sleep before each tick, as a robot's loop does; memory is then cold.
 
         Raises:
-            InvalidInput: ``ticks`` or ``repeats`` below 1.
+            InvalidInput: ``ticks`` or ``repeats`` below 1, a negative pause, no such hierarchy.
             ModelError: the extra ``robots`` is not installed.
             UnknownSolver, SolverMissing, NotSupported: a solver that cannot do it.
         """
         ticks = int(checks.number("ticks", self.ticks if ticks is None else ticks, low=1))
         repeats = int(checks.number("repeats", repeats, low=1))
-        return measure(self, ticks, repeats, progress, solver=solver)
+        if hierarchy not in HIERARCHIES:
+            raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be one of {', '.join(HIERARCHIES)}")
+        pause = checks.number("pause", pause, low=0.0)
+        return measure(self, ticks, repeats, progress, solver=solver, hierarchy=hierarchy, pause=pause)
 
     def __repr__(self) -> str:
         return f"{self.name} {self.title}"
 
 
-def measure(workload: Workload, ticks: int, repeats: int, progress: Progress | None, *, solver: str) -> dict[str, Any]:
+def measure(
+    workload: Workload,
+    ticks: int,
+    repeats: int,
+    progress: Progress | None,
+    *,
+    solver: str,
+    hierarchy: str,
+    pause: float,
+) -> dict[str, Any]:
     """The row of one workload: time, where it goes, what came out of it."""
     steps = _Steps(progress, 3 * repeats * ticks)
     with workload.recipe.made() as made, threadpool_limits(1):
-        setting = _Setting(workload, made, workload.problem(made, ticks), ticks, solver)
+        setting = _Setting(workload, made, workload.problem(made, ticks), ticks, solver, HIERARCHIES[hierarchy], pause)
         timed = []
         for _ in range(repeats):
             controller = setting.controller()
@@ -79,7 +97,8 @@ def measure(workload: Workload, ticks: int, repeats: int, progress: Progress | N
     return {
         "peer": "wbc",
         "version": f"{wbc.__version__}/pin{pin.__version__}",
-        "variant": f"{workload.level.name}, weighted, {controller.solver.name}, {controller.form}",
+        "variant": f"{workload.level.name}, {hierarchy}, {controller.solver.name}, {controller.form}"
+        + (f", after {1e3 * pause:g} ms of sleep" if pause else ""),
         "workload": workload.name,
         "ticks": ticks,
         "repeats": repeats,
@@ -111,11 +130,15 @@ class _Setting:
     problem: Problem
     ticks: int
     solver: str
+    hierarchy: Hierarchy
+    pause: float
 
     def controller(self) -> Controller:
         workload = self.workload
         stack = self.problem.stack
-        return Controller(self.made.robot, stack, level=workload.level, solver=self.solver, dt=workload.dt)
+        return Controller(
+            self.made.robot, stack, level=workload.level, hierarchy=self.hierarchy, solver=self.solver, dt=workload.dt
+        )
 
 
 def _closed_loop(setting: _Setting, controller: Controller, steps: _Steps) -> Record:
@@ -124,6 +147,8 @@ def _closed_loop(setting: _Setting, controller: Controller, steps: _Steps) -> Re
     tick, dt, order, dynamics = controller.tick, controller.dt, controller.level.order, controller.level.dynamics
     for k in range(ticks):
         t, q, v = k * dt, record.q[k], record.v[k]
+        if setting.pause:
+            sleep(setting.pause)
         if order == 1:
             start = now()
             command = tick(t, q, v)
@@ -154,6 +179,8 @@ def _split_loop(setting: _Setting, record: Record, steps: _Steps) -> tuple[Any, 
     clocks = [_Clock(owner, part) for owner, part in zip(owners, _PARTS, strict=True)]
     nanoseconds, failures = np.zeros((record.ticks, len(_PARTS)), np.int64), 0
     for k in range(record.ticks):
+        if setting.pause:
+            sleep(setting.pause)
         command = controller.tick(k * controller.dt, record.q[k], record.v[k])
         nanoseconds[k] = [clock.nanoseconds for clock in clocks]
         failures += not clocks[_SOLVE].gave.ok

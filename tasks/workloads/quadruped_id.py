@@ -6,6 +6,7 @@ from typing import Any, ClassVar, final
 
 from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
+from wbc.stack.task import Objective
 
 from .. import CenterOfMass, JointVelocityLimits, Orientation, Point, Posture, TorqueLimits
 from .measure import Workload
@@ -33,12 +34,15 @@ class QuadrupedInverseDynamics(Workload):
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
         com = sway(times(ticks, self.dt), [0.02, 0.03, 0.03], [0.7, 2.0, 1.0]).moved(made.com())
         upright = made.placement(_BASE).rotation
-        stack = Stack(
+        levels: list[list[Objective]] = [
             [
                 CenterOfMass(target=com.track(self.dt), kp=100.0),
                 Orientation(_BASE, target=upright, kp=100.0),
-                Posture(made.q0, kp=10.0, weight=1e-4),
             ],
+            [Posture(made.q0, kp=10.0, weight=1e-4)],
+        ]
+        stack = Stack(
+            levels,
             subject_to=[TorqueLimits(), JointVelocityLimits()],
             contacts=[
                 Point(foot, friction=_FRICTION, friction_model="outer", kp=100.0, kd=20.0, force_weight=1e-6)

@@ -60,7 +60,14 @@ def test_a_row_can_be_written_and_has_every_field(name: str):
 
 def test_sizes_are_those_of_the_problems():
     sizes = {name: tuple(short(name)["qp"].values()) for name in WORKLOADS}
-    assert sizes == {"W1": (7, 0, 7), "W2": (35, 0, 29), "W3": (7, 0, 14), "W4": (30, 18, 40), "W5": (50, 18, 96)}
+    assert sizes == {
+        "W1": (7, 0, 7),
+        "W2": (35, 0, 29),
+        "W3": (7, 0, 14),
+        "W4": (30, 18, 40),
+        "W5": (50, 18, 96),
+        "W6": (50, 18, 96),
+    }
 
 
 @pytest.mark.parametrize("solver", ["daqp", "proxqp"])
@@ -77,6 +84,27 @@ def test_progress_ends_at_the_total():
     WORKLOADS["W1"](ticks=130, repeats=1, progress=lambda done, total: seen.append((done, total)))
     assert [done for done, _ in seen] == sorted({done for done, _ in seen})
     assert seen[-1] == (390, 390)
+
+
+@pytest.mark.parametrize("hierarchy", ["strict", "scaled"])
+@pytest.mark.parametrize("name", ["W4", "W5"])
+def test_ranked_stacks_are_certified_and_end_near_the_weighted_ones(name: str, hierarchy: str):
+    row = WORKLOADS[name](ticks=80, repeats=1, hierarchy=hierarchy)
+    assert row["variant"] == f"inverse dynamics, {hierarchy}, pdas, levels" and row["certified"] == 1.0
+    ours, weighted = row["quality"], short(name)["quality"]
+    assert ours["pos_err_rms2ndhalf_m"] <= 1.02 * weighted["pos_err_rms2ndhalf_m"] + 1e-9
+
+
+def test_a_pause_is_told_and_changes_no_answer():
+    row = WORKLOADS["W1"](ticks=20, repeats=1, pause=1e-4)
+    assert row["variant"].endswith("after 0.1 ms of sleep")
+    assert row["quality"] == WORKLOADS["W1"](ticks=20, repeats=1)["quality"]
+
+
+@pytest.mark.parametrize("argument", [{"hierarchy": "strikt"}, {"pause": -1.0}])
+def test_settings_that_make_no_sense_are_refused(argument: dict[str, Any]):
+    with pytest.raises(InvalidInput, match=next(iter(argument))):
+        WORKLOADS["W1"](ticks=20, repeats=1, **argument)
 
 
 @pytest.mark.parametrize("argument", ["ticks", "repeats"])
@@ -103,6 +131,8 @@ def test_full_runs_keep_every_limit_and_reach_the_ones_that_make_them_hard(name:
 @each_workload
 def test_full_runs_end_where_other_libraries_do(name: str, peers: Path):
     rows = [r for r in json.loads((peers / "results.json").read_text(encoding="utf-8")) if trustworthy(r, name)]
+    if name == "W6":
+        pytest.skip("W6 is this library's own stack")
     assert rows
     row = full(name)
     keys = [key for key in row["quality"] if "rms" in key]

@@ -27,7 +27,9 @@ class Workload(Protocol):
 
     title: str
 
-    def __call__(self, *, ticks: int | None, repeats: int, progress: Any, solver: str) -> dict[str, Any]:
+    def __call__(
+        self, *, ticks: int | None, repeats: int, progress: Any, solver: str, hierarchy: str, pause: float
+    ) -> dict[str, Any]:
         """Run it; one row of figures that json can write."""
 
 
@@ -43,6 +45,10 @@ def bench(
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
     *,
     ticks: Annotated[int | None, typer.Option(min=1, help="Ticks of a run; default: the workload's own.")] = None,
+    hierarchy: Annotated[
+        str, typer.Option(help="weighted, strict or scaled; other libraries run weighted.")
+    ] = "weighted",
+    pause: Annotated[float, typer.Option(min=0.0, help="Sleep this long [s] before each tick: cold memory.")] = 0.0,
     repeats: Annotated[int, typer.Option(min=1, help="Runs; the least time of each tick counts.")] = 5,
     peers: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Run the scripts of other libraries there too.")
@@ -67,22 +73,26 @@ def bench(
                 step((i + done / total) / len(chosen), f"timing {name}")
 
             def run(name: str = name, one: Any = one) -> dict[str, Any]:
-                return known[name](ticks=ticks, repeats=repeats, progress=one, solver=solver)
+                return known[name](
+                    ticks=ticks, repeats=repeats, progress=one, solver=solver, hierarchy=hierarchy, pause=pause
+                )
 
             if found_peers is None:
                 rows.append(run())
             else:
-                rows += _in_turns(found_peers, name, run, repeats)
+                rows += _in_turns(found_peers, name, run, repeats, pause)
         write("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
     tell(found)
     _print(rows)
 
 
-def _in_turns(peers: Peers, name: str, run: Callable[[], dict[str, Any]], repeats: int) -> list[dict[str, Any]]:
+def _in_turns(
+    peers: Peers, name: str, run: Callable[[], dict[str, Any]], repeats: int, pause: float
+) -> list[dict[str, Any]]:
     """We and every peer, one after the other, twice; the better row of each counts."""
     ways: list[Callable[[], dict[str, Any]]] = [
         run,
-        *(partial(peers.row, peer, name, repeats) for peer in peers.names(name)),
+        *(partial(peers.row, peer, name, repeats, pause) for peer in peers.names(name)),
     ]
     rounds = [[way() for way in ways] for _ in range(_ROUNDS)]
     rows = [min(tries, key=_median) for tries in zip(*rounds, strict=True)]

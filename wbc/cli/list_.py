@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.bench import workloads
+from wbc.cli import bench
 from wbc.cli.console import one_sentence, table
 
 
@@ -52,7 +52,7 @@ def members() -> dict[str, Any]:
             for solver in SOLVERS
         },
         "robots": {"own": list(OWN), "examples": list(EXAMPLES), "examples_installed": _has_examples()},
-        "workloads": {name: workload.title for name, workload in workloads().items()},
+        "workloads": {name: workload.title for name, workload in bench.workloads().items()},
     }
 
 
