@@ -114,6 +114,12 @@ class UnknownJoint(UnknownName):
     kind = "joint"
 
 
+class UnknownConfiguration(UnknownName):
+    """No such named configuration of the robot."""
+
+    kind = "configuration"
+
+
 class UnknownRobot(UnknownName):
     """No such robot, and no such file."""
 

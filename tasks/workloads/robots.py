@@ -21,8 +21,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.models import load
-from wbc.models.catalogue import example_robots, read_pose
+from wbc.models.catalogue import example_robots
 from wbc.models.model import RobotModel
+from wbc.models.poses import read_poses
 from wbc.models.safe_xml import read_xml
 from wbc.types import Vec
 
@@ -82,7 +83,7 @@ class RobotRecipe:
         if isinstance(self.start, Mapping):
             positions = self.start
         else:
-            pose = read_pose(example_robots() / "robots" / self.poses, self.start)
+            pose = read_poses(example_robots() / "robots" / self.poses)[self.start]
             positions = {joint: values[0] for joint, values in pose.items() if len(values) == 1}
         q = np.array(robot.q0)
         first = robot.nq - robot.nj

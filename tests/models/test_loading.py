@@ -12,10 +12,11 @@ import pytest
 
 from wbc.errors import InvalidInput, ModelError, UnknownJoint, UnknownRobot
 from wbc.models import load
-from wbc.models.feet import Foot, sole_of_balls
+from wbc.models.feet import Foot
 from wbc.models.geometry import Box, Cylinder, Origin, Sphere
 from wbc.models.loading import read_description
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.models.soles import Measured
 from wbc.models.urdf import Joint, Link, Urdf
 
 LINK = (
@@ -212,7 +213,7 @@ def test_a_base_is_fixed_or_floating(tmp_path: Path):
     assert (fixed.nq, fixed.nb) == (1, 0) and (floating.nq, floating.nv, floating.nb) == (8, 7, 6)
     assert fixed.mass == pytest.approx(1.5) and floating.mass == pytest.approx(3.0)
     assert floating.q0.tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
-    with pytest.raises(InvalidInput, match="base is 'free'; it must be 'fixed' or 'floating'"):
+    with pytest.raises(InvalidInput, match="base is 'free'; it must be one of fixed, floating, planar"):
         load(path, base="free")  # type: ignore[arg-type]
 
 
@@ -251,11 +252,13 @@ def test_a_sole_of_balls_is_the_rectangle_inside_them():
     urdf = load("arm").urdf
     centres = [(-0.05, 0.025, -0.03), (-0.05, -0.025, -0.03), (0.12, 0.03, -0.03), (0.12, -0.03, -0.03)]
     balls = tuple(replace(urdf.collisions[0], shape=Sphere(0.005), origin=Origin(xyz)) for xyz in centres)
-    foot = sole_of_balls(replace(urdf, collisions=balls), "base", 0.4)
+    robot = PinocchioModel(replace(urdf, collisions=balls))
+    measured = Measured(robot, robot.q0)
+    measured.add(Foot("base", "sole", 0.4))
+    (foot,) = measured.feet
+    assert (foot.frame, foot.friction, measured.added, measured.guessed) == ("base", 0.4, [], [])
     assert foot.half_size == pytest.approx((0.085, 0.025)) and foot.origin == pytest.approx((0.035, 0.0, -0.035))
     assert foot.radius == 0.005 and set(foot.balls) == set(centres)
-    with pytest.raises(ModelError, match="'base' does not stand on four balls"):
-        sole_of_balls(urdf, "base", 0.4)
 
 
 def test_feet_must_be_frames_of_the_robot():

@@ -13,6 +13,7 @@ import wbc
 from tasks import mimic_joints
 from tests.models.mjcf_oracle import compare
 from wbc.errors import ModelError, PathRefused
+from wbc.models.feet import Guessed
 from wbc.models.geometry import Cylinder, Mesh, Sphere
 from wbc.sim.mujoco_ import MujocoPlant
 
@@ -106,7 +107,7 @@ def test_our_robots_written_as_mjcf_are_the_same_robots(tmp_path, name, base):
     physics = spec.compile()
     path = tmp_path / "robot.xml"
     path.write_text(spec.to_xml())
-    again = wbc.load(path)
+    again = wbc.load(path, feet=[])
     assert (again.base, set(again.joint_names)) == (base, set(robot.joint_names))
     order = [again.joint_names.index(joint) for joint in robot.joint_names]
     np.testing.assert_allclose(again.limits.q_min[order], robot.limits.q_min, rtol=1e-5)
@@ -341,3 +342,34 @@ def test_arms_bolted_to_one_world_are_one_robot(tmp_path):
     robot = wbc.load(path)
     assert (robot.base, set(robot.joint_names)) == ("fixed", {"left_hinge", "right_hinge"})
     compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)
+
+
+#: Two legs of a box each under a trunk, drawn stretched; a keyframe bends them.
+LEGS = """
+<mujoco model="walker"><compiler angle="radian"/>
+  <worldbody><body name="trunk" pos="0 0 1" quat="0.7071067811865476 0 0 0.7071067811865476"><freejoint/>
+    <geom type="box" size=".1 .2 .1"/>{left}{right}</body></worldbody>
+  <keyframe><key time="3" ctrl="1"/><key name="low" qpos="3 4 0.9 1 0 0 0 0.5 -1 0.5 0.5 -1 0.5" ctrl="1"/></keyframe>
+</mujoco>
+"""
+LEG = """<body name="{0}_thigh" pos="0 {1} -.1"><joint name="{0}_hip" axis="0 1 0" range="-2 2"/>
+  <geom type="box" size=".02 .02 .2" pos="0 0 -.2"/><body name="{0}_shank" pos="0 0 -.4"><joint name="{0}_knee"
+  axis="0 1 0" range="-2 2"/><geom type="box" size=".02 .02 .2" pos="0 0 -.2"/><body name="{0}_foot" pos="0 0 -.4"><joint
+  name="{0}_ankle" axis="0 1 0" range="-2 2"/><geom type="box" size=".1 .04 .01" pos=".03 0 -.05"/></body></body></body>"""
+
+
+def test_keyframes_are_named_configurations_and_the_feet_are_found(tmp_path):
+    path = tmp_path / "walker.xml"
+    path.write_text(LEGS.format(left=LEG.format("left", 0.1), right=LEG.format("right", -0.1)))
+    with pytest.warns(Guessed, match="foot 'left_foot' is a sole of 20.0 x 8.0 cm"):
+        robot = wbc.load(path)
+    assert robot.q0[:7] == pytest.approx([0, 0, 0.96, 0, 0, 0.5**0.5, 0.5**0.5]), "drawn at 1 m, its soles at 4 cm"
+    low = robot.configurations["low"]
+    assert low[:2].tolist() == [3.0, 4.0] and low[3:7].tolist() == [0, 0, 0, 1]
+    assert dict(zip(robot.joint_names, low[7:], strict=True)) == {
+        f"{side}_{joint}": x for side in ("left", "right") for joint, x in (("hip", 0.5), ("knee", -1), ("ankle", 0.5))
+    }
+    state = robot.state()
+    state.update(0.0, low, np.zeros(robot.nv))
+    assert state.frame("right_foot").position[2] == pytest.approx(0.06)
+    assert wbc.load(path, q0="low", feet=[]).q0[2] == pytest.approx(0.9), "without feet, where the keyframe has it"

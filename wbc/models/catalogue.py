@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, final
 
 from wbc.errors import ModelError
-from wbc.models.feet import Foot, sole_of_balls
-from wbc.models.safe_xml import read_xml
-from wbc.models.urdf import Urdf
+from wbc.models.feet import Foot
 
 OWN_ROBOTS = Path(__file__).parent / "robots"
-FeetOf = Callable[[Urdf], list[Foot]]
 
 
 @final
@@ -22,16 +19,16 @@ FeetOf = Callable[[Urdf], list[Foot]]
 class Entry:
     """Where a robot's files are, how it stands, and what it stands on.
 
-    The stance is given by joint name, or by ``pose`` (a file and the name of a group state in it); joints that are
-    not named rest.
+    The stance is given by joint name, or by ``pose``, a group state of the SRDF beside the file (with a floating base:
+    the one in which it stands); joints that are not named rest.
     """
 
     urdf: str
     base: Literal["fixed", "floating"] = "fixed"
     stance: Mapping[str, float] = field(default_factory=dict)
-    pose: tuple[str, str] | None = None
+    pose: str | None = None
     rigid: tuple[str, ...] = ()
-    feet: FeetOf = lambda urdf: []
+    feet: tuple[Foot, ...] | None = None
 
 
 def example_robots() -> Path:
@@ -50,31 +47,12 @@ def example_robots() -> Path:
     raise ModelError("the package example-robot-data is not installed; pip install example-robot-data")
 
 
-def read_pose(path: Path, name: str) -> dict[str, list[float]]:
-    """Positions by joint of a group state in an SRDF; a floating base is called root_joint and has seven numbers.
-
-    Raises:
-        ModelError: not an SRDF, no such group state, or something that is not a number.
-    """
-    for state in read_xml(path, "robot").iter("group_state"):
-        if state.get("name") == name:
-            try:
-                return {j.get("name", ""): [float(x) for x in j.get("value", "").split()] for j in state.iter("joint")}
-            except ValueError as cause:
-                raise ModelError(f"{path}: group state {name!r}: {cause}") from None
-    raise ModelError(f"{path}: there is no group state {name!r}")
+def _points(radius: float, friction: float, *frames: str) -> tuple[Foot, ...]:
+    return tuple(Foot(frame, "point", friction, radius=radius) for frame in frames)
 
 
-def _points(radius: float, friction: float, *frames: str) -> FeetOf:
-    return lambda urdf: [Foot(frame, "point", friction, radius=radius) for frame in frames]
-
-
-def _soles(half_size: tuple[float, float], friction: float, *frames: str) -> FeetOf:
-    return lambda urdf: [Foot(frame, "sole", friction, half_size=half_size) for frame in frames]
-
-
-def _soles_of_balls(friction: float, *frames: str) -> FeetOf:
-    return lambda urdf: [sole_of_balls(urdf, frame, friction) for frame in frames]
+def _soles(half_size: tuple[float, float] | None, friction: float, *frames: str) -> tuple[Foot, ...]:
+    return tuple(Foot(frame, "sole", friction, half_size=half_size) for frame in frames)
 
 
 def _both(**joints: float) -> dict[str, float]:
@@ -120,7 +98,7 @@ EXAMPLES: Mapping[str, Entry] = {
     "ur10": Entry("ur_description/urdf/ur10_robot.urdf"),
     "kinova": Entry("kinova_description/robots/kinova.urdf"),
     "xarm7": Entry("xarm_description/urdf/xarm7.urdf"),
-    "z1": Entry("z1_description/urdf/z1.urdf", pose=("z1_description/srdf/z1.srdf", "home")),
+    "z1": Entry("z1_description/urdf/z1.urdf", pose="home"),
     "so100": Entry("so_arm_description/urdf/so100.urdf"),
     "so101": Entry("so_arm_description/urdf/so101.urdf"),
     "talos_arm": Entry("talos_data/robots/talos_left_arm.urdf"),
@@ -141,45 +119,25 @@ EXAMPLES: Mapping[str, Entry] = {
         stance=_UNITREE_STANCE,
         feet=_points(0.022, 0.5, *(f"{leg}_foot" for leg in _UNITREE)),
     ),
-    "go1": Entry("go1_description/urdf/go1.urdf", "floating", pose=("go1_description/srdf/go1.srdf", "standing")),
-    "a1": Entry("a1_description/urdf/a1.urdf", "floating", pose=("a1_description/srdf/a1.srdf", "standing")),
-    "b1": Entry("b1_description/urdf/b1.urdf", "floating", pose=("b1_description/srdf/b1.srdf", "standing")),
+    "go1": Entry("go1_description/urdf/go1.urdf", "floating"),
+    "a1": Entry("a1_description/urdf/a1.urdf", "floating"),
+    "b1": Entry("b1_description/urdf/b1.urdf", "floating"),
     "laikago": Entry("laikago_description/urdf/laikago.urdf", "floating"),
-    "anymal": Entry(
-        "anymal_b_simple_description/robots/anymal.urdf",
-        "floating",
-        pose=("anymal_b_simple_description/srdf/anymal.srdf", "standing"),
-    ),
-    "anymal_c": Entry(
-        "anymal_c_simple_description/urdf/anymal.urdf",
-        "floating",
-        pose=("anymal_c_simple_description/srdf/anymal.srdf", "standing"),
-    ),
-    "hyq": Entry(
-        "hyq_description/robots/hyq_no_sensors.urdf", "floating", pose=("hyq_description/srdf/hyq.srdf", "standing")
-    ),
-    "solo8": Entry(
-        "solo_description/robots/solo.urdf", "floating", pose=("solo_description/srdf/solo.srdf", "standing")
-    ),
-    "solo12": Entry(
-        "solo_description/robots/solo12.urdf", "floating", pose=("solo_description/srdf/solo.srdf", "standing")
-    ),
-    "centauro": Entry(
-        "centauro_description/urdf/centauro.urdf",
-        "floating",
-        pose=("centauro_description/srdf/centauro.srdf", "homing_nominal"),
-    ),
+    "anymal": Entry("anymal_b_simple_description/robots/anymal.urdf", "floating"),
+    "anymal_c": Entry("anymal_c_simple_description/urdf/anymal.urdf", "floating"),
+    "hyq": Entry("hyq_description/robots/hyq_no_sensors.urdf", "floating"),
+    "solo8": Entry("solo_description/robots/solo.urdf", "floating"),
+    "solo12": Entry("solo_description/robots/solo12.urdf", "floating"),
+    "centauro": Entry("centauro_description/urdf/centauro.urdf", "floating"),
     # ---- two legs
     "talos": Entry(
         "talos_data/robots/talos_reduced.urdf",
         "floating",
-        pose=("talos_data/srdf/talos.srdf", "half_sitting"),
         feet=_soles((0.10, 0.065), 0.3, "left_sole_link", "right_sole_link"),
     ),
     "talos_full": Entry(
         "talos_data/robots/talos_full_v2.urdf",
         "floating",
-        pose=("talos_data/srdf/talos.srdf", "half_sitting"),
         feet=_soles((0.10, 0.065), 0.3, "left_sole_link", "right_sole_link"),
     ),
     "g1": Entry(
@@ -189,27 +147,13 @@ EXAMPLES: Mapping[str, Entry] = {
             hip_pitch_joint=-0.3, knee_joint=0.6, ankle_pitch_joint=-0.3, shoulder_pitch_joint=0.2, elbow_joint=0.7
         )
         | {"left_shoulder_roll_joint": 0.25, "right_shoulder_roll_joint": -0.25},
-        feet=_soles_of_balls(0.4, "left_ankle_roll_link", "right_ankle_roll_link"),
+        feet=_soles(None, 0.4, "left_ankle_roll_link", "right_ankle_roll_link"),
     ),
-    "bolt": Entry(
-        "bolt_description/robots/bolt.urdf", "floating", pose=("bolt_description/srdf/bolt.srdf", "standing")
-    ),
-    "icub": Entry(
-        "icub_description/robots/icub.urdf", "floating", pose=("icub_description/srdf/icub.srdf", "half_sitting")
-    ),
-    "romeo": Entry(
-        "romeo_description/urdf/romeo.urdf", "floating", pose=("romeo_description/srdf/romeo.srdf", "half_sitting")
-    ),
+    "bolt": Entry("bolt_description/robots/bolt.urdf", "floating"),
+    "icub": Entry("icub_description/robots/icub.urdf", "floating"),
+    "romeo": Entry("romeo_description/urdf/romeo.urdf", "floating"),
     "human": Entry("human_description/robots/human.urdf", "floating"),
     "simple_humanoid": Entry("simple_humanoid_description/urdf/simple_humanoid.urdf", "floating"),
-    "alex": Entry(
-        "alex_description/urdf/alex_nub_hands.urdf",
-        "floating",
-        pose=("alex_description/srdf/alex_nub_hands.srdf", "default"),
-    ),
-    "alexander": Entry(
-        "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf",
-        "floating",
-        pose=("alexander_description/srdf/alexander.srdf", "default"),
-    ),
+    "alex": Entry("alex_description/urdf/alex_nub_hands.urdf", "floating"),
+    "alexander": Entry("alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf", "floating"),
 }

@@ -38,7 +38,7 @@ def coal_shape(shape: Shape) -> tuple[Any, Any]:
         return coal.Sphere(shape.radius), still
     if isinstance(shape, Cylinder):
         return coal.Cylinder(shape.radius, shape.length), still
-    points = _corners(shape)
+    points = mesh_points(shape)
     still.translation = 0.5 * (points.min(axis=0) + points.max(axis=0))
     try:
         outermost = ConvexHull(points).vertices
@@ -50,8 +50,12 @@ def coal_shape(shape: Shape) -> tuple[Any, Any]:
     return coal.ConvexBase.convexHull(corners, False, "Qt"), still
 
 
-def _corners(mesh: Mesh) -> Mat:
-    """The points of a mesh file (n, 3) [m], scaled."""
+def mesh_points(mesh: Mesh) -> Mat:
+    """The points of a mesh file (n, 3) [m], scaled.
+
+    Raises:
+        ModelError: a mesh file that is missing, empty, cut off, too large or not of its format.
+    """
     why = ""
     try:
         if mesh.path.stat().st_size > MAX_BYTES:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, final
 
-from wbc.errors import ModelError
-from wbc.models.geometry import Sphere, Triple
-from wbc.models.urdf import Urdf
+from wbc.models.geometry import Triple
+
+
+class Guessed(UserWarning):
+    """What a file does not say, and what was taken instead: feet, their friction, how a robot stands."""
 
 
 @final
@@ -18,6 +20,8 @@ class Foot:
     sole    a rectangle in the x-y plane of the frame, centred at ``origin`` [m], ``half_size`` (x, y) [m]; where the
             sole is really a set of balls, ``balls`` are their centres and ``radius`` is theirs
     point   a ball of ``radius`` [m] centred at ``origin``
+
+    ``load(..., feet=[...])`` measures a sole without ``half_size`` on the shapes of the robot.
     """
 
     frame: str
@@ -34,37 +38,3 @@ class Foot:
             return [(self.origin, self.radius)]
         (x, y, z), (dx, dy) = self.origin, self.half_size
         return [((x + i * dx, y + j * dy, z), 0.0) for i in (-1, 1) for j in (-1, 1)]
-
-
-def sole_of_balls(urdf: Urdf, frame: str, friction: float) -> Foot:
-    """The sole of a foot that stands on four balls, as the collision shapes of its link say.
-
-    The rectangle is the largest that the four centres enclose, so a centre of pressure in it is one that the balls
-    can give.
-
-    Raises:
-        ModelError: the link has not four balls of one size in one plane.
-    """
-    balls = [g for g in urdf.collisions if g.link == frame and isinstance(g.shape, Sphere)]
-    centres = [g.origin.xyz for g in balls]
-    radii = {g.shape.radius for g in balls if isinstance(g.shape, Sphere)}
-    if len(balls) != 4 or len(radii) != 1 or len({z for _, _, z in centres}) != 1:
-        raise ModelError(f"link {frame!r} does not stand on four balls of one size in one plane")
-    radius, z = radii.pop(), centres[0][2]
-    x_low, x_high = _inner([x for x, _, _ in centres])
-    y_low, y_high = _inner([y for _, y, _ in centres])
-    return Foot(
-        frame,
-        "sole",
-        friction,
-        origin=((x_low + x_high) / 2, (y_low + y_high) / 2, z - radius),
-        half_size=((x_high - x_low) / 2, (y_high - y_low) / 2),
-        radius=radius,
-        balls=tuple(centres),
-    )
-
-
-def _inner(values: list[float]) -> tuple[float, float]:
-    """The second smallest and third smallest of four: the sides of the inner rectangle."""
-    _, low, high, _ = sorted(values)
-    return low, high

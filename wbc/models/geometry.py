@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import atan2, cos, hypot, sin
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
-from wbc.types import Mat
+from wbc.types import Mat, Vec
 
 Triple = tuple[float, float, float]
 Color = tuple[float, float, float, float]
+
+
+def triple(values: Any) -> Triple:
+    """Three numbers as a tuple of floats."""
+    x, y, z = map(float, values)
+    return x, y, z
 
 
 @final
@@ -22,6 +28,14 @@ class Origin:
 
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def of(cls, position: Any, R: Mat) -> Origin:
+        """The pose of a rotation R = Rz Ry Rx (3, 3): roll is what is left without yaw, at a pitch of ±π/2 too."""
+        yaw = atan2(R[1, 0], R[0, 0])
+        pitch = atan2(-R[2, 0], hypot(R[0, 0], R[1, 0]))
+        roll = atan2(sin(yaw) * R[0, 2] - cos(yaw) * R[1, 2], cos(yaw) * R[1, 1] - sin(yaw) * R[0, 1])
+        return cls(triple(position), (roll, pitch, yaw))
 
     @property
     def rotation(self) -> Mat:
@@ -42,6 +56,13 @@ class Origin:
         result[:3, :3] = self.rotation
         result[:3, 3] = self.xyz
         return result
+
+    @property
+    def xyz_quaternion(self) -> Vec:
+        """Position and quaternion (x y z w), (7,)."""
+        import pinocchio as pin
+
+        return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(self.matrix)), dtype=np.float64)
 
 
 #: No offset.

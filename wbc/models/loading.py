@@ -4,43 +4,66 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, ModelError, UnknownRobot
+from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownRobot
 from wbc.models import plausible
-from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots, read_pose
-from wbc.models.geometry import Origin
+from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots
+from wbc.models.feet import Foot, Guessed
 from wbc.models.mjcf_reader import read_mjcf
+from wbc.models.poses import BASE, NamedPose, read_poses, srdf_beside, standing
 from wbc.models.safe_xml import read_xml
 from wbc.models.urdf import Urdf
 from wbc.models.urdf_reader import read_urdf
 from wbc.types import Vec
 
 if TYPE_CHECKING:
-    from wbc.models.pinocchio_ import PinocchioModel
+    from wbc.models.pinocchio_ import Base, PinocchioModel
+
+
+#: Soles that lean by less are the rounding of a file, by more no soles in this configuration [rad].
+_LEANS, _FALLS = np.radians(0.5), np.radians(30.0)
 
 
 def load(
     name_or_path: str | Path,
     *,
-    base: Literal["fixed", "floating"] | None = None,
+    base: Base | None = None,
+    feet: Iterable[str | Foot] | None = None,
+    srdf: str | Path | Mapping[str, Mapping[str, float]] | None = None,
+    q0: str | Mapping[str, float] | Vec | None = None,
     packages: Iterable[str | Path] = (),
 ) -> PinocchioModel:
     """A robot by its name, or from a URDF or MJCF file.
 
     Our own robots are "arm", "quadruped" and "humanoid"; "panda", "go2", "g1", "talos" and others need the package
     example-robot-data. ``base`` is what moves with the robot's first link: nothing ("fixed", the default for arms and
-    files) or six velocities ("floating", the default for robots with legs and for an MJCF body with a free joint).
+    files), six velocities ("floating", the default for robots with legs and for an MJCF body with a free joint), or
+    ("planar") three joints ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad] without limits.
+
+    ``feet``: what the robot stands on: frames, or :class:`~wbc.models.feet.Foot` with its size and friction. A foot
+    given by its frame alone is measured on the robot's shapes, a sole or a ball. Default, where the base floats: the
+    ends of its limbs that are lowest in the reference configuration. ``[]``: none.
+
+    ``srdf``: a file whose group states are the robot's named configurations, or these themselves, {name: {joint:
+    position}}. Default: the SRDF beside the file or in a folder ``srdf`` next to it; keyframes of an MJCF are there
+    too. ``robot.configurations`` has them all.
+
+    ``q0``: the reference configuration: one of these names, positions by joint (the other joints at rest), or all of it
+    (nq,). Default, where the base floats: the one called half_sitting, standing, stand, home or default. The base is
+    put where the lowest foot touches z = 0, unless all of ``q0`` is given. What was guessed is said in one warning,
+    :class:`~wbc.models.feet.Guessed`.
 
     MJCF (root element ``<mujoco>``) is compiled by MuJoCo, the extra ``sim``, after the checks that URDF passes: trees
     of hinges and slides with at most one free joint; bodies and named sites are frames (a site named as a body is
     ``<name>_site``), armature is part of M, equal joints are mimic joints. Springs, tendons and closed loops are left
-    out with a warning. Options, keyframes and what stands still or lies about in the world are not the robot's.
+    out with a warning. Options and what stands still or lies about in the world are not the robot's.
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
@@ -49,9 +72,10 @@ def load(
 
     Raises:
         UnknownRobot: no such name and no such file; with the names that are near.
+        UnknownConfiguration, UnknownJoint, UnknownFrame: what ``q0`` or ``feet`` name does not exist.
         ModelError: the file is not a robot, or the package with the robot is not installed.
         PathRefused: a mesh outside the allowed folders.
-        InvalidInput: ``base`` or ``name_or_path`` is something else.
+        InvalidInput: another argument makes no sense.
 
     Example:
         >>> from wbc.models import load
@@ -65,45 +89,159 @@ def load(
         raise InvalidInput(f"a robot is loaded by name or path, not by {type(name_or_path).__name__}")
     name = str(name_or_path)
     if base is not None:
-        checks.one_of("base", base, ("fixed", "floating"))
-    if isinstance(packages, str | Path) or not isinstance(packages, Iterable):
-        raise InvalidInput(f"packages is {checks.shown(packages)}; it must be a list of folders")
-    folders = []
-    for i, given in enumerate(packages):
-        if not isinstance(given, str | Path):
-            raise InvalidInput(f"packages[{i}] is {checks.shown(given)}; it must be the path of a folder")
-        folders.append(Path(given))
-    if isinstance(name_or_path, Path) or os.sep in name or "." in name:
-        return _named(None, Entry(name), Path(), base, folders)
-    if name in OWN:
-        return _named(name, OWN[name], OWN_ROBOTS, base, folders)
-    if name not in EXAMPLES:
-        raise UnknownRobot(name, [*OWN, *EXAMPLES], "or give the path of a URDF or MJCF file")
-    try:
-        folder = example_robots()
-    except ModelError as missing:
-        raise ModelError(f"robot {name!r}: {missing}") from None
-    return _named(name, EXAMPLES[name], folder / "robots", base, [folder, *folders])
-
-
-def _named(
-    name: str | None, entry: Entry, folder: Path, base: Literal["fixed", "floating"] | None, packages: list[Path]
-) -> PinocchioModel:
-    from wbc.models.pinocchio_ import PinocchioModel
-
-    urdf = read_description(folder / entry.urdf, packages=packages).with_rigid(entry.rigid)
-    base = base or (entry.base if urdf.base is None else "floating")
-    robot = PinocchioModel(urdf, base=base, name=name, feet=entry.feet(urdf))
-    robot = robot.replace(q0=_stance(robot, entry, folder))
+        checks.one_of("base", base, ("fixed", "floating", "planar"))
+    folders = [Path(folder) for folder in _listed("packages", packages, (str, Path), "the path of a folder")]
+    entry, folder = Entry(name), Path()
+    known = not isinstance(name_or_path, Path) and os.sep not in name and "." not in name
+    if known:
+        entry, folder = _entry(name)
+        folders = [folder.parent, *folders] if name in EXAMPLES else folders
+    urdf = read_description(folder / entry.urdf, packages=folders).with_rigid(entry.rigid)
+    wanted = _Wanted(base or (entry.base if urdf.base is None else "floating"), name if known else None, entry)
+    if feet is not None:
+        wanted.feet = _listed("feet", feet, (str, Foot), "a frame or a Foot")
+    robot = wanted.robot(urdf, srdf, q0)
     oddities = urdf.oddities()
     idle = _without_inertia(robot)
     if idle:
         oddities.append(f"{idle} moves no inertia, so there is kinematics and no dynamics")
-    for found, kind in ((oddities, UserWarning), (plausible.inertias(robot), plausible.ImplausibleInertia)):
+    guessed = (
+        [f"{'; '.join(wanted.guessed)} (load(..., feet=, srdf=, q0=) says otherwise)"]
+        if wanted.guessed and not known
+        else []
+    )
+    for found, kind in (
+        (oddities, UserWarning), (plausible.inertias(robot), plausible.ImplausibleInertia), (guessed, Guessed)
+    ):  # fmt: skip
         if found:
             more = f"; and {len(found) - 5} more" if len(found) > 5 else ""
-            warnings.warn(f"{robot.name}: {'; '.join(found[:5])}{more}", kind, stacklevel=3)
+            warnings.warn(f"{robot.name}: {'; '.join(found[:5])}{more}", kind, stacklevel=2)
     return robot
+
+
+def _listed(name: str, given: Any, kinds: tuple[type, ...], what: str) -> list[Any]:
+    if isinstance(given, str | Path) or not isinstance(given, Iterable):
+        raise InvalidInput(f"{name} is {checks.shown(given)}; it must be a list, each {what}")
+    listed = list(given)
+    for i, item in enumerate(listed):
+        if not isinstance(item, kinds):
+            raise InvalidInput(f"{name}[{i}] is {checks.shown(item)}; it must be {what}")
+    return listed
+
+
+def _entry(name: str) -> tuple[Entry, Path]:
+    """A robot that is known by its name, and the folder that its files are in."""
+    if name in OWN:
+        return OWN[name], OWN_ROBOTS
+    if name not in EXAMPLES:
+        raise UnknownRobot(name, [*OWN, *EXAMPLES], "or give the path of a URDF or MJCF file")
+    try:
+        return EXAMPLES[name], example_robots() / "robots"
+    except ModelError as missing:
+        raise ModelError(f"robot {name!r}: {missing}") from None
+
+
+@final
+@dataclass
+class _Wanted:
+    """How a robot is to stand; ``guessed`` are sentences on what nobody said, ``straight`` means that no pose is."""
+
+    base: Base
+    name: str | None
+    entry: Entry
+    feet: Sequence[str | Foot] | None = None
+    guessed: list[str] = field(default_factory=list)
+    straight: bool = False
+
+    def robot(self, urdf: Urdf, srdf: Any, q0: Any) -> PinocchioModel:
+        from wbc.models.pinocchio_ import PinocchioModel
+        from wbc.models.soles import Measured
+
+        urdf = urdf.on_plane() if self.base == "planar" else urdf
+        robot = PinocchioModel(urdf, base=self.base, name=self.name)
+        poses = dict(urdf.poses) | self._named(urdf, srdf)
+        whole = q0 is not None and not isinstance(q0, str | Mapping)
+        q = checks.array("q0", q0, (robot.nq,)) if whole else _posed(robot, self._pose(robot, poses, q0))
+        measured = Measured(robot, q)
+        feet = self.entry.feet if self.feet is None else self.feet
+        if feet is None and self.base == "floating":
+            measured.guess()
+        for foot in feet or ():
+            measured.add(foot)
+        if self.straight and not measured.feet:
+            q, self.guessed = _posed(robot, _drawn(robot)), []
+        self.guessed += measured.guessed
+        if measured.feet:
+            urdf = urdf.with_frames(measured.added)
+            robot = PinocchioModel(urdf, base=self.base, name=self.name, feet=measured.feet)
+        configurations = {name: _levelled(robot, _posed(robot, pose)) for name, pose in poses.items()}
+        return robot.replace(q0=q if whole else _levelled(robot, q), configurations=configurations)
+
+    def _named(self, urdf: Urdf, srdf: Any) -> dict[str, NamedPose]:
+        """Those given, or of the SRDF beside the file, which is passed over where it is not one."""
+        if isinstance(srdf, Mapping):
+            return {
+                name: {joint: [checks.number(f"srdf[{name!r}]", x)] for joint, x in p.items()}
+                for name, p in srdf.items()
+            }
+        if srdf is not None:
+            if not isinstance(srdf, str | Path):
+                raise InvalidInput(f"srdf is {checks.shown(srdf)}; it must be a path, or positions by name and joint")
+            return dict(read_poses(Path(srdf)))
+        beside = None if urdf.path is None else srdf_beside(urdf.path)
+        try:
+            return {} if beside is None else dict(read_poses(beside))
+        except ModelError:
+            return {}
+
+    def _pose(self, robot: PinocchioModel, poses: Mapping[str, NamedPose], q0: Any) -> NamedPose:
+        """Positions by joint: those asked for; or what the file draws, with a stance if it has one."""
+        if isinstance(q0, str):
+            if q0 not in poses:
+                raise UnknownConfiguration(q0, poses)
+            return poses[q0]
+        drawn = _drawn(robot)
+        if q0 is not None:
+            robot.configuration(q0)
+            return drawn | {joint: [position] for joint, position in q0.items()}
+        stance = {joint: [position] for joint, position in self.entry.stance.items()}
+        name = self.entry.pose
+        if robot.nb and not stance:
+            name = standing(name for name, pose in poses.items() if _is_within_limits(robot, pose))
+            self.guessed.append(f"q0 is {name!r}" if name else "in q0 joints are as straight as their limits allow")
+            self.straight = name is None
+        if self.straight:
+            drawn = _straight(robot) | drawn
+        return drawn | (dict(poses[name]) if name is not None else {}) | stance
+
+
+def _drawn(robot: PinocchioModel) -> dict[str, list[float]]:
+    """Where the file draws joints that it does not draw at zero."""
+    return {joint.name: [joint.reference] for joint in robot.urdf.joints if joint.reference}
+
+
+def _straight(robot: PinocchioModel) -> dict[str, list[float]]:
+    """Zero, or the limit that is nearest to it: legs are straight then, and their soles level, in most descriptions."""
+    limits = robot.limits
+    return {
+        joint: [min(max(0.0, low), high)]
+        for joint, low, high in zip(robot.joint_names, limits.q_min.tolist(), limits.q_max.tolist(), strict=True)
+    }
+
+
+def _posed(robot: PinocchioModel, pose: NamedPose) -> Vec:
+    """A configuration, standing on the feet that are known; joints that the robot has not are passed over."""
+    positions = {joint: values for joint, values in pose.items() if joint in robot.joint_names and len(values)}
+    q = robot.configuration(
+        {joint: v[0] if len(v) == 1 else float(np.arctan2(v[1], v[0])) for joint, v in positions.items()}
+    )
+    if robot.nb and robot.urdf.base is not None:
+        q[:7] = robot.urdf.base.xyz_quaternion
+    base = np.array(pose.get(BASE, ()))
+    if robot.nb and base.shape == (7,) and base[3:].any():
+        q[:7] = base
+        q[3:7] /= np.linalg.norm(base[3:])
+    return robot.on_ground(q)
 
 
 def read_description(path: str | Path, *, packages: Iterable[str | Path] = ()) -> Urdf:
@@ -123,28 +261,25 @@ def read_description(path: str | Path, *, packages: Iterable[str | Path] = ()) -
         raise ModelError(f"{str(path)[:200]}: it cannot be read: {cause.strerror}") from None
 
 
-def _stance(robot: PinocchioModel, entry: Entry, folder: Path) -> Vec:
-    """The reference configuration: the feet on the ground, or the base where the file with the stance puts it."""
-    stance = {joint.name: joint.reference for joint in robot.urdf.joints if joint.reference} | dict(entry.stance)
-    base: list[float] = []
-    if entry.pose is not None:
-        file, state = entry.pose
-        pose = read_pose(folder / file, state)
-        base = pose.pop("root_joint", [])
-        stance |= {joint: position[0] for joint, position in pose.items() if joint in robot.joint_names}
-    q0 = robot.configuration(stance)
-    if robot.nb and robot.urdf.base is not None:
-        q0[:7] = _xyz_quaternion(robot.urdf.base)
-    if robot.nb and not robot.feet and len(base) == 7:
-        q0[:7] = base
-        q0[3:7] /= np.linalg.norm(q0[3:7])
-    return q0
+def _is_within_limits(robot: PinocchioModel, pose: NamedPose) -> bool:
+    q, limits = _posed(robot, pose)[robot.nq - robot.nj :], robot.limits
+    sane = limits.q_min < limits.q_max
+    return bool(((limits.q_min <= q) & (q <= limits.q_max) | ~sane).all())
 
 
-def _xyz_quaternion(origin: Origin) -> Vec:
+def _levelled(robot: PinocchioModel, q: Vec) -> Vec:
+    """On the ground, and where the soles lean by half a degree and more, turned until their mean normal is up."""
     import pinocchio as pin
 
-    return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(origin.matrix)), dtype=np.float64)
+    soles = [foot.frame for foot in robot.feet.values() if foot.half_size is not None]
+    if robot.nb and soles:
+        state = robot.state()
+        state.update(0.0, q, np.zeros(robot.nv))
+        normal = np.sum([state.frame(frame).rotation[:, 2] for frame in soles], axis=0)
+        turn = pin.Quaternion.FromTwoVectors(normal, np.array([0.0, 0.0, 1.0]))
+        if _LEANS < pin.AngleAxis(turn).angle < _FALLS:
+            q[3:7] = (turn * pin.Quaternion(q[3:7])).coeffs()
+    return robot.on_ground(q)
 
 
 def _without_inertia(robot: PinocchioModel) -> str:

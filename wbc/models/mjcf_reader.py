@@ -7,7 +7,7 @@ that a robot from MJCF is the same kind of thing as one from URDF, in the model 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from math import atan2, cos, hypot, inf, sin
+from math import inf
 from pathlib import Path
 from typing import Any, cast, final
 from xml.etree.ElementTree import Element
@@ -16,10 +16,11 @@ import numpy as np
 
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
-from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
+from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, triple
 from wbc.models.mjcf_include import write_out
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
+from wbc.models.poses import BASE
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
 from wbc.types import Mat, Vec
 
@@ -96,9 +97,19 @@ class _Translation:
             path=path.resolve(),
             folders=self.source.folders,
             missing_meshes=tuple(self.source.missing),
-            base=_origin(m.body_pos[free[0]], self._matrix(m.body_quat[free[0]])) if free else None,
+            base=Origin.of(m.body_pos[free[0]], self._matrix(m.body_quat[free[0]])) if free else None,
             left_out=tuple(self.left_out),
+            poses={m.key(i).name or f"key_{i}": self._pose(m.key_qpos[i], free) for i in range(m.nkey)},
         )
+
+    def _pose(self, qpos: Vec, free: list[int]) -> dict[str, list[float]]:
+        """A keyframe: positions by joint, and where it puts a base that is free."""
+        m = self.m
+        pose = {self.joint(i): [float(qpos[m.jnt_qposadr[i]])] for i in range(m.njnt)}
+        for body in free:
+            x = qpos[m.jnt_qposadr[m.body_jntadr[body]] :][:7].tolist()
+            pose[BASE] = [*x[:3], *x[4:], x[3]]
+        return pose
 
     # ---- names
     def body(self, index: int) -> str:
@@ -144,7 +155,7 @@ class _Translation:
             self.links.append(Link(name, inertial))
             return
         parent = WORLD if m.body_parentid[body] == 0 else self.body(m.body_parentid[body])
-        here = _origin(m.body_pos[body], self._matrix(m.body_quat[body]))
+        here = Origin.of(m.body_pos[body], self._matrix(m.body_quat[body]))
         joints = range(m.body_jntadr[body], m.body_jntadr[body] + m.body_jntnum[body])
         anchor = np.zeros(3)
         for joint in joints:
@@ -158,7 +169,7 @@ class _Translation:
             parent, here = child, IDENTITY
         if parent != name:
             self.links.append(Link(name, None if joints else inertial))
-            at = Origin(_triple(-anchor)) if joints else here
+            at = Origin(triple(-anchor)) if joints else here
             self.joints.append(Joint(f"{name}_mount", "fixed", parent, name, at))
 
     def _at_zero(self, joint: int, position: Vec, R: Mat) -> Origin:
@@ -166,14 +177,14 @@ class _Translation:
         m = self.m
         back = -float(m.qpos0[m.jnt_qposadr[joint]])
         if m.jnt_type[joint] == self.mj.mjtJoint.mjJNT_SLIDE:
-            return _origin(position + back * R @ m.jnt_axis[joint], R)
+            return Origin.of(position + back * R @ m.jnt_axis[joint], R)
         turn = np.zeros(4)
         self.mj.mju_axisAngle2Quat(turn, m.jnt_axis[joint], back)
-        return _origin(position, R @ self._matrix(turn))
+        return Origin.of(position, R @ self._matrix(turn))
 
     def _add_site(self, site: int) -> None:
         m = self.m
-        name, origin = str(m.site(site).name), _origin(m.site_pos[site], self._matrix(m.site_quat[site]))
+        name, origin = str(m.site(site).name), Origin.of(m.site_pos[site], self._matrix(m.site_quat[site]))
         if any(link.name == name for link in self.links):  # bodies and sites may share a name, links may not
             name += "_site"
         self.links.append(Link(name))
@@ -186,7 +197,7 @@ class _Translation:
         R = self._matrix(m.body_iquat[body])
         inertia = R @ np.diag(m.body_inertia[body]) @ R.T
         entries = tuple(float(inertia[i, j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
-        return Inertial(float(m.body_mass[body]), cast("Any", entries), Origin(_triple(m.body_ipos[body])))
+        return Inertial(float(m.body_mass[body]), cast("Any", entries), Origin(triple(m.body_ipos[body])))
 
     # ---- joints
     def _joint(self, joint: int, parent: str, child: str, origin: Origin) -> Joint:
@@ -203,7 +214,7 @@ class _Translation:
             raise ModelError(f"joint {name!r} has an armature of {m.dof_armature[dof]:g}; it must not be negative")
         mimics, ratio, offset = self.mimics.get(joint, (None, 1.0, 0.0))
         return Joint(
-            name, kind, parent, child, origin, _triple(m.jnt_axis[joint]), lower, upper,
+            name, kind, parent, child, origin, triple(m.jnt_axis[joint]), lower, upper,
             effort=self._effort(joint), damping=float(m.dof_damping[dof]), friction=float(m.dof_frictionloss[dof]),
             armature=float(m.dof_armature[dof]), mimics=mimics, mimic_ratio=ratio, mimic_offset=offset,
             reference=float(m.qpos0[m.jnt_qposadr[joint]]),
@@ -254,7 +265,7 @@ class _Translation:
     # ---- shapes
     def _shapes(self, geom: int) -> Iterator[tuple[int, Geometry]]:
         m, kinds = self.m, self.mj.mjtGeom
-        body, size = self.body(m.geom_bodyid[geom]), _triple(m.geom_size[geom])
+        body, size = self.body(m.geom_bodyid[geom]), triple(m.geom_size[geom])
         at, R = m.geom_pos[geom], self._matrix(m.geom_quat[geom])
         material = m.geom_matid[geom]
         color = cast("Color", tuple(map(float, m.geom_rgba[geom] if material < 0 else m.mat_rgba[material])))
@@ -274,12 +285,12 @@ class _Translation:
                 # The compiler moves the vertices of a mesh into its own centre and axes; the file as they were.
                 R = R @ self._matrix(m.mesh_quat[mesh]).T
                 path = self.source.meshes[m.mesh(mesh).name]
-                shapes = [(Mesh(path, _triple(m.mesh_scale[mesh])), at - R @ m.mesh_pos[mesh])]
+                shapes = [(Mesh(path, triple(m.mesh_scale[mesh])), at - R @ m.mesh_pos[mesh])]
             case other:
                 kind = other.name.removeprefix("mjGEOM_").lower()
                 raise ModelError(f"a geom of body {body!r} is of type {kind}, which is not supported")
         for shape, place in shapes:
-            yield geom, Geometry(body, shape, _origin(place, R), color)
+            yield geom, Geometry(body, shape, Origin.of(place, R), color)
 
     def _matrix(self, quaternion: Vec) -> Mat:
         R = np.zeros(9)
@@ -287,20 +298,8 @@ class _Translation:
         return R.reshape(3, 3)
 
 
-def _origin(position: Vec, R: Mat) -> Origin:
-    """Roll, pitch and yaw of R = Rz Ry Rx. Roll is what is left without yaw, which holds at a pitch of ±π/2 too."""
-    yaw = atan2(R[1, 0], R[0, 0])
-    pitch = atan2(-R[2, 0], hypot(R[0, 0], R[1, 0]))
-    roll = atan2(sin(yaw) * R[0, 2] - cos(yaw) * R[1, 2], cos(yaw) * R[1, 1] - sin(yaw) * R[0, 1])
-    return Origin(_triple(position), (roll, pitch, yaw))
-
-
 def _moved(inertial: Inertial | None, step: Vec) -> Inertial | None:
     """The same mass seen from a frame whose axes are parallel and whose origin lies at -step."""
     if inertial is None:
         return None
-    return Inertial(inertial.mass, inertial.inertia, Origin(_triple(np.array(inertial.origin.xyz) + step)))
-
-
-def _triple(values: Any) -> Triple:
-    return cast("Triple", tuple(map(float, values)))
+    return Inertial(inertial.mass, inertial.inertia, Origin(triple(np.array(inertial.origin.xyz) + step)))

@@ -16,8 +16,8 @@ from wbc.errors import ModelError
 from wbc.models.folders import Folders
 
 #: Sections that describe a robot, and those that describe a simulation or a scene.
-_ROBOT = {"compiler", "default", "asset", "worldbody", "actuator", "equality", "tendon"}
-_SCENE = {"option", "size", "visual", "statistic", "custom", "sensor", "keyframe", "contact"}
+_ROBOT = {"compiler", "default", "asset", "worldbody", "actuator", "equality", "tendon", "keyframe"}
+_SCENE = {"option", "size", "visual", "statistic", "custom", "sensor", "contact"}
 #: What brings in other models or code, multiplies elements, or is not made of rigid bodies.
 _REFUSED = ("attach", "replicate", "composite", "flexcomp", "plugin", "extension", "deformable")
 _TENDONS = ("tendon", "spatial", "fixed")
@@ -148,6 +148,12 @@ class MjcfSource:
                     if "joint" not in actuator.attrib and "jointinparent" not in actuator.attrib:
                         self.left_out.append(f"actuator {actuator.get('name', '')!r} is left out: it moves no joint")
                         section.remove(actuator)
+            elif section.tag == "keyframe":
+                for key in list(section):
+                    if "qpos" not in key.attrib:
+                        section.remove(key)
+                    for what in set(key.attrib) - {"name", "qpos"}:
+                        del key.attrib[what]
             elif section.tag == "equality":
                 for equality in list(section):
                     if equality.tag != "joint" or "joint2" not in equality.attrib:

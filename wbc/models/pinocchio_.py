@@ -11,12 +11,15 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc import checks
-from wbc.errors import InvalidInput, ModelError
+from wbc.errors import ModelError
 from wbc.models.feet import Foot
 from wbc.models.model import Limits
 from wbc.models.pinocchio_state import PinocchioRobot, PinocchioState
 from wbc.models.urdf import Joint, Urdf
 from wbc.types import Vec
+
+Base = Literal["fixed", "floating", "planar"]
+BASES = ("fixed", "floating", "planar")
 
 #: Frames that Pinocchio adds and no URDF has.
 _INTERNAL = {"universe", "root_joint"}
@@ -26,10 +29,11 @@ _INTERNAL = {"universe", "root_joint"}
 class PinocchioModel(PinocchioRobot):
     """A robot from a URDF or MJCF file. Made by :func:`wbc.models.load`; it does not change once made.
 
-    Beside what every :class:`~wbc.models.model.RobotModel` has: ``base`` "fixed" or "floating"; ``urdf``, the checked
-    description with its ``path`` and ``text()``; ``armature`` (nj,), inertia of the rotors, part of M; ``visuals`` and
-    ``collisions``, shapes on links; ``feet`` by frame; ``pinocchio``, the model of that library (to be read only:
-    states keep copies), and ``frames``, the index of each frame in it.
+    Beside what every :class:`~wbc.models.model.RobotModel` has: ``base`` "fixed", "floating" or "planar"; ``urdf``, the
+    checked description with its ``path`` and ``text()``; ``armature`` (nj,), inertia of the rotors, part of M;
+    ``visuals`` and ``collisions``, shapes on links; ``feet`` by frame; ``configurations`` (nq,) by name, those of its
+    SRDF or the keyframes of its MJCF; ``pinocchio``, the model of that library (to be read only: states keep copies),
+    and ``frames``, the index of each frame in it.
 
     A floating base is the root link of the description. Each joint has one position: joints without end count on past
     π and have infinite limits. Mimic joints are joints of their own (``tasks.mimic_joints`` makes them gears). The mass
@@ -37,7 +41,7 @@ class PinocchioModel(PinocchioRobot):
 
     Raises:
         ModelError: Pinocchio cannot make a model of the description.
-        InvalidInput: ``base`` is neither "fixed" nor "floating".
+        InvalidInput: ``base`` is something else.
 
     Example:
         >>> from wbc.models import load
@@ -54,12 +58,11 @@ class PinocchioModel(PinocchioRobot):
         self,
         urdf: Urdf,
         *,
-        base: Literal["fixed", "floating"] = "fixed",
+        base: Base = "fixed",
         name: str | None = None,
         feet: Sequence[Foot] = (),
     ) -> None:
-        if base not in ("fixed", "floating"):
-            raise InvalidInput(f"base is {base!r}; it must be 'fixed' or 'floating'")
+        checks.one_of("base", base, BASES)
         self.urdf = urdf
         self.base = base
         self.name = name or urdf.name
@@ -82,6 +85,7 @@ class PinocchioModel(PinocchioRobot):
         self.frame_names = tuple(self.frames)
         for foot in self.feet:
             self.check_frame(foot)
+        self.configurations: Mapping[str, Vec] = {}
         self.q0 = _frozen(pin.neutral(model))
         self.q0 = _frozen(self.configuration({}))
 
@@ -123,11 +127,26 @@ class PinocchioModel(PinocchioRobot):
             q[self.nq - self.nj + self.joint(name)] = checks.number(f"joints[{name!r}]", position)
         if self.nb:
             q[6] = 1.0
-            q[2] = -self._lowest(q) if self.feet else 0.0
+        return self.on_ground(q)
+
+    def on_ground(self, q: Vec) -> Vec:
+        """``q`` (nq,) with a floating base moved up or down until its lowest foot is at z = 0; as it is without feet.
+
+        Example:
+            >>> from wbc.models import load
+            >>> robot = load("quadruped")
+            >>> float(robot.on_ground(robot.configuration({"front_left_knee": -1.6}))[2].round(3))
+            0.326
+        """
+        q = np.array(checks.array("q", q, (self.nq,)))
+        if self.nb and self.feet:
+            q[2] -= self._lowest(q)
         return q
 
-    def replace(self, *, q0: Vec | None = None, limits: Limits | None = None) -> PinocchioModel:
-        """The same robot with another reference configuration or other limits.
+    def replace(
+        self, *, q0: Vec | None = None, limits: Limits | None = None, configurations: Mapping[str, Vec] | None = None
+    ) -> PinocchioModel:
+        """The same robot with another reference configuration, other limits or other named configurations.
 
         Raises:
             InvalidInput: a wrong size, NaN in ``q0``.
@@ -143,6 +162,11 @@ class PinocchioModel(PinocchioRobot):
         other = copy.copy(self)
         if q0 is not None:
             other.q0 = _frozen(checks.array("q0", q0, (self.nq,)))
+        if configurations is not None:
+            other.configurations = {
+                name: _frozen(checks.array(f"configurations[{name!r}]", q, (self.nq,)))
+                for name, q in configurations.items()
+            }
         if limits is not None:
             other.limits = Limits(
                 *(
@@ -192,7 +216,7 @@ class PinocchioModel(PinocchioRobot):
         return self  # a value: all parts of a program may share it
 
     def __repr__(self) -> str:
-        base = f", {self.base} base" if self.base == "floating" else ""
+        base = f", {self.base} base" if self.base != "fixed" else ""
         return f"{self.name} ({self.nj} joints{base}, {self.mass:.1f} kg)"
 
 

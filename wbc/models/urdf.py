@@ -7,8 +7,8 @@ Reading is in :mod:`wbc.models.urdf_reader`. Source: the URDF specification, htt
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import inf, isnan
 from pathlib import Path
 from typing import Literal, final
@@ -18,11 +18,14 @@ from xml.etree.ElementTree import Element, SubElement
 from wbc.errors import ModelError, UnknownJoint
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Box, Cylinder, Geometry, Mesh, Origin, Sphere, Triple
+from wbc.models.poses import NamedPose
 
 JointKind = Literal["fixed", "revolute", "continuous", "prismatic"]
 
 #: What stands in a written URDF where a limit is infinite; parsers do not read "inf".
 _HUGE = 1e30
+#: What a robot on a plane moves along, along and about.
+_XYZ: tuple[Triple, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 #: No length [m], mass [kg] or inertia [kg m²] of a robot is larger; products of larger ones overflow.
 LARGEST = 1e9
 
@@ -86,7 +89,7 @@ class Urdf:
     """A robot: links and joints that form one tree, and what it looks like.
 
     ``base`` is where a description puts a base that is free to move, None where it says nothing of that kind;
-    ``left_out`` are sentences on parts of a file that are not in here.
+    ``poses`` are its named configurations; ``left_out`` are sentences on parts of a file that are not in here.
 
     Raises:
         ModelError: names given twice, unknown links, a link with two parents, a loop, two trees, nothing that moves,
@@ -103,6 +106,7 @@ class Urdf:
     missing_meshes: tuple[str, ...] = ()
     base: Origin | None = None
     left_out: tuple[str, ...] = ()
+    poses: Mapping[str, NamedPose] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _refuse_twice("links", [link.name for link in self.links])
@@ -123,6 +127,26 @@ class Urdf:
         for name in sorted(names - known):
             raise UnknownJoint(name, known)
         return replace(self, joints=tuple(replace(j, kind="fixed") if j.name in names else j for j in self.joints))
+
+    def with_frames(self, mounts: Sequence[Joint]) -> Urdf:
+        """The same robot with a link that weighs nothing at the end of each of some fixed joints."""
+        links = tuple(Link(joint.child) for joint in mounts)
+        return replace(self, links=self.links + links, joints=self.joints + tuple(mounts))
+
+    def on_plane(self) -> Urdf:
+        """The same robot on three joints without limits: ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad]."""
+        names = ("base_x", "base_y", "base_yaw")
+        root = next(link.name for link in self.links if all(joint.child != link.name for joint in self.joints))
+        carriers = ("plane", "base_x_link", "base_y_link")
+        joints = tuple(
+            Joint(name, "continuous" if name == "base_yaw" else "prismatic", parent, child, axis=axis)
+            for name, parent, child, axis in zip(names, carriers, (*carriers[1:], root), _XYZ, strict=True)
+        )
+        return replace(self, links=(*map(Link, carriers), *self.links), joints=(*joints, *self.joints))
+
+    def off_plane(self) -> Urdf:
+        """The robot of which ``on_plane`` made this one."""
+        return replace(self, links=self.links[3:], joints=self.joints[3:])
 
     def oddities(self) -> list[str]:
         """What is not wrong enough to refuse the robot: limits that nobody can keep, mimic joints, missing meshes."""

@@ -47,7 +47,7 @@ def build_model(
         UnknownFrame: a contact or a weld on a frame that is not a link.
     """
     mj = mujoco()
-    own = robot.urdf
+    own = robot.urdf.off_plane() if robot.base == "planar" else robot.urdf
     as_it_is = _compiles(mj, own)
     if not as_it_is:
         own = lumped(own)
@@ -57,6 +57,8 @@ def build_model(
         raise SimulationError(f"MuJoCo cannot read {robot.name}: {cause}") from cause
     if robot.nb:
         spec.worldbody.first_body().add_freejoint()
+    if robot.base == "planar":
+        _add_plane(mj, spec, robot.urdf)
     _set_options(mj, spec.option, settings, timestep)
     _add_floor_and_feet(mj, spec, feet, settings, floor)
     _set_joints(mj, spec, robot, settings)
@@ -82,6 +84,12 @@ def _compiles(mj: Any, urdf: Urdf) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _add_plane(mj: Any, spec: Any, urdf: Urdf) -> None:
+    for joint in urdf.joints[:3]:
+        kind = mj.mjtJoint.mjJNT_SLIDE if joint.kind == "prismatic" else mj.mjtJoint.mjJNT_HINGE
+        spec.worldbody.first_body().add_joint(name=joint.name, type=kind, axis=joint.axis)
 
 
 def _set_options(mj: Any, option: Any, settings: PhysicsSettings, timestep: float) -> None:

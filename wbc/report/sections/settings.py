@@ -22,7 +22,7 @@ def section(result: ScenarioResult) -> Section:
         rows = [
             ("mass [kg]", shown(robot.mass)),
             ("joints", shown(robot.nj)),
-            ("base", "floating" if robot.nb else "fixed"),
+            ("base", getattr(robot, "base", "fixed")),
             ("velocities", shown(robot.nv)),
             ("gravity [m/s²]", shown([float(x) for x in robot.gravity])),
         ]

@@ -1,0 +1,302 @@
+"""A robot from a file stands: its feet are found and measured, its base is above the ground, its pose has a name."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks import CenterOfMass, Orientation, Position, Posture, TorqueLimits, feet
+from tests.scenarios.test_standing import needs_examples
+from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownFrame, UnknownJoint
+from wbc.models import load
+from wbc.models.catalogue import example_robots
+from wbc.models.feet import Foot, Guessed
+from wbc.models.geometry import Box, Geometry, Mesh, Origin
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.models.soles import Measured, largest_rectangle
+
+OWN = Path(wbc.__file__).parent / "models" / "robots"
+#: Files of robots with legs, and how many of these.
+LEGGED = {
+    "a1_description/urdf/a1.urdf": 4,
+    "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf": 2,
+    "anymal_b_simple_description/robots/anymal-kinova.urdf": 4,
+    "anymal_b_simple_description/robots/anymal.urdf": 4,
+    "anymal_c_simple_description/urdf/anymal.urdf": 4,
+    "b1_description/urdf/b1.urdf": 4,
+    "bolt_description/robots/bolt.urdf": 2,
+    "g1_description/urdf/g1_29dof_rev_1_0.urdf": 2,
+    "go1_description/urdf/go1.urdf": 4,
+    "go2_description/urdf/go2.urdf": 4,
+    "hyq_description/robots/hyq_no_sensors.urdf": 4,
+    "icub_description/robots/icub_reduced.urdf": 2,
+    "romeo_description/urdf/romeo_small.urdf": 2,
+    "solo_description/robots/solo.urdf": 4,
+    "solo_description/robots/solo12.urdf": 4,
+    "talos_data/robots/talos_full_v2.urdf": 2,
+    "talos_data/robots/talos_reduced.urdf": 2,
+}
+
+
+def quietly(path: str | Path, **settings: Any) -> PinocchioModel:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load(path, **settings)
+
+
+def example(file: str, **settings: Any) -> PinocchioModel:
+    return quietly(example_robots() / "robots" / file, base="floating", **settings)
+
+
+def corners(robot: PinocchioModel, q: np.ndarray) -> dict[str, np.ndarray]:
+    """The lowest points of each foot in the world."""
+    state = robot.state()
+    state.update(0.0, q, np.zeros(robot.nv))
+    return {
+        name: np.array([state.frame(name).placement.act(np.array(p)) - [0, 0, below] for p, below in foot.lowest()])
+        for name, foot in robot.feet.items()
+    }
+
+
+@needs_examples
+@pytest.mark.parametrize("file", LEGGED)
+def test_a_robot_with_legs_stands_on_the_ground_with_its_mass_above_its_feet(file: str):
+    robot = example(file)
+    assert len(robot.feet) == LEGGED[file] == len(feet(robot))
+    points = corners(robot, robot.q0)
+    lowest = np.array([foot[:, 2].min() for foot in points.values()])
+    state = robot.state()
+    assert lowest.min() == pytest.approx(0.0, abs=1e-9)
+    assert lowest.max() < 0.03 * state.com[2]
+    for name, foot in robot.feet.items():
+        assert foot.kind == "point" or state.frame(name).rotation[2, 2] > np.cos(np.radians(2.0))
+    on_ground = np.concatenate(list(points.values()))[:, :2]
+    low, high = on_ground.min(axis=0) - 0.02, on_ground.max(axis=0) + 0.02
+    assert ((low < state.com[:2]) & (state.com[:2] < high)).all()
+    for q in robot.configurations.values():
+        assert min(foot[:, 2].min() for foot in corners(robot, q).values()) == pytest.approx(0.0, abs=1e-9)
+
+
+@needs_examples
+@pytest.mark.physics
+@pytest.mark.parametrize("file", [file for file in LEGGED if "bolt" not in file])  # which nobody can hold on two points
+def test_it_stands_in_physics_without_a_number_from_the_user(file: str):
+    pytest.importorskip("mujoco", reason="the extra `sim`")
+    from wbc.sim.mujoco_ import MujocoPlant
+    from wbc.sim.simulate import simulate
+
+    robot = example(file)
+    state, base = robot.state(), robot.frame_names[0]
+    com, upright = state.com.copy(), np.array(state.frame(base).rotation)
+    tasks = [
+        CenterOfMass(target=com, kp=100),
+        Orientation(base, target=upright, kp=100),
+        Posture(robot.q0, weight=1e-3),
+    ]
+    stack = wbc.Stack(tasks, contacts=feet(robot), subject_to=[TorqueLimits()])
+    plant = MujocoPlant(robot, contacts=feet(robot, friction_share=1.0), dt=2e-3)
+    run = simulate(wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3), plant, duration=1.0)
+    assert run.meta["ended"] == "complete" and not plant.fallen
+    state.update(0.0, plant.q, plant.v)
+    assert np.linalg.norm(state.com - com) < 0.02
+
+
+@pytest.mark.parametrize("name", ["quadruped", "humanoid"])
+def test_what_is_found_is_what_the_catalogue_knows(name: str):
+    known, found = load(name), quietly(OWN / f"{name}.urdf", base="floating")
+    assert set(found.feet) == set(known.feet)
+    for frame, foot in known.feet.items():
+        assert found.feet[frame].kind == foot.kind and found.feet[frame].radius == pytest.approx(foot.radius, abs=1e-9)
+        for mine, theirs in zip(found.feet[frame].lowest(), foot.lowest(), strict=True):
+            np.testing.assert_allclose(mine[0], theirs[0], atol=1e-9)
+
+
+def test_what_was_guessed_is_said_once_and_what_was_given_is_not():
+    path = OWN / "quadruped.urdf"
+    with pytest.warns(Guessed, match=r"'front_left_foot' is a ball of 20 mm with a friction of 0\.5") as said:
+        load(path, base="floating")
+    assert len(said) == 1 and said[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(path, base="floating", q0={}, feet=[Foot("front_left_foot", "point", 0.6, radius=0.02)])
+        assert not load(path, base="floating", feet=[]).feet
+        load(path)
+        load("quadruped")
+
+
+def test_feet_are_given_by_frame_or_whole():
+    path = OWN / "humanoid.urdf"
+    whole = Foot("left_sole", "sole", 0.7, half_size=(0.1, 0.04))
+    robot = quietly(path, base="floating", feet=[whole, "right_sole"])
+    assert robot.feet["left_sole"] == whole
+    assert robot.feet["right_sole"].half_size == pytest.approx((0.11, 0.05))
+    measured = quietly(path, base="floating", feet=[Foot("left_sole", "sole", 0.7)]).feet["left_sole"]
+    assert measured.friction == 0.7 and measured.half_size == pytest.approx((0.11, 0.05))
+    with pytest.raises(UnknownFrame, match="'left_soul'; did you mean 'left_sole'"):
+        load(path, base="floating", feet=["left_soul"])
+    for wrong, sentence in (("left_sole", "it must be a list"), ([3], r"feet\[0\] is 3; it must be a frame or a Foot")):
+        with pytest.raises(InvalidInput, match=sentence):
+            load(path, feet=wrong)  # type: ignore[arg-type]
+
+
+def test_an_arm_that_floats_has_no_feet():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not load(OWN / "arm.urdf", base="floating").feet
+
+
+SRDF = (
+    '<robot name="arm"><group_state name="home" group="all"><joint name="elbow" value="1.2"/>'
+    '<joint name="of_another_robot" value="9"/></group_state>'
+    '<group_state name="up" group="all"><joint name="elbow" value="0.3"/></group_state></robot>'
+)
+
+
+def test_named_configurations_come_from_the_srdf_beside_the_file(tmp_path: Path):
+    for folder in ("urdf", "srdf"):
+        (tmp_path / folder).mkdir()
+    path = tmp_path / "urdf" / "arm_left.urdf"
+    path.write_text((OWN / "arm.urdf").read_text())
+    (tmp_path / "srdf" / "arm.srdf").write_text(SRDF)
+    (tmp_path / "srdf" / "arm_right.srdf").write_text("<robot/>")
+    robot = load(path)
+    elbow = robot.joint("elbow")
+    assert {name: q[elbow] for name, q in robot.configurations.items()} == {"home": 1.2, "up": 0.3}
+    assert robot.q0[elbow] == robot.configuration({})[elbow], "what is fixed to the ground stands anyway"
+    assert load(path, q0="up").q0[elbow] == 0.3
+    with pytest.raises(UnknownConfiguration, match="no configuration 'upp'; did you mean 'up'"):
+        load(path, q0="upp")
+    (tmp_path / "srdf" / "arm.srdf").write_text("not even XML")
+    assert load(path).configurations == {}
+    with pytest.raises(ModelError, match=r"arm\.srdf: not well-formed XML"):
+        load(path, srdf=tmp_path / "srdf" / "arm.srdf")
+
+
+def test_configurations_and_the_reference_may_be_given():
+    path = OWN / "arm.urdf"
+    robot = load(path, srdf={"bent": {"elbow": 1.0}}, q0="bent")
+    elbow = robot.joint("elbow")
+    assert robot.q0[elbow] == 1.0 == robot.configurations["bent"][elbow]
+    assert load(path, q0={"elbow": 0.7}).q0[elbow] == 0.7
+    assert load("arm", q0=robot.q0).q0.tolist() == robot.q0.tolist()
+    whole = np.r_[0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 1.0, np.zeros(12)]
+    assert load("quadruped", q0=whole).q0.tolist() == whole.tolist(), "all of it, the height of the base too"
+    with pytest.raises(UnknownJoint, match="'elbo'; did you mean 'elbow'"):
+        load(path, q0={"elbo": 0.7})
+    with pytest.raises(InvalidInput, match=r"q0 must have shape \(7,\)"):
+        load(path, q0=np.zeros(3))
+    with pytest.raises(InvalidInput, match="srdf is 3; it must be a path"):
+        load(path, srdf=3)  # type: ignore[arg-type]
+
+
+@needs_examples
+def test_a_stance_outside_the_limits_is_not_taken():
+    robot = example("simple_humanoid_description/urdf/simple_humanoid.urdf")
+    q = robot.q0[-robot.nj :]
+    assert "half_sitting" in robot.configurations
+    assert ((robot.limits.q_min <= q) & (q <= robot.limits.q_max)).all()
+
+
+# ---- what a foot is
+points = st.lists(st.tuples(*[st.floats(-0.2, 0.2)] * 2), min_size=3, max_size=30).map(np.array)
+
+
+@given(points)
+def test_the_rectangle_lies_in_the_hull(cloud: np.ndarray):
+    from scipy.spatial import ConvexHull, QhullError
+
+    (x, y), (dx, dy) = largest_rectangle(cloud)
+    assert dx >= 0.0 and dy >= 0.0
+    try:
+        hull = ConvexHull(cloud).equations
+    except QhullError:
+        return
+    ends = np.array([[x + i * dx, y + j * dy] for i in (-1, 1) for j in (-1, 1)])
+    assert (hull[:, :2] @ ends.T + hull[:, 2:]).max() < 3e-9, "points are rounded to nanometres"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_box_is_measured_as_it_is_wherever_the_robot_stands(seed: int):
+    rng = np.random.default_rng(seed)
+    arm = load("arm")
+    size, at = rng.uniform(0.05, 0.3, 3), rng.uniform(-0.2, 0.2, 3)
+    shape = Geometry("base", Box(tuple(size)), Origin(tuple(at)))
+    robot = PinocchioModel(replace(arm.urdf, collisions=(shape,)), base="floating")
+    q = robot.q0.copy()
+    yaw = rng.uniform(-3, 3)
+    q[:7] = [*rng.uniform(-2, 2, 3), 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)]
+    measured = Measured(robot, q)
+    measured.add("base")
+    (foot,) = measured.feet
+    assert foot.half_size == pytest.approx(size[:2] / 2)
+    assert foot.origin == pytest.approx((at[0], at[1], at[2] - size[2] / 2))
+
+
+def ball_file(folder: Path, radius: float, level: int) -> Path:
+    """A ball as triangles: rings of points."""
+    turn, tilt = np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-np.pi / 2, np.pi / 2, level)
+    lines = [
+        f"v {radius * np.cos(b) * np.cos(a)} {radius * np.cos(b) * np.sin(a)} {radius * np.sin(b)}"
+        for b in tilt for a in turn
+    ]  # fmt: skip
+    faces = [
+        f"f {i * 24 + j + 1} {i * 24 + (j + 1) % 24 + 1} {(i + 1) * 24 + j + 1}"
+        for i in range(level - 1)
+        for j in range(24)
+    ]
+    path = folder / "ball.obj"
+    path.write_text("\n".join(lines + faces))
+    return path
+
+
+@pytest.mark.parametrize("radius", [0.015, 0.03, 0.06])
+def test_a_ball_made_of_triangles_is_a_ball(tmp_path: Path, radius: float):
+    urdf = load("arm").urdf
+    mesh = Geometry("base", Mesh(ball_file(tmp_path, radius, 41)), Origin((0.1, 0.0, -0.2)))
+    robot = PinocchioModel(replace(urdf, collisions=(mesh,)), base="floating")
+    measured = Measured(robot, robot.q0)
+    measured.add("base")
+    (foot,), (mount,) = measured.feet, measured.added
+    assert foot.kind == "point" and foot.radius == pytest.approx(radius, abs=1e-4) and foot.frame == "base_foot"
+    assert mount.origin.xyz == pytest.approx((0.1, 0.0, -0.2), abs=1e-4)
+
+
+# ---- a base that drives
+def test_a_planar_base_is_three_joints_that_drive():
+    robot = load("arm", base="planar")
+    assert robot.joint_names[:3] == ("base_x", "base_y", "base_yaw") and (robot.nb, robot.nq) == (0, 10)
+    assert robot.joint_units[:3] == ("m", "m", "rad") and np.isinf(robot.limits.v_max[:3]).all()
+    assert repr(robot).startswith("arm (10 joints, planar base")
+    state, still = robot.state(), load("arm").state()
+    q = np.r_[1.0, 2.0, np.pi / 2, robot.q0[3:]]
+    state.update(0.0, q, np.zeros(10))
+    x, y, z = still.frame("tool").position
+    np.testing.assert_allclose(state.frame("tool").position, [1.0 - y, 2.0 + x, z], atol=1e-12)
+
+
+@pytest.mark.physics
+def test_a_planar_base_carries_its_arm_where_that_does_not_reach():
+    pytest.importorskip("mujoco", reason="the extra `sim`")
+    from wbc.sim.mujoco_ import MujocoPlant
+    from wbc.sim.simulate import simulate
+
+    robot = load("arm", base="planar")
+    target = robot.state().frame("tool").position + np.array([0.8, -0.5, 0.0])
+    stack = wbc.Stack(
+        [Position("tool", target=target, kp=25), Posture(robot.q0, weight=1e-4)], subject_to=[TorqueLimits()]
+    )
+    plant = MujocoPlant(robot, dt=2e-3)
+    run = simulate(wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3), plant, duration=4.0)
+    state = robot.state()
+    state.update(0.0, plant.q, plant.v)
+    assert run.meta["ended"] == "complete" and max(plant.agreement.values()) < 1e-9
+    np.testing.assert_allclose(state.frame("tool").position, target, atol=5e-3)
+    assert np.hypot(*plant.q[:2]) > 0.5

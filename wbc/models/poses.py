@@ -1,0 +1,46 @@
+"""Named configurations: group states of an SRDF, positions by joint, and which of several a robot stands in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from wbc.errors import ModelError
+from wbc.models.safe_xml import read_xml
+
+#: Positions by joint; one number, two (cosine and sine) of a joint without end, seven of a base that floats.
+NamedPose = Mapping[str, Sequence[float]]
+#: What a floating base is called among the joints: x y z, quaternion x y z w.
+BASE = "root_joint"
+#: How configurations in which robots stand are called, or begin to be called; the first that there is.
+_STANDING = ("half_sitting", "standing", "stand", "home", "homing", "default")
+
+
+def read_poses(path: Path) -> dict[str, dict[str, list[float]]]:
+    """The group states of an SRDF by name; a base that floats is called "root_joint".
+
+    Raises:
+        ModelError: not an SRDF, or something that is not a number.
+    """
+    found = {}
+    try:
+        for state in read_xml(path, "robot").iter("group_state"):
+            joints = [(joint.get("name", ""), joint.get("value", "")) for joint in state.iter("joint")]
+            found[state.get("name", "")] = {name: [float(x) for x in text.split()] for name, text in joints}
+    except (ModelError, ValueError) as cause:
+        raise ModelError(f"{path}: {cause}") from None
+    return found
+
+
+def srdf_beside(path: Path) -> Path | None:
+    """The SRDF in the folder of a robot's file, or in a folder ``srdf`` in or beside it, whose name is the file's or
+    what the file's begins with."""
+    folders = (path.parent, path.parent / "srdf", path.parent.parent / "srdf")
+    files = [file for folder in folders for file in sorted(folder.glob("*.srdf")) if path.stem.startswith(file.stem)]
+    return max(files, key=lambda file: len(file.stem), default=None)
+
+
+def standing(names: Iterable[str]) -> str | None:
+    """The one of several configurations that a robot most likely stands in, by its name."""
+    shortest = sorted(names, key=len)
+    return next((name for word in _STANDING for name in shortest if name.startswith(word)), None)
