@@ -352,10 +352,14 @@ LEGS = """
   <keyframe><key time="3" ctrl="1"/><key name="low" qpos="3 4 0.9 1 0 0 0 0.5 -1 0.5 0.5 -1 0.5" ctrl="1"/></keyframe>
 </mujoco>
 """
-LEG = """<body name="{0}_thigh" pos="0 {1} -.1"><joint name="{0}_hip" axis="0 1 0" range="-2 2"/>
-  <geom type="box" size=".02 .02 .2" pos="0 0 -.2"/><body name="{0}_shank" pos="0 0 -.4"><joint name="{0}_knee"
-  axis="0 1 0" range="-2 2"/><geom type="box" size=".02 .02 .2" pos="0 0 -.2"/><body name="{0}_foot" pos="0 0 -.4"><joint
-  name="{0}_ankle" axis="0 1 0" range="-2 2"/><geom type="box" size=".1 .04 .01" pos=".03 0 -.05"/></body></body></body>"""
+LEG = """
+  <body name="{0}_thigh" pos="0 {1} -.1"><joint name="{0}_hip" axis="0 1 0" range="-2 2"/>
+    <geom type="box" size=".02 .02 .2" pos="0 0 -.2"/>
+    <body name="{0}_shank" pos="0 0 -.4"><joint name="{0}_knee" axis="0 1 0" range="-2 2"/>
+      <geom type="box" size=".02 .02 .2" pos="0 0 -.2"/>
+      <body name="{0}_foot" pos="0 0 -.4"><joint name="{0}_ankle" axis="0 1 0" range="-2 2"/>
+        <geom type="box" size=".1 .04 .01" pos=".03 0 -.05"/></body></body></body>
+"""
 
 
 def test_keyframes_are_named_configurations_and_the_feet_are_found(tmp_path):
