@@ -51,6 +51,12 @@ def test_arms_that_can_hold_themselves_up_stay_within_their_limits(seed: int, tm
     kept(robot, tau_max, seed, 150)
 
 
+def test_a_way_to_rest_that_no_longer_fits_is_looked_for_anew(tmp_path: Path) -> None:
+    """Three joints of which two stop sooner than the way found before says: holding them so is beyond a motor."""
+    robot, tau_max = arm(101, tmp_path, share=np.random.default_rng(101).uniform(0.3, 0.9))
+    kept(robot, tau_max, 101, 830)
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize("seed", range(100, 200))
 def test_many_arms_stay_within_their_limits(seed: int, tmp_path: Path) -> None:
@@ -62,12 +68,6 @@ def test_many_arms_stay_within_their_limits(seed: int, tmp_path: Path) -> None:
 def test_our_robots_stay_within_their_limits_with_feet_in_the_air(name: str) -> None:
     robot = wbc.load(name, base="fixed")
     kept(robot, np.maximum(holding_torque(robot) / 0.7, 0.5), 1, 80)
-
-
-@pytest.mark.deep
-def test_compiled_ticks_stay_within_the_limits_too(tmp_path: Path) -> None:
-    robot, tau_max = arm(3, tmp_path)
-    kept(robot, tau_max, 3, 150)
 
 
 def test_a_decision_that_can_be_braked_is_left_as_it_is(tmp_path: Path) -> None:

@@ -225,10 +225,8 @@ class Controller(Solving):
         plan = self.plan
         self.status = status = self.asked(self._solver)
         if plan.stopping is not None and status is Status.SOLVED:
-            for _ in plan.stopping.narrowings(plan, state):
-                self.status = status = self.asked(self._solver)
-                if status is not Status.SOLVED:
-                    break
+            plan.stopping.keep(plan, state, self._solve_again)
+            status = self.status
         if status is not Status.SOLVED:
             return self.ladder.descend(status, q, v)
         if plan.intervals is not None and plan.intervals.recovering:
@@ -241,6 +239,10 @@ class Controller(Solving):
             return self.ladder.resume(command, q, v)
         self.ladder.good = command
         return command
+
+    def _solve_again(self) -> bool:
+        self.status = self.asked(self._solver)
+        return self.status is Status.SOLVED
 
     # What overflows has a status: where warnings are errors, a tick raises none. Compiled code never warns.
     _decide_in_silence = np.errstate(all="ignore")(_decide)

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple, final
 
@@ -37,6 +38,7 @@ from wbc.qp.problem import QP
 from wbc.qp.relax import relaxed
 from wbc.qp.rows import RowSolver
 from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED
+from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.stack.plan import Plan
 from wbc.types import Status, Vec
@@ -223,22 +225,28 @@ class Ladder:
                 continue
             items += classes[kind]
             for solver in map(by_name, _OF_RELAXED):  # what one takes for infeasible the other may solve
+                found: list[Solution] = []
+                solve = partial(self._solve_relaxed, solver, items, share, found)
                 try:
-                    solution = solver.solve(relaxed(qp, items, share=share))
+                    solved = solve()
                 except InvalidProblem:
                     return None
-                if solution.status.ok and np.abs(solution.x).max() < _HUGE:
-                    self._write(solution.x[: p.n])
+                if solved:
                     if plan.stopping is not None:
-                        for _ in plan.stopping.narrowings(plan, self._controller.state):
-                            narrowed = solver.solve(relaxed(plan.qp, items, share=share))
-                            if not narrowed.status.ok:
-                                break
-                            solution = narrowed
-                            self._write(solution.x[: p.n])
-                    self._controller.why = _said_relaxed(plan, qp, sorted(items), solution.x[p.n :])
-                    return solution.certificate
+                        plan.stopping.keep(plan, self._controller.state, solve)
+                    self._controller.why = _said_relaxed(plan, qp, sorted(items), found[-1].x[p.n :])
+                    return found[-1].certificate
         return None
+
+    def _solve_relaxed(self, solver: Solver, items: list[int], share: float, found: list[Solution]) -> bool:
+        """Solve the plan's problem with these rows relaxed; an answer goes into the plan's memory and to ``found``."""
+        plan = self._controller.plan
+        solution = solver.solve(relaxed(plan.qp, items, share=share))
+        if not solution.status.ok or not np.abs(solution.x).max() < _HUGE:
+            return False
+        found.append(solution)
+        self._write(solution.x[: plan.problem.n])
+        return True
 
     def _closed_form(self) -> bool:
         """minimise the cost under A x = b, one linear system; then joints and torques are cut to their bounds.

@@ -7,7 +7,7 @@ dynamics.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import NamedTuple, final
 
 import numpy as np
@@ -69,8 +69,8 @@ class Stopping:
     for all joints. A state is safe where one of the policies comes to rest with no joint past its limit, and the
     torques hold the robot there. The next tick can then do what the policy does, so positions, velocities and torques
     can be kept together for ever. A decision that leads to a state that is not safe is taken back: accelerations are
-    bounded by a box around those of the way to rest found last, a quarter as large each time, and the tick is solved
-    again.
+    bounded by a box around those of a way to rest, a quarter as large each time, and the tick is solved again. Where the
+    torques do not allow the last box, each joint is left the decelerations that still stop it at its limit.
 
     It holds for robots on a fixed base without contacts, whose model, torque limits and states are what they are
     thought to be. The way to rest is computed with ``_MARGIN`` of the torques in hand. Other rows of the stack that
@@ -236,11 +236,13 @@ class Stopping:
         return -most * D, not outside.any()
 
     # ---- what a tick may decide
-    def narrowings(self, plan: Filled, state: RobotState) -> Iterator[None]:
-        """As long as the decision in the plan's memory is not safe: narrow the bounds of its accelerations, and yield.
+    def keep(self, plan: Filled, state: RobotState, solve: Callable[[], bool]) -> None:
+        """Narrow the bounds of the accelerations, and ``solve`` again, until the decision in the plan's memory is safe.
 
-        The caller then solves again. The last bounds leave the way to rest alone. While limits of a joint are lifted
-        nothing is narrowed: that joint has no way to rest, and the others count on the constant B.
+        ``solve`` leaves a decision within the bounds there and says whether it could. The last bounds leave the first
+        acceleration of a way to rest alone. It is looked for anew from this state, since the one found with an earlier
+        decision was checked at its own moments only. While limits of a joint are lifted nothing is narrowed: that joint
+        has no way to rest, and the others count on the constant B.
         """
         if plan.applied.lifts:
             return
@@ -250,22 +252,33 @@ class Stopping:
             return
         lower, upper = plan.joint_bound_rows
         low, high = lower.copy(), upper.copy()
+        wanted = plan.problem.value[plan.layout.motion_items].copy()
+        self.is_safe(state.t, state.q, state.v)
         brake = self._along_the_way(state)
         if self._intervals.remembers and not self._intervals.recovering:  # limits on jerk give way
             low, high = np.minimum(low, brake), np.maximum(high, brake)
         brake = np.clip(brake, low, high)
         B, _ = self._intervals.ahead(state.q_joints, state.v_joints)
-        wanted = plan.problem.value[plan.layout.motion_items]
         reach = float((np.abs(wanted - brake) / np.maximum(B, _ROUNDING)).max()) * B
         share = min(0.5, 2.0 * self._share)
         while True:
             np.maximum(low, brake - share * reach - _ROUNDING, out=lower)
             np.minimum(high, brake + share * reach + _ROUNDING, out=upper)
             self._share = share
-            yield
+            if not solve():  # nor could it in a narrower box
+                self._just_in_time(state, low, high, lower, upper)
+                solve()
+                return
             if share == 0.0 or self._is_safe_after(plan, state):
                 return
             share = 0.25 * share if share > _LEAST_SHARE else 0.0
+
+    def _just_in_time(self, state: RobotState, low: Vec, high: Vec, lower: Vec, upper: Vec) -> None:
+        """Of the bounds ``low`` and ``high`` those decelerations, or more, that stop each joint at the limit ahead."""
+        v = state.v
+        _, _, needed = self._needed(state.q, v)
+        np.clip(np.where(v < 0.0, needed, -np.inf), low, high, out=lower)
+        np.clip(np.where(v > 0.0, -needed, np.inf), low, high, out=upper)
 
     def _is_safe_after(self, plan: Filled, state: RobotState) -> bool:
         """Whether the state that the accelerations in the plan's memory lead to is safe."""
