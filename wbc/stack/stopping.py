@@ -69,8 +69,8 @@ class Stopping:
     for all joints. A state is safe where one of the policies comes to rest with no joint past its limit, and the
     torques hold the robot there. The next tick can then do what the policy does, so positions, velocities and torques
     can be kept together for ever. A decision that leads to a state that is not safe is taken back: accelerations are
-    bounded by a box around those of a way to rest, a quarter as large each time, and the tick is solved again. Where the
-    torques do not allow the last box, each joint is left the decelerations that still stop it at its limit.
+    bounded by a box around those of a way to rest, a quarter as large each time, and the tick is solved again. Where
+    the torques do not allow the last box, each joint is left the decelerations that still stop it at its limit.
 
     It holds for robots on a fixed base without contacts, whose model, torque limits and states are what they are
     thought to be. The way to rest is computed with ``_MARGIN`` of the torques in hand. Other rows of the stack that
