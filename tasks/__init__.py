@@ -76,6 +76,7 @@ from .limits.torque import TorqueLimits as TorqueLimits
 from .limits.torque_speed import TorqueSpeedLimits as TorqueSpeedLimits
 from .linear_momentum import LinearMomentum as LinearMomentum
 from .loop_closure import LoopClosure as LoopClosure
+from .loop_closures import loop_closures as loop_closures
 from .low_acceleration import LowAcceleration as LowAcceleration
 from .manipulability import ManipulabilityTask as ManipulabilityTask
 from .mimic_joints import mimic_joints as mimic_joints

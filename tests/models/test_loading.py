@@ -231,7 +231,7 @@ def test_a_robot_is_changed_by_making_another():
 def test_unknown_robots_are_answered_with_near_ones():
     with pytest.raises(UnknownRobot, match="no robot 'quadrupet'; did you mean 'quadruped'"):
         load("quadrupet")
-    with pytest.raises(InvalidInput, match="by name or path, not by int"):
+    with pytest.raises(InvalidInput, match="by name or path, or from a model of Pinocchio or MuJoCo, not by int"):
         load(3)  # type: ignore[arg-type]
 
 

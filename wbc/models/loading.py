@@ -1,12 +1,14 @@
-"""``load``: a robot by its name, or from a URDF or MJCF file."""
+"""``load``: a robot by its name, from a URDF or MJCF file, or from a model in memory."""
 
 from __future__ import annotations
 
 import os
+import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -16,10 +18,10 @@ from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownRo
 from wbc.models import plausible
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots
 from wbc.models.feet import Foot, Guessed
-from wbc.models.mjcf_reader import read_mjcf
+from wbc.models.mjcf_reader import read_compiled, read_mjcf
 from wbc.models.poses import BASE, NamedPose, read_poses, srdf_beside, standing
 from wbc.models.safe_xml import read_xml
-from wbc.models.urdf import Urdf
+from wbc.models.urdf import Joint, Urdf
 from wbc.models.urdf_reader import read_urdf
 from wbc.types import Vec
 
@@ -27,12 +29,14 @@ if TYPE_CHECKING:
     from wbc.models.pinocchio_ import Base, PinocchioModel
 
 
+#: How far into a file its root element is looked for [bytes].
+_HEAD = 4096
 #: Soles that lean by less are the rounding of a file, by more no soles in this configuration [rad].
 _LEANS, _FALLS = np.radians(0.5), np.radians(30.0)
 
 
 def load(
-    name_or_path: str | Path,
+    robot: str | Path | Any,
     *,
     base: Base | None = None,
     feet: Iterable[str | Foot] | None = None,
@@ -40,7 +44,11 @@ def load(
     q0: str | Mapping[str, float] | Vec | None = None,
     packages: Iterable[str | Path] = (),
 ) -> PinocchioModel:
-    """A robot by its name, or from a URDF or MJCF file.
+    """A robot by its name, from a URDF or MJCF file, or from a model in memory.
+
+    ``robot``: a name; the path of a file, or of a folder with one robot file in it; a ``pinocchio.Model`` or
+    ``RobotWrapper``, a ``mujoco.MjModel`` or ``MjSpec``; a module with ``URDF_PATH`` or ``MJCF_PATH``, as the package
+    robot_descriptions has them. A model in memory is read once: what is changed in it later changes no robot.
 
     Our own robots are "arm", "quadruped" and "humanoid"; "panda", "go2", "g1", "talos" and others need the package
     example-robot-data. ``base`` is what moves with the robot's first link: nothing ("fixed", the default for arms and
@@ -62,8 +70,9 @@ def load(
 
     MJCF (root element ``<mujoco>``) is compiled by MuJoCo, the extra ``sim``, after the checks that URDF passes: trees
     of hinges and slides with at most one free joint; bodies and named sites are frames (a site named as a body is
-    ``<name>_site``), armature is part of M, equal joints are mimic joints. Springs, tendons and closed loops are left
-    out with a warning. Options and what stands still or lies about in the world are not the robot's.
+    ``<name>_site``), armature is part of M, equal joints are mimic joints, and bodies that are joined are loops
+    (``wbc.tasks.mimic_joints``, ``loop_closures``). Springs and tendons are left out with a warning. Options and what
+    stands still or lies about in the world are not the robot's.
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
@@ -75,7 +84,7 @@ def load(
         UnknownConfiguration, UnknownJoint, UnknownFrame: what ``q0`` or ``feet`` name does not exist.
         ModelError: the file is not a robot, or the package with the robot is not installed.
         PathRefused: a mesh outside the allowed folders.
-        InvalidInput: another argument makes no sense.
+        InvalidInput: ``robot`` is nothing of these, or another argument makes no sense.
 
     Example:
         >>> from wbc.models import load
@@ -85,38 +94,72 @@ def load(
         Traceback (most recent call last):
         wbc.errors.UnknownRobot: there is no robot 'humanoyd'; did you mean 'humanoid'...
     """
-    if not isinstance(name_or_path, str | Path):
-        raise InvalidInput(f"a robot is loaded by name or path, not by {type(name_or_path).__name__}")
-    name = str(name_or_path)
     if base is not None:
         checks.one_of("base", base, ("fixed", "floating", "planar"))
     folders = [Path(folder) for folder in _listed("packages", packages, (str, Path), "the path of a folder")]
-    entry, folder = Entry(name), Path()
-    known = not isinstance(name_or_path, Path) and os.sep not in name and "." not in name
-    if known:
-        entry, folder = _entry(name)
-        folders = [folder.parent, *folders] if name in EXAMPLES else folders
-    urdf = read_description(folder / entry.urdf, packages=folders).with_rigid(entry.rigid)
-    wanted = _Wanted(base or (entry.base if urdf.base is None else "floating"), name if known else None, entry)
+    entry, name, urdf, model = _described(robot, folders)
+    own: Base = entry.base if urdf.base is None else "floating"
+    wanted = _Wanted(base or own, name, entry)
     if feet is not None:
         wanted.feet = _listed("feet", feet, (str, Foot), "a frame or a Foot")
-    robot = wanted.robot(urdf, srdf, q0)
+    loaded = wanted.robot(urdf, model if base in (None, own) else None, srdf, q0)
     oddities = urdf.oddities()
-    idle = _without_inertia(robot)
+    idle = _without_inertia(loaded)
     if idle:
         oddities.append(f"{idle} moves no inertia, so there is kinematics and no dynamics")
-    guessed = (
-        [f"{'; '.join(wanted.guessed)} (load(..., feet=, srdf=, q0=) says otherwise)"]
-        if wanted.guessed and not known
-        else []
-    )
+    guessed = wanted.guessed if name is None else []  # of robots that are known by name it is known
+    if guessed:
+        guessed = [f"{'; '.join(guessed)} (load(..., feet=, srdf=, q0=) says otherwise)"]
     for found, kind in (
-        (oddities, UserWarning), (plausible.inertias(robot), plausible.ImplausibleInertia), (guessed, Guessed)
+        (oddities, UserWarning), (plausible.inertias(loaded), plausible.ImplausibleInertia), (guessed, Guessed)
     ):  # fmt: skip
         if found:
             more = f"; and {len(found) - 5} more" if len(found) > 5 else ""
-            warnings.warn(f"{robot.name}: {'; '.join(found[:5])}{more}", kind, stacklevel=2)
-    return robot
+            warnings.warn(f"{loaded.name}: {'; '.join(found[:5])}{more}", kind, stacklevel=2)
+    return loaded
+
+
+def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf, Any]:
+    """What is known of a robot, its name if it is known by it, its description, its Pinocchio model if it is one."""
+    for attribute in ("URDF_PATH", "MJCF_PATH") if isinstance(robot, ModuleType) else ():
+        if hasattr(robot, attribute):
+            around = [getattr(robot, f"{key}_PATH", None) for key in ("PACKAGE", "REPOSITORY")]
+            folders = [*(Path(folder) for folder in around if folder), *folders]
+            robot = Path(getattr(robot, attribute))
+            break
+    if isinstance(robot, str | Path):
+        text = str(robot)
+        if isinstance(robot, Path) or os.sep in text or "." in text:
+            path = _robot_file(Path(robot))
+            return Entry(str(path)), None, read_description(path, packages=folders), None
+        entry, folder = _entry(text)
+        folders = [folder.parent, *folders] if text in EXAMPLES else folders
+        urdf = read_description(folder / entry.urdf, packages=folders)
+        return entry, text, urdf.with_rigid(entry.rigid), None
+    if "mujoco" in sys.modules and type(robot).__module__.startswith("mujoco."):
+        return Entry(""), None, read_compiled(robot), None
+    import pinocchio as pin
+
+    from wbc.models.pinocchio_source import read_pinocchio
+
+    model = getattr(robot, "model", robot)
+    if not isinstance(model, pin.Model):
+        raise InvalidInput(
+            f"a robot is loaded by name or path, or from a model of Pinocchio or MuJoCo, not by {type(robot).__name__}"
+        )
+    shapes = (getattr(robot, f"{kind}_model", None) for kind in ("collision", "visual"))
+    return Entry(""), None, *read_pinocchio(model, *shapes)
+
+
+def _robot_file(path: Path) -> Path:
+    """The path itself, or the one URDF or MJCF in a folder and below it."""
+    found = sorted(path.rglob("*.urdf")) if path.is_dir() else []
+    if path.is_dir() and not found:
+        found = [file for file in sorted(path.rglob("*.xml")) if b"<mujoco" in file.read_bytes()[:_HEAD]]
+    if len(found) > 1:
+        files = ", ".join(str(file.relative_to(path)) for file in found[:12])
+        raise ModelError(f"{path}: there are {len(found)} robot files in this folder; give the path of one: {files}")
+    return found[0] if found else path
 
 
 def _listed(name: str, given: Any, kinds: tuple[type, ...], what: str) -> list[Any]:
@@ -153,12 +196,12 @@ class _Wanted:
     guessed: list[str] = field(default_factory=list)
     straight: bool = False
 
-    def robot(self, urdf: Urdf, srdf: Any, q0: Any) -> PinocchioModel:
+    def robot(self, urdf: Urdf, model: Any, srdf: Any, q0: Any) -> PinocchioModel:
         from wbc.models.pinocchio_ import PinocchioModel
         from wbc.models.soles import Measured
 
         urdf = urdf.on_plane() if self.base == "planar" else urdf
-        robot = PinocchioModel(urdf, base=self.base, name=self.name)
+        robot = PinocchioModel(urdf, base=self.base, name=self.name, model=model)
         poses = dict(urdf.poses) | self._named(urdf, srdf)
         whole = q0 is not None and not isinstance(q0, str | Mapping)
         q = checks.array("q0", q0, (robot.nq,)) if whole else _posed(robot, self._pose(robot, poses, q0))
@@ -173,7 +216,8 @@ class _Wanted:
         self.guessed += measured.guessed
         if measured.feet:
             urdf = urdf.with_frames(measured.added)
-            robot = PinocchioModel(urdf, base=self.base, name=self.name, feet=measured.feet)
+            model = None if model is None else _with_frames(model, measured.added)
+            robot = PinocchioModel(urdf, base=self.base, name=self.name, feet=measured.feet, model=model)
         configurations = {name: _levelled(robot, _posed(robot, pose)) for name, pose in poses.items()}
         return robot.replace(q0=q if whole else _levelled(robot, q), configurations=configurations)
 
@@ -227,6 +271,16 @@ def _straight(robot: PinocchioModel) -> dict[str, list[float]]:
         joint: [min(max(0.0, low), high)]
         for joint, low, high in zip(robot.joint_names, limits.q_min.tolist(), limits.q_max.tolist(), strict=True)
     }
+
+
+def _with_frames(model: Any, mounts: Iterable[Joint]) -> Any:
+    import pinocchio as pin
+
+    for mount in mounts:
+        index = model.getFrameId(mount.parent)
+        carrier, at = model.frames[index], pin.SE3(mount.origin.matrix)
+        model.addFrame(pin.Frame(mount.child, carrier.parentJoint, index, carrier.placement * at, pin.FrameType.BODY))
+    return model
 
 
 def _posed(robot: PinocchioModel, pose: NamedPose) -> Vec:

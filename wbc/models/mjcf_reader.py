@@ -6,13 +6,18 @@ that a robot from MJCF is the same kind of thing as one from URDF, in the model 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any, cast, final
+from weakref import finalize
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
@@ -21,7 +26,7 @@ from wbc.models.mjcf_include import write_out
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
 from wbc.models.poses import BASE
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf
 from wbc.types import Mat, Vec
 
 WORLD = "world"
@@ -51,7 +56,29 @@ def read_mjcf(root: Element, path: Path, *, packages: Iterable[str | Path] = ())
         compiled = mj.MjModel.from_xml_string(source.text)
     except ValueError as cause:
         raise ModelError(_with_file(" ".join(str(cause).split()), source.meshes)) from None
-    return _Translation(mj, compiled, source).robot(name, path)
+    return replace(
+        _Translation(mj, compiled, folders, source.meshes).robot(name, source.left_out),
+        path=path.resolve(),
+        missing_meshes=tuple(source.missing),
+    )
+
+
+def read_compiled(model: Any) -> Urdf:
+    """The robot of a ``mujoco.MjModel`` or ``MjSpec``. Its meshes are written to files, which live as long as it does.
+
+    Raises:
+        ModelError: as :func:`read_mjcf`.
+    """
+    mj = import_mujoco()
+    try:
+        compiled = model.copy().compile() if isinstance(model, mj.MjSpec) else model
+    except ValueError as cause:
+        raise ModelError(" ".join(str(cause).split())) from None
+    folder = Path(mkdtemp(prefix="wbc-meshes-"))
+    folders = Folders(folder)
+    finalize(folders, rmtree, folder, ignore_errors=True)
+    name = bytes(compiled.names).split(b"\0")[0].decode(errors="replace")
+    return _Translation(mj, compiled, folders, None).robot(name or "robot", [])
 
 
 def _with_file(sentence: str, meshes: Mapping[str, Path]) -> str:
@@ -64,15 +91,21 @@ def _with_file(sentence: str, meshes: Mapping[str, Path]) -> str:
 class _Translation:
     """One compiled model, body by body."""
 
-    def __init__(self, mj: Any, compiled: Any, source: MjcfSource) -> None:
-        self.mj, self.m, self.source = mj, compiled, source
+    def __init__(self, mj: Any, compiled: Any, folders: Folders, meshes: Mapping[str, Path] | None) -> None:
+        self.mj, self.m, self.folders, self.meshes = mj, compiled, folders, meshes
         self.links: list[Link] = []
         self.joints: list[Joint] = []
-        self.left_out = list(source.left_out)
-        self.mimics = self._mimics()
+        self.loops: list[Loop] = []
+        self.left_out: list[str] = []
+        self.mimics: dict[int, tuple[str, float, float]] = {}
 
-    def robot(self, name: str, path: Path) -> Urdf:
+    def robot(self, name: str, left_out: Sequence[str]) -> Urdf:
         m = self.m
+        self.left_out += left_out
+        self._refuse_and_leave_out()
+        for equality in np.flatnonzero(m.eq_active0):
+            if m.eq_type[equality] == self.mj.mjtEq.mjEQ_JOINT:
+                self._add_mimic(int(equality))
         roots = self._without_things(self._roots())
         free = [body for body in roots if self._is_free(body)]
         if free and len(roots) > 1:
@@ -87,6 +120,9 @@ class _Translation:
         for site in range(m.nsite):
             if m.site(site).name and m.site_bodyid[site] in bodies:
                 self._add_site(site)
+        for equality in np.flatnonzero(m.eq_active0):
+            if m.eq_type[equality] != self.mj.mjtEq.mjEQ_JOINT:
+                self._add_loop(int(equality), bodies if free else [0, *bodies])
         shapes = [pair for geom in range(m.ngeom) if m.geom_bodyid[geom] in bodies for pair in self._shapes(geom)]
         return Urdf(
             name=name,
@@ -94,11 +130,10 @@ class _Translation:
             joints=tuple(self.joints),
             visuals=tuple(shape for geom, shape in shapes if m.geom_group[geom] < _DRAWN),
             collisions=tuple(shape for geom, shape in shapes if m.geom_contype[geom] or m.geom_conaffinity[geom]),
-            path=path.resolve(),
-            folders=self.source.folders,
-            missing_meshes=tuple(self.source.missing),
+            folders=self.folders,
             base=Origin.of(m.body_pos[free[0]], self._matrix(m.body_quat[free[0]])) if free else None,
             left_out=tuple(self.left_out),
+            loops=tuple(self.loops),
             poses={m.key(i).name or f"key_{i}": self._pose(m.key_qpos[i], free) for i in range(m.nkey)},
         )
 
@@ -117,6 +152,21 @@ class _Translation:
 
     def joint(self, index: int) -> str:
         return str(self.m.jnt(index).name) or f"joint_{index}"
+
+    def _refuse_and_leave_out(self) -> None:
+        m = self.m
+        for tendon in range(m.ntendon):
+            name = m.tendon(tendon).name
+            if m.tendon_armature[tendon]:
+                raise ModelError(f"tendon {name!r} has an armature, which is not supported")
+            self.left_out.append(f"tendon {name!r} is left out")
+        for actuator in np.flatnonzero(~self._drives()):
+            self.left_out.append(f"actuator {m.actuator(actuator).name!r} is left out: it moves no joint")
+
+    def _drives(self) -> NDArray[np.bool_]:
+        """Which actuators move a joint."""
+        kinds = (self.mj.mjtTrn.mjTRN_JOINT, self.mj.mjtTrn.mjTRN_JOINTINPARENT)
+        return np.isin(self.m.actuator_trntype, list(map(int, kinds)))
 
     # ---- bodies
     def _roots(self) -> list[int]:
@@ -223,8 +273,8 @@ class _Translation:
     def _effort(self, joint: int) -> float:
         """What its actuators can do at most; without one nothing, in a file that has actuators at all."""
         m = self.m
-        effort = 0.0 if self.source.actuated else inf
-        for actuator in map(int, np.flatnonzero(m.actuator_trnid[:, 0] == joint)):
+        effort = 0.0 if m.nu else inf
+        for actuator in map(int, np.flatnonzero(self._drives() & (m.actuator_trnid[:, 0] == joint))):
             if m.actuator_armature[actuator] or m.actuator_damping[actuator].any():
                 raise ModelError(
                     f"an actuator of joint {self.joint(joint)!r} has armature or damping; give the joint's"
@@ -249,18 +299,48 @@ class _Translation:
             and m.actuator_dyntype[actuator] == mj.mjtDyn.mjDYN_NONE
         )
 
-    def _mimics(self) -> dict[int, tuple[str, float, float]]:
-        """Equalities q₁ − r₁ = c₀ + c₁ (q₂ − r₂), r the reference positions; MuJoCo's further powers have no gear."""
-        m, found = self.m, {}
-        for equality in range(m.neq):
-            powers = m.eq_data[equality, :5]
-            if not powers[1] or powers[2:].any():
-                self.left_out.append(f"equality <joint> {m.eq(equality).name!r} is left out: it is not a gear")
-            elif m.eq_active0[equality]:
-                joint, leader = int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])
-                r_1, r_2 = m.qpos0[m.jnt_qposadr[[joint, leader]]]
-                found[joint] = (self.joint(leader), float(powers[1]), float(powers[0] + r_1 - powers[1] * r_2))
-        return found
+    # ---- equalities
+    def _add_mimic(self, equality: int) -> None:
+        """q₁ − r₁ = c₀ + c₁ (q₂ − r₂), r the reference positions; MuJoCo's further powers have no gear."""
+        m, powers = self.m, self.m.eq_data[equality, :5]
+        joint, leader = int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])
+        if leader < 0 or not powers[1] or powers[2:].any():
+            self.left_out.append(f"equality <joint> {m.eq(equality).name!r} is left out: it is not a gear")
+            return
+        r_1, r_2 = m.qpos0[m.jnt_qposadr[[joint, leader]]]
+        self.mimics[joint] = (self.joint(leader), float(powers[1]), float(powers[0] + r_1 - powers[1] * r_2))
+
+    def _add_loop(self, equality: int, bodies: Sequence[int]) -> None:
+        """Anchors are where MuJoCo's engine takes them: of a weld the first body's come second, and are turned."""
+        m, kinds, data = self.m, self.mj.mjtEq, self.m.eq_data[equality]
+        kind = kinds(int(m.eq_type[equality]))
+        weld, name = kind == kinds.mjEQ_WELD, m.eq(equality).name or f"loop_{equality}"
+        ends = [int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])]
+        still = np.array([1.0, 0.0, 0.0, 0.0])
+        if m.eq_objtype[equality] == self.mj.mjtObj.mjOBJ_SITE:
+            anchors = [(m.site_pos[site], m.site_quat[site]) for site in ends]
+            ends = [int(m.site_bodyid[site]) for site in ends]
+        else:
+            first, second = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
+            anchors = [(first, data[6:10] if weld else still), (second, still)]
+        if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) or not set(ends) <= set(bodies):
+            word = kind.name.removeprefix("mjEQ_").lower()
+            self.left_out.append(f"equality <{word}> {m.eq(equality).name!r} is left out: it joins no two links")
+            return
+        frame, to = (
+            self._add_frame(body, *anchor, f"{name}_{i}")
+            for i, (body, anchor) in enumerate(zip(ends, anchors, strict=True), start=1)
+        )
+        self.loops.append(Loop(name, frame, to, weld))
+
+    def _add_frame(self, body: int, position: Vec, quaternion: Vec, name: str) -> str:
+        """A link at a place on a body; the body's own where that is its place."""
+        carrier, R = self.body(body) if body else WORLD, self._matrix(quaternion)
+        if not position.any() and np.array_equal(R, np.eye(3)):
+            return carrier
+        self.links.append(Link(name))
+        self.joints.append(Joint(f"{name}_mount", "fixed", carrier, name, Origin.of(position, R)))
+        return name
 
     # ---- shapes
     def _shapes(self, geom: int) -> Iterator[tuple[int, Geometry]]:
@@ -281,16 +361,27 @@ class _Translation:
                 ends = [(Sphere(size[0]), at + sign * size[1] * R[:, 2]) for sign in (-1, 1)]
                 shapes = [(Cylinder(size[0], 2 * size[1]), at), *ends]
             case kinds.mjGEOM_MESH:
-                mesh = m.geom_dataid[geom]
-                # The compiler moves the vertices of a mesh into its own centre and axes; the file as they were.
-                R = R @ self._matrix(m.mesh_quat[mesh]).T
-                path = self.source.meshes[m.mesh(mesh).name]
-                shapes = [(Mesh(path, triple(m.mesh_scale[mesh])), at - R @ m.mesh_pos[mesh])]
+                mesh, at, R = self._mesh(int(m.geom_dataid[geom]), at, R)
+                shapes = [(mesh, at)]
             case other:
                 kind = other.name.removeprefix("mjGEOM_").lower()
                 raise ModelError(f"a geom of body {body!r} is of type {kind}, which is not supported")
         for shape, place in shapes:
             yield geom, Geometry(body, shape, Origin.of(place, R), color)
+
+    def _mesh(self, mesh: int, at: Vec, R: Mat) -> tuple[Mesh, Vec, Mat]:
+        """The compiler moves the vertices of a mesh into its own centre and axes; in its file they are as they were."""
+        m = self.m
+        if self.meshes is not None:
+            R = R @ self._matrix(m.mesh_quat[mesh]).T
+            return Mesh(self.meshes[m.mesh(mesh).name], triple(m.mesh_scale[mesh])), at - R @ m.mesh_pos[mesh], R
+        path = self.folders.home / f"{mesh}.obj"
+        if not path.exists():
+            points = m.mesh_vert[m.mesh_vertadr[mesh] :][: m.mesh_vertnum[mesh]].tolist()
+            faces = (m.mesh_face[m.mesh_faceadr[mesh] :][: m.mesh_facenum[mesh]] + 1).tolist()
+            lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {a} {b} {c}" for a, b, c in faces]
+            path.write_text("\n".join(lines), encoding="ascii")
+        return Mesh(path), at, R
 
     def _matrix(self, quaternion: Vec) -> Mat:
         R = np.zeros(9)

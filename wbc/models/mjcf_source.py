@@ -20,7 +20,6 @@ _ROBOT = {"compiler", "default", "asset", "worldbody", "actuator", "equality", "
 _SCENE = {"option", "size", "visual", "statistic", "custom", "sensor", "contact"}
 #: What brings in other models or code, multiplies elements, or is not made of rigid bodies.
 _REFUSED = ("attach", "replicate", "composite", "flexcomp", "plugin", "extension", "deformable")
-_TENDONS = ("tendon", "spatial", "fixed")
 _NOT_A_NUMBER = re.compile(r"(?:^|[\s+-])(?:nan|inf|infinity)(?:$|[\s(])", re.IGNORECASE)
 _FILE_FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 _ASSET_FILES = ("file", "name", "class", "scale", "inertia", "maxhullvert")
@@ -32,7 +31,7 @@ class MjcfSource:
     """One file on its way to the compiler.
 
     ``meshes`` are the files by the name of the mesh, ``missing`` those that do not exist, ``left_out`` sentences on
-    parts that exist in the file and not in the robot; ``actuated`` says whether the file has actuators at all.
+    parts that exist in the file and not in the robot.
 
     Raises:
         ModelError: an element that is not supported, by its name; a mesh that is missing and a body weighed by it.
@@ -44,7 +43,6 @@ class MjcfSource:
     meshes: dict[str, Path] = field(default_factory=dict)
     missing: dict[str, None] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
-    actuated: bool = False
 
     def __post_init__(self) -> None:
         for element in self.root.iter():
@@ -53,8 +51,6 @@ class MjcfSource:
             for key, value in element.attrib.items():
                 if _NOT_A_NUMBER.search(value):
                     raise ModelError(f"{key} of {_called(element)} is {value[:60]!r}; numbers must be finite")
-            if element.tag in _TENDONS and element.get("armature", "").strip(" 0."):
-                raise ModelError(f"{_called(element)} is a tendon with an armature, which is not supported")
             if element.get("mass", "").strip().startswith("-"):
                 raise ModelError(f"the mass of {_called(element)} is {element.get('mass')!r}; it must not be negative")
         for section in list(self.root):
@@ -64,7 +60,6 @@ class MjcfSource:
                 raise ModelError(f"<{section.tag}> is not supported; a robot is {', '.join(sorted(_ROBOT))}")
         self._find_meshes(self._set_compiler())
         self._drop_missing()
-        self._keep_what_joints_have()
 
     @property
     def text(self) -> str:
@@ -135,30 +130,6 @@ class MjcfSource:
                 if parent.tag == "body" and parent.find("inertial") is None:
                     raise ModelError(f"{_called(parent)} has no <inertial>, and its mesh {name!r} does not exist")
                 parent.remove(geom)
-
-    def _keep_what_joints_have(self) -> None:
-        """Actuators and equalities of joints; those of anything else are left out and named."""
-        for section in list(self.root):
-            if section.tag == "tendon":
-                self.left_out += [f"tendon {tendon.get('name', '')!r} is left out" for tendon in section]
-                self.root.remove(section)
-            elif section.tag == "actuator":
-                for actuator in list(section):
-                    self.actuated = True
-                    if "joint" not in actuator.attrib and "jointinparent" not in actuator.attrib:
-                        self.left_out.append(f"actuator {actuator.get('name', '')!r} is left out: it moves no joint")
-                        section.remove(actuator)
-            elif section.tag == "keyframe":
-                for key in list(section):
-                    if "qpos" not in key.attrib:
-                        section.remove(key)
-                    for what in set(key.attrib) - {"name", "qpos"}:
-                        del key.attrib[what]
-            elif section.tag == "equality":
-                for equality in list(section):
-                    if equality.tag != "joint" or "joint2" not in equality.attrib:
-                        self.left_out.append(f"equality <{equality.tag}> {equality.get('name', '')!r} is left out")
-                        section.remove(equality)
 
 
 def _called(element: Element) -> str:

@@ -39,6 +39,8 @@ class PinocchioModel(PinocchioRobot):
     π and have infinite limits. Mimic joints are joints of their own (``tasks.mimic_joints`` makes them gears). The mass
     is what moves: on a fixed base without the links bolted to the world.
 
+    ``model``: the Pinocchio model of the description, where there is one already.
+
     Raises:
         ModelError: Pinocchio cannot make a model of the description.
         InvalidInput: ``base`` is something else.
@@ -61,6 +63,7 @@ class PinocchioModel(PinocchioRobot):
         base: Base = "fixed",
         name: str | None = None,
         feet: Sequence[Foot] = (),
+        model: Any = None,
     ) -> None:
         checks.one_of("base", base, BASES)
         self.urdf = urdf
@@ -68,7 +71,7 @@ class PinocchioModel(PinocchioRobot):
         self.name = name or urdf.name
         self.visuals, self.collisions = urdf.visuals, urdf.collisions
         self.feet: Mapping[str, Foot] = {foot.frame: foot for foot in feet}
-        self.pinocchio = model = _build(urdf, base)
+        self.pinocchio = model = _build(urdf, base) if model is None else model
         self.nq, self.nv = model.nq, model.nv
         self.nb = 6 if base == "floating" else 0
         self.nj = self.nv - self.nb
@@ -76,6 +79,7 @@ class PinocchioModel(PinocchioRobot):
         by_name = {joint.name: joint for joint in urdf.joints}
         joints = [by_name[joint] for joint in self.joint_names]
         self.joint_units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
+        self._endless = [joint.kind == "continuous" for joint in joints]
         self.limits = _limits(joints)
         self.armature = _frozen(np.array([joint.armature for joint in joints]))
         model.armature[self.nb :] = self.armature
@@ -100,6 +104,36 @@ class PinocchioModel(PinocchioRobot):
     def difference(self, q_from: Vec, q_to: Vec) -> Vec:
         """The step (nv,) with q_from ⊕ step = q_to."""
         return _vector(pin.difference(self.pinocchio, q_from, q_to))
+
+    def to_pinocchio(self, q: Vec) -> Vec:
+        """``q`` (nq,) as Pinocchio's own reading of the robot has it: a joint without end is its cosine and its sine.
+
+        Joints come in the same order, and velocities are the same. A planar base is x, y, cosine and sine there, as of
+        ``pinocchio.JointModelPlanar`` (whose velocity is in the base's axes).
+
+        Raises:
+            InvalidInput: a wrong size, NaN.
+        """
+        q, first = checks.array("q", q, (self.nq,)), self.nq - self.nj
+        joints = zip(q[first:], self._endless, strict=True)
+        return np.array([*q[:first], *(y for x, turns in joints for y in ((np.cos(x), np.sin(x)) if turns else (x,)))])
+
+    def from_pinocchio(self, q: Vec) -> Vec:
+        """The configuration (nq,) that Pinocchio's own reading of the robot has as ``q``: angles in (−π, π].
+
+        Raises:
+            InvalidInput: a wrong size, NaN.
+
+        Example:
+            >>> from wbc.models import load
+            >>> robot = load("arm", base="planar")
+            >>> robot.from_pinocchio([1.0, 2.0, 0.0, 1.0, *robot.q0[3:]])[:3].round(3).tolist()
+            [1.0, 2.0, 1.571]
+        """
+        q, first = checks.array("q", q, (self.nq + sum(self._endless),)), self.nq - self.nj
+        rest = iter(q[first:].tolist())
+        pairs = [(next(rest), next(rest) if turns else None) for turns in self._endless]
+        return np.array([*q[:first], *(x if sine is None else np.arctan2(sine, x) for x, sine in pairs)])
 
     def random_configuration(self, rng: np.random.Generator) -> Vec:
         """A configuration inside the joint limits (±π or ±1 m where there are none); floating base: any orientation,
@@ -217,7 +251,8 @@ class PinocchioModel(PinocchioRobot):
 
     def __repr__(self) -> str:
         base = f", {self.base} base" if self.base != "fixed" else ""
-        return f"{self.name} ({self.nj} joints{base}, {self.mass:.1f} kg)"
+        loops = f", {len(self.urdf.loops)} loops" if self.urdf.loops else ""
+        return f"{self.name} ({self.nj} joints{base}{loops}, {self.mass:.1f} kg)"
 
 
 def _build(urdf: Urdf, base: str) -> Any:
@@ -237,7 +272,7 @@ def _build(urdf: Urdf, base: str) -> Any:
 def _frames(model: Any) -> dict[str, int]:
     """Index of each frame by name: links, then joints that no link is called like."""
     found: dict[str, int] = {}
-    kinds = (pin.FrameType.BODY, pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
+    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
     for kind in kinds:
         for index, frame in enumerate(model.frames):
             if frame.type == kind and frame.name not in _INTERNAL:

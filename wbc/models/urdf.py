@@ -85,11 +85,23 @@ class Joint:
 
 @final
 @dataclass(frozen=True)
+class Loop:
+    """A joint that the tree has not: links ``frame`` and ``to`` coincide, in position and, of a weld, in rotation."""
+
+    name: str
+    frame: str
+    to: str
+    weld: bool
+
+
+@final
+@dataclass(frozen=True)
 class Urdf:
     """A robot: links and joints that form one tree, and what it looks like.
 
     ``base`` is where a description puts a base that is free to move, None where it says nothing of that kind;
-    ``poses`` are its named configurations; ``left_out`` are sentences on parts of a file that are not in here.
+    ``poses`` are its named configurations, ``loops`` what closes its tree; ``left_out`` are sentences on parts of a
+    file that are not in here.
 
     Raises:
         ModelError: names given twice, unknown links, a link with two parents, a loop, two trees, nothing that moves,
@@ -107,6 +119,7 @@ class Urdf:
     base: Origin | None = None
     left_out: tuple[str, ...] = ()
     poses: Mapping[str, NamedPose] = field(default_factory=dict)
+    loops: tuple[Loop, ...] = ()
 
     def __post_init__(self) -> None:
         _refuse_twice("links", [link.name for link in self.links])

@@ -1,0 +1,168 @@
+"""From a ``pinocchio.Model`` in memory to a :class:`~wbc.models.urdf.Urdf`, and to a model of one position a joint."""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import ModelError
+from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, triple
+from wbc.models.poses import BASE
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
+from wbc.types import Vec
+
+#: Limits beyond this [rad, m, ...] are none.
+_ENDLESS = 1e20
+_LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+
+
+def read_pinocchio(model: Any, collisions: Any = None, visuals: Any = None) -> tuple[Urdf, Any]:
+    """The description of a ``pinocchio.Model``, its shapes from two ``pinocchio.GeometryModel``, and the model that
+    has one position for each joint: joints without end are ordinary ones without limits. The order of joints stays.
+
+    Raises:
+        ModelError: a joint that is neither revolute nor prismatic, named; nothing that moves.
+    """
+    return _Reading(model).robot(collisions, visuals)
+
+
+class _Reading:
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        kinds = [joint.shortname() for joint in model.joints]
+        self.first = 2 if len(kinds) > 1 and kinds[1] == "JointModelFreeFlyer" else 1
+        odd = [f"{model.names[i]!r} is {kinds[i]}" for i in range(self.first, model.njoints) if model.nvs[i] != 1]
+        if odd:
+            raise ModelError(f"joint {'; '.join(odd)}: joints turn about or move along one axis, after one free joint")
+        for i in range(2, model.njoints):
+            if model.parents[i] not in model.supports[i - 1]:
+                raise ModelError(
+                    f"joint {model.names[i]!r} is added after other limbs than its own: Pinocchio's algorithms need "
+                    "every limb whole before the next"
+                )
+        data = model.createData()
+        q = pin.neutral(model)
+        jacobians = [pin.computeJointJacobian(model, data, q, i).reshape(6, -1) for i in range(model.njoints)]
+        self.axes = [jacobians[i][:, model.idx_vs[i]] for i in range(self.first, model.njoints)]
+        self.left_out: list[str] = []
+        self.link_of = {i: self._link_at(i) for i in range(self.first - 1, model.njoints)}
+
+    def _link_at(self, joint: int) -> str:
+        """The link that a joint moves, or the joint's own name where no frame is called otherwise."""
+        frames = [f for f in self.model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY]
+        name = next((f.name for f in frames if f.placement.isIdentity(1e-12)), None)
+        return name or (self.model.names[joint] if joint >= self.first else "base")
+
+    def robot(self, collisions: Any, visuals: Any) -> tuple[Urdf, Any]:
+        model = self.model
+        links = [Link(self.link_of[i], _inertial(model.inertias[i]) if i else None) for i in self.link_of]
+        joints = [self._joint(i) for i in range(self.first, model.njoints)]
+        names = {link.name for link in links}
+        for frame in model.frames:
+            if frame.type in _LINKS and frame.name not in names and frame.parentJoint in self.link_of:
+                names.add(frame.name)
+                links.append(Link(frame.name))
+                at, parent = _origin(frame.placement), self.link_of[frame.parentJoint]
+                joints.append(Joint(f"{frame.name}_mount", "fixed", parent, frame.name, at))
+        urdf = Urdf(
+            model.name or "robot", tuple(links), tuple(joints), self._shapes(visuals), self._shapes(collisions),
+            base=Origin() if self.first == 2 else None, left_out=tuple(self.left_out),
+            poses={x.key(): self._pose(np.array(x.data())) for x in model.referenceConfigurations},
+        )  # fmt: skip
+        return urdf, self._of_one_position_each(urdf)
+
+    def _joint(self, i: int) -> Joint:
+        model, axis = self.model, self.axes[i - self.first]
+        slides = not axis[3:].any()
+        if not slides and np.abs(axis[:3]).max() > 1e-12:
+            raise ModelError(f"joint {model.names[i]!r} is a screw: joints turn about or move along one axis")
+        kind: JointKind = "prismatic" if slides else "revolute" if model.nqs[i] == 1 else "continuous"
+        q, v = model.idx_qs[i], model.idx_vs[i]
+        lower, upper = (
+            (-inf, inf) if kind == "continuous" else (model.lowerPositionLimit[q], model.upperPositionLimit[q])
+        )
+        return Joint(
+            model.names[i], kind, self.link_of[model.parents[i]], self.link_of[i], _origin(model.jointPlacements[i]),
+            triple(axis[:3] if slides else axis[3:]), _limit(lower), _limit(upper),
+            velocity=_limit(model.velocityLimit[v]), effort=_limit(model.effortLimit[v]),
+            damping=float(model.damping[v]), friction=float(model.friction[v]), armature=float(model.armature[v]),
+        )  # fmt: skip
+
+    def _pose(self, q: Vec) -> dict[str, list[float]]:
+        model = self.model
+        pose = {model.names[i]: q[model.idx_qs[i] :][: model.nqs[i]].tolist() for i in range(1, model.njoints)}
+        if self.first == 2:
+            pose[BASE] = pose.pop(model.names[1])
+        return pose
+
+    def _of_one_position_each(self, urdf: Urdf) -> Any:
+        old, new = self.model, pin.Model()
+        new.name, new.gravity = old.name, old.gravity
+        for i in range(1, old.njoints):
+            kind = old.joints[i]
+            if old.nqs[i] == 2:
+                kind = pin.JointModelRevoluteUnaligned(self.axes[i - self.first][3:])
+            new.addJoint(old.parents[i], kind, old.jointPlacements[i], old.names[i])
+            new.appendBodyToJoint(i, old.inertias[i], pin.SE3.Identity())
+            if not old.existFrame(old.names[i], pin.FrameType.JOINT):
+                new.addJointFrame(i)
+        for frame in list(old.frames)[1:]:
+            new.addFrame(frame, False)
+        for i, link in self.link_of.items():
+            if not new.existFrame(link, pin.FrameType.BODY):
+                new.addBodyFrame(link, i, pin.SE3.Identity(), -1)
+        return new
+
+    def _shapes(self, geometry: Any) -> tuple[Geometry, ...]:
+        found: list[Geometry] = []
+        for item in () if geometry is None else geometry.geometryObjects:
+            if item.parentJoint not in self.link_of:
+                continue
+            shapes = _shapes(item)
+            if not shapes:
+                self.left_out.append(f"shape {item.name!r}, {type(item.geometry).__name__} without a file, is left out")
+            color = tuple(map(float, item.meshColor))
+            found += [
+                Geometry(self.link_of[item.parentJoint], shape, _origin(item.placement * pin.SE3(np.eye(3), at)), color)  # type: ignore[arg-type]
+                for shape, at in shapes
+            ]
+        return tuple(found)
+
+
+def _shapes(item: Any) -> list[tuple[Shape, Vec]]:
+    """What a geometry object is made of, each at a place in its axes; nothing where that cannot be said."""
+    shape, here = item.geometry, np.zeros(3)
+    match shape:
+        case coal.Box():
+            return [(Box(triple(2.0 * shape.halfSide)), here)]
+        case coal.Sphere():
+            return [(Sphere(float(shape.radius)), here)]
+        case coal.Cylinder():
+            return [(Cylinder(float(shape.radius), 2.0 * float(shape.halfLength)), here)]
+        case coal.Capsule():
+            ends = [np.array([0.0, 0.0, z]) for z in (-shape.halfLength, shape.halfLength)]
+            radius = float(shape.radius)
+            return [(Cylinder(radius, 2.0 * float(shape.halfLength)), here), *((Sphere(radius), end) for end in ends)]
+    if Path(item.meshPath).is_file():
+        return [(Mesh(Path(item.meshPath).resolve(), triple(item.meshScale)), here)]
+    return []
+
+
+def _inertial(inertia: Any) -> Inertial | None:
+    if not inertia.mass:
+        return None
+    xx, xy, xz, yy, yz, zz = map(float, inertia.inertia[np.triu_indices(3)])
+    return Inertial(float(inertia.mass), (xx, xy, xz, yy, yz, zz), Origin(triple(inertia.lever)))
+
+
+def _origin(placement: Any) -> Origin:
+    return Origin.of(placement.translation, placement.rotation)
+
+
+def _limit(value: float) -> float:
+    return float(value) if isfinite(value) and abs(value) < _ENDLESS else float(np.copysign(inf, value))
