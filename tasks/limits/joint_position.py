@@ -52,12 +52,16 @@ class JointPositionLimits(JointInterval):
     def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:
         lower = per_joint(f"{self.name}.lower", self.lower, model, model.limits.q_min)
         upper = per_joint(f"{self.name}.upper", self.upper, model, model.limits.q_max)
-        for joint, low, high in zip(model.joint_names, lower, upper, strict=True):
-            if not (low <= high and low < np.inf and high > -np.inf):
-                raise InvalidInput(
-                    f"{self.name}: joint {joint!r} has limits [{low:g}, {high:g}]; lower must not be above upper. "
-                    f"Pass lower={{{joint!r}: value}} or upper={{{joint!r}: value}} to overrule the model"
-                )
+        wrong = [
+            f"joint {joint!r} has limits [{low:g}, {high:g}]"
+            for joint, low, high in zip(model.joint_names, lower.tolist(), upper.tolist(), strict=True)
+            if not (low <= high and low < np.inf and high > -np.inf)
+        ]
+        if wrong:
+            raise InvalidInput(
+                f"{self.name}: {'; '.join(wrong)}; lower must not be above upper. "
+                "Pass lower={joint: value} or upper={joint: value} to overrule the model"
+            )
         return lower, upper
 
     @classmethod

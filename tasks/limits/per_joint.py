@@ -31,12 +31,14 @@ def positive(what: str, values: Vec, model: RobotModel) -> Vec:
     """``values`` (nj,), all above zero (inf: no limit).
 
     Raises:
-        InvalidInput: zero, negative or NaN, by joint name.
+        InvalidInput: zero, negative or NaN, each by joint name.
     """
-    for joint, value in zip(model.joint_names, values, strict=True):
-        if not value > 0.0:
-            raise InvalidInput(
-                f"{what} of joint {joint!r} is {value:g}; a limit is positive (inf: none). "
-                f"Pass {what.rpartition('.')[2]}={{{joint!r}: value}} to overrule the model"
-            )
+    wrong = {joint: value for joint, value in zip(model.joint_names, values.tolist(), strict=True) if not value > 0.0}
+    if wrong:
+        of = ", ".join(f"of joint {joint!r} is {value:g}" for joint, value in wrong.items())
+        named = ", ".join(f"{joint!r}: value" for joint in wrong)
+        raise InvalidInput(
+            f"{what} {of}; a limit is positive (inf: none). "
+            f"Pass {what.rpartition('.')[2]}={{{named}}} to overrule the model"
+        )
     return values

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import MomentumObserver, Point, Posture, Sole, TorqueLimits, feet
 from wbc.control.fallback import BRAKE_TIME, Fallback
+from wbc.errors import NotSupported
 from wbc.testing.strategies import states
 
 ARM, QUADRUPED = wbc.load("arm"), wbc.load("quadruped")
@@ -44,15 +45,16 @@ def test_a_foot_whose_sensor_gives_no_number_is_left_out_of_the_residual():
         assert np.isfinite(observer.residual).all(), tick
 
 
-def test_a_free_base_that_moves_no_mass_is_braked_with_finite_torques(tmp_path):
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_a_robot_that_moves_no_mass_has_kinematics_alone(tmp_path, base):
     hinge = '<parent link="a"/><child link="b"/><limit lower="-1" upper="1" velocity="1" effort="1"/>'
     links = '<link name="a"/><link name="b"/>'
     path = tmp_path / "light.urdf"
     path.write_text(f'<robot name="light">{links}<joint name="hinge" type="revolute">{hinge}</joint></robot>')
     with pytest.warns(UserWarning, match="moves no inertia"):
-        robot = wbc.load(path, base="floating")
-    controller = wbc.Controller(
-        robot, wbc.Stack([Posture(robot.q0)], subject_to=[TorqueLimits()]), level=wbc.InverseDynamics()
-    )
-    command = controller.tick(0.0, np.nan * robot.q0, np.zeros(robot.nv))
-    assert command.rung == "damped" and np.isfinite(command.tau).all()
+        robot = wbc.load(path, base=base)
+    stack = wbc.Stack([Posture(robot.q0)])
+    with pytest.raises(NotSupported, match=r"light: .* moves no inertia, so there are no torques to find"):
+        wbc.Controller(robot, stack, level=wbc.InverseDynamics())
+    for level in (wbc.VelocityLevel(), wbc.AccelerationLevel()):
+        assert wbc.Controller(robot, stack, level=level).tick(0.0, robot.q0, np.zeros(robot.nv)).status.ok

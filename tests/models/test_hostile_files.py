@@ -135,6 +135,29 @@ def test_a_bad_file_is_refused_in_one_sentence(content: str | bytes, sentence: s
     assert message.startswith(f"{path}: ") and "\n" not in message
 
 
+@pytest.mark.parametrize(
+    ("spoil", "sentences"),
+    [
+        (lambda i: joint(f"j{i}", f"l{i}", f"l{i + 1}", ""), "joint 'j{}' is revolute and has no <limit>"),
+        (lambda i: joint(f"j{i}", f"l{i}", f"l{i + 1}", LIMIT, "ball"), "joint 'j{}' is 'ball'"),
+        (lambda i: joint(f"j{i}", f"l{i}", f"m{i}"), "joint 'j{}' has the child 'm{}', which is not a link"),
+        (
+            lambda i: joint(f"j{i}", f"l{i}", f"l{i + 1}", '<origin xyz="0 1e20 0"/>' + LIMIT),
+            "an origin of joint 'j{}' has 1e+20 m",
+        ),
+    ],
+)
+def test_all_that_is_wrong_with_joints_is_said_at_once(spoil, sentences: str, tmp_path: Path):
+    bad = (1, 3, 4)
+    links = "".join(f'<link name="l{i}"/>' for i in range(7))
+    joints = "".join(spoil(i) if i in bad else joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(6))
+    with pytest.raises(ModelError) as refusal:
+        load(write(tmp_path, robot(links + joints)))
+    for i in bad:
+        assert sentences.format(i, i) in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
 def test_a_file_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(safe_xml, "MAX_BYTES", 1_000_000)
     with pytest.raises(ModelError, match="larger than 1 MB"):

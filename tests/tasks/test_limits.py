@@ -64,6 +64,17 @@ def test_a_limit_of_the_model_that_makes_no_sense_is_refused_and_can_be_overrule
     assert law({FIRST: 3.0}).bounds(robot)[1][0] == 3.0
 
 
+def test_all_joints_whose_limits_make_no_sense_are_named_at_once():
+    names = ARM.joint_names[1:4]
+    bad = np.isin(ARM.joint_names, names)
+    slow = ARM.replace(limits=replace(ARM.limits, v_max=np.where(bad, 0.0, 1.0), q_max=np.where(bad, -9.0, 3.0)))
+    for law in (JointVelocityLimits(), JointPositionLimits()):
+        with pytest.raises(InvalidInput) as refusal:
+            law.prepare(slow)
+        assert all(f"joint {name!r}" in str(refusal.value) for name in names)
+    JointVelocityLimits(dict.fromkeys(names, 1.0)).prepare(slow)
+
+
 def test_crossed_position_limits_are_refused_by_joint_name():
     robot = with_limit("q_max", -100.0)
     with pytest.raises(InvalidInput, match=f"joint '{FIRST}' has limits .*lower must not be above upper"):

@@ -104,9 +104,8 @@ def load(
         wanted.feet = _listed("feet", feet, (str, Foot), "a frame or a Foot")
     loaded = wanted.robot(urdf, model if base in (None, own) else None, srdf, q0)
     oddities = urdf.oddities()
-    idle = _without_inertia(loaded)
-    if idle:
-        oddities.append(f"{idle} moves no inertia, so there is kinematics and no dynamics")
+    if loaded.weightless:
+        oddities.append(f"{loaded.weightless} moves no inertia, so there is kinematics and no dynamics")
     guessed = wanted.guessed if name is None else []  # of robots that are known by name it is known
     if guessed:
         guessed = [f"{'; '.join(guessed)} (load(..., feet=, srdf=, q0=) says otherwise)"]
@@ -334,14 +333,3 @@ def _levelled(robot: PinocchioModel, q: Vec) -> Vec:
         if _LEANS < pin.AngleAxis(turn).angle < _FALLS:
             q[3:7] = (turn * pin.Quaternion(q[3:7])).coeffs()
     return robot.on_ground(q)
-
-
-def _without_inertia(robot: PinocchioModel) -> str:
-    """What can move, or one of several that can move together, while nothing of any mass does; "" for nothing."""
-    M = robot.state().M
-    scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
-    values, directions = np.linalg.eigh(M / np.outer(scale, scale))
-    if values[0] > 1e-10:
-        return ""
-    i = int(np.abs(directions[:, 0]).argmax()) - robot.nb
-    return "the base" if i < 0 else f"joint {robot.joint_names[i]!r}"

@@ -26,7 +26,7 @@ from wbc.models.mjcf_include import write_out
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
 from wbc.models.poses import BASE
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf, gathered
 from wbc.types import Mat, Vec
 
 WORLD = "world"
@@ -114,9 +114,7 @@ class _Translation:
         bodies = [body for body in range(1, m.nbody) if m.body_rootid[body] in roots]
         if not free:
             self.links.append(Link(WORLD))
-        for body in bodies:
-            self._refuse_body(body)
-            self._add(body)
+        gathered(self._add, bodies)
         for site in range(m.nsite):
             if m.site(site).name and m.site_bodyid[site] in bodies:
                 self._add_site(site)
@@ -188,13 +186,11 @@ class _Translation:
         m = self.m
         return bool(m.body_jntnum[body] and m.jnt_type[m.body_jntadr[body]] == self.mj.mjtJoint.mjJNT_FREE)
 
-    def _refuse_body(self, body: int) -> None:
-        if self.m.body_gravcomp[body]:
-            raise ModelError(f"body {self.body(body)!r} has gravcomp, which is not supported")
-
     def _add(self, body: int) -> None:
         """A link, and one more for each joint but the last; the last carries the mass, where the joint is."""
         m, name = self.m, self.body(body)
+        if m.body_gravcomp[body]:
+            raise ModelError(f"body {name!r} has gravcomp, which is not supported")
         inertial = self._inertial(body)
         if self._is_free(body):
             if m.dof_armature[m.body_dofadr[body]]:

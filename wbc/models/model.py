@@ -173,6 +173,11 @@ class RobotModel(ABC):
     gravity: Vec
     q0: Vec
 
+    @property
+    def weightless(self) -> str:
+        """What can move, or one of several that can move together, while nothing of any mass does; "" for nothing."""
+        return ""
+
     @abstractmethod
     def state(self, *, drifts: bool = True) -> RobotState:
         """A new state at q0, at rest. Without ``drifts`` it may leave them NaN: a velocity is decided without them."""

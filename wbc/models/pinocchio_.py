@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, Literal, final
 
 import numpy as np
@@ -104,6 +105,17 @@ class PinocchioModel(PinocchioRobot):
     def difference(self, q_from: Vec, q_to: Vec) -> Vec:
         """The step (nv,) with q_from ⊕ step = q_to."""
         return _vector(pin.difference(self.pinocchio, q_from, q_to))
+
+    @cached_property
+    def weightless(self) -> str:
+        """What moves no inertia in q0."""
+        M = self.state().M
+        scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
+        values, directions = np.linalg.eigh(M / np.outer(scale, scale))
+        if values[0] > 1e-10:
+            return ""
+        i = int(np.abs(directions[:, 0]).argmax()) - self.nb
+        return "the base" if i < 0 else f"joint {self.joint_names[i]!r}"
 
     def to_pinocchio(self, q: Vec) -> Vec:
         """``q`` (nq,) as Pinocchio's own reading of the robot has it: a joint without end is its cosine and its sine.

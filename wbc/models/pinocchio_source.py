@@ -13,7 +13,7 @@ import pinocchio as pin
 from wbc.errors import ModelError
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, triple
 from wbc.models.poses import BASE
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
 from wbc.types import Vec
 
 #: Limits beyond this [rad, m, ...] are none.
@@ -61,7 +61,7 @@ class _Reading:
     def robot(self, collisions: Any, visuals: Any) -> tuple[Urdf, Any]:
         model = self.model
         links = [Link(self.link_of[i], _inertial(model.inertias[i]) if i else None) for i in self.link_of]
-        joints = [self._joint(i) for i in range(self.first, model.njoints)]
+        joints = gathered(self._joint, range(self.first, model.njoints))
         names = {link.name for link in links}
         for frame in model.frames:
             if frame.type in _LINKS and frame.name not in names and frame.parentJoint in self.link_of:

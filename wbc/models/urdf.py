@@ -7,18 +7,21 @@ Reading is in :mod:`wbc.models.urdf_reader`. Source: the URDF specification, htt
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isnan
 from pathlib import Path
-from typing import Literal, final
+from typing import Literal, TypeVar, final
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from wbc.errors import ModelError, UnknownJoint
+from wbc.errors import ModelError, PathRefused, UnknownJoint
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Box, Cylinder, Geometry, Mesh, Origin, Sphere, Triple
 from wbc.models.poses import NamedPose
+
+_T = TypeVar("_T")
+_R = TypeVar("_R")
 
 JointKind = Literal["fixed", "revolute", "continuous", "prismatic"]
 
@@ -199,6 +202,26 @@ class Urdf:
         return ElementTree.tostring(robot, encoding="unicode")
 
 
+def gathered(read: Callable[[_T], _R], items: Iterable[_T]) -> list[_R]:
+    """``read`` of each item; what is wrong with any of them is one error.
+
+    Raises:
+        ModelError: the sentences on all that ``read`` refuses. PathRefused: the first of these.
+    """
+    found: list[_R] = []
+    wrong: list[str] = []
+    for item in items:
+        try:
+            found.append(read(item))
+        except PathRefused:
+            raise
+        except ModelError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise ModelError("; ".join(wrong))
+    return found
+
+
 def _refuse_twice(what: str, names: Sequence[str]) -> None:
     name, count = Counter(names).most_common(1)[0] if names else ("", 0)
     if count > 1:
@@ -217,21 +240,29 @@ def _refuse_large(robot: Urdf) -> None:
     for geometry in (*robot.visuals, *robot.collisions):
         lengths = (*geometry.origin.xyz, *geometry.shape.lengths)
         sizes.append((f"a shape of link {geometry.link!r}", "m", lengths))
-    for what, unit, values in sizes:
-        largest = max(map(abs, values))
-        if not largest <= LARGEST:
-            raise ModelError(f"{what} has {largest:g} {unit}; robots have at most {LARGEST:g}")
+    wrong = [
+        f"{what} has {max(map(abs, values)):g} {unit}"
+        for what, unit, values in sizes
+        if not all(abs(value) <= LARGEST for value in values)
+    ]
+    if wrong:
+        raise ModelError(f"{'; '.join(wrong)}; robots have at most {LARGEST:g}")
 
 
 def _check_tree(links: Sequence[str], joints: Sequence[Joint]) -> None:
     """One root, one parent for every other link, no loop."""
     known = set(links)
+    strange = [
+        f"joint {joint.name!r} has the {role} {link!r}, which is not a link"
+        for joint in joints
+        for role, link in (("parent", joint.parent), ("child", joint.child))
+        if link not in known
+    ]
+    if strange:
+        raise ModelError("; ".join(strange))
     children: dict[str, list[str]] = {}
     parents: dict[str, str] = {}
     for joint in joints:
-        for role, link in (("parent", joint.parent), ("child", joint.child)):
-            if link not in known:
-                raise ModelError(f"joint {joint.name!r} has the {role} {link!r}, which is not a link")
         if joint.child in parents:
             raise ModelError(f"link {joint.child!r} has two parents: {parents[joint.child]!r} and {joint.parent!r}")
         parents[joint.child] = joint.parent

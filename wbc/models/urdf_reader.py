@@ -14,7 +14,7 @@ import numpy as np
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
 
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
 
@@ -50,8 +50,8 @@ class _Reader:
         )
         return Urdf(
             name=root.get("name", path.stem),
-            links=tuple(_link(element) for element in elements),
-            joints=tuple(_joint(element) for element in root.findall("joint")),
+            links=tuple(gathered(_link, elements)),
+            joints=tuple(gathered(_joint, root.findall("joint"))),
             visuals=visuals,
             collisions=collisions,
             path=path.resolve(),

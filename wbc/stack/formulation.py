@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, final
 
+from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
 from wbc.stack.level import Level
 from wbc.stack.stack import Stack
@@ -24,13 +25,17 @@ class Formulation(Level):
         ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares.
 
         Raises:
-            NotSupported: a task or law this level cannot carry, by name.
+            NotSupported: a task or law this level cannot carry, by name; dynamics of a robot that has none.
             UnknownFrame, InvalidInput: an argument the model contradicts.
             Infeasible: rows that contradict each other in every state, by name.
         """
         from wbc.stack.contradiction import refuse_contradictions
         from wbc.stack.plan import Plan
 
+        if self.dynamics and model.weightless:
+            raise NotSupported(
+                f"{model.name}: {model.weightless} moves no inertia, so there are no torques to find; use VelocityLevel"
+            )
         plan = Plan(model, stack, self, dt, like)
         if like is None:  # fewer contacts contradict no more, and share memory with a plan that may be at work
             refuse_contradictions(plan)
