@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.models.own_robots import with_shapes
 from wbc.errors import InvalidInput, ModelError, UnknownJoint, UnknownRobot
 from wbc.models import load
 from wbc.models.feet import Foot
@@ -152,7 +153,7 @@ def test_a_written_robot_reads_back_the_same(tmp_path: Path):
     for name in ("arm", "humanoid"):
         robot = load(name).urdf
         path = tmp_path / f"{name}.urdf"
-        path.write_text(robot.text(with_shapes=True))
+        path.write_text(with_shapes(robot))
         again = read_description(path)
         assert replace(again, path=None, folders=None) == replace(robot, path=None, folders=None)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.models import own_robots as build
 from wbc.models import load
 from wbc.models.catalogue import OWN_ROBOTS
-from wbc.models.robots import build
 
 ROBOTS = {name: load(name) for name in build.ROBOTS}
 robots = pytest.mark.parametrize("name", ROBOTS)

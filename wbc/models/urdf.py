@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from wbc.errors import ModelError, PathRefused, UnknownJoint
 from wbc.models.folders import Folders
-from wbc.models.geometry import IDENTITY, Box, Cylinder, Geometry, Mesh, Origin, Sphere, Triple
+from wbc.models.geometry import IDENTITY, Geometry, Origin, Triple
 from wbc.models.poses import NamedPose
 
 _T = TypeVar("_T")
@@ -177,8 +177,8 @@ class Urdf:
                 found.append(f"joint {joint.name!r} mimics {joint.mimics!r}, here it moves by itself")
         return found + list(self.left_out) + [f"there is no mesh {reference!r}" for reference in self.missing_meshes]
 
-    def text(self, *, continuous: Literal["continuous", "revolute"] = "continuous", with_shapes: bool = False) -> str:
-        """The robot as URDF: its links, joints, inertias, limits, damping and friction (and shapes), and nothing else.
+    def text(self, *, continuous: Literal["continuous", "revolute"] = "continuous") -> str:
+        """The robot as URDF: its links, joints, inertias, limits, damping and friction, and nothing else.
 
         URDF has no word for ``armature`` and ``base``: whoever reads the text adds them.
 
@@ -190,11 +190,6 @@ class Urdf:
         for link in self.links:
             element = SubElement(robot, "link", name=link.name)
             _write_inertial(element, link.inertial)
-            if with_shapes:
-                for role, shapes in (("visual", self.visuals), ("collision", self.collisions)):
-                    for geometry in shapes:
-                        if geometry.link == link.name:
-                            _write_shape(SubElement(element, role), geometry)
         for joint in self.joints:
             kind = continuous if joint.kind == "continuous" else joint.kind
             _write_joint(SubElement(robot, "joint", name=joint.name, type=kind), joint, bounded=kind != "continuous")
@@ -301,23 +296,6 @@ def _write_joint(element: Element, joint: Joint, *, bounded: bool) -> None:
         limit = {"lower": _limit(joint.lower), "upper": _limit(joint.upper), **limit}
     SubElement(element, "limit", limit)
     SubElement(element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction))
-
-
-def _write_shape(element: Element, geometry: Geometry) -> None:
-    _write_origin(element, geometry.origin)
-    inside = SubElement(element, "geometry")
-    match geometry.shape:
-        case Box(size):
-            SubElement(inside, "box", size=_numbers(size))
-        case Sphere(radius):
-            SubElement(inside, "sphere", radius=repr(radius))
-        case Cylinder(radius, length):
-            SubElement(inside, "cylinder", radius=repr(radius), length=repr(length))
-        case Mesh(path, scale):
-            SubElement(inside, "mesh", filename=str(path), scale=_numbers(scale))
-    if geometry.color is not None:
-        name = "#" + "".join(f"{round(255 * x):02x}" for x in geometry.color)
-        SubElement(SubElement(element, "material", name=name), "color", rgba=_numbers(geometry.color))
 
 
 def _write_origin(element: Element, origin: Origin) -> None:

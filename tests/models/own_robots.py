@@ -1,21 +1,23 @@
 """Our own arm, quadruped and humanoid: what they are made of, and the URDF files written from it.
 
-``python -m wbc.models.robots.build`` writes the files beside this one. Links are unions of boxes, balls and cylinders
-of one density; mass is given, centre of mass and inertia follow. Joint angles are zero with everything straight, and
-positive in the direction that the joint's name says: a knee flexes, a hip pitch lifts the thigh, a roll leads
-outwards on both sides.
+``python -m tests.models.own_robots`` writes the files in ``wbc/models/robots``. Links are unions of boxes, balls and
+cylinders of one density; mass is given, centre of mass and inertia follow. Joint angles are zero with everything
+straight, and positive in the direction that the joint's name says: a knee flexes, a hip pitch lifts the thigh, a roll
+leads outwards on both sides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import atan2, dist, hypot, pi
-from pathlib import Path
 from typing import cast, final
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from wbc.models.catalogue import OWN_ROBOTS
 from wbc.models.geometry import Box, Color, Cylinder, Geometry, Origin, Sphere, Triple
 from wbc.models.urdf import Inertial, Joint, Link, Urdf
 from wbc.types import Mat
@@ -325,10 +327,41 @@ ROBOTS: dict[str, Callable[[], Urdf]] = {"arm": arm, "quadruped": quadruped, "hu
 
 def text(name: str) -> str:
     """The URDF of one of our robots, as the file has it."""
-    note = "<!-- Written by wbc/models/robots/build.py; change it there. -->"
-    return f'<?xml version="1.0"?>\n{note}\n{ROBOTS[name]().text(with_shapes=True)}\n'
+    note = "<!-- Written by tests/models/own_robots.py; change it there. -->"
+    return f'<?xml version="1.0"?>\n{note}\n{with_shapes(ROBOTS[name]())}\n'
+
+
+def with_shapes(urdf: Urdf) -> str:
+    """A robot as URDF with what it looks like."""
+    root = ElementTree.fromstring(urdf.text())
+    for link in root.findall("link"):
+        for role, shapes in (("visual", urdf.visuals), ("collision", urdf.collisions)):
+            for geometry in (shape for shape in shapes if shape.link == link.get("name")):
+                _write_shape(SubElement(link, role), geometry)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _write_shape(element: Element, geometry: Geometry) -> None:
+    origin = geometry.origin
+    SubElement(element, "origin", xyz=_numbers(origin.xyz), rpy=_numbers(origin.rpy))
+    inside = SubElement(element, "geometry")
+    match geometry.shape:
+        case Box(size):
+            SubElement(inside, "box", size=_numbers(size))
+        case Sphere(radius):
+            SubElement(inside, "sphere", radius=repr(radius))
+        case Cylinder(radius, length):
+            SubElement(inside, "cylinder", radius=repr(radius), length=repr(length))
+    if geometry.color is not None:
+        name = "#" + "".join(f"{round(255 * x):02x}" for x in geometry.color)
+        SubElement(SubElement(element, "material", name=name), "color", rgba=_numbers(geometry.color))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(map(repr, values))
 
 
 if __name__ == "__main__":
     for name in ROBOTS:
-        (Path(__file__).parent / f"{name}.urdf").write_text(text(name), encoding="utf-8")
+        (OWN_ROBOTS / f"{name}.urdf").write_text(text(name), encoding="utf-8")
