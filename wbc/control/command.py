@@ -52,8 +52,8 @@ class Owner(Protocol):
         """Time between ticks [s]."""
 
     @property
-    def levels(self) -> tuple[Outcome, ...]:
-        """How the levels of a strict hierarchy came out."""
+    def report(self) -> Callable[[], tuple[Outcome, ...]]:
+        """Says how the levels of a strict hierarchy came out."""
 
     def split_forces(self, forces: Vec | None) -> Forces:
         """Contact forces (nf,) as wrenches by contact name."""
@@ -76,8 +76,8 @@ class Command:
     """
 
     __slots__ = (
-        "_a", "_controller", "_f", "_forces", "_q", "_q_before", "_serial", "_solution", "_tau", "_v", "_v_before",
-        "certificate", "levels", "rung", "status",
+        "_a", "_controller", "_f", "_forces", "_levels", "_q", "_q_before", "_serial", "_solution", "_tau", "_v",
+        "_v_before", "certificate", "rung", "status",
     )  # fmt: skip
 
     def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
@@ -96,8 +96,8 @@ class Command:
         self._controller: Owner | None = controller
         self._serial = controller.serial
         self.status, self.rung, self.certificate = status, rung, certificate
-        #: Empty where nothing is ranked, and where no solver of the hierarchy had part in the command.
-        self.levels = () if rung in _WITHOUT_LEVELS else controller.levels
+        without = rung in _WITHOUT_LEVELS
+        self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = () if without else controller.report
         self._q_before, self._v_before = q, v_before
         self._v, self._a, self._tau, self._forces = v, a, tau, forces
         self._q: Vec | None = None
@@ -106,8 +106,8 @@ class Command:
 
     def __getstate__(self) -> dict[str, Any]:
         """The values alone: a copy, or a pickle, is apart from the controller."""
-        values = {name: getattr(self, name) for name in ("certificate", "levels", "rung", "status")}
-        values |= {f"_{name}": getattr(self, name) for name in ("tau", "a", "v", "q", "f", "forces")}
+        values = {name: getattr(self, name) for name in ("certificate", "rung", "status")}
+        values |= {f"_{name}": getattr(self, name) for name in ("levels", "tau", "a", "v", "q", "f", "forces")}
         kept = ("_q_before", "_v_before", "_solution")
         return values | {name: getattr(self, name) for name in kept} | {"_controller": None, "_serial": -1}
 
@@ -125,6 +125,13 @@ class Command:
         if self._controller is None:
             raise WbcError("a command that was copied or unpickled has no solution; read command.solution before")
         return self._controller
+
+    @property
+    def levels(self) -> tuple[Outcome, ...]:
+        """How each level came out; none where nothing is ranked, or no solver of the hierarchy had part in this."""
+        if not isinstance(self._levels, tuple):
+            self._levels = self._levels()
+        return self._levels
 
     @property
     def tau(self) -> Vec:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -124,6 +125,11 @@ class Solving:
     def levels(self) -> tuple[Outcome, ...]:
         """How the levels came out in the last answer; () under ``Weighted``, which has none."""
         return self._answered.outcomes
+
+    @property
+    def report(self) -> Callable[[], tuple[Outcome, ...]]:
+        """Says how the levels came out in the last answer, also later."""
+        return self._answered.report
 
     @property
     def answered(self) -> RowProblem:

@@ -54,8 +54,8 @@ class ResidualDamping:
         starts = np.cumsum([0, *dims])
         gain = motion.rate if motion.order == 1 else motion.kp
         step = dt if motion.order == 1 else 4.0 * dt**2
-        #: λ, the step, and a residual that needs no damping.
-        self._numbers = np.array([factor, step, 0.0])
+        #: λ, the step, a residual that needs no damping, and whether any joint is damped.
+        self._numbers = np.array([factor, step, 0.0, 0.0])
         #: Weight that the joints have without it (nj,).
         self.base = np.zeros(nj)
         #: Weight of the damping of each joint (nj,), and which of the unknowns y the joints are.
@@ -80,12 +80,12 @@ class ResidualDamping:
     def reset(self) -> None:
         """No damping, as before the first tick."""
         self.applied[:] = 0.0
-        self._numbers[2] = 0.0
+        self._numbers[2:] = 0.0
 
     @property
     def is_on(self) -> bool:
         """Whether any joint is damped."""
-        return bool(self.applied.any())
+        return bool(self._numbers.item(3) != 0.0)
 
     def stalled(self, v: Vec) -> Vec:
         """How little of what was asked the damped joints could do, (nj,): what is left over what was done, from 0.
@@ -107,11 +107,12 @@ class ResidualDamping:
         total = self.applied + more
         self.rate[:] = np.divide(self.rate * self.applied + rate * more, total, out=rate.copy(), where=total > 0.0)
         self.applied[:] = total
+        self._numbers[3] = total.any()
 
     def observe(self) -> bool:
         """Read what the last answer left; whether the damping changed by it."""
         if not self._counts:
-            self.applied[:] = 0.0
+            self.applied[:] = self._numbers[3] = 0.0
             return False
         found = observe(self._at)
         if found == SPOILT:
@@ -147,6 +148,8 @@ class Damping:
         self.in_metric = ResidualDamping(*self._made_of, tasks=slice(0, len(layout.kinematic)))
         self.of_levels: list[ResidualDamping] = []
         self._v = np.zeros(layout.model.nj)
+        #: Whether a level was damped in the last fill.
+        self._follows = False
         #: Tasks on the joints at the levels that are damped.
         self._on_joints: list[tuple[ResidualDamping, Wish]] = []
         #: What a task does in part it brakes with all of its kd: where it stands, kd and J.
@@ -201,8 +204,13 @@ class Damping:
 
     def follow(self, v: Vec) -> None:
         """After a fill for the velocities v (nv,): what the damping of each level wants, and brakes of its own."""
+        was_on, self._follows = self._follows, False
         if self._order > 1:
             self._v[:] = v[-len(self._v) :]
+        for damping in self.of_levels:
+            self._follows = self._follows or damping.is_on
+        if not (was_on or self._follows):
+            return
         for damping in self.of_levels:
             damping.weights[:] = damping.applied + self._least if damping.is_on else 0.0
             if damping.is_on:
@@ -232,8 +240,15 @@ class Damping:
             return self.in_metric.observe()
         was_on = self.in_metric.is_on
         changed = [damping.observe() for damping in (*self.of_levels, self.in_metric)][-1]
-        if not any(damping.is_on for damping in self.of_levels):
-            return changed or was_on != self.in_metric.is_on
+        for damping in self.of_levels:
+            if damping.is_on:
+                self._slow()
+                return True
+        return changed or was_on != self.in_metric.is_on
+
+    @np.errstate(all="ignore")
+    def _slow(self) -> None:
+        """Damp what stands below a level that is damped, besides."""
         nj = len(self.in_metric.rate)
         stalled, rate = np.zeros(nj), np.zeros(nj)
         for damping in (*self.of_levels, self.in_metric):
@@ -243,4 +258,3 @@ class Damping:
                 damping.slow(stalled, rate)
             rate = np.where(own > stalled, own_rate, rate)
             np.maximum(stalled, own, out=stalled)
-        return True

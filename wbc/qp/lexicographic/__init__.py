@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wbc.qp.lexicographic.function import lexicographic
+from wbc.qp.lexicographic.parts import Part, Pull, Stage
 from wbc.qp.lexicographic.solver import LexicographicSolver
-from wbc.qp.lexicographic.stages import Part, Pull, Stage
 
 __all__ = ["LexicographicSolver", "Part", "Pull", "Stage", "lexicographic"]

@@ -13,8 +13,8 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidProblem
 from wbc.qp.certificate import Certificate, certificate
+from wbc.qp.lexicographic.parts import Part, Stage
 from wbc.qp.lexicographic.solver import LexicographicSolver
-from wbc.qp.lexicographic.stages import Part, Stage
 from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.rows import RowProblem, Wish
 from wbc.qp.solver import Answer, Solution, Solver

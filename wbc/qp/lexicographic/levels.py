@@ -1,251 +1,166 @@
-"""Levels decided one by one, in compiled code; the core decides all at once where they can be met.
-
-Two ways to an answer. While all levels above the last can be met, they are equations of the last one's problem, which
-the core solves (:mod:`wbc.qp.rows.core`). Else each level is least squares in the space that those above it leave
-(:mod:`wbc.qp.lexicographic.compiled.level`), and has a certificate of its own
-(:mod:`wbc.qp.lexicographic.compiled.proof`). A point to begin with, or the proof that there is none, is the core's.
-
-What held a level back while it was decided stays held, and may push either way from then on; else a lower level could
-leave the set where the level above is best.
-"""
+"""The memory of levels that are decided one by one, in compiled code (:mod:`wbc.qp.lexicographic.compiled.rank`)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import sqrt
+from collections import ChainMap
+from collections.abc import Iterator, Mapping, Sequence
 from typing import final
 
 import numpy as np
 
-from wbc.compiled import Memory
+from wbc.compiled import Memory, place_of_entry
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.compiled import proof, search
-from wbc.qp.lexicographic.compiled.space import CORE, FIRST, HELD, INSIDE, ITEMS, LAST, LONG, MOST, OWN, ROWS, STEPS, N
-from wbc.qp.lexicographic.stages import MET, Pull, StagedProblem
+from wbc.qp.lexicographic.compiled import proof, rank
+from wbc.qp.lexicographic.compiled.rank import (
+    AT_ONCE,
+    BEGAN,
+    BUDGET,
+    DAMPED,
+    ENDED,
+    FALLBACK,
+    IS_MET,
+    NOT_DECIDED,
+    QPS,
+    REPAIRED,
+    START,
+    WORK,
+)  # fmt: skip
+from wbc.qp.lexicographic.compiled.space import CORE, DECIDE, FINDER, GUESS, ITEMS, LONG, MOST, N
+from wbc.qp.lexicographic.parts import Pull
+from wbc.qp.lexicographic.stages import StagedProblem
 from wbc.qp.problem import QP
-from wbc.qp.rows.compiled.work import SOLVED
+from wbc.qp.rows import RowProblem
+from wbc.qp.rows.compiled import search
+from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, SOLVED
 from wbc.qp.rows.core import CoreSolver
-from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.wish import NOT_OPTIMISED, Outcome
 from wbc.types import Index, Mat, Status, Vec
 
-#: Weight of a level's rows beside the distance, where a point near its least is found; the next where none is.
-_HEAVY = 1e6, 1.0
-#: What an answer may be off by, and what a level above may lose by it.
-_ENOUGH, _LITTLE = 1e-7, 1e-5
+_STATUS = {SOLVED: Status.SOLVED, INFEASIBLE: Status.INFEASIBLE, INACCURATE: Status.INACCURATE}
 
 
 @final
 class Levels:
-    """In one tick: ``begin`` once, then ``solve(k)``, ``certificate(k)`` and ``hold(k)`` for levels in order of rank.
+    """Decides the levels of ``staged`` from any of them on; ``pulls`` says of each what damps it.
 
-    ``solve(k)`` takes the levels above k as equations, whether they were solved in this tick and are held, or are only
-    hoped to be met.
+    ``core`` solves the last one, all others equations; in ``rank`` each is decided in the space that is left.
     """
 
     def __init__(self, staged: StagedProblem, pulls: Sequence[Pull | None] = ()) -> None:
         self.staged, self.problem = staged, staged.problem
         self.core = CoreSolver(self.problem)
-        self.counts, self.iterations = self.core.counts, 0
-        p, n = self.problem, self.problem.n_y
-        items, rows = n + p.n_range, max((len(weights) for weights in staged.weights), default=0)
-        self._pulls = [*pulls, *[None] * (len(staged.stages) - len(pulls))]
+        p, n, count = self.problem, self.problem.n_y, len(staged.stages)
+        self._pulls = [*pulls, *[None] * (count - len(pulls))]
+        items = n + p.n_range
+        rows = max(place.stop - place.start for place in staged.rows)
         rows += max((len(pull.weights) for pull in self._pulls if pull is not None), default=0)
         long = max(items, rows, p.n_soft + p.n_law, n)
-        self._sizes = np.zeros(14, dtype=np.int64)
-        self._item, self._holds = np.zeros(items, dtype=np.int64), np.zeros(items)
-        self._which, self._toward = np.zeros(n, dtype=np.int64), np.zeros(n)
+        names = [*p.rows[p.n_rows + p.n_u :], *p.rows[p.range]]
+        names = [*names, *[names[0]] * rows, *names[:n]]
+        finder = RowProblem(0, n, n_range=items, n_soft=rows, n_law=0, rows=names, regularisation=0.0)
+        self._finder = CoreSolver(finder)
+        self._sizes = np.zeros(18, dtype=np.int64)
         self._sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long
-        self._root, self._weigh, self._proof = np.ones(n), np.zeros(rows), np.zeros(6)
+        self._sizes[[FINDER, GUESS, DECIDE]] = (
+            self._finder.address, place_of_entry(search.guess), place_of_entry(search.decide),
+        )  # fmt: skip
         self._side, self._kept, self._push = np.zeros(items), np.zeros(items), np.zeros(items)
+        self._proof = np.zeros(6)
 
         def of(*shape: int) -> Mat:
             return np.zeros(shape)
 
-        self._memory = Memory(
-            of(n, n), self._root, of(n), of(items), of(items), of(items), self._side, self._kept, of(items), self._push,
-            of(items), of(items, n), of(items), of(items), self._item, self._holds, of(n, n), of(n),
-            of(n), of(n), of(n), of(n), of(n + 1), of(n), of(n), of(rows, n), of(rows, n), of(n, rows), of(rows),
-            self._weigh, of(rows), of(long), of(long), of(long), np.zeros(long, dtype=np.int64), of(rows, rows),
-            of(n, n), of(long, n), of(n), self._proof, of(items), self._which, self._toward,
-            self._sizes,
-        )  # fmt: skip
-        self._at = self._memory.address
-        self._places = self.core.places[:items]
-        self._finders = [CoreSolver(_alone(p, rows)) for rows in staged.rows]
-        self._y = p.value[p.n_u : p.n]
-        self._version = -1
-        self._weighs: list[Vec] = []
-        self.begin_over()
+        def integers(size: int) -> Index:
+            return np.zeros(size, dtype=np.int64)
 
-    def begin_over(self) -> None:
+        self._memory = Memory(
+            of(n, n), of(n), of(n), of(items), of(items), of(items), self._side, self._kept, of(items), self._push,
+            of(items), of(items, n), of(items), of(items), integers(items), of(items), of(n, n), of(n),
+            of(n), of(n), of(n), of(n), of(n + 1), of(n), of(n), of(rows, n), of(rows, n), of(n, rows), of(rows),
+            of(rows), of(rows), of(long), of(long), of(long), integers(long), of(rows, rows),
+            of(n, n), of(long, n), of(n), of(p.n_range, n), of(items), of(items, n), of(items), self._proof, of(items),
+            integers(n), of(n), self._sizes,
+        )  # fmt: skip
+        table, share = np.zeros((count, 6), dtype=np.int64), np.zeros(count)
+        table[:, 4:] = share.__array_interface__["data"][0]  # of nothing
+        for k, (place, pull) in enumerate(zip(staged.rows, self._pulls, strict=True)):
+            table[k, :2] = place.start, place.stop
+            if pull is not None:
+                addresses = (array.__array_interface__["data"][0] for array in (pull.weights, pull.wanted))
+                table[k, 2:], share[k] = (len(pull.weights), pull.columns.start, *addresses), pull.share
+        # What a report is made of stands in one piece: how each level came out, what is left of each row, its weight.
+        self._report = np.zeros(2 + 5 * count + 2 * p.n_rows)
+        worst, found, left, root = np.split(self._report, (2, 2 + 5 * count, 2 + 5 * count + p.n_rows))
+        self._sides = of(count, items)
+        self._work = np.zeros(15, dtype=np.int64)
+        self._work[:5] = count, p.n_rows, len(p.value), self._memory.address, place_of_entry(proof.certify)
+        self._ranking = Memory(
+            table,
+            share,
+            np.ones(count),
+            root,
+            self._sides,
+            left,
+            of(count),
+            found,
+            worst,
+            np.zeros(len(p.value)),
+            self._work,
+        )
+        staged.ranks[0] = self._ranking.address
+        self._places = self.core.places[:items]
+        self.qps = 0
+        self.reset()
+
+    def reset(self) -> None:
         """Forget all earlier ticks."""
-        self._memories = [np.zeros(len(self._side)) for _ in self.staged.stages]
-        for solver in (self.core, *self._finders):
-            solver.reset()
+        self._sides[:] = 0.0
+        self.core.reset()
         self._one_by_one = False
 
     # ---- one tick
-    def begin(self) -> None:
-        """Take over what the problem's memory says now."""
-        p = self.problem
-        if p.version != self._version:
-            self._root[:] = 1.0 / np.sqrt(p.metric)
-            weights = [*self.staged.weights[:-1], p.weights]
-            self._units = [*(float(each.max(initial=0.0)) or 1.0 for each in weights[:-1]), p.unit]
-            self._weighs = [np.sqrt(each / unit) for each, unit in zip(weights, self._units, strict=True)]
-            self._version = p.version
-        self._one_by_one = False
-        self._unmet: list[tuple[slice, Vec, Vec]] = []  # levels with a residual: items, weights and residual
+    def solve(self, first: int, budget: int) -> Status:
+        """Decide level ``first`` and those below, of what the source says now, with ``budget`` QPs at most.
 
-    def solve(self, k: int) -> Status:
-        """Minimise level k; what stands above it holds."""
-        if k == len(self.staged.stages) - 1 and not self._one_by_one:
-            status = self.core.solve()
-            self.iterations += self.core.iterations
-            return status
-        status = self._least(k)
-        self.iterations += int(self._sizes[STEPS])
-        if not status.ok:
-            return status
-        if not self._keeps(k):
-            return Status.INACCURATE
-        self._memories[k][:] = self._side
-        if not self._sizes[LAST]:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
-            idle = self._item[: self._sizes[HELD]][self._holds[: self._sizes[HELD]] == 0.0]
-            self._memories[k][idle] = 0.0
-        self._one_by_one = True
-        if self._sizes[LAST]:  # what held a level back is one value in the last problem
-            p, kept = self.problem, self._places[self._kept != 0.0]
-            p.lower[kept] = p.upper[kept] = p.value[kept]
-        return Status.SOLVED
-
-    def _least(self, k: int) -> Status:
-        """The level in the space that those above it leave; the first opens that space."""
-        begins = not self._one_by_one
-        self._read(k, begins=begins)
-        self._side[:] = self._memories[k]
-        if begins:
-            self._sizes[FIRST] = self.staged.rows[k].stop
-            if search.begin(self._at) != SOLVED:
-                return Status.FAILED
-            self._sizes[FIRST] = self.staged.rows[k].start
-        there = not begins or self._proof[0] <= _ENOUGH
-        if there and search.guess(self._at) == SOLVED:
-            self.counts.first += self._sizes[STEPS] == 1
-            self.counts.repaired += self._sizes[STEPS] > 1
-            return Status.SOLVED
-        self.counts.fallback += 1
-        status, found = self._find(k)
-        if begins:
-            if not status.ok:
-                return status
-            self._y[:] = found
-            search.begin_from(self._at)
-            self._sizes[INSIDE] = 1
-        if search.guess(self._at) == SOLVED:
-            return Status.SOLVED
-        self._y[:] = found
-        return Status.SOLVED if search.decide(self._at) == SOLVED else Status.FAILED
-
-    def _find(self, k: int) -> tuple[Status, Vec]:
-        """A point y within all bounds that keeps the levels above k, near the least, and its working set, by the core.
-
-        The rows of the level weigh far more than the distance from the centre. Or the proof that there is no point.
+        What stands above the first is hoped to be met; where that has no answer, or a level above is damped, another
+        one above is the first. ``began`` and ``ended`` say which were decided.
         """
-        finder, p, row = self._finders[k], self.problem, self.staged.rows[k].start
-        q = finder.problem
-        q.G[: q.soft.start], q.G[q.soft.start : q.n_rows] = p.G[: p.soft.start], p.G[row : p.n_rows]
-        bounded = slice(0, p.item(p.range.stop))
-        q.lower[bounded], q.upper[bounded] = p.lower[bounded], p.upper[bounded]
-        kept = self._places[self._kept != 0.0]
-        q.lower[kept] = q.upper[kept] = p.value[kept]
-        q.metric[:], q.centre[:], q.scale[:] = p.metric, p.centre, p.scale
-        # Of the rows in y alone, u = −X y, before what of the two parts cancels: rows may have nothing but u.
-        along, X = q.G[q.soft, : p.n], np.linalg.solve(q.G[: p.n_u, : p.n_u], q.G[: p.n_u, p.n_u : p.n])
-        parts = along[:, p.n_u :], along[:, : p.n_u] @ X
-        longest = float(sum(np.vecdot(part, part) for part in parts).max(initial=0.0)) or 1.0
-        for heavy in _HEAVY:
-            q.weights[:] = heavy / longest * self._weighs[k] ** 2
-            q.version += 1
-            status = finder.solve()
-            self.iterations += finder.iterations
-            if status is Status.INACCURATE and finder.certificate.primal <= _ENOUGH:
-                status = Status.SOLVED  # any point will do
-            if status.ok or status is Status.INFEASIBLE:
-                break
-        self._side.fill(0.0)
-        items, side = finder.working_set()
-        self._side[np.searchsorted(self._places, items)] = side
-        return status, q.x[p.n_u :]
+        self.staged.fill()
+        work, last = self._work, len(self.staged.stages) - 1
+        first = min(first, int(work[DAMPED]))
+        self.qps, self.iterations, self._one_by_one = 0, 0, first < last
+        work[QPS] = work[WORK] = 0
+        if first == last:
+            work[BEGAN] = work[ENDED] = last
+            status = self.core.solve()
+            self.qps, self.iterations = 1, self.core.iterations
+            if status.ok or budget == 1:
+                return status
+            self._one_by_one = True
+        work[START], work[BUDGET], work[QPS] = min(first, last - 1), budget, self.qps
+        work[AT_ONCE] = work[REPAIRED] = work[FALLBACK] = 0
+        code = rank.rank(self._ranking.address)
+        self.qps = int(work[QPS])
+        self.iterations += int(work[WORK])
+        counts = self.core.counts
+        counts.first += int(work[AT_ONCE])
+        counts.repaired += int(work[REPAIRED])
+        counts.fallback += int(work[FALLBACK])
+        return _STATUS.get(code, Status.FAILED)
 
-    def _read(self, k: int, *, begins: bool) -> None:
-        rows, sizes = self.staged.rows[k], self._sizes
-        own = rows.stop - rows.start
-        sizes[OWN], sizes[FIRST], sizes[STEPS] = own, rows.start, 0
-        sizes[LAST], sizes[INSIDE] = k == len(self.staged.stages) - 1, not begins
-        self._weigh[:own] = self._weighs[k]
-        sizes[ROWS] = own + self._damp(k, own)
+    @property
+    def began(self) -> int:
+        """The first level that was decided by itself; all above were met."""
+        return int(self._work[BEGAN])
 
-    def _damp(self, k: int, own: int) -> int:
-        """Write the rows that damp level k, behind its own; how many there are."""
-        pull = self._pulls[k]
-        if pull is None:
-            return 0
-        on = np.flatnonzero(pull.weights)
-        scale = self.problem.scale[self.problem.n_u :][pull.columns][on]
-        self._which[: len(on)], self._toward[: len(on)] = pull.columns.start + on, pull.wanted[on] / scale
-        self._weigh[own : own + len(on)] = np.sqrt(pull.share * pull.weights[on] / self._units[k]) * scale
-        return len(on)
+    @property
+    def ended(self) -> int:
+        """The last level that was decided."""
+        return int(self._work[ENDED])
 
-    def first_damped(self) -> int:
-        """The first level that is damped now, or the last one: those above it may all be met at once."""
-        damped = (k for k, pull in enumerate(self._pulls) if pull is not None and pull.weights.any())
-        return next(damped, len(self._pulls) - 1)
-
-    def _keeps(self, k: int) -> bool:
-        """Whether the levels above still have what they came to."""
-        p, first = self.problem, self.staged.rows[k].stop
-        above = p.value[p.item(first) : p.item(p.n_rows)].copy()
-        for rows, weights, residual in self._unmet:
-            own = above[rows.start - first : rows.stop - first]
-            now, before = residual + own, sqrt(float((weights * residual).dot(residual)))
-            if sqrt(float((weights * now).dot(now))) - before > _LITTLE * (before + 1.0):
-                return False
-            own[:] = 0.0
-        return float(np.abs(above).max(initial=0.0)) <= _ENOUGH
-
-    def hold(self, k: int) -> Vec:
-        """From here on level k keeps what it has; its residual (rows of the level,)."""
-        search.finish(self._at)
-        residual = self.staged.hold(k)
-        is_damped = self._sizes[ROWS] > self._sizes[OWN]
-        if float(np.abs(residual).max(initial=0.0)) > MET and not is_damped:
-            self._unmet.append((self.staged.rows[k], self.staged.weights[k], residual))
-        return residual
-
-    # ---- what it is worth
-    def met(self, k: int, residual: Vec) -> Certificate:
-        """The certificate of a level with next to no residual: no level has less than none."""
-        return self._found(k, np.abs(residual), float(np.abs(residual).max(initial=0.0)))
-
-    def certificate(self, k: int) -> Certificate:
-        """The certificate of level k, which was solved last."""
-        if not self._one_by_one:
-            return self.core.certificate
-        proof.certify(self._at)
-        _, primal, rho, slope, gap, under = self._proof.tolist()
-        off = sqrt(rho * rho + slope * slope) + sqrt(gap) if self._sizes[LAST] else rho + sqrt(under)
-        weigh = self._weighs[k]
-        with np.errstate(divide="ignore"):
-            return self._found(k, np.where(weigh > 0.0, off / weigh, 0.0), primal)
-
-    def _found(self, k: int, reach: Vec, primal: float) -> Certificate:
-        staged = self.staged
-        asked = np.abs(staged.problem.G[staged.rows[k], staged.problem.n])
-        bounds: Mapping[str, float] = {
-            name: float(reach[place].max(initial=0.0)) for name, place in staged.parts[k].items()
-        }
-        return Certificate(primal, 0.0, 0.0, distance=float((reach / (1.0 + asked)).max(initial=0.0)), bounds=bounds)
+    def report(self) -> Report:
+        """How all levels came out."""
+        return Report(self.staged, self._report.copy(), None if self._one_by_one else self.core.certificate)
 
     # ---- what explain() and the reports ask for
     def active(self) -> tuple[Index, Vec]:
@@ -260,8 +175,7 @@ class Levels:
         """Take these as active in the next answers."""
         self.core.guess(items, side)
         found = dict(zip(items.tolist(), side.tolist(), strict=True))
-        for memory in self._memories:
-            memory[:] = [found.get(item, 0.0) for item in self._places.tolist()]
+        self._sides[:] = [found.get(item, 0.0) for item in self._places.tolist()]
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         """y, z and z_box of the last answer in the standard form of its own problem.
@@ -289,9 +203,75 @@ class Levels:
         return found[: qp.n_eq], force[: p.n_range], force[p.n_range :]
 
 
-def _alone(p: RowProblem, rows: slice) -> RowProblem:
-    """Memory for one level's rows as a weighted sum, where those above it hold."""
-    return RowProblem(
-        p.n_u, p.n_y, n_range=p.n_range, n_soft=rows.stop - rows.start, n_law=p.n_rows - rows.stop,
-        rows=[*p.rows[: p.soft.start], *p.rows[rows.start :]], regularisation=0.0,
-    )  # fmt: skip
+@final
+class Report:
+    """How the levels of a tick came out, by number; words and certificates are made when they are asked for.
+
+    ``proof`` is the certificate of the last level where the core decided it, all others met.
+    """
+
+    def __init__(self, staged: StagedProblem, numbers: Vec, proof: Certificate | None) -> None:
+        self._staged, self._numbers, self._proof = staged, numbers, proof
+
+    def __call__(self) -> tuple[Outcome, ...]:
+        """In words, with a certificate each."""
+        return tuple(self._outcomes())
+
+    def _outcomes(self) -> Iterator[Outcome]:
+        count, last = len(self._staged.stages), len(self._staged.stages) - 1
+        found, behind = np.split(self._numbers[2:], (5 * count,))
+        left, root = np.split(behind, 2)
+        for k, (stage, place) in enumerate(zip(self._staged.stages, self._staged.rows, strict=True)):
+            names = tuple(str(part) for part in stage)
+            how, length, primal, off, distance = found[5 * k : 5 * k + 5].tolist()
+            if how == NOT_DECIDED:
+                yield Outcome(names, NOT_OPTIMISED, length, Certificate.none())
+                continue
+            if k == last and self._proof is not None:
+                yield Outcome(names, "optimal", length, self._proof)
+                continue
+            with np.errstate(divide="ignore", invalid="ignore"):
+                reach = np.abs(left[place]) if off < 0.0 else np.where(root[place] > 0.0, off / root[place], 0.0)
+            bounds = {name: float(reach[rows].max(initial=0.0)) for name, rows in self._staged.parts[k].items()}
+            proof = Certificate(primal, 0.0, 0.0, distance=distance, bounds=bounds)
+            yield Outcome(names, "met" if how == IS_MET else "optimal", length, proof)
+
+    @property
+    def certificate(self) -> Certificate:
+        """The worst number of each kind among the levels that were decided, and the bounds of all tasks."""
+        primal, distance = self._numbers.item(0), self._numbers.item(1)
+        if self._proof is None:
+            return Certificate(primal, 0.0, 0.0, 1.0, 1.0, -1, distance, 0.0, _Bounds(self))
+        worst, dual, gap, scale_dual, scale_gap, _, far, slope, _ = self._proof
+        primal, distance = max(worst, primal), max(far, distance)
+        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, slope, _Bounds(self))
+
+
+@final
+class _Bounds(Mapping[str, float]):
+    """The bounds of the tasks of all levels, the lowest level's where one is in several."""
+
+    __slots__ = ("_made", "_report")
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+        self._made: Mapping[str, float] | None = None
+
+    @property
+    def _all(self) -> Mapping[str, float]:
+        if self._made is None:
+            proofs = [outcome.certificate for outcome in self._report() if outcome.how != NOT_OPTIMISED]
+            self._made = ChainMap(*(dict(proof.bounds) for proof in reversed(proofs)))
+        return self._made
+
+    def __getitem__(self, name: str) -> float:
+        return self._all[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __repr__(self) -> str:
+        return repr({name: float(f"{bound:.3g}") for name, bound in self.items()})

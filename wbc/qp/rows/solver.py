@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import final
 
 import numpy as np
@@ -21,8 +21,6 @@ class RowSolver(ABC):
 
     #: One word for reports: "rows", "variables", "standard" or "levels".
     form: str
-    #: How what was ranked came out in the last answer; nothing where nothing is ranked.
-    outcomes: tuple[Outcome, ...] = ()
     #: Whether ``solve`` is compiled code and nothing else that computes.
     is_compiled = False
     #: Why an answer that meets all constraints is not what was asked: "not optimised", "weighted fallback"; or nothing.
@@ -33,6 +31,16 @@ class RowSolver(ABC):
         self.counts = Counts()
         self.iterations = 0
         self.certificate = Certificate(float("nan"), float("nan"), float("nan"))
+
+    @property
+    def report(self) -> Callable[[], tuple[Outcome, ...]]:
+        """Says how what was ranked came out in the last answer, also later; nothing where nothing is ranked."""
+        return nothing
+
+    @property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """How what was ranked came out in the last answer."""
+        return self.report()
 
     @abstractmethod
     def solve(self) -> Status:
@@ -90,3 +98,8 @@ class RowSolver(ABC):
     def answer(self) -> Vec:
         """x of the standard form for the answer just found."""
         return self.answered.x * self.answered.scale
+
+
+def nothing() -> tuple[Outcome, ...]:
+    """How the levels came out of what has none."""
+    return ()

@@ -30,7 +30,7 @@ def observe(at: int) -> int:
     sizes = carray(integers(m[0]), 5)
     tasks, rows, nj, width, column = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     first = carray(integers(m[1]), tasks + 1)
-    numbers = carray(floats(m[2]), 3)  # λ | step | residual that needs no damping
+    numbers = carray(floats(m[2]), 4)  # λ | step | residual that needs no damping | 1 where one is damped
     G, left_of = carray(floats(m[3]), (rows, width)), carray(floats(m[4]), rows)
     weights, gain, kd = carray(floats(m[5]), rows), carray(floats(m[6]), rows), carray(floats(m[7]), rows)
     e, base, applied = carray(floats(m[8]), rows), carray(floats(m[9]), nj), carray(floats(m[10]), nj)
@@ -43,6 +43,7 @@ def observe(at: int) -> int:
     for i in range(rows):
         residual[i] = abs(left_of[i])
         largest = max(largest, residual[i])
+    numbers[3] = 0.0
     if largest <= numbers[2] and not was_on:
         return UNCHANGED
     finite = True
@@ -78,6 +79,7 @@ def observe(at: int) -> int:
         rate[j] = rate[j] / needed[j] if needed[j] > 0.0 else 0.0
         if most[j] > 0.0:
             share = min(share, sqrt(base[j] / most[j]))
+    numbers[3] = 1.0 if is_on else 0.0
     if not is_on:
         # The same residuals x times as large need x² times as much at most, also where errors allow for all of them.
         numbers[2] = largest * share / _GROWTH

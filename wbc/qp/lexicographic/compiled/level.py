@@ -35,9 +35,9 @@ from wbc.qp.lexicographic.compiled.space import (
     ROWS,
     STEPS,
     N,
-    gradient_of_item,
     gradient_of_own,
     in_space,
+    item_in_space,
     reflect,
     reflector,
     space,
@@ -148,13 +148,12 @@ def hold_items(at: int, d: int) -> int:
     for item in range(w.sizes[ITEMS]):
         w.push[item] = w.wrong[item] = 0.0
         if w.side[item] != 0.0:
-            whole = gradient_of_item(at, item)
-            reach = in_space(at, w.B[count])
-            if not reach > DEPENDENT * whole:
+            reach = item_in_space(at, item)
+            if not reach > DEPENDENT * w.whole[item]:
                 w.side[item], w.idle[item] = 0.0, 1.0
                 continue
             for c in range(d):
-                w.B[count, c] /= reach
+                w.B[count, c] = w.R[item, c] / reach
             w.v[count], w.size[count], w.holds[count] = reach, 1.0, item
             count += 1
     rank = triangular(at, w.B, count, 0, d, w.size, w.order, _HELD)

@@ -32,6 +32,7 @@ from wbc.qp.lexicographic.compiled.space import (
     gradient_of_item,
     gradient_of_own,
     in_space,
+    item_in_space,
     reflect,
     space,
     triangular,
@@ -70,10 +71,9 @@ def fit_pushes(at: int) -> None:
                 w.idle[item], is_right = 1.0, False
             w.push[item] = 0.0
             if w.side[item] != 0.0 and w.idle[item] == 0.0:
-                gradient_of_item(at, item)
-                w.rho[count] = in_space(at, w.C[count])
+                w.rho[count] = item_in_space(at, item)
                 for c in range(d):
-                    w.C[count, c] /= w.rho[count]
+                    w.C[count, c] = w.R[item, c] / w.rho[count]
                 w.size[count], w.v[count] = 1.0, item
                 count += 1
         for c in range(n):
@@ -124,7 +124,7 @@ def certify(at: int) -> int:
         place = place_of(s, item)
         near = s.upper[place] - s.value[place] if force > 0.0 else s.value[place] - s.lower[place]
         if force != 0.0 and near < inf:
-            gradient_of_item(at, item)
+            gradient_of_item(w, item)
             add(force, w.g, n, w.step)
             if near > _MET:
                 gap += abs(force) * near

@@ -1,56 +1,60 @@
-"""The working set of a level: guess, verify, exchange; then a descent. And what Python calls.
+"""The working set of a level: guess, verify, exchange; then the core, and a descent.
 
-The working set is guessed (block principal pivoting). Where that does not end it is found by a descent from a point
-where all items are within their bounds. What a working set comes to says :mod:`~wbc.qp.lexicographic.compiled.level`.
+The working set is guessed (block principal pivoting). Where that does not end, the core finds the least of the level
+beside a small distance from where it stands, and its working set is the next guess. The last resort is a descent from
+there. What a working set comes to says :mod:`~wbc.qp.lexicographic.compiled.level`.
 """
 
 from __future__ import annotations
 
-from math import floor, inf, sqrt
+from math import inf, sqrt
 
-from wbc.compiled import entry, kernel, small_kernel
+from wbc.compiled import call, kernel, small_kernel
 from wbc.qp.lexicographic.compiled.level import ROUNDING, hold, read_level
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
+    DECIDE,
     DECIDED,
-    DEPENDENT,
-    FIRST,
+    FINDER,
+    FINDS,
     FREE,
-    HELD,
+    GUESS,
+    INSIDE,
     ITEMS,
     LAST,
-    OWN,
     ROWS,
+    STEPS,
     N,
     Space,
     begin_here,
     go,
-    gradient_of_item,
-    gradient_of_row,
-    in_space,
-    narrow,
-    open_space,
+    item_in_space,
     reflect,
     space,
 )  # fmt: skip
-from wbc.qp.rows.compiled.equality import evaluate, reduce_base
 from wbc.qp.rows.compiled.linear import dot
-from wbc.qp.rows.compiled.work import FAILED, SOLVED, UNDECIDED, Work, place_of, views
+from wbc.qp.rows.compiled.work import (
+    FAILED,
+    INACCURATE,
+    INFEASIBLE,
+    SOLVED,
+    UNDECIDED,
+    VARIABLES,
+    Work,
+    place_of,
+    views,
+)
+from wbc.qp.rows.compiled.work import ROWS as IN_ROWS
 
-#: Residuals up to this are too small to say what they are orthogonal to.
-_SLIGHT = 1e-3
-#: Of a level with a residual, rows that reach no further than this out of the others matter in the second order only.
-_OWN = 1e-7
-#: A level's own rows count from their lengths in its space, or from this share of the whole length.
-_BARELY = 1e-4
 #: A bound is broken beyond this share of 1 + its size.
 _BROKEN = 1e-9
 #: Working sets that are guessed; exchanges that may fail to lower the number of wrong items.
-_GUESSES, _CHANCES = 8, 3
+_GUESSES, _CHANCES = 4, 1
+#: How often the core is asked; what a row of the level weighs there beside the distance, and how much less where that
+#: is too much; what a point may miss.
+_FINDS, _HEAVY, _LESS, _MISSED = 4, 1e10, 1e-4, 1e-7
 #: Steps of a descent for each item, and those that are none.
 _MOST, _STILL = 5, 1e-11
-#: How far bounds are put apart for a descent, for sizes up to the second, and what tells one item from the next.
-_APART, _LARGE, _GOLDEN = 1e-10, 1e3, 0.6180339887498949
 
 
 @small_kernel
@@ -104,92 +108,189 @@ def guess_set(at: int) -> bool:
 
 
 @kernel
+def solve_level(at: int) -> int:
+    """The answer of a level in ``value``, from the working set in ``side``; or why there is none."""
+    w = space(at)
+    m, d = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE]
+    for item in range(m):
+        w.held[item] = w.side[item]
+    read_level(at)
+    if guess_set(at):
+        return SOLVED
+    code, heavy = FAILED, _HEAVY
+    for _ in range(_FINDS):
+        for item in range(m):
+            w.side[item] = w.held[item]
+        code = find(at, heavy)
+        if code == INFEASIBLE and not w.sizes[INSIDE]:
+            return code
+        if code != SOLVED:  # rows as heavy as this hide the bounds behind rounding
+            heavy *= _LESS
+            continue
+        go(at, w.at)
+        begin_here(at)
+        w.sizes[INSIDE] = 1
+        read_level(at)
+        for item in range(m):
+            w.held[item] = w.side[item]
+        if guess_set(at):
+            return SOLVED
+    if not w.sizes[INSIDE]:
+        return code
+    for item in range(m):
+        w.side[item] = w.held[item]
+    for c in range(d):
+        w.at[c] = 0.0
+    return SOLVED if descend(at) else FAILED
+
+
+@kernel
+def find(at: int, heavy: float) -> int:
+    """The least of the level beside the distance from where it begins, in ``at``, and its working set, by the core.
+
+    The rows of a level weigh far more than the distance; the distance of the last level is its own. Or the proof that
+    there is no point within all bounds.
+    """
+    w = space(at)
+    m, d, k = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE], w.sizes[ROWS]
+    q = views(w.sizes[FINDER])
+    q.sizes[0], q.sizes[1], q.sizes[2], q.sizes[3], q.sizes[4] = 0, d, m, k, 0
+    q.sizes[5] = IN_ROWS if k < d else VARIABLES
+    q = views(w.sizes[FINDER])
+    weight = 1.0
+    if not w.sizes[LAST]:
+        longest = 0.0
+        for i in range(k):
+            longest = max(longest, dot(w.W[i], w.W[i], d))
+        weight = heavy / longest if longest > 0.0 else heavy
+    for c in range(d):
+        q.lower[c], q.upper[c], q.side[c] = -inf, inf, 0.0
+        q.centre[c], q.metric[c], q.scale[c] = w.centre[c] if w.sizes[LAST] else 0.0, 1.0, 1.0
+    q.value[d], q.lower[d], q.upper[d] = 1.0, -inf, inf
+    for item in range(m):
+        item_in_space(at, item)
+        for c in range(d):
+            q.G[item, c] = w.R[item, c]
+        q.G[item, d] = 0.0
+        free = w.kept[item] != 0.0
+        q.lower[d + 1 + item], q.upper[d + 1 + item] = -inf if free else w.low[item], inf if free else w.high[item]
+        q.side[d + item] = w.side[item]
+    for i in range(k):
+        for c in range(d):
+            q.G[m + i, c] = w.W[i, c]
+        q.G[m + i, d] = w.a[i]
+        q.lower[d + 1 + m + i] = q.upper[d + 1 + m + i] = 0.0
+        q.given[i] = weight
+    q.numbers[0], q.numbers[1] = 1.0, 0.0
+    code = call(w.sizes[GUESS], w.sizes[FINDER])
+    if code == UNDECIDED:
+        code = call(w.sizes[DECIDE], w.sizes[FINDER])
+    w.sizes[STEPS] += q.sizes[7] + q.sizes[8]
+    w.sizes[FINDS] += 1
+    if code == INACCURATE and q.proof[0] <= _MISSED:
+        code = SOLVED  # any point will do
+    for c in range(d):
+        w.at[c] = q.value[c]
+    for item in range(m):
+        w.side[item] = q.side[d + item]
+    return int(code)
+
+
+# ---- the last resort
+@kernel
 def descend(at: int) -> bool:
     """The least by a primal active set from ``at``, where all items are within their bounds.
 
-    In each step as far as the items allow; the one that stops it is held from then on, and where none does, the one
-    that pulls most is let go. More items than there are unknowns may meet in one point, where that could go in circles:
-    each bound is first put a little further out, by an amount of its own. Rounding can be more than that: an item that
-    was let go is not let go again before the cost is lower. False: too many changes.
+    In each step as far towards the least of the working set as the items allow; the one that stops it is held from then
+    on. Where none does, the one that pulls most is let go, as long as the cost falls from one such place to the next.
+    While it does not, items meet in one point: then the first by index that pulls is let go, and the first that stops a
+    step is held, which cannot go in circles. False: too many changes.
 
-    Nocedal, Wright: Numerical Optimization, 16.5. Gill, Murray, Saunders, Wright, Mathematical Programming 45, 1989.
+    Nocedal, Wright: Numerical Optimization, 16.5. Chang, Cottle: Least-index resolution of degeneracy in quadratic
+    programming, Mathematical Programming 18, 1980.
     """
     w = space(at)
     s = views(w.sizes[CORE])
     m, d = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE]
     go(at, w.at)
     for item in range(m):
-        near = _BROKEN * (1.0 + abs(w.value0[item]))
+        item_in_space(at, item)
         moved = s.value[place_of(s, item)] - w.value0[item]
         far = moved - (w.high[item] if w.side[item] > 0.0 else w.low[item])
         w.low[item], w.high[item] = min(w.low[item], moved), max(w.high[item], moved)
-        w.idle[item] = w.stuck[item] = 0.0
-        if w.kept[item] != 0.0 or not abs(far) <= near:
+        if w.kept[item] != 0.0 or not abs(far) <= near_of(w, item):
             w.side[item] = 0.0
-        if w.side[item] == 0.0 and s.lower[place_of(s, item)] != s.upper[place_of(s, item)]:
-            own = _GOLDEN * item
-            out = _APART * min(1.0 + abs(w.value0[item]), _LARGE) * (1.0 + own - floor(own))
-            w.low[item] -= out
-            w.high[item] += out
-    lowest = inf
+        w.idle[item] = w.kept[item]
+    lowest, falls = inf, True
     for _ in range(_MOST * m + 1):
         for item in range(m):
             if w.side[item] != 0.0:
                 w.idle[item] = 1.0  # those that depend on others, too: nothing moves them either
         hold(at)
-        length, most = 0.0, 0.0
-        for c in range(d):
-            w.t[c] = w.step[c] = w.z[c] - w.at[c]
-            length += w.t[c] ** 2
-        if not length < inf:
+        if not nearest(at) < inf:
             return False
-        gains = across(at)
-        for c in range(d):
-            most = max(most, abs(w.step[c]) / (1.0 + abs(w.at[c])))
-        if most > _STILL and gains and stopped(at, sqrt(length)):
-            continue
-        if most <= _STILL or gains:
+        if gains(at):
+            if stopped(at, falls):
+                continue
             for c in range(d):
-                w.at[c] = w.z[c]
+                w.at[c] += w.step[c]
         cost = cost_of(at, d)
-        is_lower = cost < lowest * (1.0 - ROUNDING)
+        falls = cost < lowest * (1.0 - ROUNDING)
         lowest = min(cost, lowest)
         let_go, most = -1, 0.0
         for item in range(m):
-            w.idle[item] = 0.0
-            if is_lower:
-                w.stuck[item] = 0.0
-            if w.stuck[item] == 0.0 and w.wrong[item] > most:
+            w.idle[item] = w.kept[item]
+            if w.wrong[item] > most:
                 let_go, most = item, w.wrong[item]
+                if not falls:
+                    break
         if let_go < 0:
             go(at, w.at)
             return True
-        w.side[let_go], w.stuck[let_go] = 0.0, 1.0
+        for item in range(let_go, m):
+            w.idle[item] = w.kept[item]
+        w.side[let_go] = 0.0
     return False
 
 
-@kernel
-def across(at: int) -> bool:
-    """Leave of ``step`` what no held item feels: the rest puts these where they are held. Whether the level gains.
+@small_kernel
+def near_of(w: Space, item: int) -> float:
+    """How near to its bound an item is at it."""
+    return float(_BROKEN * (1.0 + abs(w.value0[item])))
 
-    What the level gains is the square of what its rows feel of the step, as that ends at their least.
-    """
+
+@kernel
+def nearest(at: int) -> float:
+    """The step from ``at`` to the nearest least of the working set; its square. What decides nothing does not move."""
     w = space(at)
-    k, d, rank = w.sizes[ROWS], w.sizes[N] - w.sizes[FREE], w.sizes[HELD]
+    d = w.sizes[N] - w.sizes[FREE]
+    square = 0.0
+    for c in range(d):
+        w.step[c] = w.z[c] - w.at[c]
     for c in range(w.sizes[DECIDED]):
         reflect(w.step, w.P[c], w.beta[c], c, d)
-    gain, left = 0.0, 0.0
-    for i in range(k):
-        gain += dot(w.A[i, rank:], w.step[rank:], d - rank) ** 2
-        left += w.missing[i] ** 2
-    for c in range(d):
-        if c < rank:
+    if not w.sizes[LAST]:
+        for c in range(w.sizes[DECIDED], d):
             w.step[c] = 0.0
-        elif w.sizes[LAST]:
-            gain += w.step[c] ** 2
     for c in range(w.sizes[DECIDED] - 1, -1, -1):
         reflect(w.step, w.P[c], w.beta[c], c, d)
-    return bool(gain > (ROUNDING * (1.0 + sqrt(left))) ** 2)
+    for c in range(d):
+        square += w.step[c] ** 2
+    return float(square)
+
+
+@kernel
+def gains(at: int) -> bool:
+    """Whether the level feels the step: by more than rounding of its rows, or of the last level's distance."""
+    w = space(at)
+    d = w.sizes[N] - w.sizes[FREE]
+    gain, size = 0.0, 1.0
+    for i in range(w.sizes[ROWS]):
+        gain = max(gain, abs(dot(w.W[i], w.step, d)))
+        size = max(size, abs(w.a[i] + dot(w.W[i], w.at, d)))
+    for c in range(d if w.sizes[LAST] else 0):
+        gain, size = max(gain, abs(w.step[c])), max(size, abs(w.at[c]))
+    return bool(gain > ROUNDING * size)
 
 
 @kernel
@@ -205,104 +306,43 @@ def cost_of(at: int, d: int) -> float:
 
 
 @kernel
-def stopped(at: int, length: float) -> bool:
-    """Go the step ``t`` from ``at`` as far as items allow, and hold the one that stops it; False: none does."""
+def stopped(at: int, falls: bool) -> bool:
+    """Go the step from ``at`` as far as items allow, and hold the one that stops it; False: none does.
+
+    Of those that would be beyond their bounds by no more than what is near, the one that is met most squarely; by
+    index, while the cost does not fall.
+    """
     w = space(at)
-    s = views(w.sizes[CORE])
-    n, d = w.sizes[N], w.sizes[N] - w.sizes[FREE]
-    found, share, side = -1, 1.0, 0.0
-    go(at, w.at)
-    for i in range(n):
-        w.step[i] = dot(w.V[i, w.sizes[FREE] :], w.t, d)
+    d = w.sizes[N] - w.sizes[FREE]
+    length = sqrt(dot(w.step, w.step, d))
+    limit = 1.0
     for item in range(w.sizes[ITEMS]):
-        if w.side[item] == 0.0 and w.kept[item] == 0.0 and w.idle[item] == 0.0:
-            whole = gradient_of_item(at, item)
-            ahead = dot(w.g, w.step, n)
-            if abs(ahead) > _STILL * whole * length:
-                moved = s.value[place_of(s, item)] - w.value0[item]
-                room = max(((w.high[item] if ahead > 0.0 else w.low[item]) - moved) / ahead, 0.0)
-                if room < share:
-                    found, share, side = item, room, 1.0 if ahead > 0.0 else -1.0
+        if w.idle[item] == 0.0:
+            ahead = dot(w.R[item], w.step, d)
+            if abs(ahead) > _STILL * w.whole[item] * length:
+                limit = min(limit, (room_of(w, item, ahead, d) + near_of(w, item)) / abs(ahead))
+    found, squarest, share = -1, 0.0, 1.0
+    for item in range(w.sizes[ITEMS]):
+        if w.idle[item] == 0.0:
+            ahead = dot(w.R[item], w.step, d)
+            square = abs(ahead) / w.whole[item]
+            if square > _STILL * length and square > squarest:
+                room = max(room_of(w, item, ahead, d), 0.0) / abs(ahead)
+                if room <= limit and room < 1.0:
+                    found, squarest, share = item, square, room
+                    w.side[item] = 0.0
+                    side = 1.0 if ahead > 0.0 else -1.0
+                    if not falls:
+                        break
     if found < 0:
         return False
     for c in range(d):
-        w.at[c] += share * w.t[c]
+        w.at[c] += share * w.step[c]
     w.side[found] = side
     return True
 
 
-# ---- what Python calls
-@entry
-def begin(at: int) -> int:
-    """Eliminate the base, and open the space of all points where the rows from ``sizes[FIRST]`` on hold."""
-    w = space(at)
-    if not reduce_base(w.sizes[CORE]):
-        return FAILED
-    w.proof[0] = open_space(at, w.sizes[FIRST])
-    return SOLVED
-
-
-@entry
-def begin_from(at: int) -> int:
-    """The same space from the point y that is in ``value``."""
-    evaluate(space(at).sizes[CORE])
-    begin_here(at)
-    return SOLVED
-
-
-@entry
-def guess(at: int) -> int:
-    """The answer of a level in ``value``, from the working set in ``side``. UNDECIDED: not found by guessing."""
-    read_level(at)
-    return SOLVED if guess_set(at) else UNDECIDED
-
-
-@entry
-def decide(at: int) -> int:
-    """The same by a descent from the point y in ``value``, or from where the level begins if that is beyond bounds."""
-    w = space(at)
-    s = views(w.sizes[CORE])
-    for i in range(w.sizes[N]):
-        w.g[i] = (s.value[s.sizes[0] + i] - w.y0[i]) / w.root[i]
-    in_space(at, w.at)
-    read_level(at)
-    go(at, w.at)
-    for item in range(w.sizes[ITEMS]):
-        if w.kept[item] == 0.0 and not broken(w, s, item) <= 1.0:
-            for c in range(w.sizes[N] - w.sizes[FREE]):
-                w.at[c] = 0.0
-    return SOLVED if descend(at) else FAILED
-
-
-@entry
-def finish(at: int) -> int:
-    """Keep to what the level came to: its rows, and with a residual the items that hold it back.
-
-    What a damped level came to is not the least of its rows, so that nothing but the rows themselves has to be kept.
-    """
-    w = space(at)
-    s = views(w.sizes[CORE])
-    k, first = w.sizes[OWN], w.sizes[FIRST]
-    left, count = 0.0, 0
-    for i in range(k):
-        left = max(left, abs(s.value[s.sizes[0] + w.sizes[N] + 1 + first + i]))
-        whole = gradient_of_row(at, first + i)
-        w.rho[i] = max(in_space(at, w.C[i]), _BARELY * whole)
-    if w.sizes[ROWS] > k:
-        left = 0.0
-    if left > _SLIGHT:
-        for i in range(w.sizes[HELD]):
-            if w.holds[i] != 0.0:
-                gradient_of_item(at, w.item[i])
-                w.size[count] = in_space(at, w.C[count])
-                w.kept[w.item[i]] = 1.0
-                count += 1
-        narrow(at, count, DEPENDENT)
-        for i in range(k):
-            gradient_of_row(at, first + i)
-            in_space(at, w.C[i])
-    for i in range(k):
-        w.size[i] = w.rho[i]
-    narrow(at, k, _OWN if left > _SLIGHT else DEPENDENT)
-    begin_here(at)
-    return SOLVED
+@small_kernel
+def room_of(w: Space, item: int, ahead: float, d: int) -> float:
+    """How far an item is from the bound ahead."""
+    return float((w.high[item] - dot(w.R[item], w.at, d)) if ahead > 0.0 else (dot(w.R[item], w.at, d) - w.low[item]))

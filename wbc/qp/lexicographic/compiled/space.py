@@ -71,25 +71,31 @@ class Space(NamedTuple):
     H: Mat  # (n, n)
     C: Mat  # (l, n): rows that narrow the space
     doubt: Vec  # (n): 1 for a column that is not free, but hardly
+    E: Mat  # (m − n, n): range rows in √D y with the base eliminated
+    whole: Vec  # (m): lengths of the items there
+    R: Mat  # (m, n): items in z, of which ``span`` says where they are written
+    span: Vec  # (m): their lengths in z, −1 where none is
     proof: Vec  # (6): worst row that must hold | beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
-    stuck: Vec  # (m): 1 where an item was let go, and nothing came of it yet
+    held: Vec  # (m): the side that the core found for each item
     which: Index  # (n): which unknown each damping row is about
     toward: Vec  # (n): where it pulls
-    sizes: Index  # (14): see below
+    sizes: Index  # (18): see below
 
 
 #: What stands in ``sizes``: n, m, k of this level, its first row in G, 1 for the last level, 1 where it begins within
 #: all bounds, columns of V that are not free, held items, columns that are decided, address of the core's memory, k and
 #: l of the memory, steps, and how many of the k rows stand in G. Those behind them damp unknowns, one each, while the
-#: level is decided.
+#: level is decided. Last the address of the memory of a core for
+#: problems in z, and of its two functions, and how often it was asked.
 N, ITEMS, ROWS, FIRST, LAST, INSIDE, FREE, HELD, DECIDED, CORE, MOST, LONG, STEPS, OWN = range(14)
+FINDER, GUESS, DECIDE, FINDS = range(14, 18)
 
 
 @small_kernel
 def space(at: int) -> Space:
     """The arrays whose addresses are at ``at``, in the order of :class:`Space`."""
-    a = carray(integers(at), 44)
-    s = carray(integers(a[43]), 14)
+    a = carray(integers(at), 48)
+    s = carray(integers(a[47]), 18)
     n, m, k, long = s[N], s[ITEMS], s[MOST], s[LONG]
     return Space(
         carray(floats(a[0]), (n, n)), carray(floats(a[1]), n), carray(floats(a[2]), n), carray(floats(a[3]), m),
@@ -103,8 +109,9 @@ def space(at: int) -> Space:
         carray(floats(a[31]), long), carray(floats(a[32]), long), carray(floats(a[33]), long),
         carray(integers(a[34]), long),
         carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
-        carray(floats(a[38]), n), carray(floats(a[39]), 6), carray(floats(a[40]), m),
-        carray(integers(a[41]), n), carray(floats(a[42]), n), s,
+        carray(floats(a[38]), n), carray(floats(a[39]), (m - n, n)), carray(floats(a[40]), m),
+        carray(floats(a[41]), (m, n)), carray(floats(a[42]), m), carray(floats(a[43]), 6), carray(floats(a[44]), m),
+        carray(integers(a[45]), n), carray(floats(a[46]), n), s,
     )  # fmt: skip
 
 
@@ -189,18 +196,14 @@ def gradient_of_row(at: int, row: int) -> float:
     return sqrt(dot(w.g, w.g, n))
 
 
-@kernel
-def gradient_of_item(at: int, item: int) -> float:
+@small_kernel
+def gradient_of_item(w: Space, item: int) -> None:
     """That of an item."""
-    w = space(at)
-    s = views(w.sizes[CORE])
     n = w.sizes[N]
-    if item >= n:
-        return gradient_of_row(at, place_of(s, item) - s.sizes[0] - n - 1)
     for c in range(n):
-        w.g[c] = 0.0
-    w.g[item] = w.root[item]
-    return float(w.root[item])
+        w.g[c] = w.E[item - n, c] if item >= n else 0.0
+    if item < n:
+        w.g[item] = w.root[item]
 
 
 @kernel
@@ -208,7 +211,10 @@ def gradient_of_own(at: int, i: int) -> float:
     """That of row i of the level, which stands in G or damps an unknown."""
     w = space(at)
     own = w.sizes[OWN]
-    return gradient_of_row(at, w.sizes[FIRST] + i) if i < own else gradient_of_item(at, w.which[i - own])
+    if i < own:
+        return gradient_of_row(at, w.sizes[FIRST] + i)
+    gradient_of_item(w, w.which[i - own])
+    return float(w.root[w.which[i - own]])
 
 
 @small_kernel
@@ -234,6 +240,16 @@ def in_space(at: int, out: Vec) -> float:
             for c in range(n - free):
                 out[c] += share * row[c]
     return sqrt(dot(out, out, n - free))
+
+
+@kernel
+def item_in_space(at: int, item: int) -> float:
+    """Write row ``item`` of R, if it is not there; its length."""
+    w = space(at)
+    if w.span[item] < 0.0:
+        gradient_of_item(w, item)
+        w.span[item] = in_space(at, w.R[item])
+    return float(w.span[item])
 
 
 @kernel
@@ -271,6 +287,8 @@ def narrow(at: int, m: int, tolerance: float) -> int:
         for k in range(rank):
             reflect(row, w.P[k], w.beta[k], k, n - free)
     w.sizes[FREE] = free + rank
+    for item in range(w.sizes[ITEMS]):
+        w.span[item] = -1.0
     return rank
 
 
@@ -292,6 +310,12 @@ def open_space(at: int, first: int) -> float:
         w.doubt[i] = 0.0
     for item in range(w.sizes[ITEMS]):
         w.kept[item] = 0.0
+        if item < n:
+            w.whole[item] = w.root[item]
+        else:
+            w.whole[item] = gradient_of_row(at, place_of(s, item) - nu - n - 1)
+            for c in range(n):
+                w.E[item - n, c] = w.g[c]
     w.sizes[FREE] = 0
     m = rows - first
     for i in range(n):

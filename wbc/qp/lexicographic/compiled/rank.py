@@ -1,0 +1,271 @@
+"""Levels decided one by one, in one call: the first that cannot be met with those above it, and then each below.
+
+A level is decided in the space that those above it leave (:mod:`~wbc.qp.lexicographic.compiled.search`), is certified
+(:mod:`~wbc.qp.lexicographic.compiled.proof`), and narrows the space for the next. What held it back while it was
+decided stays held, and may push either way from then on; else a lower level could leave the set where it is best.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from typing import NamedTuple
+
+from wbc.compiled import call, carray, entry, floats, integers, kernel, small_kernel
+from wbc.qp.lexicographic.compiled.search import solve_level
+from wbc.qp.lexicographic.compiled.space import (
+    CORE,
+    DEPENDENT,
+    FINDS,
+    FIRST,
+    HELD,
+    INSIDE,
+    ITEMS,
+    LAST,
+    OWN,
+    ROWS,
+    STEPS,
+    N,
+    begin_here,
+    gradient_of_row,
+    in_space,
+    item_in_space,
+    narrow,
+    open_space,
+    space,
+)  # fmt: skip
+from wbc.qp.rows.compiled.equality import reduce_base
+from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, place_of, views
+from wbc.types import Index, Mat, Vec
+
+#: Largest residual, in the rows' own units, of a level that counts as met; below, how a level came out.
+MET = 1e-6
+NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
+#: What an answer may be off by, and what a level above may lose by it.
+_ENOUGH, _LITTLE = 1e-7, 1e-5
+#: Residuals up to this are too small to say what they are orthogonal to.
+_SLIGHT = 1e-3
+#: Of a level with a residual, rows that reach no further than this out of the others matter in the second order only.
+_OWN = 1e-7
+#: A level's own rows count from their lengths in its space, or from this share of the whole length.
+_BARELY = 1e-4
+
+
+class Ranking(NamedTuple):
+    """Views of the memory of all K levels of a problem with m items and r rows."""
+
+    level: Index  # (K, 6): first row and last, unknowns that are damped and the first of them, their weights, where to
+    share: Vec  # (K): what the damping counts for
+    unit: Vec  # (K): what the weights of its rows are divided by
+    root: Vec  # (r): roots of the weights of the rows, over the unit
+    sides: Mat  # (K, m): working sets
+    left: Vec  # (r): what was left of a row when its level was held
+    unmet: Vec  # (K): 1 where that counts
+    found: Mat  # (K, 5): how it came out, what is left of it, beyond bounds, distance over weight, relative distance
+    worst: Vec  # (2): beyond bounds and relative distance, of all levels but the last if the core decided that
+    best: Vec  # (v): the last good answer
+    work: Index  # (15): see below
+
+
+#: What stands in ``work``: K, r, v, address of the space, of the proof's code, first level to be tried and QPs allowed;
+#: first and last level that were decided, QPs, levels whose guess was right, was repaired, led nowhere, steps of all,
+#: and the first level that is damped, or the last.
+LEVELS, TOTAL, VALUES, SPACE, PROOF, START, BUDGET, BEGAN, ENDED, QPS = range(10)
+AT_ONCE, REPAIRED, FALLBACK, WORK, DAMPED = range(10, 15)
+
+
+@small_kernel
+def ranking(at: int) -> Ranking:
+    """The arrays whose addresses are at ``at``, in the order of :class:`Ranking`."""
+    a = carray(integers(at), 11)
+    z = carray(integers(a[10]), 15)
+    k, rows = z[LEVELS], z[TOTAL]
+    m = carray(integers(carray(integers(z[SPACE]), 48)[47]), 18)[ITEMS]
+    return Ranking(
+        carray(integers(a[0]), (k, 6)), carray(floats(a[1]), k), carray(floats(a[2]), k), carray(floats(a[3]), rows),
+        carray(floats(a[4]), (k, m)), carray(floats(a[5]), rows), carray(floats(a[6]), k), carray(floats(a[7]), (k, 5)),
+        carray(floats(a[8]), 2), carray(floats(a[9]), z[VALUES]), z,
+    )  # fmt: skip
+
+
+@kernel
+def decide(at: int, k: int, begins: bool) -> int:
+    """Level k in the space that those above it leave; the first opens that space."""
+    r = ranking(at)
+    w = space(r.work[SPACE])
+    s = views(w.sizes[CORE])
+    w.sizes[STEPS], w.sizes[FINDS], w.sizes[LAST], w.sizes[INSIDE] = 0, 0, k == r.work[LEVELS] - 1, not begins
+    if begins:
+        for c in range(w.sizes[N]):
+            w.root[c] = 1.0 / sqrt(s.metric[c])
+        w.sizes[FIRST] = r.level[k, 1]
+        if not reduce_base(w.sizes[CORE]):
+            return FAILED
+        if not open_space(r.work[SPACE], w.sizes[FIRST]) <= _ENOUGH:
+            return FAILED
+    read(at, k)
+    code = solve_level(r.work[SPACE])
+    r.work[WORK] += w.sizes[STEPS]
+    r.work[FALLBACK if w.sizes[FINDS] else AT_ONCE if w.sizes[STEPS] == 1 else REPAIRED] += 1
+    if code != SOLVED:
+        return int(code)
+    if not keeps(at, k):
+        return INACCURATE
+    for item in range(w.sizes[ITEMS]):
+        r.sides[k, item] = w.side[item]
+    if not w.sizes[LAST]:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
+        for i in range(w.sizes[HELD]):
+            if w.holds[i] == 0.0:
+                r.sides[k, w.item[i]] = 0.0
+    else:  # what held a level back is one value in the last problem
+        for item in range(w.sizes[ITEMS]):
+            if w.kept[item] != 0.0:
+                place = place_of(s, item)
+                s.lower[place] = s.upper[place] = s.value[place]
+    return SOLVED
+
+
+@kernel
+def read(at: int, k: int) -> None:
+    """The rows of level k, those that damp it behind them, and the working set of the tick before."""
+    r = ranking(at)
+    w = space(r.work[SPACE])
+    s = views(w.sizes[CORE])
+    first, stop, count, column = r.level[k, 0], r.level[k, 1], r.level[k, 2], r.level[k, 3]
+    rows = stop - first
+    w.sizes[FIRST], w.sizes[OWN] = first, rows
+    for i in range(rows):
+        w.weigh[i] = r.root[first + i]
+    weights, wanted = carray(floats(r.level[k, 4]), count), carray(floats(r.level[k, 5]), count)
+    for i in range(count):
+        if weights[i] != 0.0:
+            scale = s.scale[s.sizes[0] + column + i]
+            w.which[rows - w.sizes[OWN]], w.toward[rows - w.sizes[OWN]] = column + i, wanted[i] / scale
+            w.weigh[rows] = sqrt(r.share[k] * weights[i] / r.unit[k]) * scale
+            rows += 1
+    w.sizes[ROWS] = rows
+    for item in range(w.sizes[ITEMS]):
+        w.side[item] = r.sides[k, item]
+
+
+@kernel
+def keeps(at: int, k: int) -> bool:
+    """Whether the levels above still have what they came to."""
+    r = ranking(at)
+    w = space(r.work[SPACE])
+    s = views(w.sizes[CORE])
+    rows = s.value[s.sizes[0] + w.sizes[N] + 1 :]
+    for i in range(k):
+        before, now = 0.0, 0.0
+        for row in range(r.level[i, 0], r.level[i, 1]):
+            before += (r.root[row] * r.left[row]) ** 2 * r.unit[i]
+            now += (r.root[row] * (r.left[row] + rows[row])) ** 2 * r.unit[i]
+            if r.unmet[i] == 0.0 and not abs(rows[row]) <= _ENOUGH:
+                return False
+        if r.unmet[i] != 0.0 and not sqrt(now) - sqrt(before) <= _LITTLE * (sqrt(before) + 1.0):
+            return False
+    for row in range(r.level[0, 1], len(s.G)):
+        if not abs(rows[row]) <= _ENOUGH:
+            return False
+    return True
+
+
+@kernel
+def prove(at: int, k: int) -> None:
+    """The certificate of level k, which was solved last."""
+    r = ranking(at)
+    w = space(r.work[SPACE])
+    s = views(w.sizes[CORE])
+    call(r.work[PROOF], r.work[SPACE])
+    rho, slope, gap = w.proof[2], w.proof[3], w.proof[4]
+    off = sqrt(rho * rho + slope * slope) + sqrt(gap) if w.sizes[LAST] else rho + sqrt(w.proof[5])
+    far, square = 0.0, 0.0
+    first = s.sizes[0] + w.sizes[N] + 1
+    for row in range(r.level[k, 0], r.level[k, 1]):
+        square += (r.root[row] * s.value[first + row]) ** 2
+        if r.root[row] > 0.0:
+            far = max(far, off / r.root[row] / (1.0 + abs(s.G[row, s.sizes[0] + w.sizes[N]])))
+    r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[1]
+    r.found[k, 3], r.found[k, 4] = off, far if off < inf else inf
+
+
+@kernel
+def hold(at: int, k: int) -> None:
+    """From here on level k keeps what it has: its rows, and with a residual the items that hold it back.
+
+    What a damped level came to is not the least of its rows, so that nothing but the rows themselves has to be kept.
+    """
+    r = ranking(at)
+    w = space(r.work[SPACE])
+    s = views(w.sizes[CORE])
+    one, own, first, here = s.sizes[0] + w.sizes[N], w.sizes[OWN], w.sizes[FIRST], r.work[SPACE]
+    left, count = 0.0, 0
+    for i in range(own):
+        residual = s.value[one + 1 + first + i]
+        left = max(left, abs(residual))
+        r.left[first + i] = residual
+        s.G[first + i, one] -= residual
+        s.value[one + 1 + first + i] = 0.0
+        whole = gradient_of_row(here, first + i)
+        w.rho[i] = max(in_space(here, w.C[i]), _BARELY * whole)
+    if left <= MET:
+        r.found[k, 0] = IS_MET
+    elif w.sizes[ROWS] == own:
+        r.unmet[k] = 1.0
+    if w.sizes[ROWS] > own:
+        left = 0.0
+    if left > _SLIGHT:
+        for i in range(w.sizes[HELD]):
+            if w.holds[i] != 0.0:
+                item = w.item[i]
+                w.size[count] = item_in_space(here, item)
+                for c in range(w.sizes[N]):
+                    w.C[count, c] = w.R[item, c]
+                w.kept[item] = 1.0
+                count += 1
+        narrow(here, count, DEPENDENT)
+        for i in range(own):
+            gradient_of_row(here, first + i)
+            in_space(here, w.C[i])
+    for i in range(own):
+        w.size[i] = w.rho[i]
+    narrow(here, own, _OWN if left > _SLIGHT else DEPENDENT)
+    begin_here(here)
+
+
+@entry
+def rank(at: int) -> int:
+    """Decide the levels from ``work[START]`` on; where that has no answer, from one above.
+
+    What stands above the first is hoped to be met. ``found`` tells of those that were decided.
+    """
+    r = ranking(at)
+    last, k, qps = r.work[LEVELS] - 1, r.work[START], r.work[QPS]
+    for i in range(last + 1):
+        r.unmet[i] = 0.0
+    while True:
+        qps += 1
+        code = decide(at, k, True)
+        if code == SOLVED or k == 0 or qps >= r.work[BUDGET]:
+            break
+        k -= 1
+    r.work[BEGAN], r.work[QPS] = k, qps
+    if code != SOLVED:
+        return int(code)
+    s = views(space(r.work[SPACE]).sizes[CORE])
+    while True:
+        prove(at, k)
+        if k == last:
+            break
+        hold(at, k)
+        if qps >= r.work[BUDGET]:
+            break
+        for i in range(len(r.best)):
+            r.best[i] = s.value[i]
+        qps += 1
+        if decide(at, k + 1, False) != SOLVED:
+            for i in range(len(r.best)):
+                s.value[i] = r.best[i]
+            break
+        k += 1
+    r.work[ENDED], r.work[QPS] = k, qps
+    return SOLVED

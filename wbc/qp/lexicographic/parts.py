@@ -1,0 +1,37 @@
+"""What is ranked: stages, each a list of what it says about tasks, and what damps them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, final
+
+from wbc.qp.rows import Wish
+from wbc.types import Vec
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a stage says about one wish: all of it, the direction alone, or the share alone."""
+
+    wish: Wish
+    kind: Literal["whole", "direction", "share"] = "whole"
+
+    def __str__(self) -> str:
+        return self.wish.name if self.kind == "whole" else f"{self.kind} of {self.wish.name}"
+
+
+Stage = Sequence[Part]
+
+
+class Pull(NamedTuple):
+    """What damps a stage while it is decided, ½ Σ ``share`` wⱼ (yⱼ − tⱼ)² on a part of y; no stage below keeps it.
+
+    ``weights`` and ``wanted`` are views that follow the plan; where all weights are 0 nothing is damped.
+    """
+
+    columns: slice
+    weights: Vec
+    wanted: Vec
+    share: float
