@@ -205,6 +205,26 @@ def test_a_stance_outside_the_limits_is_not_taken():
     assert ((robot.limits.q_min <= q) & (q <= robot.limits.q_max)).all()
 
 
+@pytest.mark.parametrize("round_ends", [True, False])
+def test_wheels_are_no_feet_though_shanks_that_turn_without_end_are(tmp_path: Path, round_ends: bool):
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    shape = (
+        '<origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.04"/></geometry>'
+        if round_ends
+        else '<origin xyz="0 0 -0.1"/><geometry><box size="0.02 0.02 0.2"/></geometry>'
+    )
+    ends = "".join(
+        f'<link name="end_{x}_{y}">{inertial}<collision>{shape}</collision></link><joint name="turn_{x}_{y}" '
+        f'type="continuous"><origin xyz="{x} {y} 0"/><parent link="body"/><child link="end_{x}_{y}"/>'
+        '<axis xyz="0 1 0"/></joint>'
+        for x in (-0.3, 0.3)
+        for y in (-0.2, 0.2)
+    )
+    path = tmp_path / "cart.urdf"
+    path.write_text(f'<robot name="cart"><link name="body">{inertial}</link>{ends}</robot>')
+    assert len(quietly(path, base="floating").feet) == (0 if round_ends else 4)
+
+
 # ---- what a foot is
 points = st.lists(st.tuples(*[st.floats(-0.2, 0.2)] * 2), min_size=3, max_size=30).map(np.array)
 

@@ -28,6 +28,8 @@ _LAYER, _LEAST_SOLE = 0.002, 0.015
 _LEVEL, _LEANING = 0.05, 0.293
 #: A round foot, seen by the points of a mesh: how much of it is looked at, its largest radius, how exact [m].
 _CAP, _LARGEST_BALL, _ROUND = 0.01, 0.1, 0.001
+#: How far a wheel is turned to know it [rad], and how much its lowest point then moves, as a share of its radius.
+_TURNED, _OUT_OF_ROUND = 0.5, 0.1
 #: Sides of shapes are straight up to rounding: to so many digits of a metre.
 _DIGITS = 9
 
@@ -47,18 +49,17 @@ class Measured:
     def guess(self) -> None:
         """Feet are the ends of two limbs or more, not wheels, at one height, below the hips and below the trunk."""
         model = self._robot.pinocchio
-        wheels = {joint.name for joint in self._robot.urdf.joints if joint.kind == "continuous"}
         ends = [
-            i for i in range(2, model.njoints)
-            if not len(model.children[i]) and model.names[i] not in wheels and not _HAND.search(" ".join(self._on(i)))
-        ]  # fmt: skip
+            i for i in range(2, model.njoints) if not len(model.children[i]) and not _HAND.search(" ".join(self._on(i)))
+        ]
         heights = {i: self._height(i) for i in range(1, model.njoints)}
         if not ends:
             return
         hips = max(heights[i] for i in model.children[1])
-        near = [i for i in ends if heights[i] < min(heights.values()) + 0.5 * (hips - min(heights.values()))]
+        near = [i for i in ends if heights[i] <= min(heights.values()) + 0.5 * (hips - min(heights.values()))]
         clouds = {i: self._cloud(self._on(i)) for i in near}
         lowest = {i: float((points[:, 2] - radii).min()) for i, (points, radii) in clouds.items() if len(points)}
+        lowest = {i: low for i, low in lowest.items() if not self._rolls(i, low)}
         ground = min(lowest.values(), default=np.inf)
         standing = [i for i, low in lowest.items() if low <= ground + _LEVEL * (hips - ground)]
         points, radii = self._cloud(self._on(1))
@@ -66,6 +67,16 @@ class Measured:
             for i in standing:
                 self.feet.append(self._measured(self._on(i), clouds[i], FRICTION))
             self._say(self.feet)
+
+    def _rolls(self, joint: int, low: float) -> bool:
+        """Whether the end of a limb is a wheel: it turns without end, and turned reaches as far down as before."""
+        robot, model = self._robot, self._robot.pinocchio
+        if np.isfinite(robot.limits.q_max[robot.joint(model.names[joint])]):
+            return False
+        q = np.array(self._state.q)
+        q[model.idx_qs[joint]] += _TURNED
+        points, radii = Measured(robot, q)._cloud(self._on(joint))
+        return bool(abs((points[:, 2] - radii).min() - low) < _OUT_OF_ROUND * (self._height(joint) - low))
 
     def add(self, foot: str | Foot) -> None:
         """A foot as it is; or, of a frame alone, what is on its link, or else on all that is fixed to that; a point
