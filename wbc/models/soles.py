@@ -29,7 +29,7 @@ _LEVEL, _LEANING = 0.05, 0.293
 #: A round foot, seen by the points of a mesh: how much of it is looked at, its largest radius, how exact [m].
 _CAP, _LARGEST_BALL, _ROUND = 0.01, 0.1, 0.001
 #: How far a wheel is turned to know it [rad], and how much its lowest point then moves, as a share of its radius.
-_TURNED, _OUT_OF_ROUND = 0.5, 0.1
+_TURNED, _OUT_OF_ROUND = 1.0, 0.1
 #: Sides of shapes are straight up to rounding: to so many digits of a metre.
 _DIGITS = 9
 
