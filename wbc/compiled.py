@@ -14,16 +14,19 @@ import ctypes
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from inspect import get_annotations
 from pathlib import Path
 from typing import Any, TypeVar, cast, final
 
 import numba
 import numpy as np
-from numba.extending import intrinsic
+from llvmlite.binding import add_symbol
+from numba.core import event
+from numba.extending import intrinsic, models, register_model
 from numpy.typing import NDArray
 
 __all__ = [
-    "Memory", "call", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "place_of_entry",
+    "Memory", "call", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part", "place_of_entry",
     "small_kernel",
 ]  # fmt: skip
 
@@ -31,16 +34,21 @@ __all__ = [
 _FAST = {"reassoc", "nsz", "arcp", "contract"}
 _numba: Any = numba
 _types: Any = numba.types
+_events: Any = event
 _ir: Any = import_module("llvmlite.ir")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
-def _made(function: _F, **more: bool) -> Any:
-    how = {"fastmath": _FAST, "error_model": "numpy", "nogil": True, **more}
+def _kept(make: Callable[..., Any], **more: Any) -> Any:
+    how = {"fastmath": _FAST, "error_model": "numpy", **more}
     try:
-        return _numba.njit(cache=True, **how)(function)
+        return make(cache=True, **how)
     except RuntimeError:  # no folder to keep machine code in may be written
-        return _numba.njit(**how)(function)
+        return make(**how)
+
+
+def _made(function: _F, **more: bool) -> Any:
+    return _kept(lambda **how: _numba.njit(**how)(function), nogil=True, **more)
 
 
 def kernel(function: _F) -> _F:
@@ -54,6 +62,41 @@ def small_kernel(function: _F) -> _F:
     return cast(_F, _made(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True))
 
 
+@final
+class _Symbol(_types.ExternalFunction):  # type: ignore[misc]
+    """A function of machine code by its name, for other kernels; and for Python."""
+
+    def __init__(self, made: Any, name: str, signature: Any) -> None:
+        super().__init__(name, signature)
+        self._made = made
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._made.ctypes(*arguments)
+
+
+register_model(_Symbol)(models.OpaqueModel)
+
+
+def part(function: _F) -> _F:
+    """A kernel of numbers, an address among them, that is compiled by itself and that others call by its name.
+
+    What it calls stands before it. A kernel of another kind is linked into its callers, and compiled again with each of
+    them: that is most of the time that compiling takes. Under ``NUMBA_BOUNDSCHECK=1`` this one is, too, since errors do
+    not come out of a function that is called by its name.
+    """
+    if _numba.config.DISABLE_JIT:
+        return function
+    if _numba.config.BOUNDSCHECK:
+        return kernel(function)
+    kinds = {"int": _types.int64, "float": _types.float64, "bool": _types.int64, "None": _types.void}
+    *given, answer = (kinds[kind] for kind in get_annotations(function).values())
+    signature = answer(*given)
+    made = _kept(lambda **how: _numba.cfunc(signature, **how)(function))
+    name = f"{function.__module__}.{function.__qualname__}"
+    add_symbol(name, made.address)
+    return cast(_F, _Symbol(made, name, signature))
+
+
 def entry(function: _F) -> _F:
     """A kernel that Python calls with one address; compiled here and now, or read from disk, and not in a tick.
 
@@ -62,12 +105,27 @@ def entry(function: _F) -> _F:
     made = _made(function)
     if _numba.config.DISABLE_JIT:
         return function
-    kept = getattr(getattr(made, "_cache", None), "cache_path", None)
-    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-"
-    if sys.stderr.isatty() and not (kept and any(Path(kept).glob(f"{name}*.nbi"))):
-        print("compiling the solver for this processor, once: about a minute", file=sys.stderr)
     made.compile("int64(int64)")
     return cast(_F, made)
+
+
+@final
+class _Teller(_events.Listener):  # type: ignore[misc]
+    """Says once on a terminal that machine code is being made."""
+
+    def __init__(self) -> None:
+        self._has_told = not sys.stderr.isatty()
+
+    def on_start(self, event: Any) -> None:
+        if not self._has_told:
+            self._has_told = True
+            print("compiling for this processor, once: about half a minute", file=sys.stderr)
+
+    def on_end(self, event: Any) -> None:
+        """Nothing is said then."""
+
+
+_events.register("numba:compile", _Teller())
 
 
 def forget_stale(package: Path) -> None:

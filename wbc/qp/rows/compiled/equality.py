@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from wbc.compiled import kernel, small_kernel
+from wbc.compiled import part, small_kernel
 from wbc.qp.rows.compiled.linear import add, add_four, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views, weighed
 from wbc.types import Vec
@@ -33,7 +33,7 @@ _SINGULAR = 1e-15
 _WEIGHTLESS = 1e-30
 
 
-@kernel
+@part
 def reduce_base(at: int) -> bool:
     """X = B_u⁻¹ [B_y | b]; False where B_u is not positive definite."""
     s = views(at)
@@ -84,7 +84,7 @@ def write_row(s: Work, k: int, item: int) -> None:
 
 
 # ---- M^−½
-@kernel
+@part
 def factor_metric(at: int) -> bool:
     """M^−½ with the pins of ``free``; False where M is singular."""
     s = views(at)
@@ -150,7 +150,7 @@ def compliance(s: Work, k: int) -> float:
 
 
 # ---- the working set and its optimum
-@kernel
+@part
 def place(at: int) -> None:
     """Where the first step starts: the centre, pins at their bounds, nothing pushes."""
     s = views(at)
@@ -161,7 +161,7 @@ def place(at: int) -> None:
         s.lam[k] = 0.0
 
 
-@kernel
+@part
 def hold_guess(at: int) -> bool:
     """Factors of the working set in ``side``: bounds are pins, rows that depend on others are left out."""
     s = views(at)
@@ -188,7 +188,7 @@ def hold_guess(at: int) -> bool:
     return True
 
 
-@kernel
+@part
 def step(at: int, is_first: bool) -> None:
     """One Newton step on (y, λ) from where they are. ``is_first``: nothing pushes yet and y is the centre."""
     s = views(at)
@@ -219,7 +219,7 @@ def step(at: int, is_first: bool) -> None:
         y[c] += s.t[c]
 
 
-@kernel
+@part
 def evaluate(at: int) -> None:
     """u from y, and every row."""
     s = views(at)

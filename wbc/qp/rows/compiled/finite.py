@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import kernel
+from wbc.compiled import part
 from wbc.qp.rows.compiled.equality import (
     back,
     compliance,
@@ -44,7 +44,7 @@ _ANEW = 10
 _SKIP = 9.0
 
 
-@kernel
+@part
 def direction(at: int, item: int) -> float:
     """Row m, not held yet: r (in ``rho``), L⁻¹ F f (in K[m]), t = f − Fᵀ r, and its room |t|² + rᵀ C r."""
     s = views(at)
@@ -75,7 +75,7 @@ def direction(at: int, item: int) -> float:
     return float(room)
 
 
-@kernel
+@part
 def hold(at: int, item: int) -> None:
     """An item whose side is set becomes the next row of the factors; free again if it depends on those held."""
     s = views(at)
@@ -87,7 +87,7 @@ def hold(at: int, item: int) -> None:
     s.K[m, m], s.lam[m], s.sizes[6] = 1.0 / sqrt(room), 0.0, m + 1
 
 
-@kernel
+@part
 def let_go(at: int, j: int) -> None:
     """Row j of the factors is held no longer."""
     s = views(at)
@@ -102,7 +102,7 @@ def let_go(at: int, j: int) -> None:
     s.sizes[6] = m - 1
 
 
-@kernel
+@part
 def start(at: int) -> bool:
     """Hold what is fixed and, of the best guess, what pushes the right way. False: M or K is singular."""
     s = views(at)
@@ -143,7 +143,7 @@ def start(at: int) -> bool:
     return True
 
 
-@kernel
+@part
 def most_broken(at: int) -> int:
     """The free item that breaks its bounds most; −1 where none does."""
     s = views(at)
@@ -156,7 +156,7 @@ def most_broken(at: int) -> int:
     return found
 
 
-@kernel
+@part
 def admit(at: int, item: int) -> int:
     """Raise the push of a broken item, letting go what would push the wrong way, until it is met and held.
 
@@ -208,7 +208,7 @@ def admit(at: int, item: int) -> int:
         let_go(at, blocking)
 
 
-@kernel
+@part
 def finite(at: int) -> int:
     """The optimum, or the proof that there is none, in finitely many steps from the guess in ``best``."""
     s = views(at)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import entry, kernel, small_kernel
+from wbc.compiled import entry, part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
 from wbc.qp.rows.compiled.verify import certified, exchange, verify
@@ -48,7 +48,7 @@ def weigh(s: Work) -> bool:
     return True
 
 
-@kernel
+@part
 def prepare(at: int) -> bool:
     """Soft rows in y, and the guess as the bounds allow it. False: a number that no problem can have."""
     s = views(at)
@@ -80,7 +80,7 @@ def prepare(at: int) -> bool:
     return True
 
 
-@kernel
+@part
 def refined(at: int, wrong: int) -> int:
     """Steps with the same working set while they help; how many items are wrong then."""
     s = views(at)
@@ -96,7 +96,14 @@ def refined(at: int, wrong: int) -> int:
     return wrong
 
 
-@kernel
+@small_kernel
+def keep_guess(s: Work) -> None:
+    """The working set is the best guess so far."""
+    for item in range(len(s.side)):
+        s.best[item] = s.side[item]
+
+
+@part
 def search(at: int) -> bool:
     """Guess, verify, exchange: whether that ends with a certified answer. The best guess is kept."""
     s = views(at)
@@ -123,13 +130,6 @@ def search(at: int) -> bool:
             chances -= 1
         exchange(at)
     return False
-
-
-@small_kernel
-def keep_guess(s: Work) -> None:
-    """The working set is the best guess so far."""
-    for item in range(len(s.side)):
-        s.best[item] = s.side[item]
 
 
 @entry

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import kernel, small_kernel
+from wbc.compiled import part, small_kernel
 from wbc.qp.rows.compiled.equality import first_row
 from wbc.qp.rows.compiled.linear import add, backward, forward
 from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
@@ -26,7 +26,19 @@ _RADIUS = 1e7
 _WORTHLESS = 1e-3
 
 
-@kernel
+@small_kernel
+def certified(s: Work) -> bool:
+    """Whether the certificate in ``proof`` holds."""
+    return bool(
+        s.proof[0] <= _TOLERANCE
+        and s.proof[1] <= _TOLERANCE * s.proof[3]
+        and s.proof[2] <= _TOLERANCE * s.proof[4]
+        and s.proof[5] <= _DISTANCE * _TOLERANCE
+        and s.proof[4] < inf
+    )
+
+
+@part
 def certify(at: int) -> bool:
     """Whether the answer in ``value`` with the pushes ``push`` of range rows, tasks and laws is certified.
 
@@ -110,18 +122,6 @@ def certify(at: int) -> bool:
 
 
 @small_kernel
-def certified(s: Work) -> bool:
-    """Whether the certificate in ``proof`` holds."""
-    return bool(
-        s.proof[0] <= _TOLERANCE
-        and s.proof[1] <= _TOLERANCE * s.proof[3]
-        and s.proof[2] <= _TOLERANCE * s.proof[4]
-        and s.proof[5] <= _DISTANCE * _TOLERANCE
-        and s.proof[4] < inf
-    )
-
-
-@small_kernel
 def beyond(s: Work, item: int) -> float:
     """By how much an item breaks its bounds, beside what counts: more than 1 is broken, and NaN is."""
     place = place_of(s, item)
@@ -152,7 +152,7 @@ def pushes_wrong(s: Work, push: float, side: float, length: float, largest: floa
     return bool(push * side * length > max(_ROUNDING * largest, _WORTHLESS * s.numbers[2]))
 
 
-@kernel
+@part
 def verify(at: int) -> int:
     """Certify the answer with the pushes of the working set that have the right sign; how many items are wrong.
 
@@ -198,7 +198,7 @@ def verify(at: int) -> int:
     return count
 
 
-@kernel
+@part
 def exchange(at: int) -> None:
     """All that is wrong leaves the working set or enters it."""
     s = views(at)
@@ -210,7 +210,7 @@ def exchange(at: int) -> None:
                 s.side[item] = 1.0 if s.value[place_of(s, item)] > s.upper[place_of(s, item)] else -1.0
 
 
-@kernel
+@part
 def disproved(at: int) -> bool:
     """Whether the multipliers in ``push`` (range rows, laws) and bounds of y prove that no point meets them all.
 
