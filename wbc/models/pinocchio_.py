@@ -182,7 +182,7 @@ class PinocchioModel(PinocchioRobot):
             >>> from wbc.models import load
             >>> robot = load("quadruped")
             >>> float(robot.on_ground(robot.configuration({"front_left_knee": -1.6}))[2].round(3))
-            0.326
+            0.245
         """
         q = np.array(checks.array("q", q, (self.nq,)))
         if self.nb and self.feet:
