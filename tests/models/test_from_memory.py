@@ -206,6 +206,10 @@ def test_a_folder_is_the_robot_in_it(tmp_path: Path):
     path = tmp_path / "urdf" / "arm.urdf"
     path.write_text((OWN / "arm.urdf").read_text())
     assert load(tmp_path).joint_names == load("arm").joint_names
+    path.rename(tmp_path / "urdf" / "arm.xml")
+    with pytest.raises(ModelError, match="this is not a file"):
+        load(tmp_path)
+    path.write_text((tmp_path / "urdf" / "arm.xml").read_text())
     (tmp_path / "other.urdf").write_text(path.read_text())
     with pytest.raises(ModelError, match=r"there are 2 robot files in this folder; .*: other\.urdf, urdf/arm\.urdf"):
         load(tmp_path)
@@ -254,6 +258,8 @@ def test_mujocos_model_in_memory_is_the_robot(kind: str):
     mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
     spec = mujoco.MjSpec.from_string(SCENE)
     physics = mujoco.MjModel.from_xml_string(SCENE)
+    with pytest.raises(InvalidInput, match="not by MjData"):
+        load(mujoco.MjData(physics))
     robot = quietly(spec if kind == "spec" else physics)
     assert (robot.name, robot.joint_names) == ("two", ("hinge", "slide")) and "tip" in robot.frame_names
     assert robot.limits.tau_max.tolist() == [5.0, 0.0] and robot.armature.tolist() == [0.1, 0.0]

@@ -178,6 +178,10 @@ def test_named_configurations_come_from_the_srdf_beside_the_file(tmp_path: Path)
     assert load(path).configurations == {}
     with pytest.raises(ModelError, match=r"arm\.srdf: not well-formed XML"):
         load(path, srdf=tmp_path / "srdf" / "arm.srdf")
+    (tmp_path / "srdf" / "arm.srdf").write_text(SRDF.replace("1.2", "nan"))
+    with pytest.raises(ModelError, match=r"arm\.srdf: 'nan' is not a finite number"):
+        load(path, srdf=str(tmp_path / "srdf" / "arm.srdf"))
+    assert load(path).configurations == {}
 
 
 def test_configurations_and_the_reference_may_be_given():
@@ -193,8 +197,11 @@ def test_configurations_and_the_reference_may_be_given():
         load(path, q0={"elbo": 0.7})
     with pytest.raises(InvalidInput, match=r"q0 must have shape \(7,\)"):
         load(path, q0=np.zeros(3))
-    with pytest.raises(InvalidInput, match="srdf is 3; it must be a path"):
-        load(path, srdf=3)  # type: ignore[arg-type]
+    for wrong in (3, {"bent": 3}):
+        with pytest.raises(InvalidInput, match=r"srdf is .*; it must be a path"):
+            load(path, srdf=wrong)  # type: ignore[arg-type]
+    with pytest.raises(UnknownJoint, match="'elbo'; did you mean 'elbow'"):
+        load(path, srdf={"bent": {"elbo": 0.7}})
 
 
 @needs_examples

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from wbc.models.pinocchio_ import Base, PinocchioModel
 
 
-#: How far into a file its root element is looked for [bytes].
-_HEAD = 4096
+#: How far into a file its root element is looked for [bytes], and how many folders deep a robot's file.
+_HEAD, _DEPTH = 4096, 4
 #: Soles that lean by less are the rounding of a file, by more no soles in this configuration [rad].
 _LEANS, _FALLS = np.radians(0.5), np.radians(30.0)
 
@@ -135,7 +135,7 @@ def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf
         folders = [folder.parent, *folders] if text in EXAMPLES else folders
         urdf = read_description(folder / entry.urdf, packages=folders)
         return entry, text, urdf.with_rigid(entry.rigid), None
-    if "mujoco" in sys.modules and type(robot).__module__.startswith("mujoco."):
+    if "mujoco" in sys.modules and type(robot).__name__ in ("MjModel", "MjSpec"):
         return Entry(""), None, read_compiled(robot), None
     import pinocchio as pin
 
@@ -151,14 +151,21 @@ def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf
 
 
 def _robot_file(path: Path) -> Path:
-    """The path itself, or the one URDF or MJCF in a folder and below it."""
-    found = sorted(path.rglob("*.urdf")) if path.is_dir() else []
-    if path.is_dir() and not found:
-        found = [file for file in sorted(path.rglob("*.xml")) if b"<mujoco" in file.read_bytes()[:_HEAD]]
+    """The path itself, or the one URDF or MJCF in a folder and not far below it."""
+    if not path.is_dir():
+        return path
+    near = [file for depth in range(_DEPTH) for file in sorted(path.glob("*/" * depth + "*")) if file.is_file()]
+    found = [file for file in near if file.suffix == ".urdf"]
+    found = found or [file for file in near if file.suffix == ".xml" and _is_mjcf(file)]
     if len(found) > 1:
         files = ", ".join(str(file.relative_to(path)) for file in found[:12])
         raise ModelError(f"{path}: there are {len(found)} robot files in this folder; give the path of one: {files}")
     return found[0] if found else path
+
+
+def _is_mjcf(file: Path) -> bool:
+    with file.open("rb") as content:
+        return b"<mujoco" in content.read(_HEAD)
 
 
 def _listed(name: str, given: Any, kinds: tuple[type, ...], what: str) -> list[Any]:
@@ -201,7 +208,7 @@ class _Wanted:
 
         urdf = urdf.on_plane() if self.base == "planar" else urdf
         robot = PinocchioModel(urdf, base=self.base, name=self.name, model=model)
-        poses = dict(urdf.poses) | self._named(urdf, srdf)
+        poses = dict(urdf.poses) | self._named(robot, srdf)
         whole = q0 is not None and not isinstance(q0, str | Mapping)
         q = checks.array("q0", q0, (robot.nq,)) if whole else _posed(robot, self._pose(robot, poses, q0))
         measured = Measured(robot, q)
@@ -220,18 +227,17 @@ class _Wanted:
         configurations = {name: _levelled(robot, _posed(robot, pose)) for name, pose in poses.items()}
         return robot.replace(q0=q if whole else _levelled(robot, q), configurations=configurations)
 
-    def _named(self, urdf: Urdf, srdf: Any) -> dict[str, NamedPose]:
+    def _named(self, robot: PinocchioModel, srdf: Any) -> dict[str, NamedPose]:
         """Those given, or of the SRDF beside the file, which is passed over where it is not one."""
-        if isinstance(srdf, Mapping):
-            return {
-                name: {joint: [checks.number(f"srdf[{name!r}]", x)] for joint, x in p.items()}
-                for name, p in srdf.items()
-            }
-        if srdf is not None:
-            if not isinstance(srdf, str | Path):
-                raise InvalidInput(f"srdf is {checks.shown(srdf)}; it must be a path, or positions by name and joint")
+        if isinstance(srdf, str | Path):
             return dict(read_poses(Path(srdf)))
-        beside = None if urdf.path is None else srdf_beside(urdf.path)
+        if isinstance(srdf, Mapping) and all(isinstance(pose, Mapping) for pose in srdf.values()):
+            for pose in srdf.values():
+                robot.configuration(pose)
+            return {name: {joint: [x] for joint, x in pose.items()} for name, pose in srdf.items()}
+        if srdf is not None:
+            raise InvalidInput(f"srdf is {checks.shown(srdf)}; it must be a path, or positions by name and joint")
+        beside = None if robot.urdf.path is None else srdf_beside(robot.urdf.path)
         try:
             return {} if beside is None else dict(read_poses(beside))
         except ModelError:

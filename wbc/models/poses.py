@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 
 from wbc.errors import ModelError
@@ -20,16 +21,22 @@ def read_poses(path: Path) -> dict[str, dict[str, list[float]]]:
     """The group states of an SRDF by name; a base that floats is called "root_joint".
 
     Raises:
-        ModelError: not an SRDF, or something that is not a number.
+        ModelError: not an SRDF, or something that is not a finite number.
     """
     found = {}
     try:
         for state in read_xml(path, "robot").iter("group_state"):
             joints = [(joint.get("name", ""), joint.get("value", "")) for joint in state.iter("joint")]
-            found[state.get("name", "")] = {name: [float(x) for x in text.split()] for name, text in joints}
+            found[state.get("name", "")] = {name: list(map(_number, text.split())) for name, text in joints}
     except (ModelError, ValueError) as cause:
         raise ModelError(f"{path}: {cause}") from None
     return found
+
+
+def _number(text: str) -> float:
+    if not isfinite(value := float(text)):
+        raise ValueError(f"{text!r} is not a finite number")
+    return value
 
 
 def srdf_beside(path: Path) -> Path | None:
