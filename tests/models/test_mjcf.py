@@ -365,7 +365,7 @@ LEG = """
 def test_keyframes_are_named_configurations_and_the_feet_are_found(tmp_path):
     path = tmp_path / "walker.xml"
     path.write_text(LEGS.format(left=LEG.format("left", 0.1), right=LEG.format("right", -0.1)))
-    with pytest.warns(Guessed, match="foot 'left_foot' is a sole of 20.0 x 8.0 cm"):
+    with pytest.warns(Guessed, match=r"foot 'left_foot', 'right_foot': a sole of 20\.0 x 8\.0 cm"):
         robot = wbc.load(path)
     assert robot.q0[:7] == pytest.approx([0, 0, 0.96, 0, 0, 0.5**0.5, 0.5**0.5]), "drawn at 1 m, its soles at 4 cm"
     low = robot.configurations["low"]

@@ -44,7 +44,7 @@ class Measured:
         self._links = [link.name for link in robot.urdf.links]
         self.feet: list[Foot] = []
         self.added: list[Joint] = []
-        self.guessed: list[str] = []
+        self._measured_feet: list[Foot] = []
 
     def guess(self) -> None:
         """Feet are the ends of two limbs or more, not wheels, at one height, below the hips and below the trunk."""
@@ -66,7 +66,7 @@ class Measured:
         if len(standing) > 1 and hips > ground and (points[:, 2] - radii).min(initial=hips) > ground:
             for i in standing:
                 self.feet.append(self._measured(self._on(i), clouds[i], FRICTION))
-            self._say(self.feet)
+            self._measured_feet += self.feet
 
     def _rolls(self, joint: int, low: float) -> bool:
         """Whether the end of a limb is a wheel: it turns without end, and turned reaches as far down as before."""
@@ -92,13 +92,17 @@ class Measured:
         found = Foot(frame, "point", friction) if cloud is None else self._measured([frame], cloud, friction)
         self.feet.append(found)
         if not known:
-            self._say([found])
+            self._measured_feet.append(found)
 
-    def _say(self, feet: Sequence[Foot]) -> None:
-        for foot in feet:
+    @property
+    def guessed(self) -> list[str]:
+        """Sentences on the feet of which nobody said what they are."""
+        alike: dict[str, list[str]] = {}
+        for foot in self._measured_feet:
             x, y = (200.0 * side for side in foot.half_size or (0.0, 0.0))
             size = f"sole of {x:.1f} x {y:.1f} cm" if x else f"ball of {1e3 * foot.radius:.0f} mm"
-            self.guessed.append(f"foot {foot.frame!r} is a {size} with a friction of {foot.friction:g}")
+            alike.setdefault(f"a {size}, friction {foot.friction:g}", []).append(repr(foot.frame))
+        return [f"foot {', '.join(frames)}: {what}" for what, frames in alike.items()]
 
     # ---- where things are
     def _height(self, joint: int) -> float:
