@@ -76,11 +76,6 @@ class Box:
 
     size: Triple
 
-    @property
-    def lengths(self) -> tuple[float, ...]:
-        """What its size is made of."""
-        return self.size
-
 
 @final
 @dataclass(frozen=True)
@@ -88,11 +83,6 @@ class Sphere:
     """A ball of ``radius`` [m], centred."""
 
     radius: float
-
-    @property
-    def lengths(self) -> tuple[float, ...]:
-        """What its size is made of."""
-        return (self.radius,)
 
 
 @final
@@ -103,11 +93,6 @@ class Cylinder:
     radius: float
     length: float
 
-    @property
-    def lengths(self) -> tuple[float, ...]:
-        """What its size is made of."""
-        return self.radius, self.length
-
 
 @final
 @dataclass(frozen=True)
@@ -117,13 +102,20 @@ class Mesh:
     path: Path
     scale: Triple = (1.0, 1.0, 1.0)
 
-    @property
-    def lengths(self) -> tuple[float, ...]:
-        """What its size is made of, beside the numbers in the file."""
-        return self.scale
-
 
 Shape = Box | Sphere | Cylinder | Mesh
+
+
+def capsule(radius: float, length: float) -> list[tuple[Shape, Vec]]:
+    """A cylinder along z with a ball at each end: its parts and where they are."""
+    ends: list[tuple[Shape, Vec]] = [(Sphere(radius), np.array([0.0, 0.0, z])) for z in (-length / 2, length / 2)]
+    return [(Cylinder(radius, length), np.zeros(3)), *ends]
+
+
+def lengths(shape: Shape) -> list[float]:
+    """What the size of a shape is made of, beside the numbers in a mesh file."""
+    sizes = [value for key, value in vars(shape).items() if key != "path"]
+    return [float(x) for x in np.hstack(sizes)]
 
 
 @final

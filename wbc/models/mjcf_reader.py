@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
-from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, triple
+from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, capsule, triple
 from wbc.models.mjcf_include import write_out
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
@@ -354,8 +354,7 @@ class _Translation:
             case kinds.mjGEOM_CYLINDER:
                 shapes = [(Cylinder(size[0], 2 * size[1]), at)]
             case kinds.mjGEOM_CAPSULE:
-                ends = [(Sphere(size[0]), at + sign * size[1] * R[:, 2]) for sign in (-1, 1)]
-                shapes = [(Cylinder(size[0], 2 * size[1]), at), *ends]
+                shapes = [(part, at + R @ place) for part, place in capsule(size[0], 2 * size[1])]
             case kinds.mjGEOM_MESH:
                 mesh, at, R = self._mesh(int(m.geom_dataid[geom]), at, R)
                 shapes = [(mesh, at)]

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, triple
+from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, capsule, triple
 from wbc.models.poses import BASE
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
 from wbc.types import Vec
@@ -145,9 +145,7 @@ def _shapes(item: Any) -> list[tuple[Shape, Vec]]:
         case coal.Cylinder():
             return [(Cylinder(float(shape.radius), 2.0 * float(shape.halfLength)), here)]
         case coal.Capsule():
-            ends = [np.array([0.0, 0.0, z]) for z in (-shape.halfLength, shape.halfLength)]
-            radius = float(shape.radius)
-            return [(Cylinder(radius, 2.0 * float(shape.halfLength)), here), *((Sphere(radius), end) for end in ends)]
+            return capsule(float(shape.radius), 2.0 * float(shape.halfLength))
     if Path(item.meshPath).is_file():
         return [(Mesh(Path(item.meshPath).resolve(), triple(item.meshScale)), here)]
     return []

@@ -62,8 +62,10 @@ class Measured:
         lowest = {i: low for i, low in lowest.items() if not self._rolls(i, low)}
         ground = min(lowest.values(), default=np.inf)
         standing = [i for i, low in lowest.items() if low <= ground + _LEVEL * (hips - ground)]
+        if len(standing) < 2 or hips <= ground:
+            return
         points, radii = self._cloud(self._on(1))
-        if len(standing) > 1 and hips > ground and (points[:, 2] - radii).min(initial=hips) > ground:
+        if (points[:, 2] - radii).min(initial=hips) > ground:
             for i in standing:
                 self.feet.append(self._measured(self._on(i), clouds[i], FRICTION))
             self._measured_feet += self.feet

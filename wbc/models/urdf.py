@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from wbc.errors import ModelError, PathRefused, UnknownJoint
 from wbc.models.folders import Folders
-from wbc.models.geometry import IDENTITY, Geometry, Origin, Triple
+from wbc.models.geometry import IDENTITY, Geometry, Origin, Triple, lengths
 from wbc.models.poses import NamedPose
 
 _T = TypeVar("_T")
@@ -233,8 +233,8 @@ def _refuse_large(robot: Urdf) -> None:
             sizes.append((f"the inertia of link {link.name!r}", "kg m²", inertial.inertia))
             sizes.append((f"an origin of link {link.name!r}", "m", inertial.origin.xyz))
     for geometry in (*robot.visuals, *robot.collisions):
-        lengths = (*geometry.origin.xyz, *geometry.shape.lengths)
-        sizes.append((f"a shape of link {geometry.link!r}", "m", lengths))
+        size = (*geometry.origin.xyz, *lengths(geometry.shape))
+        sizes.append((f"a shape of link {geometry.link!r}", "m", size))
     wrong = [
         f"{what} has {max(map(abs, values)):g} {unit}"
         for what, unit, values in sizes
