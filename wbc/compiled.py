@@ -13,7 +13,6 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable
-from importlib import import_module
 from inspect import get_annotations
 from pathlib import Path
 from typing import Any, TypeVar, cast, final
@@ -26,8 +25,7 @@ from numba.extending import intrinsic, models, register_model
 from numpy.typing import NDArray
 
 __all__ = [
-    "Memory", "call", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part", "place_of_entry",
-    "small_kernel",
+    "Memory", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part", "small_kernel",
 ]  # fmt: skip
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
@@ -35,7 +33,6 @@ _FAST = {"reassoc", "nsz", "arcp", "contract"}
 _numba: Any = numba
 _types: Any = numba.types
 _events: Any = event
-_ir: Any = import_module("llvmlite.ir")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
@@ -160,36 +157,6 @@ def _pointer(kind: Any, c_kind: Any) -> Any:
 carray: Any = _numba.carray
 floats: Any = _pointer(_types.float64, ctypes.c_double)
 integers: Any = _pointer(_types.int64, ctypes.c_int64)
-
-
-def _call_of() -> Any:
-    if _numba.config.DISABLE_JIT:
-        return lambda function, argument: _FUNCTION(int(function))(int(argument))
-
-    def to(_context: Any, function: Any, argument: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            number = context.get_value_type(_types.int64)
-            kind = _ir.FunctionType(number, [number]).as_pointer()
-            return builder.call(builder.inttoptr(arguments[0], kind), [arguments[1]])
-
-        return _types.int64(function, argument), generate
-
-    return intrinsic(to)
-
-
-_FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
-_KEPT: dict[Any, Any] = {}
-#: In a kernel: ``call(place_of_entry(f), address)`` is ``f(address)``, whose machine code is not made again for it.
-call: Any = _call_of()
-
-
-def place_of_entry(function: Any) -> int:
-    """Where the machine code of an :func:`entry` is."""
-    if _numba.config.DISABLE_JIT:
-        made = _KEPT.setdefault(function, _FUNCTION(function))
-        return int(ctypes.cast(made, ctypes.c_void_p).value or 0)
-    (found,) = function.overloads.values()
-    return int(found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name))
 
 
 @final

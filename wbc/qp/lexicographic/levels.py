@@ -8,14 +8,13 @@ from typing import final
 
 import numpy as np
 
-from wbc.compiled import Memory, place_of_entry
+from wbc.compiled import Memory
 from wbc.qp.certificate import Certificate
-from wbc.qp.lexicographic.compiled import proof, rank
+from wbc.qp.lexicographic.compiled import rank
 from wbc.qp.lexicographic.compiled.rank import (
     AT_ONCE,
     BEGAN,
     BUDGET,
-    DAMPED,
     ENDED,
     FALLBACK,
     IS_MET,
@@ -25,12 +24,11 @@ from wbc.qp.lexicographic.compiled.rank import (
     START,
     WORK,
 )  # fmt: skip
-from wbc.qp.lexicographic.compiled.space import CORE, DECIDE, FINDER, GUESS, ITEMS, LONG, MOST, N
+from wbc.qp.lexicographic.compiled.space import CORE, FINDER, ITEMS, LONG, MOST, N
 from wbc.qp.lexicographic.parts import Pull
 from wbc.qp.lexicographic.stages import StagedProblem
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
-from wbc.qp.rows.compiled import search
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, SOLVED
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.wish import NOT_OPTIMISED, Outcome
@@ -53,17 +51,15 @@ class Levels:
         self._pulls = [*pulls, *[None] * (count - len(pulls))]
         items = n + p.n_range
         rows = max(place.stop - place.start for place in staged.rows)
-        rows += max((len(pull.weights) for pull in self._pulls if pull is not None), default=0)
+        rows += max(p.n_u, *(len(pull.weights) for pull in self._pulls if pull is not None), 0)
         long = max(items, rows, p.n_soft + p.n_law, n)
         names = [*p.rows[p.n_rows + p.n_u :], *p.rows[p.range]]
         names = [*names, *[names[0]] * rows, *names[:n]]
         finder = RowProblem(0, n, n_range=items, n_soft=rows, n_law=0, rows=names, regularisation=0.0)
         self._finder = CoreSolver(finder)
-        self._sizes = np.zeros(18, dtype=np.int64)
+        self._sizes = np.zeros(16, dtype=np.int64)
         self._sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long
-        self._sizes[[FINDER, GUESS, DECIDE]] = (
-            self._finder.address, place_of_entry(search.guess), place_of_entry(search.decide),
-        )  # fmt: skip
+        self._sizes[FINDER] = self._finder.address
         self._side, self._kept, self._push = np.zeros(items), np.zeros(items), np.zeros(items)
         self._proof = np.zeros(6)
 
@@ -79,7 +75,7 @@ class Levels:
             of(n), of(n), of(n), of(n), of(n + 1), of(n), of(n), of(rows, n), of(rows, n), of(n, rows), of(rows),
             of(rows), of(rows), of(long), of(long), of(long), integers(long), of(rows, rows),
             of(n, n), of(long, n), of(n), of(p.n_range, n), of(items), of(items, n), of(items), self._proof, of(items),
-            integers(n), of(n), self._sizes,
+            integers(rows), of(rows), self._sizes,
         )  # fmt: skip
         table, share = np.zeros((count, 6), dtype=np.int64), np.zeros(count)
         table[:, 4:] = share.__array_interface__["data"][0]  # of nothing
@@ -92,8 +88,8 @@ class Levels:
         self._report = np.zeros(2 + 5 * count + 2 * p.n_rows)
         worst, found, left, root = np.split(self._report, (2, 2 + 5 * count, 2 + 5 * count + p.n_rows))
         self._sides = of(count, items)
-        self._work = np.zeros(15, dtype=np.int64)
-        self._work[:5] = count, p.n_rows, len(p.value), self._memory.address, place_of_entry(proof.certify)
+        self._work = np.zeros(13, dtype=np.int64)
+        self._work[:4] = count, p.n_rows, len(p.value), self._memory.address
         self._ranking = Memory(
             table,
             share,
@@ -109,7 +105,9 @@ class Levels:
         )
         staged.ranks[0] = self._ranking.address
         self._places = self.core.places[:items]
-        self.qps = 0
+        self._last = count - 1
+        #: First and last level that were decided by themselves in the last answer, and steps that it took.
+        self.began, self.ended, self.iterations = self._last, self._last, 0
         self.reset()
 
     def reset(self) -> None:
@@ -123,40 +121,25 @@ class Levels:
         """Decide level ``first`` and those below, of what the source says now, with ``budget`` QPs at most.
 
         What stands above the first is hoped to be met; where that has no answer, or a level above is damped, another
-        one above is the first. ``began`` and ``ended`` say which were decided.
+        one above is the first.
         """
-        self.staged.fill()
-        work, last = self._work, len(self.staged.stages) - 1
-        first = min(first, int(work[DAMPED]))
-        self.qps, self.iterations, self._one_by_one = 0, 0, first < last
-        work[QPS] = work[WORK] = 0
+        first, last, work = min(first, self.staged.fill()), self._last, self._work
+        self._one_by_one = first < last
         if first == last:
-            work[BEGAN] = work[ENDED] = last
+            self.began = self.ended = last
             status = self.core.solve()
-            self.qps, self.iterations = 1, self.core.iterations
+            self.iterations = self.core.iterations
             if status.ok or budget == 1:
                 return status
-            self._one_by_one = True
-        work[START], work[BUDGET], work[QPS] = min(first, last - 1), budget, self.qps
-        work[AT_ONCE] = work[REPAIRED] = work[FALLBACK] = 0
+            self._one_by_one, work[QPS], work[WORK] = True, 1, self.iterations
+        work[START], work[BUDGET] = min(first, last - 1), budget
         code = rank.rank(self._ranking.address)
-        self.qps = int(work[QPS])
-        self.iterations += int(work[WORK])
+        self.began, self.ended, self.iterations = work.item(BEGAN), work.item(ENDED), work.item(WORK)
         counts = self.core.counts
-        counts.first += int(work[AT_ONCE])
-        counts.repaired += int(work[REPAIRED])
-        counts.fallback += int(work[FALLBACK])
+        counts.first += work.item(AT_ONCE)
+        counts.repaired += work.item(REPAIRED)
+        counts.fallback += work.item(FALLBACK)
         return _STATUS.get(code, Status.FAILED)
-
-    @property
-    def began(self) -> int:
-        """The first level that was decided by itself; all above were met."""
-        return int(self._work[BEGAN])
-
-    @property
-    def ended(self) -> int:
-        """The last level that was decided."""
-        return int(self._work[ENDED])
 
     def report(self) -> Report:
         """How all levels came out."""

@@ -45,14 +45,12 @@ class StagedProblem:
         upper = list(stages[:-1])
         # The unknowns that the last stage pulls on are in its metric and need no rows.
         last = [part for part in stages[-1] if part.kind == "share" or part.wish.rows is not None]
-        if source.n_u:  # nothing is left out of the cost where u is eliminated
-            none, weights = np.zeros(source.n_u), np.full(source.n_u, source.regularisation)
-            last.append(Part(Wish("regularisation", None, slice(0, source.n_u), weights, none, none)))
         every = [*upper, last]
         sizes = [sum(_size(part) for part in stage) for stage in every]
         self.problem = p = RowProblem(
             source.n_u, source.n_y + len(scaled), n_range=source.n_range, n_soft=sizes[-1],
-            n_law=sum(sizes[:-1]) + source.n_law, rows=self._names([last, *reversed(upper)]), regularisation=0.0,
+            n_law=sum(sizes[:-1]) + source.n_law, rows=self._names([last, *reversed(upper)]),
+            regularisation=source.regularisation,
         )  # fmt: skip
         stops = p.law.start + np.cumsum([0, *sizes[-2::-1]])
         self.rows = [*[slice(a, b) for a, b in pairwise(stops.tolist())][::-1], p.soft]
@@ -135,13 +133,13 @@ class StagedProblem:
         pulling = [part.wish for part in self.stages[-1] if part.kind != "share" and part.wish.rows is None]
         return found + pulling
 
-    def fill(self) -> None:
-        """Take over rows, bounds, weights, metric and centre as they are now."""
+    def fill(self) -> int:
+        """Take over rows, bounds, weights, metric and centre as they are; the first damped stage, or the last."""
         if self.source.version != self._version:
             self._version = self.source.version
             self.problem.unit = self._unit[0] = self.source.unit
             self.problem.version += 1
-        fill(self._memory.address)
+        return fill(self._memory.address)
 
     def conclude(self) -> int:
         """Write the answer where the source keeps its own, and what is left of each stage; the first not met."""

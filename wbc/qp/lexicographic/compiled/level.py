@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from wbc.compiled import kernel
+from wbc.compiled import part
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
@@ -61,7 +61,7 @@ _ENOUGH = 1e-8
 _REFINED = 3
 
 
-@kernel
+@part
 def read_level(at: int) -> None:
     """W and a of the level, and how far items may go from where it begins."""
     w = space(at)
@@ -75,8 +75,11 @@ def read_level(at: int) -> None:
         if i < own:
             reduced(s, s.G[first + i], w.g)
             w.a[i] = w.weigh[i] * (dot(w.g, w.y0, n) + w.g[n])
-        else:
+        elif w.which[i - own] >= 0:
             w.a[i] = w.weigh[i] * (w.y0[w.which[i - own]] - w.toward[i - own])
+        else:
+            c = -1 - w.which[i - own]
+            w.a[i] = -w.weigh[i] * (dot(s.X[c], w.y0, n) + s.X[c, n])
     for item in range(w.sizes[ITEMS]):
         place = place_of(s, item)
         w.low[item], w.high[item] = s.lower[place] - w.value0[item], s.upper[place] - w.value0[item]
@@ -88,7 +91,125 @@ def read_level(at: int) -> None:
         in_space(at, w.centre)
 
 
-@kernel
+@part
+def hold_items(at: int, d: int) -> int:
+    """The held items as B P = [R 0], and t such that they are at their bounds; how many there are."""
+    w = space(at)
+    count = 0
+    for item in range(w.sizes[ITEMS]):
+        w.push[item] = w.wrong[item] = 0.0
+        if w.side[item] != 0.0:
+            reach = item_in_space(at, item)
+            if not reach > DEPENDENT * w.whole[item]:
+                w.side[item], w.idle[item] = 0.0, 1.0
+                continue
+            for c in range(d):
+                w.B[count, c] = w.R[item, c] / reach
+            w.v[count], w.size[count], w.holds[count] = reach, 1.0, item
+            count += 1
+    rank = triangular(at, w.B, count, 0, d, w.size, w.order, _HELD)
+    for i in range(rank, count):
+        w.side[int(w.holds[w.order[i]])] = 0.0
+    for i in range(rank):
+        item = int(w.holds[w.order[i]])
+        w.item[i], w.reach[i] = item, w.v[w.order[i]]
+        w.bound[i] = (w.high[item] if w.side[item] > 0.0 else w.low[item]) / w.reach[i]
+    for i in range(rank):
+        w.t[i] = (w.bound[i] - dot(w.B[i], w.t, i)) / w.B[i, i]
+    for c in range(rank, d):
+        w.t[c] = 0.0
+    w.sizes[HELD] = rank
+    return rank
+
+
+@part
+def reduce(at: int, rank: int, d: int) -> None:
+    """The rest of t in a level that has no curvature of its own: what decides its rows; nothing else moves."""
+    w = space(at)
+    k = w.sizes[ROWS]
+    for i in range(k):
+        w.size[i] = sqrt(dot(w.W[i], w.W[i], d))
+        w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
+    decided = triangular(at, w.A, k, rank, d, w.size, w.order, _BESIDE)
+    w.sizes[DECIDED] = rank + decided
+    for i in range(k):
+        w.missing[i] = w.v[w.order[i]]
+    if decided == k:
+        for i in range(k):
+            w.t[rank + i] = -(w.missing[i] + dot(w.A[i, rank:], w.t[rank:], i)) / w.A[i, rank + i]
+    else:
+        for j in range(decided):
+            for i in range(k):
+                w.T[j, i] = w.A[i, rank + j]
+        for i in range(k):
+            w.rho[i] = -w.missing[i]
+        for j in range(decided):  # L = Q R, whose columns are the rows of T
+            beta = reflector(w.T[j], j, k, w.v)
+            for i in range(j + 1, decided):
+                reflect(w.T[i], w.v, beta, j, k)
+            reflect(w.rho, w.v, beta, j, k)
+        for j in range(decided - 1, -1, -1):
+            x = w.rho[j]
+            for i in range(j + 1, decided):
+                x -= w.T[i, j] * w.t[rank + i]
+            w.t[rank + j] = x / w.T[j, j]
+    for i in range(k):
+        left = w.missing[i] + dot(w.A[i, rank:], w.t[rank:], decided)
+        w.missing[i] = left if decided < k else 0.0
+
+
+@part
+def settle(at: int, rank: int, d: int) -> None:
+    """The rest of t in the last level, whose distance from the centre, in ``step``, has curvature 1.
+
+    Newton steps on (t, missing), as in :mod:`wbc.qp.rows.compiled.equality`.
+    """
+    w = space(at)
+    k = w.sizes[ROWS]
+    rest = d - rank
+    w.sizes[DECIDED] = rank
+    for c in range(rank, d):
+        w.t[c] = w.step[c]
+    for i in range(k):
+        w.missing[i] = 0.0
+    for i in range(k if k <= rest else 0):
+        products(w.A[:, rank:], i, 0, rest, w.K[i])
+        w.K[i, i] += 1.0
+    factor(w.K, 0, k if k <= rest else 0, 0.0)
+    for i in range(rest if k > rest else 0):
+        for c in range(i + 1):
+            w.H[i, c] = 0.0
+        w.H[i, i] = 1.0
+        for row in range(k):
+            add(w.A[row, rank + i], w.A[row, rank:], i + 1, w.H[i])
+    factor(w.H, 0, rest if k > rest else 0, 0.0)
+    for _ in range(_REFINED):
+        for i in range(k):
+            w.rho[i] = w.missing[i] - w.a[i] - dot(w.A[i], w.t, d)
+        for c in range(rest):
+            w.g[c] = w.step[rank + c] - w.t[rank + c]
+        for i in range(k):
+            add(-w.missing[i], w.A[i, rank:], rest, w.g)
+        if k <= rest:
+            for i in range(k):
+                w.rho[i] -= dot(w.A[i, rank:], w.g, rest)
+            forward(w.K, 0, k, w.rho)
+            backward(w.K, 0, k, w.rho)
+            for i in range(k):
+                add(w.rho[i], w.A[i, rank:], rest, w.g)
+                w.missing[i] -= w.rho[i]
+        else:
+            for i in range(k):
+                add(w.rho[i], w.A[i, rank:], rest, w.g)
+            forward(w.H, 0, rest, w.g)
+            backward(w.H, 0, rest, w.g)
+            for i in range(k):
+                w.missing[i] += dot(w.A[i, rank:], w.g, rest) - w.rho[i]
+        for c in range(rest):
+            w.t[rank + c] += w.g[c]
+
+
+@part
 def hold(at: int) -> None:
     """The least with the items of ``side`` held, less those that depend on others; what they push with."""
     w = space(at)
@@ -138,121 +259,3 @@ def hold(at: int) -> None:
         w.z[c] = w.t[c]
     for c in range(w.sizes[DECIDED] - 1, -1, -1):
         reflect(w.z, w.P[c], w.beta[c], c, d)
-
-
-@kernel
-def hold_items(at: int, d: int) -> int:
-    """The held items as B P = [R 0], and t such that they are at their bounds; how many there are."""
-    w = space(at)
-    count = 0
-    for item in range(w.sizes[ITEMS]):
-        w.push[item] = w.wrong[item] = 0.0
-        if w.side[item] != 0.0:
-            reach = item_in_space(at, item)
-            if not reach > DEPENDENT * w.whole[item]:
-                w.side[item], w.idle[item] = 0.0, 1.0
-                continue
-            for c in range(d):
-                w.B[count, c] = w.R[item, c] / reach
-            w.v[count], w.size[count], w.holds[count] = reach, 1.0, item
-            count += 1
-    rank = triangular(at, w.B, count, 0, d, w.size, w.order, _HELD)
-    for i in range(rank, count):
-        w.side[int(w.holds[w.order[i]])] = 0.0
-    for i in range(rank):
-        item = int(w.holds[w.order[i]])
-        w.item[i], w.reach[i] = item, w.v[w.order[i]]
-        w.bound[i] = (w.high[item] if w.side[item] > 0.0 else w.low[item]) / w.reach[i]
-    for i in range(rank):
-        w.t[i] = (w.bound[i] - dot(w.B[i], w.t, i)) / w.B[i, i]
-    for c in range(rank, d):
-        w.t[c] = 0.0
-    w.sizes[HELD] = rank
-    return rank
-
-
-@kernel
-def reduce(at: int, rank: int, d: int) -> None:
-    """The rest of t in a level that has no curvature of its own: what decides its rows; nothing else moves."""
-    w = space(at)
-    k = w.sizes[ROWS]
-    for i in range(k):
-        w.size[i] = sqrt(dot(w.W[i], w.W[i], d))
-        w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
-    decided = triangular(at, w.A, k, rank, d, w.size, w.order, _BESIDE)
-    w.sizes[DECIDED] = rank + decided
-    for i in range(k):
-        w.missing[i] = w.v[w.order[i]]
-    if decided == k:
-        for i in range(k):
-            w.t[rank + i] = -(w.missing[i] + dot(w.A[i, rank:], w.t[rank:], i)) / w.A[i, rank + i]
-    else:
-        for j in range(decided):
-            for i in range(k):
-                w.T[j, i] = w.A[i, rank + j]
-        for i in range(k):
-            w.rho[i] = -w.missing[i]
-        for j in range(decided):  # L = Q R, whose columns are the rows of T
-            beta = reflector(w.T[j], j, k, w.v)
-            for i in range(j + 1, decided):
-                reflect(w.T[i], w.v, beta, j, k)
-            reflect(w.rho, w.v, beta, j, k)
-        for j in range(decided - 1, -1, -1):
-            x = w.rho[j]
-            for i in range(j + 1, decided):
-                x -= w.T[i, j] * w.t[rank + i]
-            w.t[rank + j] = x / w.T[j, j]
-    for i in range(k):
-        left = w.missing[i] + dot(w.A[i, rank:], w.t[rank:], decided)
-        w.missing[i] = left if decided < k else 0.0
-
-
-@kernel
-def settle(at: int, rank: int, d: int) -> None:
-    """The rest of t in the last level, whose distance from the centre, in ``step``, has curvature 1.
-
-    Newton steps on (t, missing), as in :mod:`wbc.qp.rows.compiled.equality`.
-    """
-    w = space(at)
-    k = w.sizes[ROWS]
-    rest = d - rank
-    w.sizes[DECIDED] = rank
-    for c in range(rank, d):
-        w.t[c] = w.step[c]
-    for i in range(k):
-        w.missing[i] = 0.0
-    for i in range(k if k <= rest else 0):
-        products(w.A[:, rank:], i, 0, rest, w.K[i])
-        w.K[i, i] += 1.0
-    factor(w.K, 0, k if k <= rest else 0, 0.0)
-    for i in range(rest if k > rest else 0):
-        for c in range(i + 1):
-            w.H[i, c] = 0.0
-        w.H[i, i] = 1.0
-        for row in range(k):
-            add(w.A[row, rank + i], w.A[row, rank:], i + 1, w.H[i])
-    factor(w.H, 0, rest if k > rest else 0, 0.0)
-    for _ in range(_REFINED):
-        for i in range(k):
-            w.rho[i] = w.missing[i] - w.a[i] - dot(w.A[i], w.t, d)
-        for c in range(rest):
-            w.g[c] = w.step[rank + c] - w.t[rank + c]
-        for i in range(k):
-            add(-w.missing[i], w.A[i, rank:], rest, w.g)
-        if k <= rest:
-            for i in range(k):
-                w.rho[i] -= dot(w.A[i, rank:], w.g, rest)
-            forward(w.K, 0, k, w.rho)
-            backward(w.K, 0, k, w.rho)
-            for i in range(k):
-                add(w.rho[i], w.A[i, rank:], rest, w.g)
-                w.missing[i] -= w.rho[i]
-        else:
-            for i in range(k):
-                add(w.rho[i], w.A[i, rank:], rest, w.g)
-            forward(w.H, 0, rest, w.g)
-            backward(w.H, 0, rest, w.g)
-            for i in range(k):
-                w.missing[i] += dot(w.A[i, rank:], w.g, rest) - w.rho[i]
-        for c in range(rest):
-            w.t[rank + c] += w.g[c]

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import entry, kernel, small_kernel
+from wbc.compiled import part, small_kernel
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
@@ -54,7 +54,7 @@ def pulls(w: Space, s: Work, item: int) -> bool:
     return bool(w.push[item] * w.side[item] < 0.0 and s.lower[place] != s.upper[place])
 
 
-@kernel
+@part
 def fit_pushes(at: int) -> None:
     """The pushes that balance the gradient in ``step`` best, less those of the wrong sign, until none is.
 
@@ -91,7 +91,7 @@ def fit_pushes(at: int) -> None:
             return
 
 
-@entry
+@part
 def certify(at: int) -> int:
     """Of the level solved last: what is beyond its bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, and what is under the root."""
     w = space(at)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import NamedTuple
 
-from wbc.compiled import call, carray, entry, floats, integers, kernel, small_kernel
+from wbc.compiled import carray, entry, floats, integers, part, small_kernel
+from wbc.qp.lexicographic.compiled.proof import certify
 from wbc.qp.lexicographic.compiled.search import solve_level
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
@@ -63,23 +64,21 @@ class Ranking(NamedTuple):
     found: Mat  # (K, 5): how it came out, what is left of it, beyond bounds, distance over weight, relative distance
     worst: Vec  # (2): beyond bounds and relative distance, of all levels but the last if the core decided that
     best: Vec  # (v): the last good answer
-    work: Index  # (15): see below
+    work: Index  # (13): see below
 
 
-#: What stands in ``work``: K, r, v, address of the space, of the proof's code, first level to be tried and QPs allowed;
-#: first and last level that were decided, QPs, levels whose guess was right, was repaired, led nowhere, steps of all,
-#: and the first level that is damped, or the last.
-LEVELS, TOTAL, VALUES, SPACE, PROOF, START, BUDGET, BEGAN, ENDED, QPS = range(10)
-AT_ONCE, REPAIRED, FALLBACK, WORK, DAMPED = range(10, 15)
+#: What stands in ``work``: K, r, v, address of the space, first level to be tried and QPs allowed;
+#: first and last level that were decided, QPs, levels whose guess was right, was repaired, led nowhere, steps of all.
+LEVELS, TOTAL, VALUES, SPACE, START, BUDGET, BEGAN, ENDED, QPS, AT_ONCE, REPAIRED, FALLBACK, WORK = range(13)
 
 
 @small_kernel
 def ranking(at: int) -> Ranking:
     """The arrays whose addresses are at ``at``, in the order of :class:`Ranking`."""
     a = carray(integers(at), 11)
-    z = carray(integers(a[10]), 15)
+    z = carray(integers(a[10]), 13)
     k, rows = z[LEVELS], z[TOTAL]
-    m = carray(integers(carray(integers(z[SPACE]), 48)[47]), 18)[ITEMS]
+    m = carray(integers(carray(integers(z[SPACE]), 48)[47]), 16)[ITEMS]
     return Ranking(
         carray(integers(a[0]), (k, 6)), carray(floats(a[1]), k), carray(floats(a[2]), k), carray(floats(a[3]), rows),
         carray(floats(a[4]), (k, m)), carray(floats(a[5]), rows), carray(floats(a[6]), k), carray(floats(a[7]), (k, 5)),
@@ -87,46 +86,9 @@ def ranking(at: int) -> Ranking:
     )  # fmt: skip
 
 
-@kernel
-def decide(at: int, k: int, begins: bool) -> int:
-    """Level k in the space that those above it leave; the first opens that space."""
-    r = ranking(at)
-    w = space(r.work[SPACE])
-    s = views(w.sizes[CORE])
-    w.sizes[STEPS], w.sizes[FINDS], w.sizes[LAST], w.sizes[INSIDE] = 0, 0, k == r.work[LEVELS] - 1, not begins
-    if begins:
-        for c in range(w.sizes[N]):
-            w.root[c] = 1.0 / sqrt(s.metric[c])
-        w.sizes[FIRST] = r.level[k, 1]
-        if not reduce_base(w.sizes[CORE]):
-            return FAILED
-        if not open_space(r.work[SPACE], w.sizes[FIRST]) <= _ENOUGH:
-            return FAILED
-    read(at, k)
-    code = solve_level(r.work[SPACE])
-    r.work[WORK] += w.sizes[STEPS]
-    r.work[FALLBACK if w.sizes[FINDS] else AT_ONCE if w.sizes[STEPS] == 1 else REPAIRED] += 1
-    if code != SOLVED:
-        return int(code)
-    if not keeps(at, k):
-        return INACCURATE
-    for item in range(w.sizes[ITEMS]):
-        r.sides[k, item] = w.side[item]
-    if not w.sizes[LAST]:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
-        for i in range(w.sizes[HELD]):
-            if w.holds[i] == 0.0:
-                r.sides[k, w.item[i]] = 0.0
-    else:  # what held a level back is one value in the last problem
-        for item in range(w.sizes[ITEMS]):
-            if w.kept[item] != 0.0:
-                place = place_of(s, item)
-                s.lower[place] = s.upper[place] = s.value[place]
-    return SOLVED
-
-
-@kernel
+@part
 def read(at: int, k: int) -> None:
-    """The rows of level k, those that damp it behind them, and the working set of the tick before."""
+    """The rows of level k, those that damp it or are the cost of u behind them, and the last tick's working set."""
     r = ranking(at)
     w = space(r.work[SPACE])
     s = views(w.sizes[CORE])
@@ -142,12 +104,16 @@ def read(at: int, k: int) -> None:
             w.which[rows - w.sizes[OWN]], w.toward[rows - w.sizes[OWN]] = column + i, wanted[i] / scale
             w.weigh[rows] = sqrt(r.share[k] * weights[i] / r.unit[k]) * scale
             rows += 1
+    for c in range(s.sizes[0] if w.sizes[LAST] else 0):  # nothing is left out of the cost where u is eliminated
+        w.which[rows - w.sizes[OWN]] = -1 - c
+        w.weigh[rows] = sqrt(s.numbers[1] / r.unit[k])
+        rows += 1
     w.sizes[ROWS] = rows
     for item in range(w.sizes[ITEMS]):
         w.side[item] = r.sides[k, item]
 
 
-@kernel
+@part
 def keeps(at: int, k: int) -> bool:
     """Whether the levels above still have what they came to."""
     r = ranking(at)
@@ -169,13 +135,13 @@ def keeps(at: int, k: int) -> bool:
     return True
 
 
-@kernel
+@part
 def prove(at: int, k: int) -> None:
     """The certificate of level k, which was solved last."""
     r = ranking(at)
     w = space(r.work[SPACE])
     s = views(w.sizes[CORE])
-    call(r.work[PROOF], r.work[SPACE])
+    certify(r.work[SPACE])
     rho, slope, gap = w.proof[2], w.proof[3], w.proof[4]
     off = sqrt(rho * rho + slope * slope) + sqrt(gap) if w.sizes[LAST] else rho + sqrt(w.proof[5])
     far, square = 0.0, 0.0
@@ -188,7 +154,7 @@ def prove(at: int, k: int) -> None:
     r.found[k, 3], r.found[k, 4] = off, far if off < inf else inf
 
 
-@kernel
+@part
 def hold(at: int, k: int) -> None:
     """From here on level k keeps what it has: its rows, and with a residual the items that hold it back.
 
@@ -230,6 +196,43 @@ def hold(at: int, k: int) -> None:
         w.size[i] = w.rho[i]
     narrow(here, own, _OWN if left > _SLIGHT else DEPENDENT)
     begin_here(here)
+
+
+@part
+def decide(at: int, k: int, begins: bool) -> int:
+    """Level k in the space that those above it leave; the first opens that space."""
+    r = ranking(at)
+    w = space(r.work[SPACE])
+    s = views(w.sizes[CORE])
+    w.sizes[STEPS], w.sizes[FINDS], w.sizes[LAST], w.sizes[INSIDE] = 0, 0, k == r.work[LEVELS] - 1, not begins
+    if begins:
+        for c in range(w.sizes[N]):
+            w.root[c] = 1.0 / sqrt(s.metric[c])
+        w.sizes[FIRST] = r.level[k, 1]
+        if not reduce_base(w.sizes[CORE]):
+            return FAILED
+        if not open_space(r.work[SPACE], w.sizes[FIRST]) <= _ENOUGH:
+            return FAILED
+    read(at, k)
+    code = solve_level(r.work[SPACE])
+    r.work[WORK] += w.sizes[STEPS]
+    r.work[FALLBACK if w.sizes[FINDS] else AT_ONCE if w.sizes[STEPS] == 1 else REPAIRED] += 1
+    if code != SOLVED:
+        return int(code)
+    if not keeps(at, k):
+        return INACCURATE
+    for item in range(w.sizes[ITEMS]):
+        r.sides[k, item] = w.side[item]
+    if not w.sizes[LAST]:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
+        for i in range(w.sizes[HELD]):
+            if w.holds[i] == 0.0:
+                r.sides[k, w.item[i]] = 0.0
+    else:  # what held a level back is one value in the last problem
+        for item in range(w.sizes[ITEMS]):
+            if w.kept[item] != 0.0:
+                place = place_of(s, item)
+                s.lower[place] = s.upper[place] = s.value[place]
+    return SOLVED
 
 
 @entry

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import call, kernel, small_kernel
+from wbc.compiled import part, small_kernel
 from wbc.qp.lexicographic.compiled.level import ROUNDING, hold, read_level
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
-    DECIDE,
     DECIDED,
     FINDER,
     FINDS,
     FREE,
-    GUESS,
     INSIDE,
     ITEMS,
     LAST,
@@ -33,6 +31,7 @@ from wbc.qp.lexicographic.compiled.space import (
     space,
 )  # fmt: skip
 from wbc.qp.rows.compiled.linear import dot
+from wbc.qp.rows.compiled.search import decide, guess
 from wbc.qp.rows.compiled.work import (
     FAILED,
     INACCURATE,
@@ -65,7 +64,7 @@ def broken(w: Space, s: Work, item: int) -> float:
     return float(max(moved - w.high[item], w.low[item] - moved) / (_BROKEN * (1.0 + abs(value))))
 
 
-@kernel
+@part
 def guess_set(at: int) -> bool:
     """Hold, verify, exchange: whether that ends with nothing wrong."""
     w = space(at)
@@ -107,44 +106,7 @@ def guess_set(at: int) -> bool:
     return False
 
 
-@kernel
-def solve_level(at: int) -> int:
-    """The answer of a level in ``value``, from the working set in ``side``; or why there is none."""
-    w = space(at)
-    m, d = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE]
-    for item in range(m):
-        w.held[item] = w.side[item]
-    read_level(at)
-    if guess_set(at):
-        return SOLVED
-    code, heavy = FAILED, _HEAVY
-    for _ in range(_FINDS):
-        for item in range(m):
-            w.side[item] = w.held[item]
-        code = find(at, heavy)
-        if code == INFEASIBLE and not w.sizes[INSIDE]:
-            return code
-        if code != SOLVED:  # rows as heavy as this hide the bounds behind rounding
-            heavy *= _LESS
-            continue
-        go(at, w.at)
-        begin_here(at)
-        w.sizes[INSIDE] = 1
-        read_level(at)
-        for item in range(m):
-            w.held[item] = w.side[item]
-        if guess_set(at):
-            return SOLVED
-    if not w.sizes[INSIDE]:
-        return code
-    for item in range(m):
-        w.side[item] = w.held[item]
-    for c in range(d):
-        w.at[c] = 0.0
-    return SOLVED if descend(at) else FAILED
-
-
-@kernel
+@part
 def find(at: int, heavy: float) -> int:
     """The least of the level beside the distance from where it begins, in ``at``, and its working set, by the core.
 
@@ -182,9 +144,9 @@ def find(at: int, heavy: float) -> int:
         q.lower[d + 1 + m + i] = q.upper[d + 1 + m + i] = 0.0
         q.given[i] = weight
     q.numbers[0], q.numbers[1] = 1.0, 0.0
-    code = call(w.sizes[GUESS], w.sizes[FINDER])
+    code = guess(w.sizes[FINDER])
     if code == UNDECIDED:
-        code = call(w.sizes[DECIDE], w.sizes[FINDER])
+        code = decide(w.sizes[FINDER])
     w.sizes[STEPS] += q.sizes[7] + q.sizes[8]
     w.sizes[FINDS] += 1
     if code == INACCURATE and q.proof[0] <= _MISSED:
@@ -196,8 +158,100 @@ def find(at: int, heavy: float) -> int:
     return int(code)
 
 
-# ---- the last resort
-@kernel
+@small_kernel
+def near_of(w: Space, item: int) -> float:
+    """How near to its bound an item is at it."""
+    return float(_BROKEN * (1.0 + abs(w.value0[item])))
+
+
+@small_kernel
+def room_of(w: Space, item: int, ahead: float, d: int) -> float:
+    """How far an item is from the bound ahead."""
+    return float((w.high[item] - dot(w.R[item], w.at, d)) if ahead > 0.0 else (dot(w.R[item], w.at, d) - w.low[item]))
+
+
+@part
+def nearest(at: int) -> float:
+    """The step from ``at`` to the nearest least of the working set; its square. What decides nothing does not move."""
+    w = space(at)
+    d = w.sizes[N] - w.sizes[FREE]
+    square = 0.0
+    for c in range(d):
+        w.step[c] = w.z[c] - w.at[c]
+    for c in range(w.sizes[DECIDED]):
+        reflect(w.step, w.P[c], w.beta[c], c, d)
+    if not w.sizes[LAST]:
+        for c in range(w.sizes[DECIDED], d):
+            w.step[c] = 0.0
+    for c in range(w.sizes[DECIDED] - 1, -1, -1):
+        reflect(w.step, w.P[c], w.beta[c], c, d)
+    for c in range(d):
+        square += w.step[c] ** 2
+    return float(square)
+
+
+@part
+def gains(at: int) -> bool:
+    """Whether the level feels the step: by more than rounding of its rows, or of the last level's distance."""
+    w = space(at)
+    d = w.sizes[N] - w.sizes[FREE]
+    gain, size = 0.0, 1.0
+    for i in range(w.sizes[ROWS]):
+        gain = max(gain, abs(dot(w.W[i], w.step, d)))
+        size = max(size, abs(w.a[i] + dot(w.W[i], w.at, d)))
+    for c in range(d if w.sizes[LAST] else 0):
+        gain, size = max(gain, abs(w.step[c])), max(size, abs(w.at[c]))
+    return bool(gain > ROUNDING * size)
+
+
+@part
+def cost_of(at: int, d: int) -> float:
+    """What the level minimises, at ``at``, twice."""
+    w = space(at)
+    cost = 0.0
+    for i in range(w.sizes[ROWS]):
+        cost += (w.a[i] + dot(w.W[i], w.at, d)) ** 2
+    for c in range(d if w.sizes[LAST] else 0):
+        cost += (w.at[c] - w.centre[c]) ** 2
+    return float(cost)
+
+
+@part
+def stopped(at: int, falls: bool) -> bool:
+    """Go the step from ``at`` as far as items allow, and hold the one that stops it; False: none does.
+
+    Of those that would be beyond their bounds by no more than what is near, the one that is met most squarely; by
+    index, while the cost does not fall.
+    """
+    w = space(at)
+    d = w.sizes[N] - w.sizes[FREE]
+    length = sqrt(dot(w.step, w.step, d))
+    limit = 1.0
+    for item in range(w.sizes[ITEMS]):
+        if w.idle[item] == 0.0:
+            ahead = dot(w.R[item], w.step, d)
+            if abs(ahead) > _STILL * w.whole[item] * length:
+                limit = min(limit, (room_of(w, item, ahead, d) + near_of(w, item)) / abs(ahead))
+    found, squarest, share, side = -1, 0.0, 1.0, 0.0
+    for item in range(w.sizes[ITEMS]):
+        if w.idle[item] == 0.0:
+            ahead = dot(w.R[item], w.step, d)
+            square = abs(ahead) / w.whole[item]
+            if square > _STILL * length and square > squarest:
+                room = max(room_of(w, item, ahead, d), 0.0) / abs(ahead)
+                if room <= limit and room < 1.0:
+                    found, squarest, share, side = item, square, room, 1.0 if ahead > 0.0 else -1.0
+                    if not falls:
+                        break
+    if found < 0:
+        return False
+    for c in range(d):
+        w.at[c] += share * w.step[c]
+    w.side[found] = side
+    return True
+
+
+@part
 def descend(at: int) -> bool:
     """The least by a primal active set from ``at``, where all items are within their bounds.
 
@@ -240,109 +294,47 @@ def descend(at: int) -> bool:
         let_go, most = -1, 0.0
         for item in range(m):
             w.idle[item] = w.kept[item]
-            if w.wrong[item] > most:
+            if w.wrong[item] > most and (falls or let_go < 0):
                 let_go, most = item, w.wrong[item]
-                if not falls:
-                    break
         if let_go < 0:
             go(at, w.at)
             return True
-        for item in range(let_go, m):
-            w.idle[item] = w.kept[item]
         w.side[let_go] = 0.0
     return False
 
 
-@small_kernel
-def near_of(w: Space, item: int) -> float:
-    """How near to its bound an item is at it."""
-    return float(_BROKEN * (1.0 + abs(w.value0[item])))
-
-
-@kernel
-def nearest(at: int) -> float:
-    """The step from ``at`` to the nearest least of the working set; its square. What decides nothing does not move."""
+@part
+def solve_level(at: int) -> int:
+    """The answer of a level in ``value``, from the working set in ``side``; or why there is none."""
     w = space(at)
-    d = w.sizes[N] - w.sizes[FREE]
-    square = 0.0
+    m, d = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE]
+    for item in range(m):
+        w.held[item] = w.side[item]
+    read_level(at)
+    if guess_set(at):
+        return SOLVED
+    code, heavy = FAILED, _HEAVY
+    for _ in range(_FINDS):
+        for item in range(m):
+            w.side[item] = w.held[item]
+        code = find(at, heavy)
+        if code == INFEASIBLE and not w.sizes[INSIDE]:
+            return code
+        if code != SOLVED:  # rows as heavy as this hide the bounds behind rounding
+            heavy *= _LESS
+            continue
+        go(at, w.at)
+        begin_here(at)
+        w.sizes[INSIDE] = 1
+        read_level(at)
+        for item in range(m):
+            w.held[item] = w.side[item]
+        if guess_set(at):
+            return SOLVED
+    if not w.sizes[INSIDE]:
+        return code
+    for item in range(m):
+        w.side[item] = w.held[item]
     for c in range(d):
-        w.step[c] = w.z[c] - w.at[c]
-    for c in range(w.sizes[DECIDED]):
-        reflect(w.step, w.P[c], w.beta[c], c, d)
-    if not w.sizes[LAST]:
-        for c in range(w.sizes[DECIDED], d):
-            w.step[c] = 0.0
-    for c in range(w.sizes[DECIDED] - 1, -1, -1):
-        reflect(w.step, w.P[c], w.beta[c], c, d)
-    for c in range(d):
-        square += w.step[c] ** 2
-    return float(square)
-
-
-@kernel
-def gains(at: int) -> bool:
-    """Whether the level feels the step: by more than rounding of its rows, or of the last level's distance."""
-    w = space(at)
-    d = w.sizes[N] - w.sizes[FREE]
-    gain, size = 0.0, 1.0
-    for i in range(w.sizes[ROWS]):
-        gain = max(gain, abs(dot(w.W[i], w.step, d)))
-        size = max(size, abs(w.a[i] + dot(w.W[i], w.at, d)))
-    for c in range(d if w.sizes[LAST] else 0):
-        gain, size = max(gain, abs(w.step[c])), max(size, abs(w.at[c]))
-    return bool(gain > ROUNDING * size)
-
-
-@kernel
-def cost_of(at: int, d: int) -> float:
-    """What the level minimises, at ``at``, twice."""
-    w = space(at)
-    cost = 0.0
-    for i in range(w.sizes[ROWS]):
-        cost += (w.a[i] + dot(w.W[i], w.at, d)) ** 2
-    for c in range(d if w.sizes[LAST] else 0):
-        cost += (w.at[c] - w.centre[c]) ** 2
-    return float(cost)
-
-
-@kernel
-def stopped(at: int, falls: bool) -> bool:
-    """Go the step from ``at`` as far as items allow, and hold the one that stops it; False: none does.
-
-    Of those that would be beyond their bounds by no more than what is near, the one that is met most squarely; by
-    index, while the cost does not fall.
-    """
-    w = space(at)
-    d = w.sizes[N] - w.sizes[FREE]
-    length = sqrt(dot(w.step, w.step, d))
-    limit = 1.0
-    for item in range(w.sizes[ITEMS]):
-        if w.idle[item] == 0.0:
-            ahead = dot(w.R[item], w.step, d)
-            if abs(ahead) > _STILL * w.whole[item] * length:
-                limit = min(limit, (room_of(w, item, ahead, d) + near_of(w, item)) / abs(ahead))
-    found, squarest, share = -1, 0.0, 1.0
-    for item in range(w.sizes[ITEMS]):
-        if w.idle[item] == 0.0:
-            ahead = dot(w.R[item], w.step, d)
-            square = abs(ahead) / w.whole[item]
-            if square > _STILL * length and square > squarest:
-                room = max(room_of(w, item, ahead, d), 0.0) / abs(ahead)
-                if room <= limit and room < 1.0:
-                    found, squarest, share = item, square, room
-                    w.side[item] = 0.0
-                    side = 1.0 if ahead > 0.0 else -1.0
-                    if not falls:
-                        break
-    if found < 0:
-        return False
-    for c in range(d):
-        w.at[c] += share * w.step[c]
-    w.side[found] = side
-    return True
-
-
-@small_kernel
-def room_of(w: Space, item: int, ahead: float, d: int) -> float:
-    """How far an item is from the bound ahead."""
-    return float((w.high[item] - dot(w.R[item], w.at, d)) if ahead > 0.0 else (dot(w.R[item], w.at, d) - w.low[item]))
+        w.at[c] = 0.0
+    return SOLVED if descend(at) else FAILED

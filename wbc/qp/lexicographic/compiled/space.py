@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import copysign, sqrt
 from typing import NamedTuple
 
-from wbc.compiled import carray, floats, integers, kernel, small_kernel
+from wbc.compiled import carray, floats, integers, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, reduced
 from wbc.qp.rows.compiled.linear import dot
 from wbc.qp.rows.compiled.work import Work, place_of, views
@@ -77,25 +77,25 @@ class Space(NamedTuple):
     span: Vec  # (m): their lengths in z, −1 where none is
     proof: Vec  # (6): worst row that must hold | beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
     held: Vec  # (m): the side that the core found for each item
-    which: Index  # (n): which unknown each damping row is about
-    toward: Vec  # (n): where it pulls
-    sizes: Index  # (18): see below
+    which: Index  # (k): which of y each row behind those in G is about, −1 − c of u where it is c
+    toward: Vec  # (k): where it pulls
+    sizes: Index  # (16): see below
 
 
 #: What stands in ``sizes``: n, m, k of this level, its first row in G, 1 for the last level, 1 where it begins within
 #: all bounds, columns of V that are not free, held items, columns that are decided, address of the core's memory, k and
 #: l of the memory, steps, and how many of the k rows stand in G. Those behind them damp unknowns, one each, while the
 #: level is decided. Last the address of the memory of a core for
-#: problems in z, and of its two functions, and how often it was asked.
+#: problems in z, and how often it was asked.
 N, ITEMS, ROWS, FIRST, LAST, INSIDE, FREE, HELD, DECIDED, CORE, MOST, LONG, STEPS, OWN = range(14)
-FINDER, GUESS, DECIDE, FINDS = range(14, 18)
+FINDER, FINDS = range(14, 16)
 
 
 @small_kernel
 def space(at: int) -> Space:
     """The arrays whose addresses are at ``at``, in the order of :class:`Space`."""
     a = carray(integers(at), 48)
-    s = carray(integers(a[47]), 18)
+    s = carray(integers(a[47]), 16)
     n, m, k, long = s[N], s[ITEMS], s[MOST], s[LONG]
     return Space(
         carray(floats(a[0]), (n, n)), carray(floats(a[1]), n), carray(floats(a[2]), n), carray(floats(a[3]), m),
@@ -111,11 +111,13 @@ def space(at: int) -> Space:
         carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
         carray(floats(a[38]), n), carray(floats(a[39]), (m - n, n)), carray(floats(a[40]), m),
         carray(floats(a[41]), (m, n)), carray(floats(a[42]), m), carray(floats(a[43]), 6), carray(floats(a[44]), m),
-        carray(integers(a[45]), n), carray(floats(a[46]), n), s,
+        carray(integers(a[45]), k), carray(floats(a[46]), k), s,
     )  # fmt: skip
 
 
 # ---- reflections
+
+
 @kernel
 def reflector(row: Vec, first: int, last: int, v: Vec) -> float:
     """β and v of I − β v vᵀ, which turns row[first:last] into its length on ``first``; the row becomes that."""
@@ -184,7 +186,9 @@ def triangular(at: int, A: Mat, m: int, first: int, last: int, size: Vec, order:
 
 
 # ---- rows in the coordinates of the space
-@kernel
+
+
+@part
 def gradient_of_row(at: int, row: int) -> float:
     """The gradient of a row of G in √D y with the base eliminated, in ``g``; its length."""
     w = space(at)
@@ -206,15 +210,21 @@ def gradient_of_item(w: Space, item: int) -> None:
         w.g[item] = w.root[item]
 
 
-@kernel
+@part
 def gradient_of_own(at: int, i: int) -> float:
-    """That of row i of the level, which stands in G or damps an unknown."""
+    """That of row i of the level, which stands in G or is about one unknown."""
     w = space(at)
     own = w.sizes[OWN]
     if i < own:
         return gradient_of_row(at, w.sizes[FIRST] + i)
-    gradient_of_item(w, w.which[i - own])
-    return float(w.root[w.which[i - own]])
+    c = w.which[i - own]
+    if c >= 0:
+        gradient_of_item(w, c)
+        return float(w.root[c])
+    s, n = views(w.sizes[CORE]), w.sizes[N]
+    for j in range(n):
+        w.g[j] = -w.root[j] * s.X[-1 - c, j]
+    return sqrt(dot(w.g, w.g, n))
 
 
 @small_kernel
@@ -223,7 +233,8 @@ def value_of_own(w: Space, s: Work, i: int) -> float:
     nu, own = s.sizes[0], w.sizes[OWN]
     if i < own:
         return float(s.value[nu + w.sizes[N] + 1 + w.sizes[FIRST] + i])
-    return float(s.value[nu + w.which[i - own]] - w.toward[i - own])
+    c = w.which[i - own]
+    return float(s.value[nu + c] - w.toward[i - own] if c >= 0 else s.value[-1 - c])
 
 
 @kernel
@@ -242,7 +253,7 @@ def in_space(at: int, out: Vec) -> float:
     return sqrt(dot(out, out, n - free))
 
 
-@kernel
+@part
 def item_in_space(at: int, item: int) -> float:
     """Write row ``item`` of R, if it is not there; its length."""
     w = space(at)
@@ -263,7 +274,7 @@ def go(at: int, z: Vec) -> None:
     evaluate(w.sizes[CORE])
 
 
-@kernel
+@part
 def begin_here(at: int) -> None:
     """The space begins where ``value`` is."""
     w = space(at)
@@ -274,7 +285,7 @@ def begin_here(at: int) -> None:
         w.value0[item] = s.value[place_of(s, item)]
 
 
-@kernel
+@part
 def narrow(at: int, m: int, tolerance: float) -> int:
     """Keep only what the m rows in ``C`` leave, and turn V; how many of them did not depend on others."""
     w = space(at)
@@ -292,7 +303,7 @@ def narrow(at: int, m: int, tolerance: float) -> int:
     return rank
 
 
-@kernel
+@part
 def open_space(at: int, first: int) -> float:
     """The point nearest to the centre where the rows of G from ``first`` on hold, and what is free there.
 

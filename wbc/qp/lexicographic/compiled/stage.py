@@ -6,7 +6,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
-from wbc.qp.lexicographic.compiled.rank import BEGAN, DAMPED, ENDED, IS_LEAST, IS_MET, LEVELS, NOT_DECIDED, ranking
+from wbc.qp.lexicographic.compiled.rank import BEGAN, ENDED, IS_LEAST, IS_MET, LEVELS, NOT_DECIDED, QPS, WORK, ranking
 from wbc.types import Index, Mat, Vec
 
 #: A task smaller than this is met by any part of it, but its share still has a place among the others.
@@ -83,11 +83,13 @@ def divide(s: Stages, i: int) -> None:
 
 
 @kernel
-def weigh(s: Stages) -> None:
-    """Weights of the rows of each level, over the largest; which are damped."""
+def weigh(s: Stages) -> int:
+    """Weights of the rows of each level, over the largest; the first that is damped, or the last."""
     r = ranking(s.ranks[0])
     last = r.work[LEVELS] - 1
-    r.work[DAMPED] = last
+    damped = r.work[BEGAN] = r.work[ENDED] = last
+    for i in range(QPS, WORK + 1):
+        r.work[i] = 0
     for k in range(last, -1, -1):
         largest = 0.0
         for row in range(r.level[k, 0], r.level[k, 1]):
@@ -101,12 +103,13 @@ def weigh(s: Stages) -> None:
         weights = carray(floats(r.level[k, 4]), r.level[k, 2])
         for i in range(len(weights)):
             if weights[i] != 0.0:
-                r.work[DAMPED] = k
+                damped = k
+    return int(damped)
 
 
 @entry
 def fill(at: int) -> int:
-    """Rows, bounds, weights, metric and centre as they are in the source now; which stages are damped."""
+    """Rows, bounds, weights, metric and centre as they are in the source now; the first stage that is damped."""
     s = stages(at)
     n, few = len(s.scale), len(s.source_scale)
     first_soft = carray(integers(carray(integers(at), 22)[21]), 10)[4]
@@ -136,8 +139,7 @@ def fill(at: int) -> int:
         s.G[row, c], s.G[row, n] = 1.0, -carray(floats(s.pulls[i, 2]), 1)[0]
     for i in range(len(s.parts)):
         divide(s, i)
-    weigh(s)
-    return 0
+    return weigh(s)
 
 
 @entry
