@@ -15,18 +15,24 @@ from wbc.models.geometry import Sphere
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
 
+#: Pairs that are nearer than the margin and this [m] have rows also for what would be nearest if they were turned.
+_CLOSE = 0.01
+
 
 @final
 class CollisionAvoidance(Barrier):
-    """h = d − margin >= 0 [m] for the shapes of two links, or of a link and an obstacle: one row a pair of shapes.
+    """h = d − margin >= 0 [m] for the shapes of two links, or of a link and an obstacle.
 
     d is their distance, negative inside one another. Of two links those shapes have a row that are nearest, and others
     that are further by less than half the ``reach`` [m]. Pairs further apart than the reach have no row; where
-    accelerations are decided, a pair that approaches at u [m/s] has one from 2 u / rate on. Sizes never change: there
-    are ``count`` rows, a pair keeps its row from tick to tick, and rows without a pair are empty. Where more pairs than
-    rows are within reach, those with the smallest h + ḣ / rate have one, and ``controller.why`` says how many have
-    none. From inside the margin, or inside one another, the rows lead back out at the same rate, and by default they
-    give way where that is more than the robot can do.
+    accelerations are decided, a pair that approaches at u [m/s] has one from 2 u / rate on. A pair within 10 mm of the
+    margin has rows also for points that would be nearest if the shapes were turned a little against each other, d the
+    distance of these: so faces that meet keep all their corners at the margin, and come to rest.
+
+    Sizes never change: there are ``count`` rows, a pair keeps its rows from tick to tick, and rows without a pair are
+    empty. Where there are too few, those with the smallest h + ḣ / rate are kept, and ``controller.why`` says how many
+    pairs lack one. From inside the margin, or inside one another, the rows lead back out at the same rate, and by
+    default they give way where that is more than the robot can do.
 
     With a margin, shapes touch only in h < 0: witness points and normals, which have no limit where two shapes just
     touch, are those of shapes that are apart. Which pairs count, how distances are found, and what is left
@@ -37,8 +43,8 @@ class CollisionAvoidance(Barrier):
         pairs: pairs of names of links and obstacles, to look at these alone; None: all.
         self_collision: with ``pairs=None``, whether links are kept apart from links.
         margin: distance kept [m].
-        count: how many rows there are; None: 24 and two for each pair that is within reach in the reference
-            configuration, at most 128 and one for each pair.
+        count: how many rows there are; None: 64 and two for each that there is in the reference configuration, at most
+            1024.
         reach: distance from which on a pair is felt [m], more than the margin.
         rate: γ [1/s]; slack: see :class:`~wbc.stack.constraint.Barrier`.
 
@@ -46,7 +52,8 @@ class CollisionAvoidance(Barrier):
         InvalidInput: a reach within the margin, a negative margin, no pair. NotSupported: the robot has no shapes.
         UnknownName: a pair of a link or obstacle that is none; when a stack is compiled.
 
-    Source: Ames et al., ECC 2019 (barriers); Faverjon, Tournassoud, ICRA 1987 (the same as a velocity damper).
+    Source: Ames et al., ECC 2019 (barriers); Faverjon, Tournassoud, ICRA 1987 (the same as a velocity damper); turning
+    shapes to find several points of contact is common in physics engines.
 
     Example:
         >>> import numpy as np, pinocchio, wbc
@@ -86,6 +93,7 @@ class CollisionAvoidance(Barrier):
             self._distances = Distances(
                 model, pairs=self.pairs, obstacles=self.obstacles, self_collision=self.self_collision,
                 count=self.count, reach=self.reach, margin=self.margin, ahead=1.0 / self.rate,
+                close=self.margin + _CLOSE,
             )  # fmt: skip
         self.dim, self.codes = self._distances.count, self._distances.which
 
@@ -108,9 +116,11 @@ class CollisionAvoidance(Barrier):
         distances = self._distances
         assert distances is not None, "it is prepared"
         distances.read(state)
-        rows = zip(distances.which, distances.distance, strict=True)
-        found = [(*distances.pairs[pair], float(d)) for pair, d in rows if pair >= 0]
-        return sorted(found, key=lambda entry: entry[2])
+        found: dict[int, float] = {}
+        for pair, d in zip(distances.which.tolist(), distances.distance.tolist(), strict=True):
+            if pair >= 0:
+                found[pair] = min(d, found.get(pair, np.inf))
+        return sorted(((*distances.pairs[pair], d) for pair, d in found.items()), key=lambda entry: entry[2])
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:

@@ -150,7 +150,7 @@ def test_by_default_there_is_a_row_for_each_pair_that_is_near_in_the_reference_a
     distances.read(robot.state())
     near = int((distances.which >= 0).sum())
     assert distances.missing == 0
-    assert distances.count == min(24 + 2 * near, 128, len(distances.pairs))
+    assert distances.count == min(64 + 2 * near, 1024, len(distances.pairs))
 
 
 def test_a_shape_that_only_turns_comes_nearer_too():

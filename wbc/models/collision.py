@@ -24,8 +24,8 @@ from wbc.models.pinocchio_state import PinocchioState
 from wbc.models.separation import always_apart
 from wbc.types import Index, Vec
 
-#: Rows that there are by default besides two for each pair that is near in the reference configuration, and the most.
-_ROWS, _MOST_ROWS = 24, 128
+#: Rows that there are by default besides two for each that there is in the reference configuration, and the most.
+_ROWS, _MOST_ROWS = 64, 1024
 #: By how much, as a share of the reach, a pair must be nearer to take the row of another.
 _NEARER = 0.1
 #: Time step of second differences [s].
@@ -81,14 +81,18 @@ class Distances:
 
     which (count,)         index of the pair in ``pairs``, −1 where a row is empty
     distance (count,)      d [m], negative inside one another; ``reach`` where there is no pair
-    jacobian (count, nv)   ∂d/∂q = nᵀ (J₂ − J₁) at the witness points, n the unit normal from the first to the second
+    jacobian (count, nv)   ∂d/∂q = nᵀ (J₂ − J₁) at the nearest points, n the unit normal from the first to the second
     rate (count,)          ∂d/∂t of obstacles that move
     drift (count,)         d²d/dt² at a = 0: second difference along q ⊕ s v at t + s; NaN in states without drifts
 
-    A pair keeps its row from reading to reading: it has the first row that is free when it comes within reach, and
-    gives it back only where another pair needs it. Where more pairs than rows are within reach, those have a row that
-    would be nearest after ``ahead`` [s] at the velocity of now; to take the row of another, a pair must be nearer by a
-    tenth of ``reach``. ``missing`` counts the pairs within reach that have no row. In states with drifts, where the
+    A pair nearer than ``close`` [m] has rows also for up to six points of each shape that would be nearest if the
+    shapes were turned against each other by what they turn in ``ahead`` / 2, 0.005 rad at least: d is the distance of
+    these, n its direction. Balls have none.
+
+    A pair keeps its rows from reading to reading: it has the first row that is free when it comes within reach, and
+    gives it back only where another needs it. Where there are too few rows, those are kept that would be nearest after
+    ``ahead`` [s] at the velocity of now; what takes the row of another must be nearer by a tenth of ``reach``.
+    ``missing`` counts the pairs within reach that lack a row. In states with drifts, where the
     robot cannot stop at once, a pair that approaches at u [m/s] is within reach also at margin + 2 u ``ahead``.
 
     Distances depend on the state alone; what was measured before only spares work. The first reading measures all
@@ -103,8 +107,8 @@ class Distances:
         pairs: pairs of names of links and obstacles to look at; None: all.
         obstacles: what stands in the world.
         self_collision: with ``pairs=None``, whether links are kept apart from links.
-        count: number of rows, at most one for each pair; None: 24 and twice as many as pairs are within reach in the
-            reference configuration, at most 128.
+        count: number of rows, at most as many as there can be; None: 64 and twice as many as there are in the reference
+            configuration, at most 1024.
 
     Raises:
         NotSupported: the model has no shapes.
@@ -135,11 +139,13 @@ class Distances:
         reach: float = 0.2,
         margin: float = 0.0,
         ahead: float = 0.0,
+        close: float | None = None,
     ) -> None:
         if not isinstance(model, PinocchioModel) or not model.collisions:
             raise NotSupported(f"{model.name} has no collision shapes, so nothing is known about distances")
         self.model, self.reach = model, checks.number("reach", reach, low=0.0, strict=True)
         self.ahead, self.margin = checks.number("ahead", ahead, low=0.0), margin
+        self.close = -np.inf if close is None else close
         self._obstacles = tuple(obstacles)
         self._geometry = pin.GeometryModel()
         self._owners: list[str] = []
@@ -224,6 +230,7 @@ class Distances:
 
     def _prepare(self) -> None:
         """Everything of a constant size."""
+        from wbc.models.compiled.nearest import LINES
         from wbc.models.near_pairs import NearPairs  # compiled; only who avoids collisions waits for it
 
         model, geometry = self.model, self._geometry
@@ -235,7 +242,7 @@ class Distances:
         number = {names: i for i, names in enumerate(dict.fromkeys(self.pairs))}
         self._near = NearPairs(
             model.pinocchio, geometry, [number[names] for names in self.pairs],
-            reach=self.reach, margin=self.margin, ahead=self.ahead,
+            reach=self.reach, margin=self.margin, ahead=self.ahead, close=self.close,
         )  # fmt: skip
         # ∂d/∂q = wᵀ J with w = (n, p × n), one line of force through both witness points, J the columns about the
         # world's origin: those that move the second shape count +, those that move the first −.
@@ -245,22 +252,22 @@ class Distances:
         start = geometry.ngeoms - len(self._obstacles)
         moving = zip(range(start, geometry.ngeoms), self._obstacles, self._to_shape, strict=True)
         self._moving = {shape: (obstacle, middle) for shape, obstacle, middle in moving if obstacle.moves}
-        self._shapes = chosen
+        self._shapes, self._lines = chosen, LINES
 
     def _number_rows(self, count: int | None) -> None:
         """Memory for so many rows."""
         model, near = self.model.pinocchio, self._near
         pin.updateGeometryPlacements(model, self._kinematics, self._geometry, near.data, np.array(self.model.q0))
-        pairs = near.read(np.zeros((6, model.nv)), np.zeros(model.nv), speeds=False)
+        lines = near.read(np.zeros((6, model.nv)), np.zeros(model.nv), speeds=False)
         if count is None:
-            count = min(_ROWS + 2 * len(pairs), _MOST_ROWS)
-        self.count = count = min(count, len(self.pairs))
+            count = min(_ROWS + 2 * len(lines), _MOST_ROWS)
+        self.count = count = min(count, len(self.pairs) * (self._lines if self.close > -np.inf else 1))
         self.which: Index = np.full(count, -1, dtype=np.intp)
         self.distance, self.rate, self.drift = np.full(count, self.reach), np.zeros(count), np.zeros(count)
         self.jacobian = np.zeros((count, self.model.nv))
         self.missing = 0
         #: The pair that had each row last, and the row that each pair had last; −1 where there is none.
-        self._held, self._row_of = self.which.copy(), np.full(len(self.pairs), -1, dtype=np.intp)
+        self._held, self._row_of = self.which.copy(), np.full(len(self.pairs) * self._lines, -1, dtype=np.intp)
 
     def reset(self) -> None:
         """Make all rows free."""
@@ -286,34 +293,34 @@ class Distances:
         self._place_obstacles(near.data, state.t)
         self.which[:], self.distance[:], self.jacobian[:] = -1, self.reach, 0.0
         self.rate[:], self.drift[:], self.missing = 0.0, 0.0 if state.drifts else np.nan, 0
-        if state.drifts:
-            for shape, (obstacle, _) in self._moving.items():
-                near.twists[shape] = _twist(obstacle, state.t)
-        pairs = near.read(J, state.v, speeds=state.drifts)
-        if not len(pairs):
+        for shape, (obstacle, _) in self._moving.items():
+            near.twists[shape] = _twist(obstacle, state.t)
+        lines = near.read(J, state.v, speeds=state.drifts)
+        if not len(lines):
             return
-        distances, rows = near.line[pairs, 0], near.forces() @ J
-        rows *= self._sign[pairs]
-        rates = self._rates(pairs, state.t) if self._moving else np.zeros(len(pairs))
+        distances, rows = near.line[lines, 0], near.rows()
+        rows *= self._sign[lines // self._lines]
+        rates = self._rates(lines, state.t) if self._moving else np.zeros(len(lines))
         speeds = rows @ state.v + rates
         soon = distances + self.ahead * speeds
         if state.drifts:
             felt = distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds)
             if not felt.all():
-                pairs, soon, speeds = pairs[felt], soon[felt], speeds[felt]
+                lines, soon, speeds = lines[felt], soon[felt], speeds[felt]
                 distances, rows, rates = distances[felt], rows[felt], rates[felt]
-        at = self._rows_for(pairs, soon)
+        at = self._rows_for(lines, soon)
         if self.missing:
             has_row = at >= 0
-            pairs, at, speeds = pairs[has_row], at[has_row], speeds[has_row]
+            lines, at, speeds = lines[has_row], at[has_row], speeds[has_row]
             distances, rows, rates = distances[has_row], rows[has_row], rates[has_row]
-        self.which[at], self.distance[at], self.jacobian[at], self.rate[at] = pairs, distances, rows, rates
+        self.which[at], self.distance[at] = lines // self._lines, distances
+        self.jacobian[at], self.rate[at] = rows, rates
         if state.drifts and len(at):
-            self.drift[at] = self._drifts(pairs, distances, speeds, state)
+            self.drift[at] = self._drifts(lines, distances, speeds, state)
 
-    def _rows_for(self, pairs: Index, soon: Vec) -> Index:
-        """The row of each pair, −1 where there is none; ``soon`` says how near each will be."""
-        held, at = self._held, self._row_of[pairs]
+    def _rows_for(self, lines: Index, soon: Vec) -> Index:
+        """The row of each line, −1 where there is none; ``soon`` says how near each will be."""
+        held, at = self._held, self._row_of[lines]
         if (at >= 0).all():
             return at
         taken = set(at.tolist())
@@ -331,20 +338,22 @@ class Distances:
                 row, at[last] = int(at[last]), -1
             if held[row] >= 0:
                 self._row_of[held[row]] = -1
-            at[i], held[row], self._row_of[pairs[i]] = row, pairs[i], row
-        self.missing = int((at < 0).sum())
+            at[i], held[row], self._row_of[lines[i]] = row, lines[i], row
+        self.missing = len(np.unique(lines[at < 0] // self._lines))
         return at
 
     def _place_obstacles(self, data: Any, t: float) -> None:
         for shape, (obstacle, middle) in self._moving.items():
             data.oMg[shape] = obstacle.at(t) * middle
 
-    def _rates(self, near: Index, t: float) -> Vec:
+    def _rates(self, lines: Index, t: float) -> Vec:
         """∂d/∂t by the obstacles' own motion."""
-        rates = np.zeros(len(near))
-        for row, pair in enumerate(near.tolist()):
-            line = self._near.line[pair]
-            for shape, sign, point in zip(self._shapes[pair], (-1.0, 1.0), (line[4:7], line[7:10]), strict=True):
+        rates = np.zeros(len(lines))
+        for row, number in enumerate(lines.tolist()):
+            line = self._near.line[number]
+            for shape, sign, point in zip(
+                self._shapes[number // self._lines], (-1.0, 1.0), (line[4:7], line[7:10]), strict=True
+            ):
                 if shape in self._moving:
                     obstacle = self._moving[shape][0]
                     inside = obstacle.at(t).actInv(point)
@@ -352,7 +361,7 @@ class Distances:
                     rates[row] += sign * float(line[1:4] @ velocity)
         return rates
 
-    def _drifts(self, pairs: Index, d: Vec, speed: Vec, state: PinocchioState) -> Vec:
+    def _drifts(self, lines: Index, d: Vec, speed: Vec, state: PinocchioState) -> Vec:
         """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
         model, geometry, beside = self.model.pinocchio, self._geometry, self._near.beside
         there = []
@@ -360,7 +369,7 @@ class Distances:
             q = pin.integrate(model, state.q, s * state.v)
             pin.updateGeometryPlacements(model, self._kinematics, geometry, beside, q)
             self._place_obstacles(beside, state.t + s)
-            there.append(self._near.again(pairs))
+            there.append(self._near.again(lines))
         # Each side says (d(±s) − d ∓ s ḋ) 2 / s²; the drift is their mean.
         drift: Vec = (there[0] + there[1] - 2.0 * d) * (1.0 / _STEP**2)
         half = (there[0] - there[1] - 2.0 * _STEP * speed) * (1.0 / _STEP**2)

@@ -16,6 +16,7 @@ class Tables(NamedTuple):
     """n shapes, each about its middle: corners of hulls, of which a ball has one; a cylinder has none."""
 
     is_other: Index  # (n,): 1 for a cylinder
+    size: Mat  # (n, 2): radius and half the length of a cylinder
     round: Vec  # (n,): radius of a ball
     corners: Mat  # (c, 3), of one shape behind the other
     edges: Index  # (c + 1,): where each corner's neighbours begin
@@ -26,21 +27,23 @@ class Tables(NamedTuple):
     @classmethod
     def of(cls, shapes: Iterable[Any]) -> Tables:
         """Of shapes of coal, as :func:`wbc.models.coal_.coal_shape` makes them."""
-        is_other, rounds, corners, seeds, radii = [], [], [], [], []
+        is_other, sizes, rounds, corners, seeds, radii = [], [], [], [], [], []
         neighbours: list[list[int]] = []
         for shape in shapes:
             points, beside = _corners(shape)
             first = len(neighbours)
             neighbours += [[first + i for i in near] for near in beside]
             is_other.append(isinstance(shape, coal.Cylinder))
+            sizes.append((shape.radius, shape.halfLength) if is_other[-1] else (0.0, 0.0))
             rounds.append(shape.radius if isinstance(shape, coal.Sphere) else 0.0)
-            reach = np.hypot(shape.radius, shape.halfLength) if is_other[-1] else rounds[-1]
+            reach = np.hypot(*sizes[-1]) if is_other[-1] else rounds[-1]
             corners.append(points)
             seeds.append(first + np.argmax(_DIRECTIONS @ points.T, axis=1))
             radii.append(reach + np.linalg.norm(points, axis=1).max())
         edges = np.cumsum([0, *map(len, neighbours)])
         return cls(
-            np.array(is_other, dtype=np.int64), np.array(rounds), np.vstack(corners), edges.astype(np.int64),
+            np.array(is_other, dtype=np.int64), np.array(sizes), np.array(rounds), np.vstack(corners),
+            edges.astype(np.int64),
             np.array([i for near in neighbours for i in near], dtype=np.int64), np.array(seeds, dtype=np.int64),
             np.array(radii),
         )  # fmt: skip

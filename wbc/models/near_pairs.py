@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.compiled import Memory
 from wbc.models.coal_ import TIGHT, memory_of, placements
-from wbc.models.compiled.nearest import AGAIN, BEGIN, measure
+from wbc.models.compiled.nearest import AGAIN, BEGIN, LINES, measure
 from wbc.models.convex import Tables
 from wbc.types import Index, Mat, Vec
 
@@ -26,12 +26,16 @@ class NearPairs:
     others that are further by less than half the ``reach`` [m]. A pair that was far is not measured before its shapes
     have moved as far. With speeds a pair counts also within ``margin`` + 2 u ``ahead``, u its fastest approach.
 
+    A pair has a line through its nearest points, and where it is nearer than ``close`` [m] others, as in
+    :mod:`wbc.models.compiled.turned`: line j of pair k has the number k ``LINES`` + j.
+
     Placements are read from ``data``, and for :meth:`again` from ``beside``.
     """
 
     def __init__(
-        self, model: Any, geometry: Any, links: Sequence[int], *, reach: float, margin: float, ahead: float
-    ) -> None:
+        self, model: Any, geometry: Any, links: Sequence[int], *, reach: float, margin: float, ahead: float,
+        close: float = -np.inf,
+    ) -> None:  # fmt: skip
         self._geometry = geometry
         self.data, self.beside = memory_of(geometry), memory_of(geometry)
         tables = Tables.of([shape.geometry for shape in geometry.geometryObjects])
@@ -40,11 +44,13 @@ class NearPairs:
         work = np.zeros((4, 3)), np.zeros((4, 8)), np.zeros(4), np.zeros(4)
         here, there = placements(self.data), placements(self.beside)
         bodies, beside = (Memory(counts, where, *tables[:-1], *work) for where in (here, there))
-        #: (m, 10): distance, normal from the first shape to the second and nearest points, of what was found last.
-        self.line = np.zeros((m + 1, 10))
+        #: (m LINES + 1, 10): distance, direction from the first shape to the second and both points, as found last.
+        self.line = np.zeros((m * LINES + 1, 10))
         #: (m,): of each pair its distance when it was measured last, and the ways of its shapes until then.
         self.measured = np.full(m, -np.inf)
-        self._again, self._found, self._force = np.zeros(m), np.zeros(m, dtype=np.int64), np.zeros((m, 6))
+        n_lines = m * LINES
+        self._again, self._found = np.zeros(n_lines), np.zeros(n_lines, dtype=np.int64)
+        self._force = np.zeros((n_lines, 6))
         self._J, self._v = np.zeros((nv, 6)), np.zeros(nv)
         #: Of shapes that no joint carries (n, 6): linear about the world's origin, angular.
         self.twists = np.zeros((n, 6))
@@ -59,42 +65,41 @@ class NearPairs:
             np.zeros(m, dtype=np.int64), np.zeros(m), np.zeros(max(links) + 1), self.line, np.zeros((m + 1, 4, 8)),
             np.zeros(m, dtype=np.int64), *started, self._found, self._force, np.zeros(n), np.zeros((n, 12)),
             tables.radius, carriers, chain, self._J, self._v, np.zeros((joints, 6)), self.twists,
-            np.array([reach, margin, ahead]), self._sizes,
+            np.array([reach, margin, ahead, close]), self._sizes,
         )  # fmt: skip
         self._memory, self._memory_beside = Memory(bodies.addresses, *rest), Memory(beside.addresses, *rest)
         self._kept = bodies, beside  # of which these have the addresses
 
     def read(self, J: Mat, v: Vec, *, speeds: bool) -> Index:
-        """The numbers of the near pairs; ``J`` (6, nv) columns of the joints about the world's origin."""
+        """The numbers of the lines of near pairs; ``J`` (6, nv) columns of the joints about the world's origin."""
         self._sizes[8] = speeds
-        if speeds:
-            self._J[:], self._v[:] = J.T, v
+        self._J[:], self._v[:] = J.T, v
         address = self._memory.address
         self._sizes[6] = BEGIN
         while (pair := measure(address)) >= 0:
             self._ask(pair)
         return self._found[: self._sizes[7]].copy()
 
-    def forces(self) -> Mat:
-        """Lines of force (found, 6) along the normals through the nearest points, about the world's origin."""
-        return self._force[: self._sizes[7]]
+    def rows(self) -> Mat:
+        """What lines of force along what was found do to the columns of the reading (found, nv)."""
+        return self._force[: self._sizes[7]] @ self._J.T
 
-    def again(self, pairs: Index) -> Vec:
-        """The distances of pairs that were found, where the shapes are in ``beside``."""
-        n = len(pairs)
-        self._found[:n], self._sizes[6], self._sizes[7] = pairs, AGAIN, n
+    def again(self, lines: Index) -> Vec:
+        """The distances along lines that were found, where the shapes are in ``beside``."""
+        n = len(lines)
+        self._found[:n], self._sizes[6], self._sizes[7] = lines, AGAIN, n
         left = measure(self._memory_beside.address)
         distances = self._again[:n].copy()
         if left:
             for i in np.flatnonzero(np.isnan(distances)):
-                distances[i] = self._measured(self.beside, int(pairs[i]))
+                distances[i] = self._measured(self.beside, int(lines[i]) // LINES)
         return distances
 
     def _ask(self, pair: int) -> None:
-        """Let coal fill the line of a pair."""
+        """Let coal fill the first line of a pair."""
         d = self._measured(self.data, pair)
         result = self.data.distanceResults[pair]
-        self.line[pair] = (d, *result.normal, *result.getNearestPoint1(), *result.getNearestPoint2())
+        self.line[pair * LINES] = (d, *result.normal, *result.getNearestPoint1(), *result.getNearestPoint2())
 
     def _measured(self, data: Any, pair: int) -> float:
         """The distance; to a looser tolerance where the tight one was too much.

@@ -34,6 +34,7 @@ class Bodies(NamedTuple):
 
     placement: Mat  # (n, 12): columns of the rotation, then the position in the world
     is_other: Index  # (n): 1 for a cylinder, whose normals a search in steps finds to half the digits of its distance
+    size: Mat  # (n, 2): radius and half the length of a cylinder
     round: Vec  # (n): radius that makes a core round
     corners: Mat  # (c, 3), one shape behind the other, each about its middle
     edges: Index  # (c + 1): where each corner's neighbours begin
@@ -48,14 +49,14 @@ class Bodies(NamedTuple):
 @small_kernel
 def bodies(at: int) -> Bodies:
     """The arrays whose addresses are at ``at``, in the order of :class:`Bodies`, behind their numbers."""
-    m = carray(integers(at), 12)
+    m = carray(integers(at), 13)
     s = carray(integers(m[0]), 3)
     n, c = s[0], s[1]
     return Bodies(
-        carray(floats(m[1]), (n, 12)), carray(integers(m[2]), n), carray(floats(m[3]), n),
-        carray(floats(m[4]), (c, 3)), carray(integers(m[5]), c + 1), carray(integers(m[6]), s[2]),
-        carray(integers(m[7]), (n, 24)), carray(floats(m[8]), (4, 3)), carray(floats(m[9]), (4, 8)),
-        carray(floats(m[10]), 4), carray(floats(m[11]), 4),
+        carray(floats(m[1]), (n, 12)), carray(integers(m[2]), n), carray(floats(m[3]), (n, 2)), carray(floats(m[4]), n),
+        carray(floats(m[5]), (c, 3)), carray(integers(m[6]), c + 1), carray(integers(m[7]), s[2]),
+        carray(integers(m[8]), (n, 24)), carray(floats(m[9]), (4, 3)), carray(floats(m[10]), (4, 8)),
+        carray(floats(m[11]), 4), carray(floats(m[12]), 4),
     )  # fmt: skip
 
 
@@ -64,6 +65,11 @@ def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at:
     """The point of a shape furthest along (x, y, z), in its own axes, to ``P[at]``: first three entries or last."""
     R, P, o = s.placement[shape], s.P[at], 3 * side
     a, b, c = R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z
+    if s.is_other[shape]:
+        across = sqrt(a * a + b * b)
+        outer = s.size[shape, 0] / across if across > 0.0 else 0.0
+        P[o], P[o + 1], P[o + 2] = outer * a, outer * b, s.size[shape, 1] if c > 0.0 else -s.size[shape, 1]
+        return
     if at:
         k = int(s.P[at - 1, 6 + side])
     else:
@@ -149,14 +155,12 @@ def _point(s: Bodies, k: int) -> tuple[float, float, float]:
 
 
 @kernel
-def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int) -> int:
+def search(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int, sharp: float) -> int:
     """``line`` (10,) becomes distance, normal from the first shape to the second, and the points nearest to each other.
 
-    ``simplex`` (4, 8) has k rows of ``P`` to start from, and those of the answer then.
+    ``simplex`` (4, 8) has k rows of ``P`` to start from, and those of the answer then; ``sharp`` is ε [m].
     Returns how many; 0: there is no proof of an answer.
     """
-    if s.is_other[first] or s.is_other[second]:
-        return 0
     for at in range(k):
         for i in range(8):
             s.P[at, i] = simplex[at, i]
@@ -165,7 +169,7 @@ def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int
         A, B = s.placement[first], s.placement[second]
         _extend(s, first, second, A[9] - B[9], A[10] - B[10], A[11] - B[11], k)
         k = 1
-    k = _searched(s, first, second, simplex, k)
+    k = _searched(s, first, second, simplex, k, sharp)
     if k:
         _answer(s, first, second, line, k)
         for at in range(k):
@@ -175,7 +179,15 @@ def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int
 
 
 @small_kernel
-def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int) -> int:
+def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int) -> int:
+    """The sharpest that :func:`search` finds, where it also finds the normal as sharply."""
+    if s.is_other[first] or s.is_other[second]:
+        return 0
+    return search(s, first, second, line, simplex, k, _SHARP)
+
+
+@small_kernel
+def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int, sharp: float) -> int:
     """Grow the simplex of k corners until it has the nearest point; how many it has then, or 0 without a proof."""
     if not _nearest(s, k):
         return 0
@@ -187,7 +199,7 @@ def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int) -> int:
             return 0
         _extend(s, first, second, x, y, z, k)
         within = d - (x * s.W[k, 0] + y * s.W[k, 1] + z * s.W[k, 2]) / d
-        if within <= _SHARP:
+        if within <= sharp:
             return k
         # The simplex as it is stays: where rounding lets the next one be no nearer, it is the answer.
         for at in range(k):

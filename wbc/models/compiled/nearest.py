@@ -5,6 +5,9 @@
 
 holds along any motion, jumps too: points of two shapes come nearer by no more than they move. A rotation by φ moves a
 unit vector by 2 sin φ/2 at most, which is ‖ΔR‖, the Frobenius norm of ΔR over √2.
+
+Of a pair there is one line, through the nearest points, and where it is close others through points that are near too;
+see :mod:`wbc.models.compiled.turned`. Line j of pair k has the number k ``LINES`` + j.
 """
 
 from __future__ import annotations
@@ -14,12 +17,16 @@ from typing import NamedTuple
 
 from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
 from wbc.models.compiled.gjk import Bodies, bodies, distance
+from wbc.models.compiled.turned import TURNS, lift_of, separation, turned
 from wbc.types import Index, Mat, Vec
 
 #: Rounding of sums of ways [m].
 _ROUNDING = 1e-9
 #: Shapes of two links count up to this share of the reach further apart than the nearest shapes of the two.
 BESIDE = 0.5
+
+#: Lines of a pair at most.
+LINES = 1 + TURNS
 
 #: What ``sizes[6]`` says before a measurement.
 BEGIN, AGAIN = -1, -2
@@ -32,17 +39,17 @@ class Pairs(NamedTuple):
     links: Index  # (m): pair of links
     measured: Vec  # (m): d' + way'
     felt: Vec  # (m): distance up to which a pair is looked for
-    least: Vec  # (m): no distance is smaller than this
+    least: Vec  # (m LINES): no distance is smaller than this
     order: Index  # (m): pairs that may be near, the nearest first
     distance: Vec  # (m): of this reading, or inf
     nearest: Vec  # (pairs of links): the smallest of these of two links
-    line: Mat  # (m + 1, 10): distance, normal, nearest points; the last row is for :func:`again`
-    simplex: Mat  # (m + 1, 4, 8): the same
+    line: Mat  # (m LINES + 1, 10): distance, normal, nearest points; the last row is for :func:`again`
+    simplex: Mat  # (m + 1, 4, 8): the last row too
     corners: Index  # (m): of the simplex
     start: Mat  # (m, 4, 8): what every search begins with, from the first reading
     starts: Index  # (m): how many; −1 before the first
-    found: Index  # (m)
-    force: Mat  # (m, 6): lines of force of what was found
+    found: Index  # (m LINES)
+    force: Mat  # (m LINES, 6): lines of force of what was found
     way: Vec  # (n)
     last: Mat  # (n, 12): placements of the reading before
     radius: Vec  # (n): of a ball about the middle of a shape that holds it
@@ -52,7 +59,7 @@ class Pairs(NamedTuple):
     v: Vec  # (nv)
     joint_twist: Mat  # (j, 6)
     twist: Mat  # (n, 6): linear about the world's origin, angular
-    numbers: Vec  # reach, margin, ahead
+    numbers: Vec  # reach, margin, ahead, the distance up to which a pair is close
     sizes: Index  # n, m, pairs of links, j, nv | candidates, done, found, whether speeds count
 
 
@@ -64,13 +71,14 @@ def pairs(at: int) -> Pairs:
     n, m, n_links, j, nv = s[0], s[1], s[2], s[3], s[4]
     return Pairs(
         carray(integers(a[1]), (m, 2)), carray(integers(a[2]), m), carray(floats(a[3]), m), carray(floats(a[4]), m),
-        carray(floats(a[5]), m), carray(integers(a[6]), m), carray(floats(a[7]), m), carray(floats(a[8]), n_links),
-        carray(floats(a[9]), (m + 1, 10)), carray(floats(a[10]), (m + 1, 4, 8)), carray(integers(a[11]), m),
-        carray(floats(a[12]), (m, 4, 8)), carray(integers(a[13]), m), carray(integers(a[14]), m),
-        carray(floats(a[15]), (m, 6)), carray(floats(a[16]), n), carray(floats(a[17]), (n, 12)),
+        carray(floats(a[5]), m * LINES), carray(integers(a[6]), m), carray(floats(a[7]), m),
+        carray(floats(a[8]), n_links), carray(floats(a[9]), (m * LINES + 1, 10)),
+        carray(floats(a[10]), (m + 1, 4, 8)), carray(integers(a[11]), m),
+        carray(floats(a[12]), (m, 4, 8)), carray(integers(a[13]), m), carray(integers(a[14]), m * LINES),
+        carray(floats(a[15]), (m * LINES, 6)), carray(floats(a[16]), n), carray(floats(a[17]), (n, 12)),
         carray(floats(a[18]), n), carray(integers(a[19]), n), carray(integers(a[20]), (j, 3)),
         carray(floats(a[21]), (nv, 6)), carray(floats(a[22]), nv), carray(floats(a[23]), (j, 6)),
-        carray(floats(a[24]), (n, 6)), carray(floats(a[25]), 3), s,
+        carray(floats(a[24]), (n, 6)), carray(floats(a[25]), 4), s,
     )  # fmt: skip
 
 
@@ -100,10 +108,6 @@ def _move(s: Pairs, b: Bodies) -> None:
 def _feel(s: Pairs, b: Bodies) -> None:
     """The distance up to which each pair is looked for: the reach, or what its fastest approach takes to stop."""
     reach, margin, ahead = s.numbers[0], s.numbers[1], s.numbers[2]
-    for k in range(len(s.felt)):
-        s.felt[k] = reach
-    if not s.sizes[8]:
-        return
     for joint in range(1, len(s.chain)):
         parent, start, count = s.chain[joint, 0], s.chain[joint, 1], s.chain[joint, 2]
         for i in range(6):
@@ -114,6 +118,10 @@ def _feel(s: Pairs, b: Bodies) -> None:
     for shape in range(len(s.joint)):
         for i in range(6 if s.joint[shape] else 0):
             s.twist[shape, i] = s.joint_twist[s.joint[shape], i]
+    for k in range(len(s.felt)):
+        s.felt[k] = reach
+    if not s.sizes[8]:
+        return
     for k in range(len(s.pair)):
         A, B, at = s.twist[s.pair[k, 0]], s.twist[s.pair[k, 1]], b.placement[s.pair[k, 1]]
         x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
@@ -148,7 +156,7 @@ def _start(s: Pairs, b: Bodies) -> None:
 @kernel
 def _note(s: Pairs, k: int) -> None:
     """Pair k has been measured."""
-    d = s.line[k, 0]
+    d = s.line[k * LINES, 0]
     s.measured[k] = d + s.way[s.pair[k, 0]] + s.way[s.pair[k, 1]]
     if d < s.felt[k]:
         s.distance[k] = d
@@ -156,19 +164,46 @@ def _note(s: Pairs, k: int) -> None:
 
 
 @kernel
-def _collect(s: Pairs) -> None:
-    """What is near enough, by number, with its line of force."""
+def _lines(s: Pairs, b: Bodies, k: int) -> int:
+    """How many lines pair k has; those behind the first are found here."""
+    first, second, at, spare = s.pair[k, 0], s.pair[k, 1], k * LINES, len(s.pair)
+    if s.line[at, 0] >= s.numbers[3] or b.round[first] > 0.0 or b.round[second] > 0.0:
+        return 1
+    A, B = s.twist[first], s.twist[second]
+    turning = sqrt((B[3] - A[3]) ** 2 + (B[4] - A[4]) ** 2 + (B[5] - A[5]) ** 2)
+    lines, angle = s.line[at : at + LINES], 0.5 * s.numbers[2] * turning
+    return turned(b, first, second, lines, s.simplex[k], s.simplex[spare], s.corners[k], angle)
+
+
+@kernel
+def _collect(s: Pairs, b: Bodies) -> None:
+    """The lines of what is near enough, by number, with their forces."""
     beside, count = BESIDE * s.numbers[0], 0
     for k in range(len(s.pair)):
         if s.distance[k] < inf and s.distance[k] <= s.nearest[s.links[k]] + beside:
-            line, force = s.line[k], s.force[count]
-            force[0], force[1], force[2] = line[1], line[2], line[3]
-            force[3] = line[5] * line[3] - line[6] * line[2]
-            force[4] = line[6] * line[1] - line[4] * line[3]
-            force[5] = line[4] * line[2] - line[5] * line[1]
-            s.found[count] = k
-            count += 1
+            for i in range(k * LINES, k * LINES + _lines(s, b, k)):
+                line, force = s.line[i], s.force[count]
+                force[0], force[1], force[2] = line[1], line[2], line[3]
+                force[3] = line[5] * line[3] - line[6] * line[2]
+                force[4] = line[6] * line[1] - line[4] * line[3]
+                force[5] = line[4] * line[2] - line[5] * line[1]
+                s.found[count] = i
+                count += 1
     s.sizes[7] = count
+
+
+@small_kernel
+def _carried(old: Vec, new: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Where a point is that moves with a placement."""
+    x, y, z = x - old[9], y - old[10], z - old[11]
+    a = old[0] * x + old[1] * y + old[2] * z
+    b = old[3] * x + old[4] * y + old[5] * z
+    c = old[6] * x + old[7] * y + old[8] * z
+    return (
+        new[0] * a + new[3] * b + new[6] * c + new[9],
+        new[1] * a + new[4] * b + new[7] * c + new[10],
+        new[2] * a + new[5] * b + new[8] * c + new[11],
+    )
 
 
 @kernel
@@ -178,11 +213,19 @@ def _again(s: Pairs, b: Bodies) -> int:
     Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN; how many are.
     """
     spare, left = len(s.pair), 0
+    here = s.line[spare * LINES]
     for i in range(s.sizes[7]):
-        k = s.found[i]
+        k, own = s.found[i] // LINES, s.found[i] % LINES
+        first, second = s.pair[k, 0], s.pair[k, 1]
+        if own:
+            line, main = s.line[s.found[i]], s.line[k * LINES]
+            here[4], here[5], here[6] = _carried(s.last[first], b.placement[first], line[4], line[5], line[6])
+            here[7], here[8], here[9] = _carried(s.last[second], b.placement[second], line[7], line[8], line[9])
+            s.least[i] = separation(here, main, lift_of(main[0]))
+            continue
         _copy(s.simplex[k], s.simplex[spare])
-        done = distance(b, s.pair[k, 0], s.pair[k, 1], s.line[spare], s.simplex[spare], s.corners[k])
-        s.least[i] = s.line[spare, 0] if done else nan
+        done = distance(b, first, second, here, s.simplex[spare], s.corners[k])
+        s.least[i] = here[0] if done else nan
         left += done == 0
     return left
 
@@ -208,12 +251,12 @@ def measure(at: int) -> int:
         if s.least[k] > s.nearest[s.links[k]] + beside:
             continue
         _copy(s.start[k], s.simplex[k])
-        s.corners[k] = distance(b, s.pair[k, 0], s.pair[k, 1], s.line[k], s.simplex[k], max(s.starts[k], 0))
+        s.corners[k] = distance(b, s.pair[k, 0], s.pair[k, 1], s.line[k * LINES], s.simplex[k], max(s.starts[k], 0))
         if s.starts[k] < 0:
             _copy(s.simplex[k], s.start[k])
             s.starts[k] = s.corners[k]
         if s.corners[k] == 0:
             return int(k)
         _note(s, k)
-    _collect(s)
+    _collect(s, b)
     return -1

@@ -1,0 +1,118 @@
+"""What would be nearest if shapes were turned: points of the shapes, enough of them to foresee the distance then."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.models.test_near_pairs import KINDS, SEEDS, found, outside, placed, shape_of, two
+from wbc.models.collision import Distances, Obstacle
+from wbc.models.compiled.nearest import LINES
+from wbc.models.geometry import Box
+from wbc.models.near_pairs import NearPairs
+from wbc.testing import moments, robots
+from wbc.types import Mat, Vec
+
+ARM, _, HUMANOID = robots()
+
+
+def lines_of(near: NearPairs, first: Any, second: Any) -> Mat:
+    """All lines of the pair (n, 10), the nearest points first."""
+    near.data.oMg[0], near.data.oMg[1] = first, second
+    numbers = found(near)
+    assert numbers == list(range(len(numbers)))
+    return near.line[: len(numbers)].copy()
+
+
+@given(SEEDS, st.sampled_from(list(product(KINDS, KINDS))), st.sampled_from([0.0, 0.1, 1.0]))
+def test_they_are_points_of_the_shapes_and_never_nearer(seed: int, kinds: tuple[str, str], far: float):
+    rng = np.random.default_rng(seed)
+    shapes = [shape_of(kind, rng) for kind in kinds]
+    poses = [placed(rng, far) for _ in shapes]
+    near = two(*shapes, close=np.inf)
+    lines = lines_of(near, *poses)
+    assert len(lines) <= LINES and (len(lines) == 1 or "ball" not in kinds)
+    d = lines[0, 0]
+    for line in lines[1:]:
+        assert line[0] > d - 1e-6
+        assert np.linalg.norm(line[1:4]) == pytest.approx(1.0, abs=1e-12)
+        for shape, pose, point in zip(shapes, poses, (line[4:7], line[7:10]), strict=True):
+            assert outside(shape, pose.actInv(point)) < 1e-6
+        if d > 0.01:
+            np.testing.assert_allclose(line[7:10] - line[4:7], line[0] * line[1:4], atol=1e-9)
+    for pose, now in zip(poses, near.data.oMg, strict=True):
+        assert pose == now
+
+
+@given(SEEDS, st.floats(0.0, np.pi), st.floats(0.002, 0.1))
+def test_a_box_above_a_table_has_its_four_corners(seed: int, angle: float, gap: float):
+    """Turned about the normal anyhow, and tilted by less than shapes are turned by."""
+    rng = np.random.default_rng(seed)
+    size, tilt = rng.uniform(0.02, 0.2, 3), rng.uniform(-1e-3, 1e-3, 3)
+    turn = pin.exp3(tilt) @ pin.exp3(np.array([0.0, 0.0, angle]))
+    box = pin.SE3(turn, np.array([0.1, 0.2, 0.5 * size[2] + gap]))
+    table = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.05]))
+    corners = [box.act(0.5 * size * np.array([*sides, -1.0])) for sides in product((-1.0, 1.0), repeat=2)]
+    for shapes, poses, side in (
+        ((coal.Box(*size), coal.Box(1.0, 1.0, 0.1)), (box, table), slice(4, 7)),
+        ((coal.Box(1.0, 1.0, 0.1), coal.Box(*size)), (table, box), slice(7, 10)),
+    ):
+        lines = lines_of(two(*shapes, close=1.0), *poses)
+        for corner in corners:
+            assert np.linalg.norm(lines[:, side] - corner, axis=1).min() < 1e-6
+
+
+@given(SEEDS, st.sampled_from(["box", "hull"]))
+def test_they_foresee_the_distance_after_a_turn(seed: int, kind: str):
+    """Faces that meet, turned by less than shapes are turned by: the nearest points alone are wrong by the whole turn,
+    all lines together by no more than a fraction of it in the mean."""
+    rng = np.random.default_rng(seed)
+    wrong = []
+    for _ in range(10):
+        size = rng.uniform(0.05, 0.2, 3)
+        other = shape_of(kind, rng) if kind == "hull" else coal.Box(*rng.uniform(0.05, 0.2, 3))
+        shapes = coal.Box(*size), other
+        first = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * size[2]]))
+        second = pin.SE3(pin.exp3(np.array([0.0, 0.0, rng.uniform(0.0, 3.0)])), np.array([0.0, 0.0, 1.0]))
+        near = two(*shapes, close=10.0)
+        second.translation[2] -= lines_of(near, first, second)[0, 0] - 0.03
+        lines = lines_of(near, first, second)
+        turn = pin.SE3(pin.exp3(0.003 * np.array([*rng.normal(size=2), 0.0])), np.zeros(3))
+        turned = turn * second
+        d = lines_of(two(*shapes), first, turned)[0, 0]
+        carried = [float(np.linalg.norm(turned.act(second.actInv(line[7:10])) - line[4:7])) for line in lines]
+        assert min(carried) > d - 1e-9
+        wrong.append((carried[0] - d, min(carried) - d))
+    alone, together = np.mean(wrong, axis=0)
+    assert together < 0.1 * alone + 1e-6
+
+
+@pytest.mark.parametrize("robot", [ARM, HUMANOID], ids=lambda robot: robot.name)
+def test_rows_are_derivatives_along_the_motion(robot: Any):
+    wall = Obstacle("wall", Box((2.0, 0.1, 2.0)), pin.SE3(np.eye(3), np.array([0.0, 0.5, 0.5])))
+    distances, step, checked = Distances(robot, obstacles=[wall], count=10_000, reach=0.3, close=0.3), 1e-5, 0
+    near, state, model = distances._near, robot.state(), robot.pinocchio
+    for moment in moments(robot, count=4, seed=5):
+        state.update(*moment)
+        distances.read(state)
+        used = distances.which >= 0
+        numbers = distances._held[used]
+
+        def along(s: float, q: Vec = moment[1], v: Vec = moment[2], numbers: Any = numbers) -> Vec:
+            data = model.createData()
+            pin.updateGeometryPlacements(model, data, distances._geometry, near.beside, pin.integrate(model, q, s * v))
+            return near.again(numbers)
+
+        others = (numbers % LINES > 0) & (near.line[numbers - numbers % LINES, 0] > 0.01)
+        speed = (along(step) - along(-step)) / (2.0 * step)
+        np.testing.assert_allclose(speed[others], (distances.jacobian[used] @ moment[2])[others], atol=1e-6)
+        np.testing.assert_allclose(along(0.0)[others], distances.distance[used][others], atol=1e-12)
+        checked += int(others.sum())
+    assert checked > 20

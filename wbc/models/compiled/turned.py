@@ -1,0 +1,126 @@
+"""Points of two convex shapes that would be nearest if the shapes were turned a little against each other.
+
+Where a face is near a face, or an edge along one, the nearest points jump across it at the slightest turn, and a bound
+on these alone lets others come as near as they like. So the second shape is turned by an angle φ about axes square to
+the normal n, through the middle between the nearest points, and what is nearest then is bounded as well:
+
+    f = |b − a + l n| − l >= d      l >= 0 lifts along n what is about to touch; it is 0 for what is apart
+
+with the points a and b where the shapes have them that are not turned. As they are points of the shapes, f >= margin
+asks for nothing that d >= margin does not ask for.
+
+Points x to the side of the nearest that come into question at φ are further by x φ at most, so a barrier of rate γ lets
+the shapes turn at γ φ. With φ what they turn in 1 / 2γ, half of a turn from side to side is left in the next tick.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+
+from wbc.compiled import kernel, small_kernel
+from wbc.models.compiled.gjk import Bodies, search
+from wbc.types import Mat, Vec
+
+#: Axes about which the second shape is turned. Of five, each corner of a rectangle is brought near by one at least.
+TURNS = 6
+#: By how much at least, and at most [rad].
+_LEAST, _MOST = 0.005, 0.1
+#: Up to this distance [m] shapes are lifted.
+_APART = 0.01
+#: How sharp the search is, and points that are as near as this to others say the same [m].
+_SHARP, _SAME = 1e-7, 2e-4
+
+
+@small_kernel
+def _basis(A: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A unit vector square to (x, y, z), in the plane of an axis of the shape placed by A."""
+    at, least = 0, 2.0
+    for i in range(3):
+        along = abs(A[3 * i] * x + A[3 * i + 1] * y + A[3 * i + 2] * z)
+        if along < least - 1e-3:
+            at, least = 3 * i, along
+    u, v, w = A[at + 1] * z - A[at + 2] * y, A[at + 2] * x - A[at] * z, A[at] * y - A[at + 1] * x
+    size = 1.0 / sqrt(u * u + v * v + w * w)
+    return u * size, v * size, w * size
+
+
+@small_kernel
+def _turned(
+    x: float, y: float, z: float, p: float, q: float, r: float, c: float, s: float
+) -> tuple[float, float, float]:
+    """(p, q, r) turned about the unit vector (x, y, z) by the angle that has this cosine and sine."""
+    along = (x * p + y * q + z * r) * (1.0 - c)
+    return (
+        c * p + along * x + s * (y * r - z * q),
+        c * q + along * y + s * (z * p - x * r),
+        c * r + along * z + s * (x * q - y * p),
+    )
+
+
+@small_kernel
+def lift_of(d: float) -> float:
+    """l for shapes that are d apart."""
+    return max(0.0, _APART - d)
+
+
+@small_kernel
+def separation(line: Vec, normal: Vec, lift: float) -> float:
+    """f for the points in ``line``, whose direction becomes that of b − a + l n."""
+    x = line[7] - line[4] + lift * normal[1]
+    y = line[8] - line[5] + lift * normal[2]
+    z = line[9] - line[6] + lift * normal[3]
+    size = sqrt(x * x + y * y + z * z)
+    line[1], line[2], line[3] = x / size, y / size, z / size
+    return size - lift
+
+
+@small_kernel
+def _is_new(lines: Mat, own: int) -> bool:
+    """Whether the points of the last of ``own + 1`` lines are others than those before."""
+    for i in range(own):
+        apart = 0.0
+        for c in range(4, 10):
+            apart += (lines[own, c] - lines[i, c]) ** 2
+        if apart < 2.0 * _SAME**2:
+            return False
+    return True
+
+
+@kernel
+def turned(s: Bodies, first: int, second: int, lines: Mat, simplex: Mat, start: Mat, corners: int, angle: float) -> int:
+    """Behind its first row, ``lines`` (1 + TURNS, 10) gets what else is near: f, its direction, and the points a and b.
+
+    The first row has the distance, the normal and the nearest points, found with ``corners`` rows of ``simplex``;
+    ``start`` is memory. Returns how many rows there are then.
+    """
+    angle = max(_LEAST, min(angle, _MOST))
+    co, si = cos(angle), sin(angle)
+    A, B, line = s.placement[first], s.placement[second], lines[0]
+    lift, count = lift_of(line[0]), 1
+    n0, n1, n2 = line[1], line[2], line[3]
+    u0, u1, u2 = _basis(A, n0, n1, n2)
+    c0, c1, c2 = 0.5 * (line[4] + line[7]), 0.5 * (line[5] + line[8]), 0.5 * (line[6] + line[9])
+    held = B.copy()
+    for turn in range(TURNS):
+        a, b = cos(2.0 * pi * (turn + 0.31) / TURNS), sin(2.0 * pi * (turn + 0.31) / TURNS)
+        x = a * u0 + b * (n1 * u2 - n2 * u1)
+        y = a * u1 + b * (n2 * u0 - n0 * u2)
+        z = a * u2 + b * (n0 * u1 - n1 * u0)
+        for i in range(0, 9, 3):
+            B[i], B[i + 1], B[i + 2] = _turned(x, y, z, held[i], held[i + 1], held[i + 2], co, si)
+        p, q, r = _turned(x, y, z, held[9] - c0, held[10] - c1, held[11] - c2, co, si)
+        B[9], B[10], B[11] = p + c0 + lift * n0, q + c1 + lift * n1, r + c2 + lift * n2
+        for i in range(corners):
+            for c in range(8):
+                start[i, c] = simplex[i, c]
+        new = lines[count]
+        if search(s, first, second, new, start, corners, _SHARP):
+            p, q, r = new[7] - c0 - lift * n0, new[8] - c1 - lift * n1, new[9] - c2 - lift * n2
+            p, q, r = _turned(x, y, z, p, q, r, co, -si)
+            new[7], new[8], new[9] = p + c0, q + c1, r + c2
+            if _is_new(lines, count):
+                new[0] = separation(new, line, lift)
+                count += 1
+    for i in range(12):
+        B[i] = held[i]
+    return count
