@@ -128,7 +128,7 @@ def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid
     assert told >= 24 and not beyond, beyond
 
 
-def test_soles_that_slide_or_tip_seldom_leave_strict_levels_without_an_answer(humanoid: PinocchioModel) -> None:
+def test_soles_that_slide_or_tip_hardly_ever_leave_strict_levels_without_an_answer(humanoid: PinocchioModel) -> None:
     """Corners without force are where five rows of friction meet; rounding must not lead in circles."""
     rng, robot, without = generator("soles that slide or tip"), humanoid, 0
     level = wbc.InverseDynamics(lm_damping=0.0)
@@ -144,8 +144,8 @@ def test_soles_that_slide_or_tip_seldom_leave_strict_levels_without_an_answer(hu
             turn = rng.normal(size=robot.nv) * ([0.01] * 6 + [0.1] * robot.nj)
             controller.reset()
             command = controller.tick(0.0, robot.integrate(robot.q0, turn), 0.1 * rng.normal(size=robot.nv))
-            without += command.rung not in ("solved", "other solver", "not optimised", "not certified")
-    assert without <= 12
+            without += command.rung != "solved"
+    assert without <= 3
 
 
 @pytest.mark.deep

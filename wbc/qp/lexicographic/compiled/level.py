@@ -52,9 +52,9 @@ from wbc.qp.rows.compiled.work import place_of, views
 _HELD, _BESIDE = 1e-7, 1e-12
 #: A pull below this share of what it is made of is rounding.
 ROUNDING = 1e-11
-#: Pushes above this share of what they push against hold a level back. With less, a level is held by its own rows,
-#: which are told apart down to a tenth of this; what is kept for nothing takes freedom from the levels below, unseen.
-_HOLDS = 1e-6
+#: Pushes above this share of what they push against hold a level back. Levels below may move by 1e4 against what does
+#: not, for next to nothing of this one; what is kept for nothing takes freedom from them, unseen.
+_HOLDS = 1e-9
 #: Residuals up to this are as good as none.
 _ENOUGH = 1e-8
 #: Newton steps on the last level.

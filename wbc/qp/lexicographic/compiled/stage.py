@@ -171,6 +171,8 @@ def conclude(at: int) -> int:
             square += r.unit[k] * (r.root[row] * left) ** 2
             worst = worst if abs(left) <= worst else abs(left)
             far = max(far, abs(left) / (1.0 + abs(s.G[row, n])))
+        for c in range(len(s.metric) if k == last else 0):
+            square += r.unit[k] * s.metric[c] * (s.value[n - len(s.metric) + c] - s.centre[c]) ** 2
         r.found[k, 1] = sqrt(square)
         if k < r.work[BEGAN]:
             r.found[k, 0], r.found[k, 1], r.found[k, 2], r.found[k, 3], r.found[k, 4] = IS_MET, 0.0, worst, -1.0, far
