@@ -12,8 +12,8 @@ import wbc
 from tasks import CollisionAvoidance, JointLimits, Position, Posture
 from wbc.models.collision import Distances
 
-#: Palms that slide along each other take some seconds to where both hands are nearest to their target.
-MARGIN, DT, SECONDS = 0.03, 2e-3, 6.0
+#: Hands that slide along each other take some seconds to where both are nearest to their target.
+MARGIN, DT, SECONDS = 0.03, 2e-3, 10.0
 HANDS = {
     "g1": ("left_rubber_hand", "right_rubber_hand"),
     "baxter": ("left_gripper_base_link", "right_gripper_base_link"),
