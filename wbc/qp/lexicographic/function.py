@@ -124,7 +124,7 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
     x, z = rows.x[:n].copy(), np.zeros(len(lo))
     y, z[~equal], box = ranked.multipliers()
     stop = len(y)
-    for first, end in pairwise(ends.tolist()):  # the laws stand in falling order of rank, equations of a level first
+    for first, end in pairwise(ends.tolist()):  # in falling order of rank, equations of a level first
         own = first + np.flatnonzero(equal[first:end])
         stop -= end - first
         z[own] = y[stop : stop + len(own)]

@@ -13,7 +13,7 @@ from wbc.types import Vec
 @final
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What a stage says about one wish: all of it, the direction alone, or the share alone."""
+    """What a stage says about one task: all of it, the direction alone, or the share alone."""
 
     wish: Wish
     kind: Literal["whole", "direction", "share"] = "whole"

@@ -2,9 +2,9 @@
 
 Strictly ranked least squares (Kanoun, Lamiraux, Wieber 2011; Escande, Mansard, Wieber 2014) are usually solved rank by
 rank, one QP each. But a stage whose residual can be zero is decided by that alone: it is at its least, whatever else
-holds. So the stages that were met in the last tick are taken as laws and the first one below them is minimised: one QP
-where all stages can be met together, which is how a robot spends most of its time. If that has no answer, one stage
-less is hoped for. What stands below is then decided one by one, each with the residuals above it held.
+holds. So the stages that were met in the last tick are taken as equations and the first one below them is minimised:
+one QP where all stages can be met together, which is how a robot spends most of its time. If that has no answer, one
+stage less is hoped for. What stands below is then decided one by one, each with the residuals above it held.
 
 It is exact: J x of a stage is the same for all its minimisers, so holding it at one loses none.
 """
@@ -26,7 +26,7 @@ from wbc.types import Index, Status, Vec
 
 @final
 class LexicographicSolver(RowSolver):
-    """A row problem whose wishes are ranked. ``budget`` QPs a tick; ``leave`` solves the weighted sum instead.
+    """A row problem whose tasks are ranked. ``budget`` QPs a tick; ``leave`` solves the weighted sum instead.
 
     ``pulls`` says of each stage what damps it (None: nothing); one that is damped is decided by itself.
 

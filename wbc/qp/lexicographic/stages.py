@@ -2,13 +2,13 @@
 
 A *stage* is what is decided together: a level of a stack, or a part of one. Rows of the new problem:
 
-    [base | range | last stage | … | second stage | first stage | laws]
+    [base | range | last stage | … | second stage | first stage | equations]
 
-so that all rows above stage k, and the laws, are the block behind stage k. The last stage is the cost that is left when
-all others are settled: weighted rows, metric and centre, as in the problem it was made from.
+so that all rows above stage k, and the equations, are the block behind stage k. The last stage is the cost that is
+left when all others are settled: weighted rows, metric and centre, as in the problem it was made from.
 
-A wish that may be done in part gets one unknown σ in [0, ‖t‖∞], what is given up of it in its own unit, so that the
-rows of a large and of a small wish are alike, and two kinds of rows:
+A task that may be done in part gets one unknown σ in [0, ‖t‖∞], what is given up of it in its own unit, so that the
+rows of a large and of a small task are alike, and two kinds of rows:
 
     direction   J x + drift − (1 − σ / ‖t‖∞) t = 0      the rest is done along t, in full or in part
     share       ‖t‖_w / ‖t‖∞ σ = 0                      nothing is given up
@@ -179,5 +179,5 @@ def _size(part: Part) -> int:
 
 
 def stage_name(shares: dict[int, int], key: int, stages: Sequence[Stage]) -> str:
-    """Name of the wish that an unknown share belongs to."""
+    """Name of the task that an unknown share belongs to."""
     return next(part.wish.name for stage in stages for part in stage if id(part.wish) == key)
