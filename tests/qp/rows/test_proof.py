@@ -12,7 +12,6 @@ from tests.qp.rows.test_row_solvers import row_problem
 from wbc.qp.relax import relaxed
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.proof import RowProof
 from wbc.types import Status, Vec
 
 
@@ -57,9 +56,9 @@ def test_no_task_is_farther_from_its_optimum_than_its_bound(seed: int, decades: 
     push = np.zeros(p.n_rows)
     push[p.soft] = p.weights / p.unit * p.value[p.first_row + p.soft.start : p.first_row + p.soft.stop]
     push[p.soft] *= rng.uniform(0.5, 1.5)  # any split of the gradient is true
-    proof = RowProof(p)
+    judge = CoreSolver(p)
     for pushes in (push, None):
-        found = proof.certify(proof.sharpened() if pushes is None else pushes)
+        found = judge.certify(judge.sharpened() if pushes is None else pushes)
         for i in range(p.n_soft):
             row = p.soft.start + i
             off = abs(p.value[p.first_row + row] - rows[row])
@@ -75,7 +74,7 @@ def test_an_optimum_is_certified_and_a_worse_point_is_not() -> None:
     assert core.solve() is Status.SOLVED and core.certificate.distance < 1e-8
     worst = int(p.weights.argmin())
     move_to(p, p.x[p.n_u :] + 1e-2)
-    assert not core.proof.certify(core.proof.push).ok, worst
+    assert not core.certify(core.push).ok, worst
 
 
 @pytest.mark.parametrize("room", [1e-7, 1e-3])
@@ -84,14 +83,14 @@ def test_the_gap_is_the_push_times_the_room_and_a_push_on_a_distant_bound_counts
     p.lb[:], p.ub[:] = -np.inf, np.inf
     core = CoreSolver(p)
     assert core.solve() is Status.SOLVED
-    pushing = int(np.abs(core.proof.push[p.range]).argmax())
-    force = core.proof.push[p.range][pushing]
+    pushing = int(np.abs(core.push[p.range]).argmax())
+    force = core.push[p.range][pushing]
     assert abs(force) > 0.1
     lower, upper = p.range_bounds()
     bound = upper if force > 0 else lower
     bound[pushing] += np.sign(force) * room
     before = core.certificate.gap
-    found = core.proof.certify(core.proof.push.copy())
+    found = core.certify(core.push.copy())
     if room > 1e-6:
         assert found.distance > 1e-3 and not found.ok
     else:
@@ -105,7 +104,7 @@ def test_violations_count_in_their_own_unit(seed: int, tight: float) -> None:
     assert core.solve() is Status.SOLVED and core.certificate.primal <= 1e-7
     unknown = p.n_u + int(np.random.default_rng(seed).integers(p.n_y))
     p.ub[unknown] = p.x[unknown] - 1e-3 / p.scale[unknown]
-    assert core.proof.certify(core.proof.push.copy()).primal == pytest.approx(1e-3, rel=1e-6)
+    assert core.certify(core.push.copy()).primal == pytest.approx(1e-3, rel=1e-6)
 
 
 def test_a_relaxed_problem_keeps_its_linear_cost() -> None:

@@ -14,9 +14,10 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.qp.certificate import Certificate
 from wbc.qp.rows.compiled.search import decide, guess
+from wbc.qp.rows.compiled.verify import judge
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, ROWS, SOLVED, UNDECIDED, VARIABLES
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.proof import RowProof
+from wbc.qp.rows.proof import Bounds, owners_of
 from wbc.qp.rows.solver import RowSolver
 from wbc.types import Index, Status, Vec
 
@@ -38,7 +39,10 @@ class CoreSolver(RowSolver):
     def __init__(self, problem: RowProblem) -> None:
         super().__init__(problem)
         p = problem
-        self.proof = proof = RowProof(p)
+        #: Multipliers of the last answer over ``unit``: of rows [B; R; S; L], and of the bounds on x; and what they
+        #: leave of its gradient in y.
+        self.push, self.z, self.left = np.zeros(p.n_rows), np.zeros(p.n), np.zeros(p.n_y)
+        self._owners = owners_of(p)
         self.form = "rows" if fits_rows(p) else "variables"
         items = p.n_y + p.n_range + p.n_law
         most = p.n_soft + p.n_u + min(items, p.n_y + p.n_law) + 1
@@ -53,7 +57,7 @@ class CoreSolver(RowSolver):
         weighed, self._reach = p.n_soft + p.n_u, np.zeros(p.n_soft + p.n_y)
         self._memory = Memory(
             p.G, p.value, p.lower, p.upper, p.metric, p.centre, p.scale, p.weights, np.zeros(weighed),
-            np.zeros(weighed), self._reach, proof.push, proof.z, proof.left, self._proof, self._numbers, self._sizes,
+            np.zeros(weighed), self._reach, self.push, self.z, self.left, self._proof, self._numbers, self._sizes,
             self._side, self._best,
             self._wrong, np.zeros(most, dtype=np.int64), *floats, *(np.zeros(shape) for shape in shapes),
         )  # fmt: skip
@@ -69,25 +73,17 @@ class CoreSolver(RowSolver):
         self._told, self._version = self._reach, -1
 
     def solve(self) -> Status:
-        p = self.problem
-        changed = p.version != self._version
-        if changed:
-            self._numbers[0] = p.unit
+        if self.problem.version != self._version:
+            self._numbers[0] = self.problem.unit
         code = guess(self.address)
         if code == UNDECIDED:
             code = decide(self.address)
         guesses, steps = self.work
         self.iterations = guesses + steps
         self.counts.add(guesses, steps)
-        if code == SOLVED:
-            if changed:
-                self._told, self._version = self._reach.copy(), p.version
-            self.certificate = self.proof.found(self._proof.tolist(), self._told)
-            return Status.SOLVED
-        if code == INACCURATE:  # what rounding hides of an unknown that no task asks for is left to the reference
-            with np.errstate(all="ignore"):
-                self.certificate = self.proof.certify(self.proof.push.copy())
-            return Status.SOLVED if self.certificate.ok else Status.INACCURATE
+        if code in {SOLVED, INACCURATE}:
+            self.certificate = self._told_of()
+            return Status.SOLVED if code == SOLVED else Status.INACCURATE
         self.reset()
         self.certificate = Certificate.none()
         return Status.INFEASIBLE if code == INFEASIBLE else Status.FAILED
@@ -110,8 +106,42 @@ class CoreSolver(RowSolver):
         rows = items >= p.n
         self._side[np.where(rows, items - p.first_row - p.n_u + p.n_y, items - p.n_u)] = side
 
+    def certify(self, push: Vec) -> Certificate:
+        """The certificate of the answer in ``problem.value``, with the rows' values, whoever found it.
+
+        ``push`` (n_rows,) holds the pushes of range rows, tasks and laws.
+        """
+        self.push[:], self._numbers[0] = push, self.problem.unit
+        return self._told_of() if judge(self.address) else Certificate.none()
+
+    def sharpened(self) -> Vec:
+        """The pushes certified last, those of the tasks changed so that the bound is the least.
+
+        (S D⁻¹ Sᵀ + W⁻¹) δπ = ρ − S D⁻¹ r_D, with u eliminated from S, for an answer that comes without pushes of tasks.
+        """
+        p, n, n_u = self.problem, self.problem.n, self.problem.n_u
+        rows, weights, push = p.G[p.soft, n_u:n], p.weights / p.unit, self.push.copy()
+        compliance = np.divide(1.0, weights, out=np.zeros(p.n_soft), where=weights > 0.0)
+        rho = p.value[p.first_row :][p.soft] - push[p.soft] * compliance
+        if n_u:
+            rows = rows - p.G[p.soft, :n_u] @ np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:n])
+        shifted = rows * ((self.z[n_u:] == 0.0) / p.metric)
+        K = shifted @ rows.T
+        K.flat[:: len(K) + 1] += np.maximum(compliance, 1e-300)
+        push[p.soft] += np.linalg.lstsq(K, rho - shifted @ self.left, rcond=None)[0]
+        return push
+
+    def _told_of(self) -> Certificate:
+        """The certificate that the kernel found."""
+        if self.problem.version != self._version:
+            self._told, self._version = self._reach.copy(), self.problem.version
+        primal, dual, gap, scale_dual, scale_gap, distance, spread = self._proof.tolist()
+        bounds = Bounds(spread, self._told, self._owners)
+        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, bounds)
+
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        return self.proof.multipliers()
+        p, push = self.problem, self.problem.unit * self.push
+        return np.concatenate([push[p.base], push[p.law]]), push[p.range], p.unit * self.z / p.scale
 
     @property
     def active_count(self) -> int:

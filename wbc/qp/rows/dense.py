@@ -102,7 +102,7 @@ class DenseSteps:
             side *= share
         np.multiply(values[:n_eq] - qp.upper[:n_eq], self._share[m:], out=p.G[m:, n])
         status = self._core.solve()
-        force = cost * self._share * self._core.proof.push
+        force = cost * self._share * self._core.push
         box = force[n_in:m]
         x = np.clip(at + self._T.dot(p.x), qp.lb, qp.ub)
         x = np.where(box > 0.0, qp.ub, np.where(box < 0.0, qp.lb, x))

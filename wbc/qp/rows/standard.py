@@ -8,8 +8,8 @@ import numpy as np
 
 from wbc.errors import InvalidProblem
 from wbc.qp.certificate import TOLERANCE, Certificate
+from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.proof import RowProof
 from wbc.qp.rows.solver import RowSolver
 from wbc.qp.solver import Solution, Solver
 from wbc.types import Index, Status, Vec
@@ -30,7 +30,7 @@ class StandardSolver(RowSolver):
         self.qp = problem.empty_qp()
         self.session = solver.open(self.qp.shape)
         self.solution: Solution | None = None
-        self.proof, self._push = RowProof(problem), np.zeros(problem.n_rows)
+        self._judge, self._push = CoreSolver(problem), np.zeros(problem.n_rows)
         self.counts = self.session.counts  # a session that guesses counts; for others they stay zero
 
     def solve(self) -> Status:
@@ -62,9 +62,9 @@ class StandardSolver(RowSolver):
         push[p.range] = solution.z / p.unit
         push[p.law] = solution.y[p.n_u :] / p.unit
         np.multiply(p.weights / p.unit, value[p.soft], out=push[p.soft])
-        self.certificate = self.proof.certify(push)
+        self.certificate = self._judge.certify(push)
         if not self.certificate.ok and p.n_soft and np.isfinite(self.certificate.distance):
-            self.certificate = self.proof.certify(self.proof.sharpened())
+            self.certificate = self._judge.certify(self._judge.sharpened())
 
     def reset(self) -> None:
         self.session.reset()

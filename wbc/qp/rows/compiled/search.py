@@ -11,12 +11,12 @@ Computers & Operations Research 21(5), 1994.
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf
 
 from wbc.compiled import entry, part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
-from wbc.qp.rows.compiled.verify import certified, exchange, verify
+from wbc.qp.rows.compiled.verify import certified, exchange, verify, weigh
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, UNDECIDED, Work, place_of, views
 
 #: Working sets that are guessed before the finite method is asked.
@@ -27,25 +27,6 @@ _CHANCES = 1
 _REFINED = 4
 #: An answer is refined while it can be this far from the optimum, relative to what is asked, and a step helps.
 _SHARP = 1e-8
-
-
-@small_kernel
-def weigh(s: Work) -> bool:
-    """Weights over the unit, what they are the inverse of, and what a unit of distance is. False: no weights at all."""
-    nu, ny, ns, unit = s.sizes[0], s.sizes[1], s.sizes[3], s.numbers[0]
-    for k in range(ns + nu):
-        given = s.given[k] if k < ns else s.numbers[1]
-        if not 0.0 <= given < inf:
-            return False
-        s.weights[k] = given / unit
-        s.compliance[k] = unit / given if given > 0.0 else 0.0
-        if k < ns:
-            s.reach[k] = 1.0 / sqrt(given) if given > 0.0 else 0.0
-    for c in range(ny):
-        if not 0.0 < s.metric[c] < inf:
-            return False
-        s.reach[ns + c] = s.scale[nu + c] / sqrt(unit * s.metric[c])
-    return True
 
 
 @part

@@ -1,21 +1,39 @@
 """The verdict on an answer: what breaks its bounds, what pushes the wrong way, and the certificate.
 
-The certificate is that of :mod:`wbc.qp.rows.proof`: the same steps, the same letters.
+The cost of a row problem has a diagonal D and the rows of its tasks, so that nothing is factored to bound the distance
+from the optimum (:func:`wbc.qp.certificate.spread`). A push πᵢ on each row, in units of the cost over ``unit``, splits
+the gradient into what is left of the unknowns and of the rows of the tasks:
+
+    r_D = D (y − c) + Gᵀ π + z ,      ρ = S x̂ − π / w ,      |x̂ − x̃|_H ≤ √( r_Dᵀ D⁻¹ r_D + ρᵀ w ρ )
+
+Every split is true; a solver gives the one it has. The rest is decided here, so that no solver's word counts:
+
+* a range row that pushes on a bound that is not met within 1e-6, or on no bound, does not push;
+* the rows that determine u push with what makes r_D zero on u, B_uᵀ π_B = −(G_uᵀ π + ε u): one solve and one
+  refinement;
+* a bound that an unknown meets takes the part of r_D that it can push against, z.
+
+An unknown that belongs to no task, and that the regularisation alone determines, has next to no curvature: pushes of
+1e6 leave a gradient there whose rounding moves it by more than its size, whichever solver made it. So what rounding
+hides counts for the tasks, and does not count for these unknowns.
 """
 
 from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import part, small_kernel
-from wbc.qp.rows.compiled.equality import first_row
+from wbc.compiled import entry, kernel, part, small_kernel
+from wbc.qp.rows.compiled.equality import first_row, reduce_base
 from wbc.qp.rows.compiled.linear import add, backward, forward
 from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
 
 #: As in the reference: an answer is certified at this tolerance, and within a hundred times that of the optimum.
 _TOLERANCE, _DISTANCE = 1e-6, 100.0
-#: An unknown whose cost is at most this many times the regularisation belongs to no task.
+#: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
+#: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|), as far as one knows.
 _ALONE = 1.5
+#: What each product of a gradient loses, as a share of itself.
+_PRODUCT = 4.0 * 2.0**-52
 #: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
 _BROKEN = 1e-10
 #: Multipliers below this share of the largest have no sign.
@@ -24,6 +42,25 @@ _ROUNDING = 1e-12
 _RADIUS = 1e7
 #: A wrong push may be worth this part of what is near enough: it is left out, and the certificate counts it.
 _WORTHLESS = 1e-3
+
+
+@small_kernel
+def weigh(s: Work) -> bool:
+    """Weights over the unit, what they are the inverse of, and what a unit of distance is. False: no weights at all."""
+    nu, ny, ns, unit = s.sizes[0], s.sizes[1], s.sizes[3], s.numbers[0]
+    for k in range(ns + nu):
+        given = s.given[k] if k < ns else s.numbers[1]
+        if not 0.0 <= given < inf:
+            return False
+        s.weights[k] = given / unit
+        s.compliance[k] = unit / given if given > 0.0 else 0.0
+        if k < ns:
+            s.reach[k] = 1.0 / sqrt(given) if given > 0.0 else 0.0
+    for c in range(ny):
+        if not 0.0 < s.metric[c] < inf:
+            return False
+        s.reach[ns + c] = s.scale[nu + c] / sqrt(unit * s.metric[c])
+    return True
 
 
 @small_kernel
@@ -36,6 +73,29 @@ def certified(s: Work) -> bool:
         and s.proof[5] <= _DISTANCE * _TOLERANCE
         and s.proof[4] < inf
     )
+
+
+@kernel
+def known_spread(s: Work) -> float:
+    """The spread of what is left of the gradient beyond the rounding of the products that it is the sum of."""
+    n_u, n_y, n_range, n_soft = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
+    first_soft, n, square = n_u + n_range, n_u + n_y, 0.0
+    for j in range(n_y):
+        s.t[j] = s.metric[j] * (abs(s.value[n_u + j]) + abs(s.centre[j]))
+    for i in range(len(s.G)):
+        terms = abs(s.push[i])
+        if first_soft <= i < first_soft + n_soft:
+            for c in range(n + 1):
+                terms += s.weights[i - first_soft] * abs(s.G[i, c] * s.value[c])
+        for j in range(n_y):
+            s.t[j] += terms * abs(s.G[i, n_u + j])
+    for j in range(n_y):
+        left = max(abs(s.left[j]) - _PRODUCT * s.t[j], 0.0)
+        square += left * left / s.metric[j]
+    for k in range(n_soft):
+        rho = s.value[n + 1 + first_soft + k] - s.push[first_soft + k] * s.compliance[k]
+        square += rho * rho * s.weights[k]
+    return sqrt(s.numbers[0] * square)
 
 
 @part
@@ -87,7 +147,7 @@ def certify(at: int) -> bool:
         cost += abs(share) * (1.0 + abs(value[items + i]))
         if share != 0.0:
             add(share, s.G[i][n_u:], n_y, z[n_u:])
-    square, dual, distance, bent = 0.0, 0.0, 0.0, 0.0
+    square, dual, distance, alone, bent = 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(n_y):
         c = n_u + j
         away = s.metric[j] * (value[c] - s.centre[j])
@@ -105,10 +165,11 @@ def certify(at: int) -> bool:
         z[c], s.left[j] = -held, left
         dual = dual if abs(left) <= dual else abs(left)
         square += left * left / s.metric[j]
-        reach = s.reach[n_soft + j]
+        share = s.reach[n_soft + j] / (1.0 + abs(value[c] * s.scale[c]))
         if unit * s.metric[j] <= _ALONE * s.numbers[1]:
-            reach *= _DISTANCE * _TOLERANCE
-        distance = max(distance, reach / (1.0 + abs(value[c] * s.scale[c])))
+            alone = max(alone, _DISTANCE * _TOLERANCE * share)
+        else:
+            distance = max(distance, share)
     for i in range(n_soft):
         rho = value[items + first_soft + i] - push[first_soft + i] * s.compliance[i]
         square += rho * rho * s.weights[i]
@@ -116,9 +177,17 @@ def certify(at: int) -> bool:
     spread = sqrt(unit * square)
     s.proof[0], s.proof[1], s.proof[2] = primal, unit * dual, unit * gap
     s.proof[3], s.proof[4] = 1.0 + unit * (largest + bent), 1.0 + unit * cost
-    s.proof[5], s.proof[6] = distance * spread, spread
+    known = spread if not alone * spread > _DISTANCE * _TOLERANCE else known_spread(s)
+    s.proof[5], s.proof[6] = max(distance * spread, alone * known), spread
+    distance = max(distance, alone)
     s.numbers[2] = _TOLERANCE / (sqrt(unit) * distance) if distance > 0.0 else 0.0
     return certified(s)
+
+
+@entry
+def judge(at: int) -> int:
+    """Certify the answer in ``value`` with the pushes in ``push``, whoever found them; 0 where there is none."""
+    return int(weigh(views(at)) and reduce_base(at) and certify(at) >= 0)
 
 
 @small_kernel
