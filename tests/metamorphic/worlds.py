@@ -30,7 +30,7 @@ ASKED = {
 
 def loaded(file: Path, base: str) -> PinocchioModel:
     """The robot of this file."""
-    return wbc.load(str(file), base=base)  # type: ignore[arg-type]
+    return wbc.load(str(file), base=base, feet=[])  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
