@@ -1,0 +1,90 @@
+"""One-shot inverse kinematics: what can be reached is reached, within limits; what cannot is said, with the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import wbc
+from tasks import Damping, Frame, HalfSpaceLimit, Position, Posture, TorqueLimits
+from wbc.errors import InvalidInput, NotSupported
+from wbc.models.model import RobotModel
+from wbc.types import Mat, Vec
+
+ARM, BODY = wbc.load("arm"), wbc.load("humanoid", base="fixed")
+
+
+def pose(robot: RobotModel, frame: str, q: Vec) -> Mat:
+    """Where Pinocchio puts a frame."""
+    data = robot.pinocchio.createData()
+    pinocchio.framesForwardKinematics(robot.pinocchio, data, q)
+    return np.array(data.oMf[robot.frames[frame]].homogeneous)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), which=st.sampled_from([(ARM, "tool"), (BODY, "left_hand")]))
+def test_a_pose_of_some_configuration_is_reached_within_the_limits(seed: int, which: tuple[RobotModel, str]) -> None:
+    robot, frame = which
+    wanted = pose(robot, frame, robot.random_configuration(np.random.default_rng(seed)))
+    found = wbc.reach(robot, [Frame(frame, target=wanted)])
+    assert found.ok and not found.reason
+    assert np.abs(pose(robot, frame, found.q) - wanted).max() <= 2e-5
+    assert (found.q >= robot.limits.q_min - 1e-6).all() and (found.q <= robot.limits.q_max + 1e-6).all()
+
+
+def test_a_point_out_of_reach_is_told_by_task_axis_and_distance() -> None:
+    found = wbc.reach(ARM, [Position("tool", target=[4.0, 0.0, 0.5])], attempts=2)
+    assert not found.ok and found.attempts == 2
+    off = float(np.abs(found.errors["Position[tool]"]).max())
+    assert found.reason == f"Position[tool] stays {off:.3g} m off in x" and off > 2.0
+
+
+def test_the_limit_that_stands_in_the_way_is_named() -> None:
+    narrow = replace(
+        ARM.limits,
+        q_min=np.maximum(ARM.limits.q_min, ARM.q0 - 0.1),
+        q_max=np.minimum(ARM.limits.q_max, ARM.q0 + 0.1),
+    )
+    beyond = ARM.replace(limits=narrow)
+    q = ARM.q0.copy()
+    q[1] += 0.6
+    found = wbc.reach(beyond, [Frame("tool", target=pose(ARM, "tool", q))], attempts=3)
+    assert not found.ok and found.reason.endswith("; it can be met without position limits")
+    wall = HalfSpaceLimit("tool", normal=[0.0, 0.0, -1.0], offset=-0.2)
+    assert wbc.reach(ARM, [Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[], attempts=2).ok
+    blocked = wbc.reach(ARM, [Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[wall], attempts=2)
+    assert not blocked.ok and f"without {wall.name}" in blocked.reason
+
+
+def test_tasks_of_lower_levels_choose_among_the_answers() -> None:
+    reach = Position("tool", target=[0.4, 0.2, 0.5])
+    alone, near = wbc.reach(ARM, [reach]), wbc.reach(ARM, [[reach], [Posture(ARM.q0)]])
+    assert near.ok and np.abs(near.errors["Position[tool]"]).max() <= 1e-5
+    assert np.linalg.norm(near.q - ARM.q0) <= np.linalg.norm(alone.q - ARM.q0) + 1e-9
+
+
+def test_the_same_seed_gives_the_same_answer_and_the_tasks_stay_as_they_were() -> None:
+    task = Frame("tool", target=pose(ARM, "tool", ARM.random_configuration(np.random.default_rng(4))), rate=3.0)
+    start = ARM.limits.q_min
+    first, again = (wbc.reach(ARM, [task], start=start, seed=7) for _ in range(2))
+    assert (first.q == again.q).all() and first.steps == again.steps
+    assert task.gains()[2].tolist() == [3.0] * 6
+
+
+def test_arguments_that_make_no_sense_are_refused_by_name() -> None:
+    task = Position("tool", target=[0.4, 0.2, 0.5])
+    for settings_, name in (
+        ({"attempts": 0}, "attempts"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"start": [1.0]}, "start"),
+    ):
+        with pytest.raises(InvalidInput, match=name):
+            wbc.reach(ARM, [task], **settings_)  # type: ignore[arg-type]
+    with pytest.raises(NotSupported, match="TorqueLimits"):
+        wbc.reach(ARM, [task], subject_to=[TorqueLimits()])
+    assert wbc.reach(ARM, [[task], [Damping()]]).ok

@@ -1,0 +1,219 @@
+"""reach: one-shot inverse kinematics, from as many starts as it takes, or the reason why there is no answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.control.controller import Controller
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
+from wbc.stack.constraint import JointInterval, Quantity
+from wbc.stack.formulation import VelocityLevel
+from wbc.stack.hierarchy import Strict, Weighted
+from wbc.stack.stack import Stack
+from wbc.stack.task import Objective, Task
+from wbc.types import Vec
+
+#: A step is a tick of this length [s] in which tasks are asked for all of their error.
+_DT = 1e-2
+#: What a joint moves in a step at most [rad, m]: beyond it a linearised task says little.
+_STEP = 0.5
+#: Steps shorter than this [rad, m] lead nowhere any more.
+_SHORT = 1e-5
+#: How much of a constraint may be missed [its unit].
+_MISSED = 1e-6
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """What :func:`reach` found. ``ok``: all tasks of the first level are met, within all constraints.
+
+    ``q`` (nq,) is the best configuration found, ``errors`` the error of each task there (dim,) in the task's units,
+    and ``reason`` why it is not ok, or "". ``attempts`` starts were tried, with ``steps`` steps in all.
+    """
+
+    q: Vec
+    ok: bool
+    errors: Mapping[str, Vec]
+    reason: str
+    attempts: int
+    steps: int
+
+    def __repr__(self) -> str:
+        found = "reached" if self.ok else self.reason
+        return f"Reached({found}; {self.attempts} attempts, {self.steps} steps)"
+
+
+@final
+class _Positions(JointInterval):
+    """The position limits of the robot."""
+
+    quantity: ClassVar[Quantity] = "position"
+    name = "position limits"
+
+    def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:
+        return model.limits.q_min.copy(), model.limits.q_max.copy()
+
+
+@final
+class _Steps(JointInterval):
+    """What a joint moves in a step."""
+
+    quantity: ClassVar[Quantity] = "velocity"
+    name = "length of a step"
+
+    def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:
+        most = np.full(model.nj, _STEP / _DT)
+        return -most, most
+
+
+def reach(
+    robot: RobotModel, tasks: Sequence[Objective] | Sequence[Sequence[Objective]], *,
+    subject_to: Iterable[Any] | None = None, start: Any = None, attempts: int = 30, seed: int = 0,
+    steps: int = 100, tolerance: float = 1e-5,
+) -> Reached:  # fmt: skip
+    """A configuration that meets the tasks of the first level; tasks of lower levels choose among those there are.
+
+    Gauss-Newton steps, min ½ Σ w ‖J δ − e‖² under the constraints, each joint moved by 0.5 rad (m) at most, until the
+    errors are within ``tolerance``. Where the steps end elsewhere, it starts again from joint positions drawn within
+    the limits. Gains of tasks do not matter; targets should not move.
+
+    Args:
+        robot: from :func:`wbc.load`.
+        tasks: a list of tasks that must all be met, or levels of them, of which the first must.
+        subject_to: constraints beside the tasks; default: the position limits of the joints. [] for none.
+        start: first configuration (nq,); default ``robot.q0``. The base starts there in every attempt.
+        attempts: starts at most.
+        seed: of the draws.
+        steps: of each attempt, at most.
+        tolerance: largest error of a task [its unit].
+
+    Raises:
+        InvalidInput: an argument that makes no sense; a task that has no error, such as a regularisation.
+        NotSupported: a member that velocities cannot carry, such as limits on torques.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.tasks import Position, Posture
+        >>> robot = wbc.load("arm")
+        >>> found = wbc.reach(robot, [[Position("tool", target=[0.4, 0.2, 0.5])], [Posture(robot.q0)]])
+        >>> found.ok, float(abs(found.errors["Position[tool]"]).max()) < 1e-5
+        (True, True)
+        >>> wbc.reach(robot, [Position("tool", target=[4.0, 0.0, 0.5])], attempts=3).reason.partition(" m ")[0]
+        'Position[tool] stays 3.02'
+    """
+    attempts = int(checks.number("attempts", attempts, low=1))
+    steps = int(checks.number("steps", steps, low=1))
+    tolerance = checks.number("tolerance", tolerance, low=0.0, strict=True)
+    levels = Stack(tasks).levels
+    for task in levels[0]:
+        if not isinstance(task, Task):
+            raise InvalidInput(f"{task.name} has no error that could be met; put it in a lower level")
+    limits = [_Positions()] if subject_to is None else list(subject_to)
+    search = _Search(robot, levels, limits, tolerance)
+    first = np.array(robot.q0) if start is None else checks.array("start", start, (robot.nq,))
+    rng = np.random.default_rng(seed)
+    best, used = None, 0
+    for attempt in range(attempts):
+        q = first.copy()
+        if attempt:
+            q[robot.nq - robot.nj :] = robot.random_configuration(rng)[robot.nq - robot.nj :]
+        found = search.descend(q, steps)
+        used += found.steps
+        if best is None or found.missed < best.missed:
+            best = found
+        if best.missed <= 1.0:
+            break
+    assert best is not None, "there is an attempt"
+    reason = "" if best.missed <= 1.0 else best.says
+    if reason:
+        free = [limit.name for limit in limits if search.without(limit).descend(best.q, steps).missed <= 1.0]
+        reason += f"; it can be met without {' or without '.join(free)}" if free else ""
+    return Reached(best.q, not reason, best.errors, reason, attempt + 1, used)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Where steps ended: what is missed, in tolerances, and in words."""
+
+    q: Vec
+    errors: Mapping[str, Vec]
+    missed: float
+    says: str
+    steps: int
+
+
+@final
+class _Search:
+    """Steps from one start after the other, with one controller."""
+
+    def __init__(
+        self, robot: RobotModel, levels: Sequence[Sequence[Objective]], limits: Sequence[Any], tolerance: float
+    ) -> None:
+        self._robot, self._levels, self._limits, self._tolerance = robot, levels, limits, tolerance
+        quick = [[self._quick(task) for task in level] for level in levels]
+        self._must = [task for task in quick[0] if isinstance(task, Task)]
+        self._controller = Controller(
+            robot, Stack(quick, subject_to=[*limits, _Steps()]), level=VelocityLevel(),
+            hierarchy=Strict() if len(levels) > 1 else Weighted(), dt=_DT,
+        )  # fmt: skip
+
+    @staticmethod
+    def _quick(task: Objective) -> Objective:
+        """The task that asks for all of its error in one step."""
+        task = copy(task)
+        if isinstance(task, Task):
+            task.rate = 1.0 / _DT
+        return task
+
+    def without(self, limit: Any) -> _Search:
+        """The same search without one of the limits."""
+        return _Search(self._robot, self._levels, [one for one in self._limits if one is not limit], self._tolerance)
+
+    def descend(self, q: Vec, steps: int) -> _Found:
+        """Steps from q (nq,) until the tasks are met, or a step leads nowhere; of all, what misses least."""
+        controller, still = self._controller, np.zeros(self._robot.nv)
+        controller.reset()
+        best: _Found | None = None
+        for k in range(steps + 1):
+            command = controller.tick(_DT * k, q, still)
+            found = self._judged(q, k)
+            if best is None or found.missed <= 1.0 or found.missed < best.missed:
+                best = found
+            ends = found.missed <= 1.0 and len(self._levels) == 1
+            if ends or float(np.abs(command.v).max(initial=0.0)) * _DT < _SHORT:
+                break
+            q = command.q
+        assert best is not None, "there is a step"
+        return best
+
+    def _judged(self, q: Vec, steps: int) -> _Found:
+        """What the configuration filled last misses."""
+        plan, positions = self._controller.plan, q[self._robot.nq - self._robot.nj :]
+        errors = plan.errors()
+        missed, says = 0.0, ""
+        for task in self._must:
+            i = int(np.abs(errors[task.name]).argmax())
+            off = float(abs(errors[task.name][i]))
+            if off / self._tolerance > missed:
+                missed, says = (
+                    off / self._tolerance,
+                    f"{task.name} stays {off:.3g} {task.unit(i)} off in {task.label(i)}",
+                )
+        for name, (_, margins) in plan.margins().items():
+            short = -float(margins.min(initial=0.0))
+            if short / _MISSED > max(missed, 1.0):
+                missed, says = short / _MISSED, f"{name} is missed by {short:.3g}"
+        if plan.intervals is not None:
+            short = -float(plan.intervals.nearest(positions).min(initial=0.0))
+            if short / _MISSED > max(missed, 1.0):
+                missed, says = short / _MISSED, plan.intervals.recovery(positions)
+        return _Found(q, errors, missed, says, steps)
