@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from wbc.control.ladder import Recovery as Recovery
     from wbc.control.many import run_many as run_many
     from wbc.control.rate import Rate as Rate
+    from wbc.control.reach import reach as reach
     from wbc.control.recorder import Recorder as Recorder
     from wbc.control.recorder import Run as Run
     from wbc.control.setpoint import Setpoint as Setpoint
@@ -92,6 +93,7 @@ _HOME = {
     "Weighted": "wbc.stack.hierarchy",
     "lexicographic": "wbc.qp.lexicographic",
     "load": "wbc.models",
+    "reach": "wbc.control.reach",
     "run_many": "wbc.control.many",
     "solve": "wbc.qp",
 }
