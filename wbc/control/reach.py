@@ -116,7 +116,8 @@ def reach(
     for task in levels[0]:
         if not isinstance(task, Task):
             raise InvalidInput(f"{task.name} has no error that could be met; put it in a lower level")
-    limits = [_Positions()] if subject_to is None else list(subject_to)
+    seed = int(checks.number("seed", seed, low=0, high=2**63))
+    limits = [_Positions()] if subject_to is None else checks.items("subject_to", subject_to, "limits and constraints")
     search = _Search(robot, levels, limits, tolerance)
     first = np.array(robot.q0) if start is None else checks.array("start", start, (robot.nq,))
     rng = np.random.default_rng(seed)
