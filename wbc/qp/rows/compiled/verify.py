@@ -187,7 +187,10 @@ def certify(at: int) -> bool:
 @entry
 def judge(at: int) -> int:
     """Certify the answer in ``value`` with the pushes in ``push``, whoever found them; 0 where there is none."""
-    return int(weigh(views(at)) and reduce_base(at) and certify(at) >= 0)
+    if not (weigh(views(at)) and reduce_base(at)):
+        return 0
+    certify(at)
+    return 1
 
 
 @small_kernel
