@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, final
 
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
+from wbc.models.model import RobotState
+from wbc.stack.joint_task import JointTask
+from wbc.stack.task import TaskRows
 
 
 @final
-class Damping(Task):
+class Damping(JointTask):
     """Velocity level: v_joints = 0. Acceleration level: a_joints = −kd v_joints, kd [1/s]. One row a joint.
+
+    ``joints``, weight and gain: by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
 
     Example:
         >>> from wbc.tasks import Damping
@@ -18,13 +22,12 @@ class Damping(Task):
         Damping(weight=0.001)
     """
 
-    on_joints = True
+    _kd = 10.0
 
-    def __init__(self, *, kd: Any = 10.0, weight: Any = 1.0, name: str | None = None) -> None:
-        super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
-
-    def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
+    def __init__(
+        self, *, joints: Sequence[str] | None = None, kd: Any = 10.0, weight: Any = 1.0, name: str | None = None
+    ) -> None:
+        super().__init__(joints=joints, kp=0.0, kd=kd, weight=weight, name=name)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         out.e[:] = 0.0

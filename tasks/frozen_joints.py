@@ -8,8 +8,9 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.by_name import all_meant, meant, patterns
 from wbc.stack.task import Task, TaskRows
 
 
@@ -20,6 +21,8 @@ class FrozenJoints(Task):
 
     By a list of names: v = 0 at the velocity level, a = −kd v at the acceleration level; where a joint stops is left
     open. By {joint: position}: e = position − q, so that it comes back there, with ``kp`` (default 100).
+    A name may be a pattern, a regular expression that matches whole names; of several positions of a joint the last
+    holds.
 
     Raises:
         InvalidInput: no joints, one twice, a position that is not finite. UnknownJoint: when a stack is compiled.
@@ -28,38 +31,45 @@ class FrozenJoints(Task):
         >>> from wbc.tasks import FrozenJoints
         >>> FrozenJoints(["wrist_roll", "wrist_pitch"]).exactly()
         FrozenJoints[wrist_roll, wrist_pitch] exactly
-        >>> FrozenJoints({"elbow": 1.2}, kp=400).dim
-        1
+        >>> FrozenJoints({"elbow": 1.2, "wrist_.*": 0.0}, kp=400)
+        FrozenJoints[elbow, wrist_.*](weight=1.0)
     """
+
+    _kd = 20.0
 
     def __init__(
         self, joints: Sequence[str] | Mapping[str, float], *, kp: Any = None, kd: Any = None, rate: Any = None,
         weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
-        self.joints = self.labels = checks.names("FrozenJoints.joints", joints)
-        self.dim, self.subject = len(self.joints), ", ".join(self.joints)
-        self._name = name
+        self.joints = patterns("FrozenJoints.joints", joints)
+        self.subject, self._name = ", ".join(self.joints), name
         held = isinstance(joints, Mapping)
         self.positions = (
-            np.array([checks.number(f"{self.name}.joints[{j!r}]", joints[j]) for j in joints])
+            {joint: checks.number(f"{self.name}.joints[{joint!r}]", joints[joint]) for joint in joints}
             if isinstance(joints, Mapping)
             else None
         )
         if kp is not None and not held:
             raise InvalidInput(f"{self.name}.kp is {kp}, but there are no positions to hold; give {{joint: position}}")
         kp = (100.0 if held else 0.0) if kp is None else kp
-        super().__init__(kp=kp, kd=20.0 if kd is None and not held else kd, rate=rate, weight=weight, name=name)
+        super().__init__(kp=kp, kd=self._kd if kd is None and not held else kd, rate=rate, weight=weight, name=name)
 
     def prepare(self, model: RobotModel) -> None:
-        self._index = [model.joint(joint) for joint in self.joints]
+        names = model.joint_names
+        self._index = all_meant(f"{self.name}.joints", self.joints, names, UnknownJoint)
+        self.dim, self.labels = len(self._index), tuple(names[i] for i in self._index)
         self._J = np.eye(model.nv)[model.nb :][self._index]
         self.units = tuple(model.joint_units[i] for i in self._index)
+        if self.positions is not None:
+            self._positions = np.zeros(self.dim)
+            for joint, position in self.positions.items():
+                self._positions[meant(self.name, joint, self.labels, UnknownJoint)] = position
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
-        out.e[:] = 0.0 if self.positions is None else self.positions - state.q_joints[self._index]
+        out.e[:] = 0.0 if self.positions is None else self._positions - state.q_joints[self._index]
         out.J[:], out.drift[:] = self._J, 0.0
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         first, second = model.joint_names[:2]
-        return [cls([second, first]), cls({second: 0.3, first: -0.1})]
+        return [cls([second, first]), cls({".*": 0.3, first: -0.1})]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Self, final
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.target import Target, vector_target
-from wbc.stack.task import Task, TaskRows
+from wbc.stack.joint_task import JointTask
+from wbc.stack.target import Target
+from wbc.stack.task import TaskRows
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
 
@@ -18,12 +20,13 @@ from .trajectories import Sinusoid
 
 
 @final
-class JointAdmittance(Tracking, Task):
+class JointAdmittance(Tracking, JointTask):
     """M (q̈ − q̈_target) = K (q_target − q) + D (q̇_target − q̇) + τ for measured outer torques τ; one row a joint.
 
     :class:`~tasks.admittance.Admittance` for joints: at the acceleration level that equation, at the velocity level the
     same without inertia. Where K > 0 the torque moves the target, by τ / K; where K = 0 the joint moves with τ / D for
-    as long as it is pushed. ``inertia`` M [kg m², kg] and ``damping`` D > 0, ``stiffness`` K >= 0: scalar or (nj,).
+    as long as it is pushed. ``inertia`` M [kg m², kg] and ``damping`` D > 0, ``stiffness`` K >= 0: scalar or (nj,),
+    or by name or pattern, as ``joints`` and weight are too, see :class:`~wbc.stack.joint_task.JointTask`.
     ``target`` as :class:`~tasks.posture.Posture` has it. ``torque`` τ [N m, N]: scalar or (nj,), or a function of time
     giving (nj,); it may be assigned between ticks.
 
@@ -37,13 +40,11 @@ class JointAdmittance(Tracking, Task):
         >>> guided.torque = [0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0]  # what the sensors of the joints read now
     """
 
-    on_joints = True
-
     def __init__(
-        self, target: Any, *, inertia: Any, damping: Any, stiffness: Any, torque: Any = 0.0, weight: Any = 1.0,
-        name: str | None = None,
+        self, target: Any, *, inertia: Any, damping: Any, stiffness: Any, torque: Any = 0.0,
+        joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(weight=weight, name=name)
+        super().__init__(joints=joints, weight=weight, name=name)
         self.inertia, self.damping, self.stiffness = inertia, damping, stiffness
         self.target, self.torque = target, torque
 
@@ -57,14 +58,14 @@ class JointAdmittance(Tracking, Task):
         dim = getattr(self, "dim", None)
         if dim is not None:
             given = np.full(dim, value) if not callable(value) and checks.ndim(value) == 0 else value
-            self._reading = Target(f"{self.name}.torque", given, dim, vector_target(dim))
+            self._reading = Target(f"{self.name}.torque", given, dim, self._as_torques)
         self._measured = value
 
     def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
+        super().prepare(model)
         M, D, K = (
-            checks.gains(f"{self.name}.{what}", getattr(self, what), model.nj)
-            for what in ("inertia", "damping", "stiffness")
+            self._of_joints(what, getattr(self, what), others)
+            for what, others in (("inertia", 1.0), ("damping", 1.0), ("stiffness", 0.0))
         )
         for what, values in (("inertia", M), ("damping", D)):
             if not values.all():
@@ -74,7 +75,8 @@ class JointAdmittance(Tracking, Task):
         self._held: Vec = held.astype(np.float64)
         self._compliance = np.divide(1.0, K, out=np.zeros(model.nj), where=held)
         self._mobility = np.where(held, 0.0, 1.0 / D)
-        self.convert = joints_target(model, model.nq)
+        self._read_targets(model, model.nq)
+        self._as_torques = joints_target(model, model.nj, self._chosen)
         self.target, self.torque = self.target, self.torque
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
@@ -87,7 +89,9 @@ class JointAdmittance(Tracking, Task):
     def samples(cls, model: RobotModel) -> list[Self]:
         joints = model.q0[-model.nj :]
         moving = Sinusoid(joints, amplitude=0.1, frequency=0.5)
+        two = model.joint_names[:2]
         return [
+            cls([0.1, 0.2], joints=two, inertia={two[0]: 1.0, ".*": 2.0}, damping=[5.0, 8.0], stiffness={".*": 3.0}),
             cls(moving, inertia=1.0, damping=10.0, stiffness=50.0, torque=2.0),
             cls(joints, inertia=1.0, damping=10.0, stiffness=0.0, torque=np.arange(1.0, model.nj + 1.0)),
         ]

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, final
 
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
+from wbc.models.model import RobotState
+from wbc.stack.joint_task import JointTask
+from wbc.stack.task import TaskRows
 
 
 @final
-class LowAcceleration(Task):
+class LowAcceleration(JointTask):
     """Velocity level: v_joints = the velocity measured now. Acceleration level: a_joints = 0. One row a joint.
 
     It makes commands smooth at the cost of lag, and needs no memory: what was commanded last is the velocity of the
-    state, as far as the robot followed.
+    state, as far as the robot followed. ``joints`` and weight: by name or pattern too, see
+    :class:`~wbc.stack.joint_task.JointTask`.
 
     Example:
         >>> from wbc.tasks import LowAcceleration
@@ -21,13 +24,8 @@ class LowAcceleration(Task):
         LowAcceleration(weight=0.01)
     """
 
-    on_joints = True
-
-    def __init__(self, *, weight: Any = 1.0, name: str | None = None) -> None:
-        super().__init__(kp=0.0, kd=0.0, weight=weight, name=name)
-
-    def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
+    def __init__(self, *, joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None) -> None:
+        super().__init__(joints=joints, kp=0.0, kd=0.0, weight=weight, name=name)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         out.e[:] = 0.0

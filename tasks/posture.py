@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Self, final
 
 import numpy as np
@@ -9,41 +10,44 @@ import numpy as np
 from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.frame_rows import JointRows
-from wbc.stack.task import Task, TaskRows
-from wbc.stack.tracking import Tracking, joints_target
+from wbc.stack.joint_task import JointTask
+from wbc.stack.task import TaskRows
+from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class Posture(Tracking, Task):
+class Posture(Tracking, JointTask):
     """e = q_target − q: one row a joint [rad, m].
 
-    ``target``: joint positions (nj,) or a configuration (nq,) whose base is not read, or a function of time giving
-    one or (positions, velocities, accelerations), the last two (nj,). Weight and gains: scalar or (nj,).
+    ``target``: joint positions (nj,), or of the joints named alone, or a configuration (nq,) whose base is not read, or
+    a function of time giving one or (positions, velocities, accelerations), the last two (nj,) or of the joints named.
+    ``joints``, weight and gains: by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
 
     Raises:
         InvalidInput: when a stack is compiled: a target, weight or gain of another size.
+        UnknownJoint: when a stack is compiled: a name or pattern that matches no joint.
 
     Example:
         >>> import wbc
         >>> from wbc.tasks import Posture
         >>> Posture(wbc.load("arm").q0, kp=10, weight=1e-3)
         Posture(weight=0.001)
+        >>> Posture([0.1, -0.2], joints=["elbow", "wrist_roll"], weight={"wrist_.*": 0.01})
+        Posture[elbow, wrist_roll](weight={'wrist_.*': 0.01})
     """
 
-    on_joints = True
-
     def __init__(
-        self, target: Any, *, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0,
-        name: str | None = None,
+        self, target: Any, *, joints: Sequence[str] | None = None, kp: Any = 100.0, kd: Any = None, rate: Any = None,
+        weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        super().__init__(joints=joints, kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
-        self.convert = joints_target(model, model.nq)
+        super().prepare(model)
+        self._read_targets(model, model.nq)
         self.target = self.target
         plausible.joints(model, f"{self.name}.target", self.reference(0.0).value)
 
@@ -59,4 +63,6 @@ class Posture(Tracking, Task):
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         joints = model.q0[-model.nj :]
-        return [cls(model.q0), cls(joints), cls(Sinusoid(joints, amplitude=0.1, frequency=0.5))]
+        first, *_, last = model.joint_names
+        some = cls([0.2, -0.1], joints=[last, first], kp={first: 30.0}, weight={last: 0.0})
+        return [cls(model.q0), cls(joints), cls(Sinusoid(joints, amplitude=0.1, frequency=0.5)), some]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Self, final
 
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
+from wbc.stack.joint_task import JointTask
+from wbc.stack.task import TaskRows
 
 from .criteria.clearance import Clearance
 from .criteria.criterion import Criterion
@@ -16,7 +18,7 @@ from .criteria.mid_range import MidRange
 
 
 @final
-class ProjectedGradient(Task):
+class ProjectedGradient(JointTask):
     """Climb H(q): one row a joint. Below tasks that are laws it is the projected gradient method within all limits.
 
     Velocity level:      v_joints = gain ∇H
@@ -24,7 +26,8 @@ class ProjectedGradient(Task):
 
     With J v = ẏ as a law the optimum of ½ w |v − gain ∇H|² is v = J# ẏ + gain (I − J# J) ∇H while no bound is active,
     and the nearest feasible velocity when one is. ``gain`` [joint unit / s per unit of ∇H] may be negative: descend.
-    The regularisation of a level pulls v towards zero by the share ε / (w + ε).
+    The regularisation of a level pulls v towards zero by the share ε / (w + ε). ``joints``, weight and gain: by name or
+    pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
     Source: Rosen's gradient projection; for robots Liégeois, IEEE Trans. Systems, Man, and Cybernetics 1977.
 
     Raises:
@@ -37,19 +40,20 @@ class ProjectedGradient(Task):
         ProjectedGradient[manipulability of tool](weight=0.01)
     """
 
-    on_joints = True
+    _kd = 10.0
 
     def __init__(
-        self, criterion: Criterion, *, gain: float = 1.0, kd: Any = 10.0, weight: Any = 1.0, name: str | None = None
-    ) -> None:
+        self, criterion: Criterion, *, joints: Sequence[str] | None = None, gain: float = 1.0, kd: Any = 10.0,
+        weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
         if not isinstance(criterion, Criterion):
             raise InvalidInput(f"ProjectedGradient.criterion must be a Criterion, not {criterion!r}")
         self.criterion, self.subject = criterion, criterion.name
-        super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
+        super().__init__(joints=joints, kp=0.0, kd=kd, weight=weight, name=name)
         self.gain = checks.number(f"{self.name}.gain", gain)
 
     def prepare(self, model: RobotModel) -> None:
-        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
+        super().prepare(model)
         self.criterion.prepare(model)
 
     def fill(self, state: RobotState, out: TaskRows) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.by_name import all_meant, patterns
 from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
@@ -26,8 +27,9 @@ class Torque(Tracking, LinearTask):
     W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are laws this is
     Gauss' principle: the acceleration nearest, in the metric M, to the one τ₀ alone would give. With M = L Lᵀ the rows
     are A = (L⁻¹)_joints (its last nj rows and columns, AᵀA = W) and b = A τ₀. ``tau_0`` (also ``target``): scalar or
-    (nj,), or a function of time giving it. ``joints``: names, for these alone, (dim,) rows in that order; with zero and
-    ``exactly()`` they are joints without motors. Source: Khatib, IEEE J. Robotics and Automation 1987.
+    (nj,), or a function of time giving it. ``joints``: names or patterns (regular expressions that match whole names),
+    for these alone, (dim,) rows in that order; with zero and ``exactly()`` they are joints without motors.
+    Source: Khatib, IEEE J. Robotics and Automation 1987.
 
     Raises:
         InvalidInput: a weight that is neither, a target of another size, joints named twice or with a weight for all.
@@ -41,7 +43,7 @@ class Torque(Tracking, LinearTask):
         passive wrist exactly
     """
 
-    on = "torque"
+    on, unknown_row = "torque", UnknownJoint
 
     def __init__(
         self, tau_0: Any = 0.0, *, joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None
@@ -49,15 +51,14 @@ class Torque(Tracking, LinearTask):
         self._by_inertia = isinstance(weight, str)
         if self._by_inertia and (weight != "inverse_inertia" or joints is not None):
             raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers or 'inverse_inertia', of all joints")
-        self.joints = None if joints is None else checks.names("Torque.joints", joints)
+        self.joints = None if joints is None else patterns("Torque.joints", joints)
         self.subject = ", ".join(self.joints or ())
         super().__init__(weight=1.0 if self._by_inertia else weight, name=name)
         self.target = tau_0
 
     def prepare(self, model: RobotModel) -> None:
-        self.labels = self.joints or model.joint_names
-        index = [model.joint(joint) for joint in self.labels]
-        self.dim = len(index)
+        index = all_meant(f"{self.name}.joints", self.joints or (".*",), model.joint_names, UnknownJoint)
+        self.dim, self.labels = len(index), tuple(model.joint_names[i] for i in index)
         self.units = tuple("N" if model.joint_units[i] == "m" else "N m" for i in index)
         self._identity, self._vector = np.eye(model.nj)[index], vector_target(self.dim)
         self.target = self.target

@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotModel
+from wbc.stack.by_name import meant, pattern
 from wbc.types import Vec
 
 
 def per_joint(what: str, value: Any, model: RobotModel, default: Vec) -> Vec:
-    """``value`` for each joint (nj,): a scalar, (nj,), or {joint name: value}. None, and joints left out: ``default``.
+    """``value`` for each joint (nj,): a scalar, (nj,), or {joint: value}. None, and joints left out: ``default``.
+
+    A joint is a name or a pattern, a regular expression that matches whole names; of several the last holds.
 
     Raises:
         UnknownJoint: with the names that are near. InvalidInput: another shape, NaN.
@@ -22,7 +25,8 @@ def per_joint(what: str, value: Any, model: RobotModel, default: Vec) -> Vec:
     if isinstance(value, Mapping):
         result = default.copy()
         for joint, entry in value.items():
-            result[model.joint(joint)] = checks.array(f"{what}[{joint!r}]", entry, (), finite=False)
+            where = meant(what, pattern(f"a key of {what}", joint), model.joint_names, UnknownJoint)
+            result[where] = checks.array(f"{what}[{joint!r}]", entry, (), finite=False)
         return result
     return checks.each(what, value, model.nj, finite=False)
 

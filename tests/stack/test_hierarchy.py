@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import (
     CenterOfMass,
+    Damping,
     JointPositionLimits,
     JointVelocityLimits,
     Orientation,
@@ -287,3 +288,23 @@ def test_ten_thousand_ticks_of_conflict_without_one_failure() -> None:
         conflicts += any(outcome.how != "met" for outcome in command.levels[:-1])
         q, v = command.q, command.v
     assert conflicts > 5_000
+
+
+@pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=["strict", "scaled"])
+@pytest.mark.parametrize("switched_off", [{"active": False}, {"weight": 0.0}, {"weight": [0.0] * 7}])
+def test_a_task_without_weight_asks_for_nothing_at_its_level(hierarchy, switched_off):
+    """Above others it was held as if it had one; in both orders, and from one tick to the next."""
+    robot = ARM
+    posture, tool = Posture(robot.q0 + 0.3), Position("tool", target=[0.4, 0.2, 0.4])
+    alone = wbc.Controller(robot, wbc.Stack([[tool], [Damping()]]), level=SPEED, hierarchy=hierarchy)
+    wanted = alone.tick(0.0, robot.q0, np.zeros(7)).v
+    for levels in ([[posture], [tool], [Damping()]], [[tool], [posture], [Damping()]]):
+        posture.active, posture.weight = True, 1.0
+        controller = wbc.Controller(robot, wbc.Stack(levels), level=SPEED, hierarchy=hierarchy)
+        assert np.abs(controller.tick(0.0, robot.q0, np.zeros(7)).v - wanted).max() > 0.1
+        for name, value in switched_off.items():
+            setattr(posture, name, value)
+        controller.reset()  # the damping of what could not be reduced before
+        command = controller.tick(0.0, robot.q0, np.zeros(7))
+        assert command.status.ok
+        np.testing.assert_allclose(command.v, wanted, atol=1e-6)

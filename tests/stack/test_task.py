@@ -47,9 +47,9 @@ def test_without_damping_there_is_no_rate_to_guess():
         ({"kp": -1.0}, r"Plain.kp is -1; it must be >= 0"),
         ({"kp": np.nan}, "Plain.kp is nan"),
         ({"kd": [1.0]}, r"Plain.kd must have shape \(2,\)"),
-        ({"rate": [1.0, -1.0]}, r"Plain.rate\[1\] is negative"),
+        ({"rate": [1.0, -1.0]}, r"Plain.rate\[1\] is -1; it must be >= 0"),
         ({"weight": -0.1}, "Plain.weight is -0.1"),
-        ({"weight": [1.0, -0.1]}, r"Plain.weight\[1\] is -0.1; a weight is >= 0"),
+        ({"weight": [1.0, -0.1]}, r"Plain.weight\[1\] is -0.1; it must be >= 0"),
         ({"weight": "heavy"}, "Plain.weight must be a number"),
     ],
 )

@@ -72,7 +72,7 @@ class Filled(PlanView):
         }
         nj, behind = self.model.nj, layout.n_rows - first
         for i, task in enumerate(layout.on_joints):
-            found[task.name] = e[behind + i * nj : behind + (i + 1) * nj].copy()
+            found[task.name] = task.own_rows(e[behind + i * nj : behind + (i + 1) * nj]).copy()
         for law, row in zip(layout.exact, layout.exact_rows, strict=True):
             found[law.name] = e[row - first : row - first + law.task.dim].copy()
         return found

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, UnknownName
 from wbc.models.model import RobotModel
+from wbc.stack.by_name import ByName
 from wbc.stack.member import Member
 from wbc.types import Vec
 
@@ -17,17 +18,21 @@ from wbc.types import Vec
 class Objective(Member):
     """Anything that can stand among the tasks of a stack: a name, a weight, a switch.
 
-    ``weight`` is a scalar or one number per row and multiplies the squared error: the cost is
-    ½ Σ wᵢ rᵢ². ``weight`` and ``active`` may be assigned between ticks; sizes may not change.
+    ``weight`` is a scalar, one number per row, or {label of a row, or pattern: number}, and multiplies the squared
+    error: the cost is ½ Σ wᵢ rᵢ². A pattern is a regular expression that matches the whole label; of several that match
+    the last holds, and rows that match none have weight 1. ``weight`` and ``active`` may be assigned between ticks;
+    sizes may not change.
     """
 
     dim: int
     units: str | tuple[str, ...]
     #: What rows are called in reports.
     labels: Sequence[str] = ()
+    #: What is raised for a label that does not exist.
+    unknown_row: ClassVar[type[UnknownName]] = UnknownName
     # Defaults at class level, so that a subclass which forgets super().__init__ still works.
     _name: str | None = None
-    _weight: float | Vec = 1.0
+    _weight: float | Vec | ByName = 1.0
     _active: bool = True
     #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
     is_scaled: bool = False
@@ -47,21 +52,31 @@ class Objective(Member):
         return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
 
     @property
-    def weight(self) -> float | Vec:
-        """Weight of the squared error, scalar or (dim,)."""
+    def weight(self) -> float | Vec | ByName:
+        """Weight of the squared error, scalar, (dim,) or by label."""
         return self._weight
 
     @weight.setter
     def weight(self, value: Any) -> None:
-        if checks.ndim(value) == 0:
-            self._weight = checks.number(f"{self.name}.weight", value, low=0.0)
+        self._weight = self._numbers("weight", value)
+
+    def _numbers(self, what: str, value: Any) -> float | Vec | ByName:
+        """A weight or gain as it is given: >= 0, and of the right size or labels as soon as these are known."""
+        name = f"{self.name}.{what}"
+        given: Vec | ByName
+        if isinstance(value, Mapping):
+            given = ByName(name, value)
+        elif checks.ndim(value) == 0:
+            return checks.number(name, value, low=0.0)
         else:
-            weights = checks.array(f"{self.name}.weight", value, (getattr(self, "dim", None),))
-            if (weights < 0).any():
-                i = int(np.argmax(weights < 0))
-                raise InvalidInput(f"{self.name}.weight[{i}] is {weights[i]:g}; a weight is >= 0")
-            weights.flags.writeable = False  # assign to change it: writing into it would go unseen
-            self._weight = weights
+            given = checks.array(name, value, (None,))
+            if (given < 0).any():
+                i = int(np.argmax(given < 0))
+                raise InvalidInput(f"{name}[{i}] is {given[i]:g}; it must be >= 0")
+            given.flags.writeable = False  # assign to change it: writing into it would go unseen
+        if hasattr(self, "dim"):
+            self._rows(what, given)
+        return given
 
     @property
     def active(self) -> bool:
@@ -77,11 +92,25 @@ class Objective(Member):
         weights = self._rows("weight", self._weight)
         return weights if self._active else np.zeros(self.dim)
 
-    def _rows(self, what: str, value: float | Vec) -> Vec:
-        """``value`` for each row (dim,), a copy. A vector given before ``dim`` was known is checked here."""
+    def _rows(self, what: str, value: float | Vec | ByName) -> Vec:
+        """``value`` for each row (dim,), a copy. What was given before ``dim`` was known is checked here."""
+        if isinstance(value, ByName):
+            labels = [self.label(i) for i in range(self.dim)]
+            if not any(labels):
+                raise InvalidInput(f"{self.name}.{what} is {value}, but its rows have no names; give numbers")
+            return value.rows(labels, self._default(what), self.unknown_row)
         if checks.ndim(value) == 0:
             return np.full(self.dim, value)
         return checks.array(f"{self.name}.{what}", value, (self.dim,))
+
+    def _default(self, what: str) -> float:
+        """Weight or gain of rows of which none was given; NaN where it follows from another gain."""
+        default = getattr(type(self), f"_{what}", None)
+        return np.nan if default is None else float(default)
+
+    def own_rows(self, values: Vec) -> Vec:
+        """Of numbers (dim,), one for each row, those of rows that are none of the task's are zero."""
+        return values
 
     def unit(self, row: int) -> str:
         """Unit of one row of the error."""

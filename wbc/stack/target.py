@@ -22,12 +22,25 @@ class Target:
 
     ``convert(name, value, strict)`` turns what a user gives into what a task reads. It is strict (shape, finite)
     when a target is assigned; in a tick only types and shapes are looked at, because a robot needs a command: a
-    NaN that comes later is caught by the certificate. Rates and accelerations are (dim,).
+    NaN that comes later is caught by the certificate. Rates and accelerations are (dim,), or what ``convert_rate``
+    makes so.
     """
 
-    __slots__ = ("_convert", "_function", "_name", "_shape", "_still", "has_rates", "rate", "second", "value")
+    __slots__ = (
+        "_convert",
+        "_convert_rate",
+        "_function",
+        "_name",
+        "_shape",
+        "_still",
+        "has_rates",
+        "rate",
+        "second",
+        "value",
+    )
 
-    def __init__(self, name: str, value: Any, dim: int, convert: Convert) -> None:
+    def __init__(self, name: str, value: Any, dim: int, convert: Convert, convert_rate: Convert | None = None) -> None:
+        self._convert_rate = convert_rate
         self._name, self._shape, self._convert = name, (dim,), convert
         self._function: Callable[[float], Any] | None = None
         self.value: Any = None
@@ -74,6 +87,9 @@ class Target:
         return value
 
     def _vector(self, what: str, value: Any, strict: bool) -> Vec:
+        if self._convert_rate is not None:
+            converted: Vec = self._convert_rate(f"{self._name} {what}", value, strict)
+            return converted
         if strict:
             return checks.array(f"{self._name} {what}", value, self._shape)
         vector = floats(value)

@@ -8,9 +8,8 @@ from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
-from wbc import checks
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.by_name import ByName
 from wbc.stack.constraint import ConstraintRows, LinearConstraint
 from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.stack.member import Member
@@ -39,69 +38,64 @@ class Task(Objective):
     Acceleration level:  J a = ÿ_ref + kd ė + kp e − J̇ v
 
     kp [1/s²] and kd [1/s] (default critical, 2 √kp) act at the acceleration level, rate [1/s] (default
-    kp / kd; 1/dt reaches the target in one tick) at the velocity level; scalar or per row. One object
+    kp / kd; 1/dt reaches the target in one tick) at the velocity level; given as ``weight`` is. One object
     therefore serves all levels. Subclasses set ``dim`` and ``units`` in ``__init__`` and write one method, ``fill``.
     """
 
     #: True for tasks whose Jacobian is the identity on the joints, (nj,) rows: they write e, rate_ref, acc_ref only.
     on_joints: ClassVar[bool] = False
-    _kp: float | Vec = 100.0
-    _kd: float | Vec | None = None
-    _rate: float | Vec | None = None
+    _kp: float | Vec | ByName = 100.0
+    _kd: float | Vec | ByName | None = None
+    _rate: float | Vec | ByName | None = None
 
     def __init__(
         self, *, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0, name: str | None = None
     ) -> None:
         super().__init__(name=name, weight=weight)
-        self._kp = self._gain("kp", kp)
-        self._kd = None if kd is None else self._gain("kd", kd)
-        self._rate = None if rate is None else self._gain("rate", rate)
+        self._kp = self._numbers("kp", kp)
+        self._kd = None if kd is None else self._numbers("kd", kd)
+        self._rate = None if rate is None else self._numbers("rate", rate)
 
     @property
-    def kp(self) -> float | Vec:
+    def kp(self) -> float | Vec | ByName:
         """Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``."""
         return self._kp
 
     @kp.setter
     def kp(self, value: Any) -> None:
-        self._kp = self._gain("kp", value)
+        self._kp = self._numbers("kp", value)
 
     @property
-    def kd(self) -> float | Vec | None:
+    def kd(self) -> float | Vec | ByName | None:
         """Gain on the error's rate [1/s]; None: critical, 2 √kp."""
         return self._kd
 
     @kd.setter
     def kd(self, value: Any) -> None:
-        self._kd = None if value is None else self._gain("kd", value)
+        self._kd = None if value is None else self._numbers("kd", value)
 
     @property
-    def rate(self) -> float | Vec | None:
+    def rate(self) -> float | Vec | ByName | None:
         """Gain at the velocity level [1/s]; None: kp / kd."""
         return self._rate
 
     @rate.setter
     def rate(self, value: Any) -> None:
-        self._rate = None if value is None else self._gain("rate", value)
-
-    def _gain(self, what: str, value: Any) -> float | Vec:
-        if checks.ndim(value) == 0:
-            return checks.number(f"{self.name}.{what}", value, low=0.0)
-        gains = checks.array(f"{self.name}.{what}", value, (getattr(self, "dim", None),))
-        if (gains < 0).any():
-            raise InvalidInput(f"{self.name}.{what}[{int(np.argmax(gains < 0))}] is negative")
-        gains.flags.writeable = False
-        return gains
+        self._rate = None if value is None else self._numbers("rate", value)
 
     def gains(self) -> tuple[Vec, Vec, Vec]:
         """kp, kd and rate of each row, (dim,) each; a rate is infinite where kp > 0 and kd = 0 and none was given."""
         kp = self._rows("kp", self._kp)
-        kd = 2.0 * np.sqrt(kp) if self._kd is None else self._rows("kd", self._kd)
-        if self._rate is not None:
-            rate = self._rows("rate", self._rate)
-        else:
-            rate = np.divide(kp, kd, out=np.where(kp > 0, np.inf, 0.0), where=kd > 0)
-        return kp, kd, rate
+        kd = self._or("kd", self._kd, 2.0 * np.sqrt(kp))
+        rate = np.divide(kp, kd, out=np.where(kp > 0, np.inf, 0.0), where=kd > 0)
+        return kp, kd, self._or("rate", self._rate, rate)
+
+    def _or(self, what: str, value: float | Vec | ByName | None, otherwise: Vec) -> Vec:
+        """A gain of each row (dim,), ``otherwise`` of those for which none was given."""
+        if value is None:
+            return otherwise
+        rows = self._rows(what, value)
+        return np.where(np.isnan(rows), otherwise, rows)
 
     @abstractmethod
     def fill(self, state: RobotState, out: TaskRows) -> None:
@@ -111,14 +105,18 @@ class Task(Objective):
         """What compiled code may write in the place of ``fill``; None: it calls ``fill``."""
         return None
 
+    def _as_law(self) -> Task:
+        """The rows that hold where the task is a law."""
+        return self
+
     def exactly(self, *, name: str | None = None) -> Exactly:
         """The same task as a law: its rows hold exactly, above every weight."""
-        return Exactly(self, name=name)
+        return Exactly(self._as_law(), name=name)
 
     def with_reaction(self, *, force_weight: float = 0.0, name: str | None = None) -> Reaction:
         """The same task as a part of the mechanism, for ``contacts``: its rows hold exactly, by a force that the
         dynamics know and ``command.f`` gives. See :class:`~wbc.stack.reaction.Reaction`."""
-        return Reaction(self, force_weight=force_weight, name=name)
+        return Reaction(self._as_law(), force_weight=force_weight, name=name)
 
     def within(
         self, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None, name: str | None = None
@@ -129,7 +127,7 @@ class Task(Objective):
         :class:`~wbc.stack.constraint.Barrier` has them, infinite bounds are none. See
         :class:`~wbc.stack.within.Within`.
         """
-        return Within(self, lower, upper, rate=rate, slack=slack, name=name)
+        return Within(self._as_law(), lower, upper, rate=rate, slack=slack, name=name)
 
     def scaled(self) -> Self:
         """The same task done as a whole or in part, never sideways: a copy with ``is_scaled``.

@@ -14,7 +14,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.objective import Objective
 from wbc.stack.target import Convert, Target, floats
-from wbc.types import Mat, Vec
+from wbc.types import Index, Mat, Vec
 
 _IDENTITY = np.eye(3)
 _SE3, _log3 = pinocchio.SE3, pinocchio.log3
@@ -36,6 +36,8 @@ class Tracking(Objective):
     """
 
     convert: Convert
+    #: The same for rates and accelerations, where these may have another shape than (dim,).
+    convert_rate: Convert | None = None
     #: Size of the target's rate and acceleration where it is not the task's ``dim``.
     target_dim: int | None = None
     _given: Any = None
@@ -52,7 +54,7 @@ class Tracking(Objective):
             raise InvalidInput(f"{self.name}.target is None; give a value or a function of time (tasks keep no memory)")
         dim = self.target_dim or getattr(self, "dim", None)
         if dim is not None:
-            self._reference = Target(f"{self.name}.target", value, dim, self.convert)
+            self._reference = Target(f"{self.name}.target", value, dim, self.convert, self.convert_rate)
         if isinstance(value, np.ndarray):  # writing into what was given would go unseen
             value = value.copy()
             value.flags.writeable = False
@@ -109,18 +111,27 @@ def wrench_target(name: str, value: Any, strict: bool) -> Vec:
     return np.concatenate([vector, np.zeros(6 - len(vector))])
 
 
-def joints_target(model: RobotModel, full: int) -> Convert:
-    """Reader of joint vectors: (nj,), or (full,) with the joints last, as q (nq,) and v (nv,) have them."""
-    return partial(_joints, (model.nj, full, model.name))
+def joints_target(model: RobotModel, full: int, chosen: Index | None = None, others: Vec | None = None) -> Convert:
+    """Reader of joint vectors: (nj,), or (full,) with the joints last, as q (nq,) and v (nv,) have them.
+
+    Of the joints ``chosen`` alone too, one number each, in their order; the rest is then as ``others`` (nj,), or zero.
+    """
+    others = np.zeros(model.nj) if others is None else others
+    return partial(_joints, (model.nj, full, model.name), None if chosen is None else (chosen, others))
 
 
-def _joints(sizes: tuple[int, int, str], name: str, value: Any, strict: bool) -> Vec:
+def _joints(sizes: tuple[int, int, str], some: tuple[Index, Vec] | None, name: str, value: Any, strict: bool) -> Vec:
     nj, full, robot = sizes
     vector = checks.array(name, value, (None,)) if strict else floats(value)
-    if vector.shape not in ((nj,), (full,)):
-        shapes = f"({nj},)" if full == nj else f"({nj},) or ({full},)"
-        raise InvalidInput(f"{name} must have shape {shapes} on {robot}, not {vector.shape}")
-    return vector[-nj:]
+    if vector.shape in ((nj,), (full,)):
+        return vector[-nj:]
+    if some is not None and vector.shape == some[0].shape:
+        spread = some[1].copy()
+        spread[some[0]] = vector
+        return spread
+    known = dict.fromkeys([nj, full] if some is None else [len(some[0]), nj, full])
+    shapes = " or ".join(f"({size},)" for size in known)
+    raise InvalidInput(f"{name} must have shape {shapes} on {robot}, not {vector.shape}")
 
 
 def rotation_error(target: Mat, actual: Mat) -> Vec:

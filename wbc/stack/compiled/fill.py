@@ -214,7 +214,7 @@ class _Follower:
         """The row of the table of references where the target is a motion that kernels know; else NONE."""
         known = getattr(self._task.target, "known_motion", None)
         place = self._parts[0]
-        if known is None or len(self._parts) > 1 or place.ndim > 1:
+        if known is None or len(self._parts) > 1 or place.shape != np.shape(self._task.target(0.0)[0]):
             return NONE
         kind, self._kept = known()
         written = (self._kept, place, self._rate_ref, self._acc_ref)

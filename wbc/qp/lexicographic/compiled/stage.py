@@ -139,6 +139,10 @@ def fill(at: int) -> int:
         s.G[row, c], s.G[row, n] = 1.0, -carray(floats(s.pulls[i, 2]), 1)[0]
     for i in range(len(s.parts)):
         divide(s, i)
+    for i in range(len(s.row)):  # what weighs nothing asks for nothing
+        if s.weight[i] and carray(floats(s.weight[i]), 1)[0] == 0.0:
+            for c in range(n + 1):
+                s.G[i, c] = 0.0
     return weigh(s)
 
 

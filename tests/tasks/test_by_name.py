@@ -1,0 +1,233 @@
+"""Joints, weights and gains by name or pattern: the same as numbers, joint by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import (
+    Damping,
+    Frame,
+    FrozenJoints,
+    JointAdmittance,
+    JointVelocity,
+    JointVelocityLimits,
+    LowAcceleration,
+    MidRange,
+    Position,
+    Posture,
+    ProjectedGradient,
+    Sinusoid,
+    Torque,
+    TorqueLimits,
+)
+from tests.tasks.test_contract import MEMBERS
+from wbc.errors import InvalidInput, UnknownJoint, UnknownName
+from wbc.stack.member import bound
+from wbc.stack.task import Objective
+
+ARM = wbc.load("arm")
+NAMES = list(ARM.joint_names)
+WRISTS = [name.startswith("wrist") for name in NAMES]
+PARTS = list(zip(NAMES, WRISTS, strict=True))
+LEVELS = [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()]
+TARGET = ARM.q0 + 0.3
+each_level = pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+each_hierarchy = pytest.mark.parametrize(
+    "hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=["weighted", "strict", "scaled"]
+)
+
+
+def decided(task: Any, level: Any, *, hierarchy: Any = None, **more: Any) -> np.ndarray:
+    """What a tick decides with this task beside a light one on all joints."""
+    v = np.linspace(-0.2, 0.3, ARM.nv)
+    levels = [[task], [Posture(ARM.q0, weight=1e-2, name="rest")]]
+    chosen = {} if hierarchy is None else {"hierarchy": hierarchy}
+    command = wbc.Controller(ARM, wbc.Stack(levels, **more), level=level, **chosen).tick(0.1, ARM.q0, v)
+    assert command.status.ok
+    return command.v if level.order == 1 else command.a
+
+
+def on(weight: float = 1.0) -> np.ndarray:
+    """This weight for the wrists, none for other joints."""
+    return np.where(WRISTS, weight, 0.0)
+
+
+PAIRS: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
+    "posture": (lambda: Posture(TARGET, joints=["wrist_.*"]), lambda: Posture(TARGET, weight=on())),
+    "one weight": (lambda: Posture(TARGET, joints=["wrist_.*"], weight=3), lambda: Posture(TARGET, weight=on(3.0))),
+    "weights": (
+        lambda: Posture(TARGET, weight={".*": 0.5, "wrist_.*": 0.0, "wrist_roll": 2.0}),
+        lambda: Posture(TARGET, weight=[2.0 if n == "wrist_roll" else 0.0 if wrist else 0.5 for n, wrist in PARTS]),
+    ),
+    "gains": (
+        lambda: Posture(TARGET, kp={"elbow": 25.0}, kd={"wrist_.*": 7.0}, rate={"elbow": 3.0}),
+        lambda: Posture(
+            TARGET, kp=[25.0 if name == "elbow" else 100.0 for name in NAMES],
+            kd=[7.0 if wrist else 10.0 if name == "elbow" else 20.0 for name, wrist in PARTS],
+            rate=[3.0 if name == "elbow" else 100.0 / 7.0 if wrist else 5.0 for name, wrist in PARTS],
+        ),
+    ),
+    "target of some": (
+        lambda: Posture(TARGET[[6, 2]], joints=[NAMES[6], NAMES[2]], weight=[1.0, 4.0]),
+        lambda: Posture(TARGET, weight=np.array([0, 0, 4.0, 0, 0, 0, 1.0])),
+    ),
+    "moving": (
+        lambda: Posture(Sinusoid([0.5], amplitude=0.2, frequency=1.0), joints=[NAMES[3]]),
+        lambda: Posture(Sinusoid([0.5] * 7, amplitude=0.2, frequency=1.0), weight=np.eye(7)[3]),
+    ),
+    "velocity": (lambda: JointVelocity([0.2], joints=["elbow"]), lambda: JointVelocity(0.2 * np.ones(7), weight=(
+        [float(name == "elbow") for name in NAMES]))),
+    "damping": (lambda: Damping(joints=["wrist_.*"], kd={"wrist_roll": 3.0}), lambda: Damping(
+        weight=on(), kd=[3.0 if name == "wrist_roll" else 10.0 for name in NAMES])),
+    "acceleration": (lambda: LowAcceleration(joints=["wrist_.*"]), lambda: LowAcceleration(weight=on())),
+    "gradient": (
+        lambda: ProjectedGradient(MidRange(), joints=["wrist_.*"]), lambda: ProjectedGradient(MidRange(), weight=on())
+    ),
+    "admittance": (
+        lambda: JointAdmittance(
+            TARGET, joints=["wrist_.*"], inertia={".*": 2.0}, damping={".*": 9.0}, stiffness=20.0, torque=1.0
+        ),
+        lambda: JointAdmittance(TARGET, inertia=2.0, damping=9.0, stiffness=20.0, torque=1.0, weight=on()),
+    ),
+    "frozen": (
+        lambda: FrozenJoints({"wrist_.*": 0.2, "wrist_roll": 0.1}, kd={"wrist_pitch": 9.0}),
+        lambda: Posture(np.where(np.array(NAMES) == "wrist_roll", 0.1, 0.2), weight=on(), kd=(
+            [9.0 if name == "wrist_pitch" else 20.0 for name in NAMES])),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+@each_hierarchy
+@each_level
+def test_by_name_is_as_by_numbers(pair: str, level: Any, hierarchy: Any):
+    named, numbered = (decided(make(), level, hierarchy=hierarchy) for make in PAIRS[pair])
+    np.testing.assert_allclose(named, numbered, atol=1e-8 * (1.0 + np.abs(numbered).max()))
+
+
+def test_torques_by_pattern():
+    named = decided(Torque(2.0, joints=["wrist_.*"], weight={"wrist_roll": 0.5}), LEVELS[2])
+    weights = [0.5 if name == "wrist_roll" else 1.0 for name in NAMES if name.startswith("wrist")]
+    numbered = Torque(2.0, joints=[name for name in NAMES if name.startswith("wrist")], weight=weights)
+    np.testing.assert_array_equal(named, decided(numbered, LEVELS[2]))
+
+
+@pytest.mark.parametrize("make", [JointVelocityLimits, TorqueLimits])
+def test_limits_by_pattern(make: Any):
+    _, upper = make({".*": 5.0, "wrist_.*": 0.5}).bounds(ARM)
+    np.testing.assert_array_equal(upper, np.where(WRISTS, 0.5, 5.0))
+
+
+@each_level
+def test_a_weight_by_name_assigned_between_ticks_is_in_force_in_the_next(level: Any):
+    task = Posture(TARGET)
+    stack = wbc.Stack([task, Posture(ARM.q0, weight=1e-2, name="rest")])
+    controller = wbc.Controller(ARM, stack, level=level)
+    v = np.linspace(-0.2, 0.3, ARM.nv)
+    controller.tick(0.0, ARM.q0, v)
+    task.weight, task.kp = {"wrist_.*": 0.0}, {"elbow": 4.0}
+    command = controller.tick(0.1, ARM.q0, v)
+    fresh = decided(Posture(TARGET, weight={"wrist_.*": 0.0}, kp={"elbow": 4.0}), level)
+    np.testing.assert_allclose(command.v if level.order == 1 else command.a, fresh, atol=1e-5 * np.abs(fresh).max())
+
+
+@each_level
+@pytest.mark.parametrize("law", ["exactly", "within", "with_reaction"])
+def test_a_law_on_some_joints_has_rows_for_these_alone(level: Any, law: str):
+    if law == "with_reaction" and not level.dynamics:
+        pytest.skip("reactions are forces")
+    task = Posture(TARGET, joints=["wrist_.*"], kp=0.0 if law != "within" else 100.0)
+    place = {"contacts": [task.with_reaction()]} if law == "with_reaction" else {
+        "subject_to": [task.exactly() if law == "exactly" else task.within(1.0)]
+    }  # fmt: skip
+    still = decided(JointVelocity(np.ones(7)), level, **place)
+    free = decided(JointVelocity(np.ones(7)), level)
+    others = ~np.array(WRISTS)
+    if law == "within":
+        np.testing.assert_allclose(still, free, atol=1e-6)
+        name = place["subject_to"][0].name
+        controller = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)], **place), level=level)
+        assert controller.plan.margins()[name][0].dim == 2 * sum(WRISTS)
+    else:
+        assert np.abs(still[WRISTS] - free[WRISTS]).min() > 0.01
+        if level.order == 1:
+            np.testing.assert_allclose(still[others], free[others], atol=1e-6)
+
+
+def test_joints_that_are_not_named_have_no_error():
+    stack = wbc.Stack([Posture(TARGET, joints=["wrist_.*"])])
+    controller = wbc.Controller(ARM, stack, level=LEVELS[0])
+    controller.tick(0.0, ARM.q0, np.zeros(7))
+    np.testing.assert_allclose(controller.plan.errors()["Posture[wrist_.*]"], np.where(WRISTS, 0.3, 0.0))
+
+
+def test_a_tick_with_names_is_compiled_as_one_with_numbers_is():
+    task = Posture(Sinusoid(ARM.q0, amplitude=0.2, frequency=1.0), joints=["wrist_.*"], weight={"wrist_roll": 0.1})
+    assert wbc.Controller(ARM, wbc.Stack([task]), level=LEVELS[0]).plan.is_compiled
+
+
+@pytest.mark.parametrize("member", [one for one in MEMBERS if issubclass(one, Objective)], ids=lambda one: one.__name__)
+def test_every_task_takes_weights_by_the_labels_of_its_rows(member: Any):
+    for sample in member.samples(ARM):
+        if "TaskRows" in str(type(sample).fill.__annotations__) or sample.labels:
+            own = bound(sample, ARM)
+            if any(own.label(i) for i in range(own.dim)):
+                own.__dict__["_role"] = type(own)._role
+                own.weight = {".*": 3.0}
+                assert set(own.weights()) <= {0.0, 3.0} and own.weights().any()
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "says"),
+    [
+        (lambda: Posture(TARGET, joints=["elbw"]), UnknownJoint, "no joint 'elbw'; did you mean 'elbow'"),
+        (lambda: Posture(TARGET, weight={"wheel_.*": 0.0}), UnknownJoint, r"Posture.weight"),
+        (lambda: Posture(TARGET, joints=["elbow"], kp={"wrist_.*": 1.0}), UnknownJoint, "there are: elbow"),
+        (lambda: FrozenJoints(["wheel.*"]), UnknownJoint, "no joint 'wheel"),
+        (lambda: Torque(joints=["wheel.*"]), UnknownJoint, "no joint 'wheel"),
+        (lambda: Posture(TARGET, joints=NAMES[::-1]), InvalidInput, "all joints in another order"),
+        (lambda: Posture([1.0, 2.0], joints=["elbow"]), InvalidInput, r"shape \(1,\) or \(7,\)"),
+        (lambda: Posture(TARGET, joints=["elbow"], weight=[1.0, 2.0]), InvalidInput, r"shape \(1,\) or \(7,\)"),
+        (lambda: JointAdmittance(TARGET, inertia={"elbow": 1.0}, damping=1.0, stiffness=1.0), InvalidInput,
+         "inertia says nothing of joint"),
+    ],
+)  # fmt: skip
+def test_names_that_match_nothing_are_refused_when_a_stack_is_compiled(make: Any, error: Any, says: str):
+    with pytest.raises(error, match=says):
+        wbc.Controller(ARM, wbc.Stack([make(), Damping()]), level=LEVELS[2])
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "says"),
+    [
+        (lambda: Posture(TARGET, joints="elbow"), InvalidInput, "it must be names"),
+        (lambda: Posture(TARGET, joints=["el(bow"]), InvalidInput, "no regular expression"),
+        (lambda: Posture(TARGET, weight={"elbow": -1.0}), InvalidInput, r"weight\['elbow'\] is -1"),
+        (lambda: Posture(TARGET, kp={3: 1.0}), InvalidInput, "a key of Posture.kp is 3"),
+        (lambda: Frame("tool", target=np.eye(4), weight={"pitsch": 1.0}), UnknownName, "did you mean 'pitch'"),
+        (lambda: Position("tool", target=np.zeros(3), kp={"roll": 1.0}), UnknownName, "there are: x, y, z"),
+    ],
+)
+def test_what_needs_no_robot_is_refused_at_once(make: Any, error: Any, says: str):
+    with pytest.raises(error, match=says):
+        make()
+
+
+def test_an_assignment_that_matches_nothing_is_refused_and_changes_nothing():
+    task = Posture(TARGET, weight=2.0)
+    controller = wbc.Controller(ARM, wbc.Stack([task]), level=LEVELS[0])
+    with pytest.raises(UnknownJoint, match="wheel"):
+        task.weight = {"wheel_.*": 0.0}
+    assert task.weight == 2.0 and controller.tick(0.0, ARM.q0, np.zeros(7)).status.ok
+
+
+def test_a_weight_by_name_is_to_be_read():
+    task = Posture(TARGET, weight={"elbow": 0.5})
+    with pytest.raises(TypeError):
+        task.weight["elbow"] = 1.0
+    assert task.weight == {"elbow": 0.5}

@@ -1,0 +1,136 @@
+"""JointTask: a task with one row a joint, of all joints or of those named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput, UnknownJoint
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.by_name import ByName, all_meant, patterns
+from wbc.stack.target import Convert
+from wbc.stack.task import Task, TaskRows
+from wbc.stack.tracking import joints_target
+from wbc.types import Index, Vec
+
+
+class JointTask(Task):
+    """A task whose Jacobian is the identity on the joints: (nj,) rows, e, rate_ref and acc_ref are written.
+
+    ``joints``: names or patterns (regular expressions that match a whole name), the order of the model for those that
+    one pattern matches; None: all joints. Joints that are not named have no weight, no gains and no error; a task made
+    a law, by ``exactly``, ``within`` or ``with_reaction``, has no rows for them. Weights and gains: one number, (nj,),
+    one for each joint named, in that order, or {name or pattern: number}, of which the last that matches holds. Joints
+    that match none have the weight 1 and the gains that the task has by default.
+
+    Which joints are meant is found when a stack is compiled, or a weight assigned: ticks have numbers only.
+
+    Raises:
+        InvalidInput: no names, one twice, all joints in another order than the model's, numbers of another size.
+        UnknownJoint: a name or pattern that matches no joint, when a stack is compiled.
+    """
+
+    on_joints = True
+    unknown_row = UnknownJoint
+    joints: tuple[str, ...] | None = None
+    convert_rate: Convert | None = None
+    #: The joints named; None for all.
+    _chosen: Index | None = None
+
+    def __init__(self, *, joints: Sequence[str] | None = None, **settings: Any) -> None:
+        if joints is not None:
+            self.joints = patterns(f"{type(self).__name__}.joints", joints)
+            if not hasattr(self, "subject"):
+                self.subject = ", ".join(self.joints)
+        super().__init__(**settings)
+
+    def prepare(self, model: RobotModel) -> None:
+        self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
+        self._chosen = None
+        if self.joints is not None:
+            found = all_meant(f"{self.name}.joints", self.joints, model.joint_names, UnknownJoint)
+            if len(found) == model.nj and found != sorted(found):
+                raise InvalidInput(f"{self.name}.joints are all joints in another order than the model's; leave it out")
+            self._chosen = np.array(found, dtype=np.intp)
+
+    def _rows(self, what: str, value: float | Vec | ByName, *, others: float = 0.0) -> Vec:
+        chosen = self._chosen
+        if chosen is None:
+            return super()._rows(what, value)
+        rows = np.full(self.dim, others)
+        if isinstance(value, ByName):
+            rows[chosen] = value.rows([self.labels[i] for i in chosen], self._default(what), self.unknown_row)
+        elif checks.ndim(value) == 0:
+            rows[chosen] = value
+        else:
+            rows[chosen] = _of_chosen(self.dim, chosen, f"{self.name}.{what}", value)
+        return rows
+
+    def _of_joints(self, what: str, value: Any, others: float) -> Vec:
+        """A number >= 0 for each joint (nj,), that is to be given for all that are named; ``others`` of all others."""
+        rows = self._rows(what, self._numbers(what, value), others=others)
+        if np.isnan(rows).any():
+            left = self.label(int(np.isnan(rows).argmax()))
+            raise InvalidInput(f"{self.name}.{what} says nothing of joint {left!r}")
+        return rows
+
+    def own_rows(self, values: Vec) -> Vec:
+        if self._chosen is None:
+            return values
+        own = np.zeros_like(values)
+        own[self._chosen] = values[self._chosen]
+        return own
+
+    def _read_targets(self, model: RobotModel, full: int) -> None:
+        """Targets are (nj,), (full,) with the joints last, or (joints named,); to be called in ``prepare``."""
+        self.convert = joints_target(model, full, self._chosen, model.q0[-model.nj :])
+        self.convert_rate = joints_target(model, model.nj, self._chosen)
+
+    def _as_law(self) -> Task:
+        return self if self.joints is None else _Chosen(self)
+
+
+@final
+class _Chosen(Task):
+    """The rows of those joints alone that a task names."""
+
+    unknown_row = UnknownJoint
+
+    def __init__(self, task: JointTask) -> None:
+        super().__init__(name=task.name)
+        self.task = task
+
+    def prepare(self, model: RobotModel) -> None:
+        self.task.prepare(model)
+        chosen = self.task._chosen
+        assert chosen is not None, "a task on all joints is a law as it is"
+        self._of, self.dim = chosen, len(chosen)
+        self.units = tuple(self.task.unit(int(i)) for i in chosen)
+        self.labels = tuple(self.task.label(int(i)) for i in chosen)
+        self._J, self._all = np.eye(model.nv)[model.nb :][chosen], TaskRows()
+        for array in ("e", "rate_ref", "acc_ref"):
+            setattr(self._all, array, np.zeros(model.nj))
+
+    def gains(self) -> tuple[Vec, Vec, Vec]:
+        kp, kd, rate = self.task.gains()
+        return kp[self._of], kd[self._of], rate[self._of]
+
+    def fill(self, state: RobotState, out: TaskRows) -> None:
+        rows = self._all
+        rows.rate_ref[:], rows.acc_ref[:] = 0.0, 0.0
+        self.task.fill(state, rows)
+        out.e[:], out.J[:], out.drift[:] = rows.e[self._of], self._J, 0.0
+        out.rate_ref[:], out.acc_ref[:] = rows.rate_ref[self._of], rows.acc_ref[self._of]
+
+
+def _of_chosen(nj: int, chosen: Index, name: str, value: Any) -> Vec:
+    """Of (nj,) numbers, or of one for each joint named, those of the joints named."""
+    given: Vec = np.asarray(value)
+    if given.shape == (nj,):
+        return given[chosen]
+    if given.shape != chosen.shape:
+        raise InvalidInput(f"{name} must have shape ({len(chosen)},) or ({nj},), not {given.shape}")
+    return given
