@@ -46,12 +46,12 @@ class Edge(Contact):
     def __init__(
         self, frame: str, *, half_length: float, friction: float, origin: Any = (0.0, 0.0, 0.0),
         direction: Any = (0.0, 1.0, 0.0), normal: Any = (0.0, 0.0, 1.0), friction_model: str = "inner", sides: int = 4,
-        kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, target: Any = None,
-        name: str | None = None,
+        kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, f_min: float | None = None,
+        f_max: float | None = None, target: Any = None, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(
             frame, friction=friction, friction_model=friction_model, sides=sides, kp=kp, kd=kd,
-            force_weight=force_weight, target=target, name=name,
+            force_weight=force_weight, f_min=f_min, f_max=f_max, target=target, name=name,
         )  # fmt: skip
         self.half_length = checks.number(f"{self.name}.half_length", half_length, low=0.0, strict=True)
         self.origin = checks.array(f"{self.name}.origin", origin, (3,))

@@ -40,12 +40,12 @@ class Point(Contact):
 
     def __init__(
         self, frame: str, *, friction: float, radius: float = 0.0, axes: Any = None, friction_model: str = "inner",
-        sides: int = 4, kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6, target: Any = None,
-        name: str | None = None,
+        sides: int = 4, kp: float = 100.0, kd: float | None = None, force_weight: float = 1e-6,
+        f_min: float | None = None, f_max: float | None = None, target: Any = None, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(
             frame, friction=friction, friction_model=friction_model, sides=sides, kp=kp, kd=kd,
-            force_weight=force_weight, target=target, name=name,
+            force_weight=force_weight, f_min=f_min, f_max=f_max, target=target, name=name,
         )  # fmt: skip
         self.radius = checks.number(f"{self.name}.radius", radius, low=0.0)
         self.axes = np.eye(3) if axes is None else rotation_target(f"{self.name}.axes", axes, True)

@@ -44,11 +44,12 @@ class Sole(Contact):
     def __init__(
         self, frame: str, *, half_size: Any, friction: float, origin: Any = (0.0, 0.0, 0.0),
         friction_model: str = "inner", sides: int = 4, kp: float = 100.0, kd: float | None = None,
-        force_weight: float = 1e-6, target: Any = None, name: str | None = None,
+        force_weight: float = 1e-6, f_min: float | None = None, f_max: float | None = None, target: Any = None,
+        name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(
             frame, friction=friction, friction_model=friction_model, sides=sides, kp=kp, kd=kd,
-            force_weight=force_weight, target=target, name=name,
+            force_weight=force_weight, f_min=f_min, f_max=f_max, target=target, name=name,
         )  # fmt: skip
         self.half_size = checks.array(f"{self.name}.half_size", half_size, (2,))
         if (self.half_size <= 0).any():
@@ -111,6 +112,14 @@ class Sole(Contact):
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         frame = model.frame_names[-1]
-        moved = cls(frame, half_size=(0.1, 0.05), friction=0.8, friction_model="outer", origin=(0.02, 0.01, -0.03))
+        moved = cls(
+            frame,
+            half_size=(0.1, 0.05),
+            friction=0.8,
+            f_min=2.0,
+            f_max=900.0,
+            friction_model="outer",
+            origin=(0.02, 0.01, -0.03),
+        )
         round_ = cls(frame, half_size=(0.08, 0.08), friction=0.5, sides=8)
         return [cls(frame, half_size=(0.1, 0.065), friction=0.3), moved, round_]

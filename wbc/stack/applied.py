@@ -58,6 +58,8 @@ class Applied:
         self.actuators = Actuators(np.ones(model.nj), np.zeros(model.nj))
         self._motors: Mapping[int, Motor] = {}
         self.version = 0
+        #: Rises whenever the bounds on normal forces may have changed.
+        self.normal_version = 0
         self._said: Said = ()
         self._keys: Mapping[Any, list[Any]] = {}
 
@@ -100,6 +102,7 @@ class Applied:
                 self._motion[quantity] = bounds
                 self.intervals.replace(quantity, *bounds, by_plan=True)
         self._limits[:], self._floors[:], self._bias[:], self.inertia = limits, floors, bias, inertia
+        self.normal_version += 1
         if motors != self._motors:
             self._motors, self.actuators = motors, Actuators(share, offset)
 

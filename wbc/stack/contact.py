@@ -59,10 +59,19 @@ class Contact(Member):
     The friction cone is a pyramid of ``sides`` 4 or 8. ``friction_model`` "inner", the default, is inside the circular
     cone: |f_x|, |f_y| <= µ/√2 f_z with 4 sides. "outer" is around it: |f_x|, |f_y| <= µ f_z, so that along the diagonal
     it allows forces that slip, 1.41 µ f_z (with 8 sides 1.08 µ f_z). See :class:`~wbc.friction.Pyramid`.
+
+    ``f_min`` <= f_z <= ``f_max`` [N] bound the normal force exactly (None: by nothing but the cone), where dynamics are
+    decided; both may be assigned between ticks. What a component allows, as a schedule that lifts the foot, goes first:
+    ``f_min`` holds no more than that. A wanted force is a task, :class:`~tasks.contact_force.ContactForce`.
+
+    Raises:
+        InvalidInput: numbers out of range, ``f_min`` above ``f_max``.
     """
 
     dim: int
     frame: str
+    _f_min: float | None = None
+    _f_max: float | None = None
     #: A part of the mechanism, which pushes and pulls, and holds whatever a schedule says.
     bilateral: ClassVar[bool] = False
     #: The frame of the robot that carries the other side; None: the world does.
@@ -78,6 +87,8 @@ class Contact(Member):
         kp: float = 100.0,
         kd: float | None = None,
         force_weight: float = 1e-6,
+        f_min: float | None = None,
+        f_max: float | None = None,
         target: Any = None,
         name: str | None = None,
     ) -> None:
@@ -88,6 +99,7 @@ class Contact(Member):
         self.kp = checks.number(f"{self.name}.kp", kp, low=0.0)
         self.kd = 2.0 * self.kp**0.5 if kd is None else checks.number(f"{self.name}.kd", kd, low=0.0)
         self.force_weight = checks.number(f"{self.name}.force_weight", force_weight, low=0.0)
+        self.f_max, self.f_min = f_max, f_min
         self.target = target
 
     @property
@@ -105,6 +117,34 @@ class Contact(Member):
         if _is_position(value) and self.dim != 3:
             raise InvalidInput(f"{self.name}.target is a position; a contact of {self.dim} rows needs a pose")
         self._target = None if value is None else _as_anchor(f"{self.name}.target", value)
+
+    @property
+    def f_min(self) -> float | None:
+        """Least normal force [N]; None: what the cone says, mostly 0."""
+        return self._f_min
+
+    @f_min.setter
+    def f_min(self, value: float | None) -> None:
+        self._f_min = self._force_bound("f_min", value, value, self._f_max)
+
+    @property
+    def f_max(self) -> float | None:
+        """Largest normal force [N]; None: no bound."""
+        return self._f_max
+
+    @f_max.setter
+    def f_max(self, value: float | None) -> None:
+        self._f_max = self._force_bound("f_max", value, self._f_min, value)
+
+    def _force_bound(self, what: str, value: Any, low: Any, high: Any) -> float | None:
+        if value is None:
+            return None
+        if self.bilateral:
+            raise InvalidInput(f"{self.name}.{what}: it pushes and pulls; give force_weight")
+        found = checks.number(f"{self.name}.{what}", value, low=0.0)
+        if low is not None and high is not None and low > high and not self._is_copy:
+            raise InvalidInput(f"{self.name} is left no normal force: f_min is {low:g} N, above f_max, {high:g} N")
+        return found
 
     @property
     def short_name(self) -> str:

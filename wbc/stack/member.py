@@ -91,6 +91,11 @@ class Member(metaclass=_Built):
         """Name of the member in its stack."""
         return type(self).__name__
 
+    @property
+    def _is_copy(self) -> bool:
+        """Whether a plan holds it: what is assigned to the user's one comes here one by one, and was checked there."""
+        return self._role is _Role.OPEN or self._role is _Role.CLOSED
+
     def prepare(self, model: RobotModel) -> None:
         """Called once on each plan's own copy: check arguments against the model, fix sizes."""
 

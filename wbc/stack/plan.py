@@ -31,7 +31,6 @@ from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.motion import MotionRows
 from wbc.stack.overrides import Overrides
-from wbc.stack.schedule import Schedule
 from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
 from wbc.stack.task import Objective, Task
@@ -75,7 +74,6 @@ class Plan(Filled):
         self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
         self._failure: MemberFailed | None = None
         self._has_components = bool(stack.components)
-        self._is_scheduled = any(isinstance(component, Schedule) for component in stack.components)
         self._share(like)
 
         self._give_views()
@@ -155,6 +153,7 @@ class Plan(Filled):
         self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()
         self._torque_range = lower[: model.nj], upper[: model.nj]
+        self._normal_version, self._own_normals = -1, np.zeros((2, len(presses)))
         self._by_speed = _of(layout.torque_limits, TorqueBySpeed)
         self._take_torque_bounds()
         self._force_weights = np.concatenate(
@@ -254,6 +253,11 @@ class Plan(Filled):
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
             self._write_cones()
+            pressing = [contact for contact in layout.contacts if not contact.bilateral]
+            least = [-np.inf if contact.f_min is None else contact.f_min for contact in pressing]
+            most = [np.inf if contact.f_max is None else contact.f_max for contact in pressing]
+            self._own_normals = np.array([least, most])
+            self._bound_normals()
         for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
             p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
         p.version += 1
@@ -335,11 +339,8 @@ class Plan(Filled):
         if self.level.dynamics:
             if self._torque_version != self.applied.version:
                 self._take_torque_bounds()
-            if self._has_components:
-                p, scale = self.problem, self.problem.scale[self._normal]
-                p.ub[self._normal] = self.normal_limits[self._pressing] / scale
-                if self._is_scheduled:
-                    p.lb[self._normal] = self.normal_floors[self._pressing] / scale
+            if self._normal_version != self.applied.normal_version:
+                self._bound_normals()
         if self._writers:
             for writer in self._writers:
                 try:
@@ -369,6 +370,14 @@ class Plan(Filled):
         self._torque_version = self.applied.version
         for bound, now in zip(self.torque_bounds, self._torque_range, strict=True):
             now[:] = bound
+
+    def _bound_normals(self) -> None:
+        """What contacts say of their normal forces, and, before that, what components allow."""
+        p, at, pressing, (least, most) = self.problem, self._normal, self._pressing, self._own_normals
+        self._normal_version = self.applied.normal_version
+        scale, upper = p.scale[at], np.minimum(most, self.normal_limits[pressing])
+        p.ub[at] = upper / scale
+        p.lb[at] = np.minimum(np.maximum(least, self.normal_floors[pressing]), upper) / scale
 
     def bind(self, state: RobotState) -> CompiledFill:
         """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""
