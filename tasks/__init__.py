@@ -51,6 +51,7 @@ from .damping import Damping as Damping
 from .distance import Distance as Distance
 from .edge import Edge as Edge
 from .feet import feet as feet
+from .follow import Follow as Follow
 from .frame import Frame as Frame
 from .frozen_joints import FrozenJoints as FrozenJoints
 from .gaze import Gaze as Gaze
