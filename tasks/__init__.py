@@ -55,10 +55,12 @@ from .follow import Follow as Follow
 from .frame import Frame as Frame
 from .frozen_joints import FrozenJoints as FrozenJoints
 from .gaze import Gaze as Gaze
+from .gravity_compensation import GravityCompensation as GravityCompensation
 from .impedance import Impedance as Impedance
 from .internal_force import InternalForce as InternalForce
 from .joint_admittance import JointAdmittance as JointAdmittance
 from .joint_coupling import JointCoupling as JointCoupling
+from .joint_impedance import JointImpedance as JointImpedance
 from .joint_velocity import JointVelocity as JointVelocity
 from .kinetic_energy import KineticEnergy as KineticEnergy
 from .limits.axis_cone import AxisConeLimit as AxisConeLimit

@@ -63,10 +63,9 @@ class JointAdmittance(Tracking, JointTask):
 
     def prepare(self, model: RobotModel) -> None:
         super().prepare(model)
-        M, D, K = (
-            self._of_joints(what, getattr(self, what), others)
-            for what, others in (("inertia", 1.0), ("damping", 1.0), ("stiffness", 0.0))
-        )
+        M, D, K = (self._all_rows(what, getattr(self, what)) for what in ("inertia", "damping", "stiffness"))
+        own = self.own_rows(np.ones(model.nj)) > 0.0
+        M, D = np.where(own, M, 1.0), np.where(own, D, 1.0)
         for what, values in (("inertia", M), ("damping", D)):
             if not values.all():
                 raise InvalidInput(f"{self.name}.{what}[{int(np.argmin(values))}] is 0; it must be > 0")

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.linalg import lapack
 
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownJoint
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.by_name import all_meant, patterns
 from wbc.stack.target import vector_target
-from wbc.stack.task import LinearRows, LinearTask
+from wbc.stack.task import LinearRows
+from wbc.stack.torque_task import TorqueTask
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
@@ -21,7 +21,7 @@ from .trajectories import Sinusoid
 
 
 @final
-class Torque(Tracking, LinearTask):
+class Torque(Tracking, TorqueTask):
     """τ = τ₀, one row a joint [N m, N]; the cost is ½ w ‖τ − τ₀‖², or ½ ‖τ − τ₀‖²_W with weight="inverse_inertia".
 
     W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are laws this is
@@ -43,24 +43,18 @@ class Torque(Tracking, LinearTask):
         passive wrist exactly
     """
 
-    on, unknown_row = "torque", UnknownJoint
-
     def __init__(
         self, tau_0: Any = 0.0, *, joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None
     ) -> None:
         self._by_inertia = isinstance(weight, str)
         if self._by_inertia and (weight != "inverse_inertia" or joints is not None):
             raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers or 'inverse_inertia', of all joints")
-        self.joints = None if joints is None else patterns("Torque.joints", joints)
-        self.subject = ", ".join(self.joints or ())
-        super().__init__(weight=1.0 if self._by_inertia else weight, name=name)
+        super().__init__(joints=joints, weight=1.0 if self._by_inertia else weight, name=name)
         self.target = tau_0
 
     def prepare(self, model: RobotModel) -> None:
-        index = all_meant(f"{self.name}.joints", self.joints or (".*",), model.joint_names, UnknownJoint)
-        self.dim, self.labels = len(index), tuple(model.joint_names[i] for i in index)
-        self.units = tuple("N" if model.joint_units[i] == "m" else "N m" for i in index)
-        self._identity, self._vector = np.eye(model.nj)[index], vector_target(self.dim)
+        super().prepare(model)
+        self._vector = vector_target(self.dim)
         self.target = self.target
 
     def convert(self, name: str, value: Any, strict: bool) -> Vec:
@@ -75,8 +69,7 @@ class Torque(Tracking, LinearTask):
             out.A[:] = lapack.dtrtri(factor, 1)[0][nb:, nb:]
             np.dot(out.A, tau_0, out.b)
         else:
-            out.A[:] = self._identity
-            out.b[:] = tau_0
+            self._write(out, tau_0)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -56,25 +56,17 @@ class JointTask(Task):
                 raise InvalidInput(f"{self.name}.joints are all joints in another order than the model's; leave it out")
             self._chosen = np.array(found, dtype=np.intp)
 
-    def _rows(self, what: str, value: float | Vec | ByName, *, others: float = 0.0) -> Vec:
+    def _rows(self, what: str, value: float | Vec | ByName) -> Vec:
         chosen = self._chosen
         if chosen is None:
             return super()._rows(what, value)
-        rows = np.full(self.dim, others)
+        rows = np.zeros(self.dim)
         if isinstance(value, ByName):
             rows[chosen] = value.rows([self.labels[i] for i in chosen], self._default(what), self.unknown_row)
         elif checks.ndim(value) == 0:
             rows[chosen] = value
         else:
             rows[chosen] = _of_chosen(self.dim, chosen, f"{self.name}.{what}", value)
-        return rows
-
-    def _of_joints(self, what: str, value: Any, others: float) -> Vec:
-        """A number >= 0 for each joint (nj,), that is to be given for all that are named; ``others`` of all others."""
-        rows = self._rows(what, self._numbers(what, value), others=others)
-        if np.isnan(rows).any():
-            left = self.label(int(np.isnan(rows).argmax()))
-            raise InvalidInput(f"{self.name}.{what} says nothing of joint {left!r}")
         return rows
 
     def own_rows(self, values: Vec) -> Vec:

@@ -103,6 +103,13 @@ class Objective(Member):
             return np.full(self.dim, value)
         return checks.array(f"{self.name}.{what}", value, (self.dim,))
 
+    def _all_rows(self, what: str, value: Any) -> Vec:
+        """A number >= 0 for each row (dim,), each of which is to be given."""
+        rows = self._rows(what, self._numbers(what, value))
+        if np.isnan(rows).any():
+            raise InvalidInput(f"{self.name}.{what} says nothing of {self.label(int(np.isnan(rows).argmax()))!r}")
+        return rows
+
     def _default(self, what: str) -> float:
         """Weight or gain of rows of which none was given; NaN where it follows from another gain."""
         default = getattr(type(self), f"_{what}", None)
