@@ -9,12 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import tasks
+import wbc
 from wbc.models.model import RobotModel
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
+from wbc.stack.member import UnknownSetting
 from wbc.stack.task import Objective
 from wbc.testing import check_constraint, check_contact, check_task, robots
 
@@ -43,6 +47,88 @@ def test_a_member_keeps_the_contract(member: Any, robot: RobotModel):
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
 def test_a_member_has_samples(member: Any):
     assert any(member.samples(robot) for robot in robots())
+
+
+@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+@given(data=st.data())
+def test_a_slip_in_the_name_of_a_setting_is_told_and_changes_nothing(member: Any, data: st.DataObject):
+    sample = data.draw(st.sampled_from([sample for robot in robots() for sample in member.samples(robot)]))
+    names = {name for name in (*vars(sample), *dir(sample)) if not name.startswith("_")}
+    kinds = {name: getattr(member, name, None) for name in names}
+    settable = {name for name, kind in kinds.items() if isinstance(kind, property) and kind.fset is not None}
+    settable |= names & set(vars(sample))
+    name = data.draw(st.sampled_from(sorted(settable) or ["name"]))  # some members have no settings at all
+    at = data.draw(st.integers(0, len(name) - 1))
+    letter = data.draw(st.sampled_from(["", 2 * name[at], f"{name[at]}_", "x"]))
+    slip = name[:at] + letter + name[at + 1 :]
+    if not slip or slip.startswith("_") or slip in names:
+        return
+    before = dict(vars(sample))
+    with pytest.raises(UnknownSetting) as refused:
+        setattr(sample, slip, 3.0)
+    assert vars(sample) == before and not hasattr(sample, slip)
+    assert set(refused.value.available) >= settable
+    if name in settable and letter == 2 * name[at]:
+        assert name in refused.value.near
+
+
+class Mine(wbc.Task):
+    """What users write: attributes of their own, before and after the constructor of the library's class."""
+
+    declared: float
+    shared: list[int] = []  # noqa: RUF012  # as users write it
+
+    def __init__(self, frame: str, **settings: Any) -> None:
+        self.frame = self.subject = frame
+        self.dim, self.units = 1, "m"
+        super().__init__(**settings)
+        self.gain = 3
+        self.helper()
+
+    def helper(self) -> None:
+        self.height = 0.5
+
+    def prepare(self, model: RobotModel) -> None:
+        self.mass = model.mass
+
+    def fill(self, state: Any, out: Any) -> None:
+        self.calls = getattr(self, "calls", 0) + 1
+        out.e[:] = self.height - state.frame(self.frame).position[2]
+        out.J[:] = state.frame(self.frame).jacobian()[2]
+
+
+class MyDamping(tasks.Damping):
+    """A class of the library with one more attribute."""
+
+    def __init__(self, extra: float) -> None:
+        super().__init__(kd=2.0)
+        self.extra = extra
+
+
+class MyPlane(tasks.HalfSpaceLimit):
+    """Without a constructor of its own."""
+
+    colour = "red"
+
+
+def test_a_class_of_ones_own_may_have_attributes_of_its_own():
+    mine, damping = Mine("tool", kp=3.0), MyDamping(4.0)
+    plane = MyPlane("tool", normal=[0, 0, 1], offset=0.0)
+    for member, settings in (
+        (mine, {"gain": 4, "height": 0.6, "declared": 1.0, "shared": [1], "_secret": 1, "kp": 2.0}),
+        (damping, {"extra": 5.0, "kd": 3.0}),
+        (plane, {"colour": "blue"}),
+    ):
+        for name, value in settings.items():
+            setattr(member, name, value)
+            assert getattr(member, name) is value or getattr(member, name) == value
+    for member, slip, near in ((mine, "gian", "gain"), (damping, "extar", "extra"), (plane, "color", "colour")):
+        with pytest.raises(UnknownSetting, match=f"no setting '{slip}'; did you mean '{near}'"):
+            setattr(member, slip, 1)
+    robot = wbc.load("arm")
+    controller = wbc.Controller(robot, wbc.Stack([mine, damping], subject_to=[plane]), level=wbc.VelocityLevel())
+    for k in range(3):  # what it notes while it works is its own affair
+        assert controller.tick(1e-3 * k, robot.q0, 0.0 * robot.q0).status.ok, controller.why
 
 
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
