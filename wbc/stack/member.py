@@ -185,11 +185,11 @@ class Binding:
         tie = self._ties.get(id(value))
         if tie is None:
             own = copy(value)
-            own.__dict__["_role"] = _Role.OPEN
             tie = self._ties[id(value)] = _Tie(value, own)
             for name, inner in value.__dict__.items():
                 if name in own.__dict__:
                     own.__dict__[name] = copy(inner) if isinstance(inner, Target) else self.own(inner)
+            own.__dict__["_role"] = _Role.OPEN
             with _COPIES:
                 value.__dict__.setdefault("_copies", WeakSet()).add(own)
         return tie.own
