@@ -11,6 +11,7 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.stack.known_motion import MINIMUM_JERK, POSE, SINUSOID, KnownMotion
 from wbc.stack.tracking import pose_target
 from wbc.types import Vec
 
@@ -62,10 +63,10 @@ class Sinusoid:
             amplitude * ((ddr - r * self._omega**2) * sine + 2.0 * dr * cosine),
         )
 
-    def known_motion(self) -> tuple[str, Vec]:
-        """What a compiled tick evaluates instead of calling this, and the numbers that it is made of."""
+    def known_motion(self) -> KnownMotion:
+        """What a compiled tick evaluates instead of calling this."""
         parts = (self._center, self._amplitude, self._omega, self._phase)
-        return "sinusoid", np.concatenate([[self._ramp], *parts])
+        return KnownMotion(SINUSOID, self._center.size, np.concatenate([[self._ramp], *parts]))
 
 
 @final
@@ -125,10 +126,10 @@ class MinimumJerk:
         value, rate, acceleration = powers @ self._coefficients
         return value, rate / T, acceleration / T**2
 
-    def known_motion(self) -> tuple[str, Vec]:
-        """What a compiled tick evaluates instead of calling this, and the numbers that it is made of."""
-        parts = (*self._coefficients, *self._ends[0], *self._ends[1])
-        return "minimum jerk", np.concatenate([[self._duration, self._start_time], *parts])
+    def known_motion(self) -> KnownMotion:
+        """What a compiled tick evaluates instead of calling this."""
+        parts = ([self._duration, self._start_time], *self._coefficients, *self._ends[0], *self._ends[1])
+        return KnownMotion(MINIMUM_JERK, self._ends[0][0].size, np.concatenate(parts))
 
 
 @final
@@ -180,6 +181,11 @@ class PoseInterpolation:
             acceleration[2] += lift * 6.0 * s * rest * ((rest - s) ** 2 - s * rest) / T**2
         return pinocchio.SE3(pinocchio.exp3(r * self._turn) @ self._rotation, position), rate, acceleration
 
+    def known_motion(self) -> KnownMotion:
+        """What a compiled tick evaluates instead of calling this."""
+        times = [self._duration, self._start_time, self._lift]
+        return KnownMotion(POSE, 12, np.concatenate([times, self._position, self._way, self._rotation.ravel()]))
+
 
 @final
 class Piecewise:
@@ -188,7 +194,7 @@ class Piecewise:
     Before the first start, the first. Whether the pieces fit together is theirs to know.
 
     Raises:
-        InvalidInput: no piece, or starts that do not increase.
+        InvalidInput: no piece, starts that do not increase, motions of the library of several sizes.
 
     Example:
         >>> from wbc.tasks import MinimumJerk, Piecewise
@@ -198,7 +204,7 @@ class Piecewise:
         [0.5, 1.0, 0.5]
     """
 
-    __slots__ = ("_motions", "_starts")
+    __slots__ = ("_known", "_motions", "_starts")
 
     def __init__(self, pieces: Iterable[tuple[float, Trajectory]]) -> None:
         pieces = checks.pairs("pieces", pieces, "start, trajectory")
@@ -209,10 +215,15 @@ class Piecewise:
             if not before < after:
                 raise InvalidInput(f"pieces[{i}] starts at {after:g} s, not after pieces[{i - 1}] at {before:g} s")
         self._motions: list[Trajectory] = [motion for _, motion in pieces]
+        self._known = KnownMotion.piecewise(self._starts, self._motions)
 
     def __call__(self, t: float) -> tuple[Any, Vec, Vec]:
         """What the piece of this time gives."""
         return self._motions[max(bisect_right(self._starts, t) - 1, 0)](t)
+
+    def known_motion(self) -> KnownMotion | None:
+        """What a compiled tick evaluates instead of calling this, where it knows all pieces."""
+        return self._known
 
 
 def quintic(t: float, duration: float) -> tuple[float, float, float]:

@@ -23,7 +23,9 @@ from tasks import (
     JointVelocityLimits,
     MinimumJerk,
     Orientation,
+    Piecewise,
     Point,
+    PoseInterpolation,
     Position,
     Posture,
     Sinusoid,
@@ -33,6 +35,7 @@ from tasks import (
 from tasks.motions import pose_motion, swing
 from tests.stack.conftest import Saying
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
+from wbc.errors import InvalidInput
 from wbc.models import Planar4P
 
 ARM, HUMANOID, QUADRUPED = wbc.load("arm"), wbc.load("humanoid"), wbc.load("quadruped")
@@ -241,27 +244,35 @@ def test_targets_weights_and_gains_that_are_assigned_are_read_at_the_next_tick()
     np.testing.assert_allclose(command.tau, expected.tau, rtol=0, atol=1e-9 * (1.0 + np.abs(expected.tau).max()))
 
 
-@given(
-    times=st.lists(st.floats(-1.0, 4.0), min_size=2, max_size=4), numbers=st.integers(0, 2**32 - 1),
-    axes=st.sampled_from(["x", "xz", "yz", "xyz"]), ramp=st.sampled_from([0.0, 1e-3, 1.0]),
-    kind=st.sampled_from(["sinusoid", "minimum jerk"]),
-)  # fmt: skip
-def test_motions_of_the_library_are_evaluated_as_they_are_when_called(times, numbers, axes, ramp, kind):
-    rng, n = np.random.default_rng(numbers), len(axes)
+def vector_motion(kind: str, rng: np.random.Generator, n: int, ramp: float):
     one, two, *more = rng.normal(size=(6, n))
     if kind == "sinusoid":
-        motion = Sinusoid(one, amplitude=two, frequency=more[0], phase=more[1], ramp=ramp)
-    else:
-        motion = MinimumJerk(one, two, duration=0.1 + rng.random(), start_time=ramp, start_rate=more[0],
-                             end_rate=more[1])  # fmt: skip
+        return Sinusoid(one, amplitude=two, frequency=more[0], phase=more[1], ramp=ramp)
+    return MinimumJerk(
+        one, two, duration=0.1 + rng.random(), start_time=ramp, start_rate=more[0], end_rate=more[1]
+    )  # fmt: skip
+
+
+def interpolated(rng: np.random.Generator, start_time: float, angle: float):
+    """From any pose to one turned by an angle, in 0.5 s."""
+    axis = rng.normal(size=3)
+    start = pinocchio.SE3(pinocchio.exp3(rng.normal(size=3)), rng.normal(size=3))
+    turned = pinocchio.exp3(angle * axis / np.linalg.norm(axis)) @ start.rotation
+    end = pinocchio.SE3(turned, rng.normal(size=3))
+    return PoseInterpolation(start, end, duration=0.5, start_time=start_time, lift=rng.choice([0.0, 0.1]))
+
+
+def assert_evaluated_as_called(motion, make, times):
+    """The rows of two plans: one is given the motion, the other a function that calls it."""
     called = []
 
     def other(t):
         called.append(t)
         return motion(t)
 
-    stacks = [Stack([Position("tool", target=target, axes=axes, kp=50.0)]) for target in (motion, other)]
+    stacks = [Stack([make(target)]) for target in (motion, other)]
     state, plans = ARM.state(), [AccelerationLevel().compile(ARM, stack, dt=1e-3) for stack in stacks]
+    assert not plans[0]._filler._moving, "the motion is evaluated by compiled code"
     for t in times:
         state.update(t, ARM.q0, np.ones(ARM.nv))
         for plan in plans:
@@ -271,6 +282,69 @@ def test_motions_of_the_library_are_evaluated_as_they_are_when_called(times, num
         for what in ("e", "rate_ref", "acc_ref", "wanted"):
             found, expected = getattr(mine, what), getattr(asked, what)
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * (1.0 + np.abs(expected).max()))
+
+
+@given(
+    times=st.lists(st.floats(-1.0, 4.0), min_size=2, max_size=4), numbers=st.integers(0, 2**32 - 1),
+    axes=st.sampled_from(["x", "xz", "yz", "xyz"]), ramp=st.sampled_from([0.0, 1e-3, 1.0]),
+    kind=st.sampled_from(["sinusoid", "minimum jerk"]),
+)  # fmt: skip
+def test_motions_of_the_library_are_evaluated_as_they_are_when_called(times, numbers, axes, ramp, kind):
+    motion = vector_motion(kind, np.random.default_rng(numbers), len(axes), ramp)
+    assert_evaluated_as_called(motion, lambda target: Position("tool", target=target, axes=axes, kp=50.0), times)
+
+
+@given(
+    times=st.lists(st.sampled_from([0.2, 0.7]) | st.floats(-0.5, 1.5), min_size=2, max_size=4),
+    numbers=st.integers(0, 2**32 - 1), angle=st.floats(0.0, 3.0) | st.floats(0.0, 1e-3) | st.sampled_from([0.0, 1e-9]),
+)  # fmt: skip
+def test_interpolated_poses_are_evaluated_as_they_are_when_called(times, numbers, angle):
+    """Before the start, at it, on the way, at the end, and after it; by no turn, by a small one and by nearly half."""
+    motion = interpolated(np.random.default_rng(numbers), 0.2, angle)
+    assert_evaluated_as_called(motion, lambda target: Frame("tool", target=target, kp=50.0), times)
+
+
+@given(
+    starts=st.lists(st.floats(-1.0, 3.0), min_size=1, max_size=4, unique=True).map(sorted),
+    kinds=st.lists(st.sampled_from(["sinusoid", "minimum jerk", "pieces"]), min_size=4, max_size=4),
+    between=st.floats(-1.5, 4.0), numbers=st.integers(0, 2**32 - 1), poses=st.booleans(),
+)  # fmt: skip
+def test_motions_one_after_another_are_evaluated_as_they_are_when_called(starts, kinds, between, numbers, poses):
+    """Before the first starts, at each knot, and between them; some are made of pieces themselves."""
+    rng = np.random.default_rng(numbers)
+
+    def piece(kind: str):
+        if poses:
+            return interpolated(rng, rng.random(), 2.0)
+        if kind == "pieces":
+            return Piecewise([(0.0, piece("sinusoid")), (0.5, piece("minimum jerk"))])
+        return vector_motion(kind, rng, 3, 0.0)
+
+    motion = Piecewise([(start, piece(kind)) for start, kind in zip(starts, kinds, strict=False)])
+    make = Frame if poses else Position
+    times = [starts[0] - 1.0, *starts, *np.nextafter(starts, -2.0), between]
+    assert_evaluated_as_called(motion, lambda target: make("tool", target=target, kp=50.0), times)
+
+
+def test_pieces_of_which_one_is_a_users_are_called():
+    still = np.array([0.4, 0.2, 0.5])
+    motion = Piecewise([(0.0, PATH), (1.0, lambda t: (still, np.zeros(3), np.zeros(3)))])
+    plan, state = AccelerationLevel().compile(ARM, Stack([Position("tool", target=motion)]), dt=1e-3), ARM.state()
+    for t, expected in ((0.5, PATH(0.5)[0]), (1.5, still)):
+        state.update(t, ARM.q0, np.zeros(ARM.nv))
+        plan.fill(state)
+        np.testing.assert_allclose(plan.motion.e[:3], expected - state.frame("tool").position, rtol=0, atol=1e-12)
+
+
+def test_a_motion_whose_values_change_their_size_is_refused_while_it_is_built():
+    one, three = (Sinusoid(np.zeros(n), amplitude=0.1, frequency=1.0) for n in (1, 3))
+    with pytest.raises(InvalidInput, match="1 and 3 numbers"):
+        Piecewise([(0.0, three), (1.0, one)])
+    with pytest.raises(InvalidInput, match=r"shape \(3,\)"):
+        Position("tool", target=Piecewise([(0.0, one), (1.0, one)]))
+    pose = PoseInterpolation(np.eye(4), np.eye(4), duration=1.0)
+    with pytest.raises(InvalidInput, match="3 and 12 numbers"):
+        Piecewise([(0.0, three), (1.0, Piecewise([(0.0, pose)]))])
 
 
 def test_a_target_that_stops_moving_is_followed_to_where_it_stops():

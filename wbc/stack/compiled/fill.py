@@ -10,11 +10,11 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.models.pinocchio_state import JointMemory, PinocchioState
 from wbc.stack.compiled.fill_kernel import fill
-from wbc.stack.compiled.reference_kernel import MINIMUM_JERK, NONE, SINUSOID
 from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
 from wbc.stack.contact import Contact
 from wbc.stack.filled import Filled
 from wbc.stack.frame_rows import FrameRows, JointRows
+from wbc.stack.known_motion import NONE, KnownMotion
 from wbc.stack.target import Target
 from wbc.types import Mat, Vec
 
@@ -24,7 +24,6 @@ MotionMember = tuple[Any, int, tuple[Callable[..., None], tuple[Any, ...]]]
 _Call = tuple[Callable[..., None], str, tuple[Any, ...]]
 
 _ROTATION, _PLACE = slice(0, 9), slice(9, 12)
-_KINDS = {"sinusoid": SINUSOID, "minimum jerk": MINIMUM_JERK}
 
 
 def _rows_of(member: Any) -> FrameRows | JointRows | None:
@@ -212,15 +211,14 @@ class _Follower:
 
     def compiled(self) -> list[int] | int:
         """The row of the table of references where the target is a motion that kernels know; else NONE."""
-        known = getattr(self._task.target, "known_motion", None)
-        place = self._parts[0]
-        if known is None or len(self._parts) > 1 or place.shape != np.shape(self._task.target(0.0)[0]):
+        known, place = KnownMotion.of(self._task.target), self._parts[0]
+        if known is None or known.size != sum(part.size for part in self._parts):
             return NONE
-        kind, self._kept = known()
+        self._kept = known.numbers
         written = (self._kept, place, self._rate_ref, self._acc_ref)
         addresses = (int(array.__array_interface__["data"][0]) for array in written)
         self._had_rates = True
-        return [_KINDS[kind], len(place), place.strides[0] // place.itemsize, *addresses]
+        return [known.kind, known.size, place.strides[-1] // place.itemsize, *addresses]
 
 
 @final

@@ -1,4 +1,4 @@
-"""Rotations for kernels: the logarithms of :mod:`pinocchio`, from 0 to π."""
+"""Rotations for kernels: the exponential of :mod:`pinocchio` and its logarithms, from 0 to π."""
 
 from __future__ import annotations
 
@@ -9,6 +9,24 @@ from wbc.types import Mat, Vec
 
 # Nearer to π than this the axis is read from the symmetric part of R: the other one vanishes there.
 _NEAR_PI = 1e-2
+
+
+@kernel
+def turn_by(r: float, w: Vec, R: Vec, out: Vec) -> None:
+    """out = exp(r w) R, matrices (9,) by rows."""
+    x, y, z = r * w[0], r * w[1], r * w[2]
+    square = x * x + y * y + z * z
+    angle = sqrt(square)
+    if angle < 1e-4:  # the cosine loses what the series has
+        a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
+    else:
+        a, b = sin(angle) / angle, (1.0 - cos(angle)) / square
+    for j in range(3):  # exp(w) u = u + a w × u + b w × (w × u)
+        u0, u1, u2 = R[j], R[3 + j], R[6 + j]
+        c0, c1, c2 = y * u2 - z * u1, z * u0 - x * u2, x * u1 - y * u0
+        out[j] = u0 + a * c0 + b * (y * c2 - z * c1)
+        out[3 + j] = u1 + a * c1 + b * (z * c0 - x * c2)
+        out[6 + j] = u2 + a * c2 + b * (x * c1 - y * c0)
 
 
 @kernel

@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import cos, sin
 
 from wbc.compiled import carray, floats, kernel
+from wbc.stack.compiled.geometry import turn_by
+from wbc.stack.known_motion import NONE, PIECEWISE, POSE, SINUSOID
 from wbc.types import Index, Vec
-
-#: Kinds of references; NONE is written by Python, or stands still.
-NONE, SINUSOID, MINIMUM_JERK = -1, 0, 1
 
 
 @kernel
@@ -51,15 +50,50 @@ def minimum_jerk(t: float, n: int, step: int, numbers: Vec, value: Vec, rate: Ve
 
 
 @kernel
+def pose(t: float, numbers: Vec, value: Vec, rate: Vec, second: Vec) -> None:
+    """A straight line and the shortest turn; ``numbers``: duration, start time, lift, position at the start, the way
+    from there (6), linear before angular, rotation at the start by rows. ``value`` is a rotation and a position."""
+    T, late = numbers[0], t - numbers[1]
+    s = min(max(late / T, 0.0), 1.0)
+    rest = 1.0 - s
+    r = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+    dr, ddr = 30.0 * (s * rest) ** 2 / T, 60.0 * s * rest * (rest - s) / T**2
+    for i in range(6):
+        rate[i], second[i] = dr * numbers[6 + i], ddr * numbers[6 + i]
+    lift = 64.0 * numbers[2]
+    rate[2] += lift * 3.0 * (s * rest) ** 2 * (rest - s) / T
+    second[2] += lift * 6.0 * s * rest * ((rest - s) ** 2 - s * rest) / T**2
+    turn_by(r, numbers[9:12], numbers[12:21], value[:9])
+    for i in range(3):
+        value[9 + i] = numbers[3 + i] + r * numbers[6 + i]
+    value[11] += lift * (s * rest) ** 3
+
+
+@kernel
 def refer(references: Index, t: float) -> None:
-    """Write every reference: of each its kind, size, step, addresses of numbers, value, rate and acceleration."""
+    """Write every reference: of each its kind, size, step, addresses of numbers, value, rate and acceleration.
+
+    Of motions one after another the numbers are how many there are, when each starts, its kind, where its numbers are,
+    and these.
+    """
     for k in range(len(references)):
         kind, n, step = references[k, 0], references[k, 1], references[k, 2]
         if kind == NONE:
             continue
-        numbers, value = carray(floats(references[k, 3]), 2 + 10 * n), carray(floats(references[k, 4]), n * step)
-        rate, second = carray(floats(references[k, 5]), n), carray(floats(references[k, 6]), n)
+        at = references[k, 3]
+        while kind == PIECEWISE:
+            pieces = int(carray(floats(at), 1)[0])
+            table = carray(floats(at), 1 + 3 * pieces)
+            i = pieces - 1
+            while i > 0 and t < table[1 + i]:
+                i -= 1
+            kind, at = int(table[1 + pieces + i]), at + 8 * int(table[1 + 2 * pieces + i])
+        numbers, value = carray(floats(at), max(2 + 10 * n, 21)), carray(floats(references[k, 4]), n * step)
+        width = 6 if kind == POSE else n
+        rate, second = carray(floats(references[k, 5]), width), carray(floats(references[k, 6]), width)
         if kind == SINUSOID:
             sinusoid(t, n, step, numbers, value, rate, second)
+        elif kind == POSE:
+            pose(t, numbers, value, rate, second)
         else:
             minimum_jerk(t, n, step, numbers, value, rate, second)
