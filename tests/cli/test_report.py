@@ -79,3 +79,42 @@ def test_a_sweep_becomes_results_and_a_report(wbc, tmp_path: Path):
     again = wbc("sweep", FLIP, "--repeat", "4", "--out", "s")
     assert json.loads(again.out)["parameters"] == lines[4]["parameters"] and again.code == 0
     assert np.all([line["parameters"]["faces"] == 6 for line in lines])
+
+
+def test_the_report_of_a_record_is_opened_or_made_from_it(wbc, waving: str, tmp_path: Path, monkeypatch):
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    assert wbc("run", waving, "--out", "r").code == 0
+    page = tmp_path / "r" / "report.html"
+    first = page.read_bytes()
+    page.write_bytes(b"mine")
+    answer = wbc("report", "run", "r", "--open")
+    assert (answer.code, answer.out, answer.err) == (0, "report: r/report.html\n", "")
+    assert opened == [page.as_uri()] and page.read_bytes() == b"mine"
+    answer = wbc("report", "run", "r", "--again")
+    assert answer.code == 0 and page.read_bytes() == first, "verdict, figures and motion are those of the run"
+    assert opened == [page.as_uri()]
+    page.unlink()
+    assert wbc("report", "run", "r").code == 0 and page.read_bytes() == first
+
+
+def test_a_record_of_an_unknown_robot_is_drawn_when_one_is_given(wbc, waving: str, tmp_path: Path):
+    assert wbc("run", waving, "--out", "r").code == 0
+    meta = json.loads((tmp_path / "r" / "meta.json").read_text())
+    (tmp_path / "r" / "meta.json").write_text(json.dumps(meta | {"robot": "mine"}))
+    answer = wbc("report", "run", "r", "--again")
+    assert answer.code == 0 and answer.err == (
+        "note: the motion is not drawn: the run's robot cannot be loaded by its name; give --robot\n"
+    )
+    assert "replay.html" not in (tmp_path / "r" / "report.md").read_text()
+    answer = wbc("report", "run", "r", "--robot", "arm")
+    assert answer.code == 0 and not answer.err and "replay.html" in (tmp_path / "r" / "report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "about"),
+    [(("nowhere",), "not the folder of a run"), (("problems",), "not the folder of a run"), ((), "'folder'")],
+)
+def test_a_folder_without_a_record_has_no_report(wbc, problems: Path, words, about):
+    answer = wbc("report", "run", *words)
+    assert answer.code == 2 and about in answer.err and answer.err.count("\n") == 1 and not answer.out

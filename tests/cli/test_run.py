@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.cli.run import plain
 from wbc.control.recorder import Run
+from wbc.report.record import plain
 
 
 def test_a_run_ends_with_its_verdict_and_the_path_of_its_report(wbc, waving, tmp_path):

@@ -31,9 +31,9 @@ def list_(
 
 def members() -> dict[str, Any]:
     """Everything that commands find by name, as JSON values."""
-    from wbc.cli.run import plain
     from wbc.models.catalogue import EXAMPLES, OWN
     from wbc.qp.solvers import SOLVERS
+    from wbc.report.record import plain
     from wbc.sim.scenario import scenarios
 
     return {

@@ -14,7 +14,9 @@ from wbc.cli.console import kept, notes, one_sentence, progress, tell
 from wbc.errors import InvalidInput
 
 report = typer.Typer(
-    name="report", help="Compare QP solvers on your own scenarios and problems.", rich_markup_mode="markdown"
+    name="report",
+    help="Reports: of a recorded run, of QP solvers compared, of how times grow.",
+    rich_markup_mode="markdown",
 )
 
 #: What ``--all`` runs besides the folders it is given.
@@ -23,9 +25,42 @@ SCENARIOS = ("arm-reach", "quadruped-stand", "humanoid-stand")
 
 @report.callback(invoke_without_command=True)
 def top(context: typer.Context) -> None:
-    """Compare QP solvers on your own scenarios and problems."""
+    """Reports: of a recorded run, of QP solvers compared, of how times grow."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
+
+
+@report.command("run")
+@one_sentence
+def run(
+    folder: Annotated[Path, typer.Argument(help="Where run.npz and meta.json are.")],
+    *,
+    robot: Annotated[
+        str | None, typer.Option(help="A name, or a URDF or MJCF file: who is drawn, where the run's name is no help.")
+    ] = None,
+    again: Annotated[bool, typer.Option("--again", help="Make the report anew though there is one.")] = False,
+    show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+) -> None:
+    """The report of a recorded run: made if there is none, or --again, from the record alone."""
+    import webbrowser
+
+    from wbc.control.recorder import ARRAYS_FILE
+    from wbc.report.folder import HTML
+
+    page = folder / HTML
+    if again or robot is not None or not (page.is_file() and (folder / ARRAYS_FILE).is_file()):
+        from wbc.models import load
+        from wbc.report.record import report_again
+
+        with notes() as found, progress("drawing the report") as step:
+            model = None if robot is None else load(robot)
+            page, drawn = report_again(folder, robot=model, progress=step)
+        if drawn is None:
+            found.append("the motion is not drawn: the run's robot cannot be loaded by its name; give --robot")
+        tell(found)
+    Console(highlight=False).print(Text(f"report: {page}"), soft_wrap=True)
+    if show:
+        webbrowser.open(page.resolve().as_uri())
 
 
 @report.command("solvers")

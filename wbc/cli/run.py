@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from datetime import datetime
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -45,6 +42,7 @@ def run(
     from wbc.qp.solvers import by_name
     from wbc.report.build import require_extras, run_report
     from wbc.report.folder import replaced, write
+    from wbc.report.record import judgement
     from wbc.sim.scenario import find
     from wbc.sim.simulate import Interrupted
 
@@ -65,6 +63,7 @@ def run(
                 result, interrupted = _unfinished(stop, chosen.name), True
         with progress("drawing the report") as step:
             report = run_report(result, progress=step)
+        result.run.meta |= judgement(result)
         result.run.save(pending)
         write(report, pending)
     if as_json:
@@ -95,6 +94,7 @@ def _unfinished(stop: Interrupted, name: str) -> ScenarioResult:
 def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:
     """The object that ``--json`` prints; numbers that are not finite become null."""
     from wbc.report import measure
+    from wbc.report.record import plain
 
     tick = measure.tick_times(result.run)
     return {
@@ -109,19 +109,6 @@ def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:
         "report": str(folder),
         "figures": plain(result.figures),
     }
-
-
-def plain(value: Any) -> Any:
-    """``value`` as JSON has it: no numpy, no NaN, no infinity."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return float(f"{value:.9g}") if isfinite(value) else None
-    if value is None or isinstance(value, str | bool | int):
-        return value
-    return [plain(item) for item in value] if isinstance(value, Sequence) else str(value)
 
 
 def _new_folder(scenario: Scenario) -> Path:

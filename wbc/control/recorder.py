@@ -7,24 +7,34 @@ a folder with ``run.npz`` (plain arrays, no pickle) and ``meta.json``.
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
+from math import isnan
 from operator import itemgetter
 from pathlib import Path
+from time import perf_counter_ns
 from types import MappingProxyType
-from typing import IO, Any, final
+from typing import IO, TYPE_CHECKING, Any, final
 from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownName
+from wbc.control.table import table
+from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.npz import read_json, read_npz
 from wbc.qp.problem import QP
 from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from wbc.control.command import Command
+    from wbc.control.controller import Controller
+    from wbc.control.setpoint import Setpoint
+    from wbc.control.ticks import Ticks
 
 ARRAYS_FILE = "run.npz"
 META_FILE = "meta.json"
@@ -136,6 +146,54 @@ class Run(Mapping[str, Column]):
             self.failed.save(target / FAILED_FILE)
         return target
 
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write a table of all columns: a heading with component and unit (:mod:`wbc.control.table`), a row a tick.
+
+        Numbers are written so that they are read back to the bit; NaN is an empty cell. UTF-8.
+
+        Raises:
+            InvalidInput: the file cannot be written there.
+
+        Example:
+            >>> import tempfile
+            >>> from pathlib import Path
+            >>> from wbc.control.recorder import Run
+            >>> about = {"joint_names": ["elbow", "slide"], "joint_units": ["rad", "m"]}
+            >>> run = Run({"t": [0.0, 0.1], "q": [[1.0, 2.0], [1.5, 2.5]]}, about)
+            >>> with tempfile.TemporaryDirectory() as folder:
+            ...     print(run.to_csv(Path(folder) / "run.csv").read_text(encoding="utf-8"))
+            t [s],q.elbow [rad],q.slide [m]
+            0.0,1.0,2.0
+            0.1,1.5,2.5
+        """
+        columns = table(self.columns, self.meta)
+        target = Path(path)
+        aside = target.with_name(f".{target.name}.{uuid4().hex}.part")
+        try:
+            with aside.open("x", encoding="utf-8", newline="") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(columns)
+                for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+                    writer.writerow(["" if isinstance(value, float) and isnan(value) else value for value in row])
+            aside.replace(target)
+        except OSError as cause:
+            raise InvalidInput(f"{target} cannot be written: {cause.strerror}") from cause
+        finally:
+            aside.unlink(missing_ok=True)
+        return target
+
+    def to_pandas(self) -> Any:
+        """The same table as a ``pandas.DataFrame``.
+
+        Raises:
+            NotSupported: pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as cause:
+            raise NotSupported("a table of pandas needs it; pip install pandas") from cause
+        return pandas.DataFrame(table(self.columns, self.meta))
+
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Run:
         """Read what :meth:`save` wrote. Never unpickles.
@@ -160,6 +218,9 @@ class Recorder:
 
     A value is a number or an array (k,). A column that a later row leaves out is NaN there (-1 for integers). More
     rows than ``capacity`` are kept too, at the cost of a copy that ``grown`` counts.
+
+    In a loop of one's own :meth:`tick` takes the place of the controller's: it times the tick and writes it down, and
+    :func:`wbc.report.save_report` makes a report of the run.
 
     Example:
         >>> from wbc.control.recorder import Recorder
@@ -186,6 +247,47 @@ class Recorder:
         self._place: dict[str, tuple[bool, slice]] = {}
         self._pick_numbers: Callable[[Row], tuple[float, ...]] = _nothing
         self._pick_vectors: Callable[[Row], tuple[Vec, ...]] = _nothing
+        self._ticks: Ticks | None = None
+
+    def tick(self, controller: Controller | Setpoint, t: float, q: Vec, v: Vec, **more: float | Vec) -> Command:
+        """``controller.tick(t, q, v)``, timed, and a row of what it was told and decided; the command is handed on.
+
+        The first tick decides which controller this is a record of. ``more`` are columns of one's own.
+
+        Raises:
+            InvalidInput: another controller than before, or q or v of another shape.
+            UnknownColumn: one of ``more`` that the first tick did not have.
+
+        Example:
+            >>> import numpy as np, wbc
+            >>> from wbc.tasks import JointVelocityLimits, Position
+            >>> robot = wbc.load("arm")
+            >>> stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[JointVelocityLimits()])
+            >>> controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel())
+            >>> recorder, q = wbc.Recorder(100), robot.q0
+            >>> for k in range(100):
+            ...     q = recorder.tick(controller, 1e-3 * k, q, np.zeros(robot.nv), battery=48.0).q
+            >>> run = recorder.run()
+            >>> run.rows, run["error.Position[tool]"].shape, run["battery"][0], run.meta["robot"]
+            (100, (100, 3), 48.0, 'arm')
+        """
+        from wbc.control.controller import Controller
+        from wbc.control.setpoint import Setpoint
+        from wbc.control.ticks import Ticks
+
+        decides = controller.controller if isinstance(controller, Setpoint) else controller
+        if not isinstance(decides, Controller):
+            raise InvalidInput(f"controller is {checks.shown(controller)}; it must be a wbc.Controller or wbc.Setpoint")
+        if self._ticks is None:
+            self._ticks = Ticks(decides)
+        if self._ticks.controller is not decides:
+            raise InvalidInput("a recorder takes the ticks of one controller; make another recorder for this one")
+        start = perf_counter_ns()
+        command = controller.tick(t, q, v)
+        microseconds = (perf_counter_ns() - start) * 1e-3
+        self.append(self._ticks.row(float(t), np.asarray(q), np.asarray(v), command, microseconds) | more)
+        self._ticks.watch(float(t))
+        return command
 
     def append(self, row: Row) -> None:
         """Keep one row.
@@ -212,7 +314,10 @@ class Recorder:
         self._append_slowly(i, row)
 
     def run(self, meta: Mapping[str, Any] | None = None) -> Run:
-        """The rows so far as a :class:`Run`; the recorder may go on."""
+        """The rows so far as a :class:`Run`; the recorder may go on.
+
+        ``meta`` is added to what :meth:`tick` knows of its controller, and wins.
+        """
         n = self.rows
         columns: dict[str, Column] = {}
         for name, (scalar, where) in self._place.items():
@@ -224,7 +329,15 @@ class Recorder:
                 columns[name] = np.where(np.isnan(values), MISSING_INTEGER, values).astype(np.int64)
             else:
                 columns[name] = values
-        return Run(columns, meta)
+        if self._ticks is None:
+            return Run(columns, meta)
+        from wbc.control.ticks import about
+
+        ticks = self._ticks
+        known = about(ticks.controller) | {"duration": n * ticks.controller.dt, "failure": ticks.failure}
+        run = Run(columns, known | dict(meta or {}))
+        run.failed = ticks.failed
+        return run
 
     def _lay_out(self, row: Row) -> None:
         self._number_names = [name for name, value in row.items() if np.ndim(value) == 0]

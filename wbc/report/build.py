@@ -31,7 +31,8 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     progress(1.0, "drawing the report")
     meta = result.run.meta
     title = f"{meta.get('scenario', 'run')} · {meta.get('robot', 'robot')}"
-    return Report(title, summary(result), result.ok, sections, highlights(result))
+    ok = result.ok if result.verdict or not result.ok else None  # nothing was demanded
+    return Report(title, summary(result), ok, sections, highlights(result))
 
 
 def require_extras(*modules: str) -> None:
@@ -55,12 +56,14 @@ def summary(result: ScenarioResult) -> str:
     failed = [check.text for check in result.verdict if not check.ok]
     early = meta.get("ended", "complete")
     stopped = "" if early == "complete" else f" and ended early ({early})"
-    end = "every demand was met" if result.ok else "not met: " + ("; ".join(failed) or "the scenario's own verdict")
+    end = "; every demand was met" if result.verdict else ""
+    if not result.ok:
+        end = "; not met: " + ("; ".join(failed) or "the scenario's own verdict")
     how = ", ".join(str(meta[key]) for key in ("level", "hierarchy", "solver") if key in meta)
     return (
-        f"{str(meta.get('robot', 'the robot')).capitalize()} ran {meta.get('scenario', 'a scenario')} for "
+        f"{str(meta.get('robot', 'the robot')).capitalize()} ran {meta.get('scenario', 'a recorded loop')} for "
         f"{measure.seconds(run):g} s at {1.0 / float(meta['dt']):g} Hz ({how}){under}{stopped}; "
-        f"{ticks} solved and certified; {end}."
+        f"{ticks} solved and certified{end}."
     )
 
 

@@ -6,25 +6,21 @@ from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter_ns
 from typing import Any, final
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.controller import Controller
-from wbc.control.distance import distances, units
-from wbc.control.explain import reproducer
 from wbc.control.recorder import Recorder, Run
 from wbc.control.setpoint import Setpoint
+from wbc.control.ticks import Ticks, about, outcome
 from wbc.errors import InvalidInput, SimulationError
 from wbc.models.model import RobotModel
 from wbc.sim.disturbance import Disturbance, Effect, SensorNoise
-from wbc.sim.footprint import Rectangular
 from wbc.sim.joining import guests
 from wbc.sim.plant import Plant
 from wbc.sim.provenance import machine, versions
-from wbc.stack.contact import Contact
-from wbc.types import Status, Vec
+from wbc.types import Vec
 
 
 class Interrupted(KeyboardInterrupt):
@@ -93,12 +89,11 @@ def simulate(
     present = guests()
     disturbances = [*disturbances, *(disturbance for guest in present for disturbance in guest.disturbances)]
     effects = [disturbance.begin(plant) for disturbance in disturbances]
-    columns = _Columns(controller, plant) if recorder else _FewColumns()
+    watched = Ticks(controller)
+    columns = _Columns(watched, plant) if recorder else _FewColumns()
     record = Recorder(ticks)
     every = max(1, ticks // 100)
     ended = "complete"
-    failure: dict[str, Any] | None = None
-    failed = None
     driver.reset()
     interrupted = False
     try:
@@ -108,9 +103,7 @@ def simulate(
                     progress(k / ticks)
                 row, problem = _tick(driver, plant, effects, before_tick, columns)
                 record.append(row)
-                if failure is None and not controller.status.ok:
-                    failure = {"t": row["t"], "why": controller.explain()}
-                    failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
+                watched.watch(row["t"])
                 for guest in present:
                     guest.watch(k, ticks, controller)
                 if problem is not None:
@@ -126,10 +119,10 @@ def simulate(
         if not record.rows:
             raise
         interrupted, ended = True, f"interrupted at t = {plant.t:.3f} s"
-    about = _about(controller, plant, disturbances, duration)
-    about["feedback"] = feedback
-    run = record.run({**about, "ended": ended, "fallen": plant.fallen, "failure": failure, **(meta or {})})
-    run.failed = failed
+    told = {**about(controller), **_about(plant, disturbances, duration), "feedback": feedback}
+    told |= {"ended": ended, "fallen": plant.fallen, "failure": watched.failure}
+    run = record.run({**told, **(meta or {})})
+    run.failed = watched.failed
     if interrupted:
         raise Interrupted(run, controller.model) from None
     return run
@@ -168,12 +161,9 @@ def _tick(
 class _FewColumns:
     """What is kept when nothing is to be recorded."""
 
-    def __init__(self) -> None:
-        self._status = {status: i for i, status in enumerate(Status)}
-
     def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
         del q, v
-        return {"t": t, "status": self._status[command.status], "tick_us": microseconds}
+        return outcome(t, command, microseconds)
 
     def add_truth(self, row: dict[str, Any]) -> None:
         """Nothing of the plant is kept."""
@@ -183,47 +173,15 @@ class _FewColumns:
 class _Columns(_FewColumns):
     """Everything: what the controller was told, decided and saw, and what the plant knows."""
 
-    def __init__(self, controller: Controller, plant: Plant) -> None:
-        super().__init__()
-        self._controller, self._plant = controller, plant
-        self._order, self._dynamics = controller.level.order, controller.level.dynamics
-        #: With all contacts: a task on a contact's force is not in the plan while the contact is open.
-        self._tasks = tuple(units(controller.plans.whole.plan.problem))
+    def __init__(self, ticks: Ticks, plant: Plant) -> None:
+        self._ticks, self._plant = ticks, plant
 
     def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
-        controller, plant, proof = self._controller, self._plant, command.certificate
-        row = super().row(t, q, v, command, microseconds)
-        row |= {
-            "q": q,
-            "v": v,
-            "v_cmd": command.v,
-            "certificate": np.array([proof.primal, proof.dual, proof.gap]),
-            "iterations": controller.iterations,
-            "active": controller.active_count,
-            "plant.q": plant.q,
-            "plant.v": plant.v,
-            "push": plant.pushed,
-        }
+        plant = self._plant
+        row = self._ticks.row(t, q, v, command, microseconds)
+        row |= {"plant.q": plant.q, "plant.v": plant.v, "push": plant.pushed}
         if plant.takes == "position":
             row["q_cmd"] = command.q
-        if self._order == 2:
-            row["a"] = command.a
-        if self._dynamics:
-            row["tau"] = command.tau
-            for name, wrench in command.f.items():
-                row[f"f.{name}"] = wrench
-        for name, error in controller.plan.errors().items():
-            row[f"error.{name}"] = error
-        far = distances(controller.plan.problem, proof.bounds)
-        for name in self._tasks:
-            row[f"distance.{name}"] = far.get(name, np.nan)
-        for name, (barrier, margin) in controller.plan.margins().items():
-            row[f"margin.{name}"] = margin
-            if barrier.codes is not None:
-                row[f"about.{name}"] = barrier.codes.copy()
-        for component in controller.components:
-            for name, signal in component.signals().items():
-                row[f"signal.{component.name}.{name}"] = np.array(signal, dtype=np.float64)
         return row
 
     def add_truth(self, row: dict[str, Any]) -> None:
@@ -248,39 +206,13 @@ def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
     return ticks
 
 
-def _about(controller: Controller, plant: Plant, disturbances: list[Disturbance], duration: float) -> dict[str, Any]:
-    """Metadata that the loop knows by itself."""
-    model, stack = controller.model, controller.plans.whole.plan.stack
-    objectives = {task.name: task for task in stack.tasks}
-    objectives |= {law.name: law.task for law in controller.plan.layout.exact}
+def _about(plant: Plant, disturbances: list[Disturbance], duration: float) -> dict[str, Any]:
+    """Metadata that the loop knows by itself, beside those of the controller."""
     return {
-        "robot": model.name,
-        "level": controller.level.name,
-        "hierarchy": str(controller.hierarchy),
-        "solver": controller.solver.name,
-        "dt": controller.dt,
         "duration": duration,
-        "joint_names": list(model.joint_names),
-        "joint_units": list(model.joint_units),
-        "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
-        "statuses": [status.name for status in Status],
-        "tasks": {name: {"units": [task.unit(k) for k in range(task.dim)]} for name, task in objectives.items()},
-        "distances": units(controller.plans.whole.plan.problem),
-        "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
-        "stack": str(stack),
         "plant": plant.settings(),
         "disturbances": [str(disturbance) for disturbance in disturbances],
         "seed": next((d.seed for d in disturbances if isinstance(d, SensorNoise)), None),
         "versions": versions(),
         "machine": machine(),
-    }
-
-
-def _contact(contact: Contact) -> dict[str, Any]:
-    return {
-        "kind": {3: "point", 5: "edge"}.get(contact.dim, "sole"),
-        "frame": contact.frame,
-        "friction": contact.friction,
-        "half_size": [float(x) for x in contact.half_size] if isinstance(contact, Rectangular) else None,
-        "cone": contact.cone().tolist(),
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wbc.report.document import Item, Section, Table
 from wbc.sim.scenario import ScenarioResult
 
@@ -16,7 +18,8 @@ def section(result: ScenarioResult) -> Section:
         rows_broken = [(kind, worst, unit) for kind, (worst, unit) in result.violations.items()]
         caption = "By how much a limit was exceeded at worst; 0 where none ever was."
         items.append(Table(("limit", "exceeded by", "unit"), rows_broken, caption))
-    figures = [(k, v) for k, v in result.figures.items() if isinstance(v, (bool, int, float, str))]
+    plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in result.figures.items()}
+    figures = [(k, v) for k, v in plain.items() if isinstance(v, (bool, int, float, str))]
     if figures:
         items.append(
             Table(("figure", "value"), figures, "What this scenario measures besides.", folded=len(figures) > 8)

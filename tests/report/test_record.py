@@ -1,0 +1,90 @@
+"""A recorded run is made into a report from the record alone: one's own, and a scenario's once more."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.control.recorder import Run
+from wbc.errors import InvalidInput
+from wbc.report import save_report
+from wbc.report.record import judged, judgement, report_again
+from wbc.sim.scenario import ScenarioResult
+
+from .conftest import reaching_run, standing_run
+
+
+def test_a_run_of_ones_own_becomes_a_folder_with_a_report(tmp_path: Path):
+    run = reaching_run()
+    del run.meta["scenario"], run.meta["versions"]
+    page = save_report(run, tmp_path / "mine", robot=wbc.load("arm"))
+    assert page == tmp_path / "mine" / "report.html" and (tmp_path / "mine" / "replay.html").is_file()
+    text = (tmp_path / "mine" / "report.md").read_text(encoding="utf-8")
+    assert "Arm ran a recorded loop for 0.6 s" in text and "every tick solved and certified." in text
+    assert "every demand" not in text and "| numpy |" in text
+    np.testing.assert_array_equal(Run.load(tmp_path / "mine")["q"], run["q"])
+    assert save_report(run, tmp_path / "mine") == page  # a report is replaced
+    assert not (tmp_path / "mine" / "replay.html").exists()
+
+
+def test_what_a_scenario_said_of_its_run_is_said_again(standing: ScenarioResult, tmp_path: Path):
+    standing.run.meta.update(judgement(standing))
+    save_report(standing.run, tmp_path / "r")
+    again = judged(Run.load(tmp_path / "r"), standing.robot)
+    assert again.ok == standing.ok and list(again.verdict) == list(standing.verdict)
+    assert dict(again.violations) == dict(standing.violations) and dict(again.figures) == dict(standing.figures)
+    assert again.tracking.keys() == standing.tracking.keys()
+
+
+def test_a_report_made_again_is_the_same_and_leaves_the_record_alone(tmp_path: Path):
+    folder = tmp_path / "r"
+    save_report(standing_run(), folder, robot=wbc.load("humanoid"))
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    (folder / "report.md").unlink()
+    (folder / "figures" / "old.svg").write_text("of a report before")
+    page, drawn = report_again(folder)
+    assert page == folder / "report.html" and drawn is not None and drawn.name == "humanoid"
+    assert before == {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert not (folder / "figures" / "old.svg").exists()
+
+
+def test_a_run_saved_without_a_report_gets_one(tmp_path: Path):
+    folder = reaching_run().save(tmp_path / "r")
+    (folder / "notes.txt").write_text("mine")
+    page, drawn = report_again(folder)
+    assert page.is_file() and (folder / "notes.txt").read_text() == "mine" and drawn is not None
+
+
+@pytest.mark.parametrize("name", ["nobody", "humanoid", "/etc/hostname", "../robot.urdf"])
+def test_a_robot_that_the_name_does_not_give_is_not_drawn(name: str, tmp_path: Path):
+    run = reaching_run()
+    run.meta["robot"] = name
+    page, drawn = report_again(run.save(tmp_path / "r"))
+    assert drawn is None and page.is_file() and not (tmp_path / "r" / "replay.html").exists()
+    again, drawn = report_again(tmp_path / "r", robot=wbc.load("arm"))
+    assert drawn is not None and (again.parent / "replay.html").is_file()
+
+
+def test_what_is_no_run_is_refused_by_name(tmp_path: Path):
+    with pytest.raises(InvalidInput, match=r"the run has no dt, joint_names, statuses, q, v, status; "):
+        save_report(Run({"t": np.zeros(3)}), tmp_path / "r")
+    with pytest.raises(InvalidInput, match="has no ticks"):
+        save_report(reaching_run(0), tmp_path / "r")
+    with pytest.raises(InvalidInput, match="robot is humanoid, with other joints"):
+        save_report(reaching_run(), tmp_path / "r", robot=wbc.load("humanoid"))
+    with pytest.raises(InvalidInput, match="not the folder of a run"):
+        report_again(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_verdict_that_somebody_broke_is_refused(standing: ScenarioResult, tmp_path: Path):
+    for broken in ({"ok": True}, {"ok": 1, "verdict": [1], "violations": {}, "tracking": {}, "figures": {}}, {}):
+        run = Run(standing.run.columns, {**standing.run.meta, "judged": broken})
+        folder = run.save(tmp_path / "r")
+        json.loads((folder / "meta.json").read_text())
+        with pytest.raises(InvalidInput, match="judged"):
+            report_again(folder)

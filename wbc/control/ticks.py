@@ -1,0 +1,124 @@
+"""What a recorder writes down of a tick: its row, and of the controller what says how to read the rows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from wbc.control.command import Command
+from wbc.control.distance import distances, units
+from wbc.control.explain import reproducer
+from wbc.qp.problem import QP
+from wbc.stack.contact import Contact
+from wbc.stack.frame_rows import FrameRows
+from wbc.stack.objective import Objective
+from wbc.stack.task import Task
+from wbc.types import Status, Vec
+
+if TYPE_CHECKING:
+    from wbc.control.controller import Controller
+
+_CODES = {status: i for i, status in enumerate(Status)}
+
+
+def outcome(t: float, command: Command, microseconds: float) -> dict[str, Any]:
+    """The columns that every tick has: ``t`` [s], ``status`` (its place in :class:`Status`), ``tick_us`` [µs]."""
+    return {"t": t, "status": _CODES[command.status], "tick_us": microseconds}
+
+
+@final
+class Ticks:
+    """The rows of one controller, tick by tick.
+
+    ``failure`` says when and why the first tick without an answer had none, ``failed`` is its QP; both None before.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
+        self.failure: dict[str, Any] | None = None
+        self.failed: QP | None = None
+        self._order, self._dynamics = controller.level.order, controller.level.dynamics
+        #: With all contacts: a task on a contact's force is not in the plan while the contact is open.
+        self._tasks = tuple(units(controller.plans.whole.plan.problem))
+
+    def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
+        """What the controller was told (q (nq,), v (nv,)) and decided in its last tick, by column."""
+        controller, proof = self.controller, command.certificate
+        row = outcome(t, command, microseconds) | {
+            "q": q,
+            "v": v,
+            "v_cmd": command.v,
+            "certificate": np.array([proof.primal, proof.dual, proof.gap]),
+            "iterations": controller.iterations,
+            "active": controller.active_count,
+        }
+        if self._order == 2:
+            row["a"] = command.a
+        if self._dynamics:
+            row["tau"] = command.tau
+            for name, wrench in command.f.items():
+                row[f"f.{name}"] = wrench
+        for name, error in controller.plan.errors().items():
+            row[f"error.{name}"] = error
+        far = distances(controller.plan.problem, proof.bounds)
+        for name in self._tasks:
+            row[f"distance.{name}"] = far.get(name, np.nan)
+        for name, (barrier, margin) in controller.plan.margins().items():
+            row[f"margin.{name}"] = margin
+            if barrier.codes is not None:
+                row[f"about.{name}"] = barrier.codes.copy()
+        for component in controller.components:
+            for name, signal in component.signals().items():
+                row[f"signal.{component.name}.{name}"] = np.array(signal, dtype=np.float64)
+        return row
+
+    def watch(self, t: float) -> None:
+        """Keep why the tick at ``t`` [s] had no answer, if it is the first one that had none."""
+        controller = self.controller
+        if self.failure is None and not controller.status.ok:
+            self.failure = {"t": t, "why": controller.explain()}
+            self.failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
+
+
+def about(controller: Controller) -> dict[str, Any]:
+    """Metadata that a controller's rows are read with: names, units, limits, what tasks and contacts there are."""
+    model, stack = controller.model, controller.plans.whole.plan.stack
+    objectives: dict[str, Objective] = {task.name: task for task in stack.tasks}
+    objectives |= {law.name: law.task for law in controller.plan.layout.exact}
+    return {
+        "robot": model.name,
+        "base": getattr(model, "base", "fixed"),
+        "level": controller.level.name,
+        "hierarchy": str(controller.hierarchy),
+        "solver": controller.solver.name,
+        "dt": controller.dt,
+        "joint_names": list(model.joint_names),
+        "joint_units": list(model.joint_units),
+        "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
+        "statuses": [status.name for status in Status],
+        "tasks": {name: _task(task) for name, task in objectives.items()},
+        "distances": units(controller.plans.whole.plan.problem),
+        "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
+        "stack": str(stack),
+    }
+
+
+def _task(task: Objective) -> dict[str, Any]:
+    rows = range(task.dim)
+    found: dict[str, Any] = {"units": [task.unit(k) for k in rows], "labels": [task.label(k) for k in rows]}
+    compiled = task.compiled_rows() if isinstance(task, Task) else None
+    if isinstance(compiled, FrameRows) and compiled.axes == "world" and compiled.turn is None:
+        found["point"] = compiled.frame  # whose place its rows in metres are about; "": the centre of mass
+    return found
+
+
+def _contact(contact: Contact) -> dict[str, Any]:
+    half_size = getattr(contact, "half_size", None)
+    return {
+        "kind": {3: "point", 5: "edge"}.get(contact.dim, "sole"),
+        "frame": contact.frame,
+        "friction": contact.friction,
+        "half_size": None if half_size is None else [float(x) for x in half_size],
+        "cone": contact.cone().tolist(),
+    }

@@ -1,0 +1,150 @@
+"""The report of a recorded run: of a loop of one's own, or once more from the folder that it was saved in."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wbc.control.recorder import Run
+from wbc.errors import InvalidInput, WbcError
+from wbc.report import measure
+from wbc.report.build import require_extras, run_report
+from wbc.report.folder import HTML, replaced, write
+from wbc.report.markdown import FIGURES
+from wbc.sim.provenance import machine, versions
+from wbc.sim.scenario import Check, Progress, ScenarioResult, silent
+
+if TYPE_CHECKING:
+    from wbc.models.model import RobotModel
+
+#: What a report of a run cannot do without: metadata, and columns.
+NEEDED_META, NEEDED = ("dt", "joint_names", "statuses"), ("t", "q", "v", "status")
+JUDGED = "judged"
+
+
+def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel | None = None) -> Path:
+    """Save ``run`` into ``folder``, with a report of it, and return the path of ``report.html``.
+
+    A report that stands there is replaced. With ``robot`` the motion is drawn.
+
+    Raises:
+        InvalidInput: a run that a :class:`~wbc.Recorder`'s ``tick`` or :func:`~wbc.sim.simulate.simulate` did not make,
+            of another robot, or without ticks; something else than a report stands in the folder.
+        NotSupported: a package that reports need is not installed.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import numpy as np, wbc
+        >>> from wbc.report import save_report
+        >>> from wbc.tasks import JointVelocityLimits, Position
+        >>> robot = wbc.load("arm")
+        >>> stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[JointVelocityLimits()])
+        >>> controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=0.01)
+        >>> recorder, q = wbc.Recorder(100), robot.q0
+        >>> for k in range(100):
+        ...     q = recorder.tick(controller, 0.01 * k, q, np.zeros(robot.nv)).q
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     save_report(recorder.run(), Path(folder) / "mine").name
+        'report.html'
+    """
+    _check(run, robot)
+    run = Run(run.columns, {"versions": versions(), "machine": machine(), **run.meta})
+    target = Path(folder)
+    with replaced(target) as pending:
+        report = run_report(judged(run, robot))
+        run.save(pending)
+        write(report, pending)
+    return target / HTML
+
+
+def report_again(
+    folder: str | os.PathLike[str], *, robot: RobotModel | None = None, progress: Progress = silent
+) -> tuple[Path, RobotModel | None]:
+    """Make the report in the folder of a run anew from ``run.npz`` and ``meta.json``; gives its path, and who is drawn.
+
+    Without ``robot`` the one of the run's name is drawn, if it can be loaded. What a scenario shows of its own is not
+    in a record: it is left out. The record itself stays.
+
+    Raises:
+        InvalidInput: no run in the folder, or ``robot`` is another one.
+        NotSupported: a package that reports need is not installed.
+    """
+    run = Run.load(folder)
+    _check(run, robot)
+    drawn, target = robot or named(run), Path(folder)
+    report = run_report(judged(run, drawn), progress=progress)
+    if (target / HTML).is_file():
+        shutil.rmtree(target / FIGURES, ignore_errors=True)  # those of the report before
+    write(report, target)
+    return target / HTML, drawn
+
+
+def judgement(result: ScenarioResult) -> dict[str, Any]:
+    """What a scenario said of its run, for the run's metadata."""
+    verdict = [[c.text, c.value, c.bound, bool(c.ok), c.unit] for c in result.verdict]
+    violations = {kind: list(worst) for kind, worst in result.violations.items()}
+    found = {"ok": bool(result.ok), "verdict": verdict, "violations": violations, "tracking": result.tracking}
+    return {JUDGED: plain(found | {"figures": result.figures}, exact=True)}
+
+
+def judged(run: Run, robot: RobotModel | None) -> ScenarioResult:
+    """A recorded run with what :func:`judgement` kept of it; measured from its columns where nothing was kept."""
+    kept = run.meta.get(JUDGED)
+    if not isinstance(kept, Mapping):
+        return ScenarioResult(run, True, measure.violations(run), {}, (), robot=robot)
+    try:
+        verdict = [Check(text, float(x), float(bound), ok, unit) for text, x, bound, ok, unit in kept["verdict"]]
+        violations = {kind: (float(worst), unit) for kind, (worst, unit) in kept["violations"].items()}
+        tracking = {task: {k: float(x) for k, x in part.items()} for task, part in kept["tracking"].items()}
+        return ScenarioResult(run, bool(kept["ok"]), violations, tracking, verdict, kept["figures"], robot)
+    except (KeyError, TypeError, ValueError, AttributeError) as cause:
+        raise InvalidInput(f"the run's meta[{JUDGED!r}] is not what a scenario says of its run: {cause}") from cause
+
+
+def fits(robot: RobotModel, run: Run) -> bool:
+    """Whether it can be the robot of the run."""
+    return list(robot.joint_names) == list(run.meta.get("joint_names", ())) and run["q"].shape[1:] == (robot.nq,)
+
+
+def named(run: Run) -> RobotModel | None:
+    """The robot of the run's name, None where it cannot be loaded by it or is another one."""
+    from wbc.models import load
+
+    name = str(run.meta.get("robot"))
+    if not name.replace("_", "").isalnum():  # a path: a record says which files are read no more than a pickle would
+        return None
+    try:
+        robot = load(name, base=run.meta.get("base"))
+    except WbcError:
+        return None
+    return robot if fits(robot, run) else None
+
+
+def plain(value: Any, *, exact: bool = False) -> Any:
+    """``value`` in JSON's types, no numpy. Nine digits and no NaN, no infinity; ``exact``: numbers as they are."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item, exact=exact) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist(), exact=exact)
+    if isinstance(value, float) and not exact:
+        return float(f"{value:.9g}") if isfinite(value) else None
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    return [plain(item, exact=exact) for item in value] if isinstance(value, Sequence) else str(value)
+
+
+def _check(run: Run, robot: RobotModel | None) -> None:
+    missing = [*(name for name in NEEDED_META if name not in run.meta), *(name for name in NEEDED if name not in run)]
+    if missing or not run.rows:
+        what = f"has no {', '.join(missing)}" if missing else "has no ticks"
+        raise InvalidInput(f"the run {what}; a report needs a run of wbc.Recorder.tick or of simulate")
+    if robot is not None and not fits(robot, run):
+        raise InvalidInput(f"robot is {robot.name}, with other joints or another base than the run's")
+    require_extras()
