@@ -110,7 +110,7 @@ def test_the_blocks_of_a_document_run_as_one_program(document: Path, tmp_path: P
 
 def test_readme_and_guide_show_programs():
     assert blocks(README.read_text(), "python")
-    assert len(sections(GUIDE.read_text())) == 10
+    assert len(sections(GUIDE.read_text())) >= 10
 
 
 @pytest.mark.parametrize("title", sections(GUIDE.read_text()))
