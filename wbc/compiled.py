@@ -20,12 +20,14 @@ from typing import Any, TypeVar, cast, final
 import numba
 import numpy as np
 from llvmlite.binding import add_symbol
+from llvmlite.ir import FunctionType, IntType
 from numba.core import event
 from numba.extending import intrinsic, models, register_model
 from numpy.typing import NDArray
 
 __all__ = [
-    "Memory", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part", "small_kernel",
+    "Memory", "call_at", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part", "place_of",
+    "small_kernel",
 ]  # fmt: skip
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
@@ -70,6 +72,11 @@ class _Symbol(_types.ExternalFunction):  # type: ignore[misc]
     def __call__(self, *arguments: Any) -> Any:
         return self._made.ctypes(*arguments)
 
+    @property
+    def place(self) -> int:
+        """Where its machine code begins."""
+        return int(self._made.address)
+
 
 register_model(_Symbol)(models.OpaqueModel)
 
@@ -92,6 +99,11 @@ def part(function: _F) -> _F:
     name = f"{function.__module__}.{function.__qualname__}"
     add_symbol(name, made.address)
     return cast(_F, _Symbol(made, name, signature))
+
+
+def place_of(made: Callable[[int], int]) -> int:
+    """Where the machine code of a part begins, for :func:`call_at`; 0 where it has none, for a debugger."""
+    return made.place if isinstance(made, _Symbol) else 0
 
 
 def entry(function: _F) -> _F:
@@ -153,6 +165,24 @@ def _pointer(kind: Any, c_kind: Any) -> Any:
     return intrinsic(to)
 
 
+def _call_at() -> Any:
+    if _numba.config.DISABLE_JIT:  # no part has a place then
+        return lambda _place, _number: 0
+
+    def to(_context: Any, place: Any, number: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            number = IntType(64)
+            return builder.call(
+                builder.inttoptr(arguments[0], FunctionType(number, [number]).as_pointer()), arguments[1:]
+            )
+
+        return _types.int64(place, number), generate
+
+    return intrinsic(to)
+
+
+#: In a kernel: ``call_at(place, number)`` is the answer of the part at that place (:func:`place_of`) to the number.
+call_at: Any = _call_at()
 #: In a kernel: ``carray(floats(address), shape)`` is the array there, as ``carray(integers(address), shape)`` is.
 carray: Any = _numba.carray
 floats: Any = _pointer(_types.float64, ctypes.c_double)

@@ -175,6 +175,7 @@ def _split_loop(setting: _Setting, record: Record, steps: _Steps) -> tuple[Any, 
     """Ticks on the same states with clocks on the controller's parts: nanoseconds (ticks, parts), and how many the
     solver failed."""
     controller = setting.controller()
+    controller.mode.in_one_call = False  # so that there are parts
     owners = controller.state, controller.plan, controller.mode.solver, controller
     clocks = [_Clock(owner, part) for owner, part in zip(owners, _PARTS, strict=True)]
     nanoseconds, failures = np.zeros((record.ticks, len(_PARTS)), np.int64), 0

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from wbc.qp.solver import Solution
 
 
+#: A certificate, or what makes it when it is read.
+Proof = Certificate | Callable[[], Certificate]
+
 _WITHOUT_LEVELS = ("relaxed", "closed form", "hold", "damped")
 
 
@@ -76,8 +79,8 @@ class Command:
     """
 
     __slots__ = (
-        "_a", "_controller", "_f", "_forces", "_levels", "_q", "_q_before", "_serial", "_solution", "_tau", "_v",
-        "_v_before", "certificate", "rung", "status",
+        "_a", "_certificate", "_controller", "_f", "_forces", "_levels", "_q", "_q_before", "_serial", "_solution",
+        "_tau", "_v", "_v_before", "rung", "status",
     )  # fmt: skip
 
     def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
@@ -85,7 +88,7 @@ class Command:
         controller: Owner,
         status: Status,
         rung: str,
-        certificate: Certificate,
+        certificate: Proof,
         q: Vec,
         v_before: Vec,
         v: Vec | None = None,
@@ -95,7 +98,7 @@ class Command:
     ) -> None:
         self._controller: Owner | None = controller
         self._serial = controller.serial
-        self.status, self.rung, self.certificate = status, rung, certificate
+        self.status, self.rung, self._certificate = status, rung, certificate
         without = rung in _WITHOUT_LEVELS
         self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = () if without else controller.report
         self._q_before, self._v_before = q, v_before
@@ -106,8 +109,10 @@ class Command:
 
     def __getstate__(self) -> dict[str, Any]:
         """The values alone: a copy, or a pickle, is apart from the controller."""
-        values = {name: getattr(self, name) for name in ("certificate", "rung", "status")}
-        values |= {f"_{name}": getattr(self, name) for name in ("levels", "tau", "a", "v", "q", "f", "forces")}
+        values = {name: getattr(self, name) for name in ("rung", "status")}
+        values |= {
+            f"_{name}": getattr(self, name) for name in ("certificate", "levels", "tau", "a", "v", "q", "f", "forces")
+        }
         kept = ("_q_before", "_v_before", "_solution")
         return values | {name: getattr(self, name) for name in kept} | {"_controller": None, "_serial": -1}
 
@@ -125,6 +130,13 @@ class Command:
         if self._controller is None:
             raise WbcError("a command that was copied or unpickled has no solution; read command.solution before")
         return self._controller
+
+    @property
+    def certificate(self) -> Certificate:
+        """By how much limits are exceeded, and how far each task can be from its optimum."""
+        if not isinstance(self._certificate, Certificate):
+            self._certificate = self._certificate()
+        return self._certificate
 
     @property
     def levels(self) -> tuple[Outcome, ...]:

@@ -218,12 +218,17 @@ class Controller(Solving):
         state = self.state
         state.update(t, q, v)
         try:
-            self._ask_members()
+            if self.mode.in_one_call and self._started:
+                observes, self._solved = self._solved is self.plan, None
+                self.answered_by(self._solver)
+                status = self.plan.answer(state, self._solver, observes=observes)
+            else:
+                self._ask_members()
+                status = self.asked(self._solver)
         except WbcError as failure:
             self.why = str(failure)
             return self.ladder.failed(q, v)
-        plan = self.plan
-        self.status = status = self.asked(self._solver)
+        self.status, plan = status, self.plan
         if plan.stopping is not None and status is Status.SOLVED:
             plan.stopping.keep(plan, state, self._solve_again)
             status = self.status

@@ -29,7 +29,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc import checks
-from wbc.control.command import Command
+from wbc.control.command import Command, Proof
 from wbc.control.fallback import Fallback
 from wbc.control.solving import Solving
 from wbc.errors import InvalidInput, InvalidProblem
@@ -294,12 +294,12 @@ class Ladder:
         return budget is None or perf_counter() - start < budget
 
     # ---- commands
-    def _certified(self, status: Status, level: str, q: Vec, v: Vec, proof: Certificate) -> Command:
+    def _certified(self, status: Status, level: str, q: Vec, v: Vec, proof: Proof) -> Command:
         command = self._answer(status, level, q, v, proof)
         self.good, self.failures = command, 0
         return command
 
-    def _answer(self, status: Status, level: str, q: Vec, v: Vec, proof: Certificate) -> Command:
+    def _answer(self, status: Status, level: str, q: Vec, v: Vec, proof: Proof) -> Command:
         if proof is _NO_PROOF:
             self.failures += 1
         self._controller.status = status

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from wbc.control.command import Command, Forces
+from wbc.control.command import Command, Forces, Proof
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
-from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
@@ -85,10 +84,10 @@ class Solving:
         self._answered = solver
 
     def decode(
-        self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Certificate | None = None
+        self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Proof | None = None
     ) -> Command:
         """The command that the answer in the plan's memory means."""
-        plan, proof = self.plan, self._answered.certificate if proof is None else proof
+        plan, proof = self.plan, self._answered.proof if proof is None else proof
         parts, value = plan.layout, plan.problem.value.copy()
         value.setflags(write=False)
         motion = value[parts.motion_items]
@@ -137,9 +136,9 @@ class Solving:
         return self._answered.answered
 
     @property
-    def proof(self) -> Certificate:
-        """The certificate of the last answer."""
-        return self._answered.certificate
+    def proof(self) -> Proof:
+        """Says what is certified of the last answer, also later."""
+        return self._answered.proof
 
     @property
     def counts(self) -> Any:

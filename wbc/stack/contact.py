@@ -38,6 +38,10 @@ class Anchor:
         self.rotation: Mat = self.pose.rotation
         self.position: Vec = self.pose.translation
 
+    def move(self, to: Anchor) -> None:
+        """The contact is made there now."""
+        self.rotation[:], self.position[:] = to.rotation, to.position
+
     def __reduce__(self) -> tuple[type[Anchor], tuple[Mat, Vec]]:
         return Anchor, (np.array(self.rotation), np.array(self.position))
 

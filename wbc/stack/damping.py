@@ -11,7 +11,6 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.qp.lexicographic import Pull
 from wbc.qp.rows import RowProblem, Wish
-from wbc.stack.compiled.damping_kernel import CHANGED, SPOILT, observe
 from wbc.stack.hierarchy import Rank
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
@@ -48,7 +47,7 @@ class ResidualDamping:
         self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, tasks: slice
     ) -> None:
         nb, nv, nj = layout.model.nb, layout.model.nv, layout.model.nj
-        dims = [task.dim for task in layout.kinematic[tasks]]
+        dims = [task.dim for task in layout.kinematic[tasks]] if factor > 0.0 else []
         rows, before = sum(dims), sum(task.dim for task in layout.kinematic[: tasks.start])
         first, own = layout.motion_row + before, slice(before, before + rows)
         starts = np.cumsum([0, *dims])
@@ -71,7 +70,8 @@ class ResidualDamping:
         )  # fmt: skip
         #: What a level that is damped by itself costs beside its tasks: weight of each joint, and what it wants there.
         self.weights, self.wanted = np.zeros(nj), np.zeros(nj)
-        self._at, self._counts = self._memory.address, factor > 0.0 and rows > 0
+        #: For the compiled code that reads what the last answer left.
+        self.address = self._memory.address
         self._rows, self._left = problem.G[first : first + rows], problem.value[problem.item(first) :][:rows]
         self._weights = problem.weights[first - problem.soft.start :][:rows]
         self._J = self._rows[:, nb:nv]
@@ -93,7 +93,7 @@ class ResidualDamping:
         That is d/σ² for a task along the direction of its residual, σ² the curvature that J has there.
         """
         largest = float(self.applied.max(initial=0.0))
-        if not self._counts or largest == 0.0:
+        if largest == 0.0:
             return np.zeros(len(self.applied))
         asked = self._rows[:, -1] - self._J @ (self.rate * v)
         before, after = (float((self._weights * r).dot(r)) ** 0.5 for r in (asked, self._left))
@@ -108,18 +108,6 @@ class ResidualDamping:
         self.rate[:] = np.divide(self.rate * self.applied + rate * more, total, out=rate.copy(), where=total > 0.0)
         self.applied[:] = total
         self._numbers[3] = total.any()
-
-    def observe(self) -> bool:
-        """Read what the last answer left; whether the damping changed by it."""
-        if not self._counts:
-            self.applied[:] = self._numbers[3] = 0.0
-            return False
-        found = observe(self._at)
-        if found == SPOILT:
-            was_on = self.is_on
-            self.reset()
-            return was_on
-        return found == CHANGED
 
 
 @final
@@ -147,6 +135,8 @@ class Damping:
         self._order, self._least = motion.order, least
         self.in_metric = ResidualDamping(*self._made_of, tasks=slice(0, len(layout.kinematic)))
         self.of_levels: list[ResidualDamping] = []
+        #: Of each damping its address, that of the metric behind those of the levels.
+        self.addresses = np.array([self.in_metric.address], dtype=np.int64)
         self._v = np.zeros(layout.model.nj)
         #: Whether a level was damped in the last fill.
         self._follows = False
@@ -182,6 +172,8 @@ class Damping:
                     if wish.kinematic and wish.rows is not None:
                         own = slice(wish.rows.start - layout.motion_row, wish.rows.stop - layout.motion_row)
                         self._braking.append((damping, wish.drift, motion.kd[own], motion.J[own]))
+            found_at = (damping.address for damping in (*self.of_levels, self.in_metric))
+            self.addresses = np.array([*found_at], dtype=np.int64)
             self.read_weights()
         found: list[Pull | None] = []
         for rank in ranks:
@@ -234,21 +226,14 @@ class Damping:
         """The largest weight of the damping of a joint."""
         return max(float(damping.applied.max(initial=0.0)) for damping in (self.in_metric, *self.of_levels))
 
-    def observe(self) -> bool:
-        """Read what the last answer left, level after level; whether the damping in the metric changed by it."""
-        if not self.of_levels:
-            return self.in_metric.observe()
-        was_on = self.in_metric.is_on
-        changed = [damping.observe() for damping in (*self.of_levels, self.in_metric)][-1]
-        for damping in self.of_levels:
-            if damping.is_on:
-                self._slow()
-                return True
-        return changed or was_on != self.in_metric.is_on
+    @property
+    def follows(self) -> bool:
+        """Whether a level was damped in the last fill."""
+        return self._follows
 
     @np.errstate(all="ignore")
-    def _slow(self) -> None:
-        """Damp what stands below a level that is damped, besides."""
+    def slow(self) -> None:
+        """Damp what stands below a level that is damped, besides, once the last answer was read."""
         nj = len(self.in_metric.rate)
         stalled, rate = np.zeros(nj), np.zeros(nj)
         for damping in (*self.of_levels, self.in_metric):

@@ -16,14 +16,15 @@ from wbc.compiled import Memory
 from wbc.errors import InvalidInput, MemberFailed
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
-from wbc.qp.rows import RowProblem, Wish
+from wbc.qp.rows import RowProblem, RowSolver, Wish
 from wbc.stack.applied import Applied
+from wbc.stack.compiled import fill_kernel
 from wbc.stack.compiled.damping_kernel import share
 from wbc.stack.compiled.fill import CompiledFill, MotionMember
-from wbc.stack.compiled.fill_kernel import BOUND_SPOILT, spoilt
+from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE, SLOW
 from wbc.stack.constraint import TorqueBySpeed, torque_bounds
-from wbc.stack.contact import Anchor, Contact
-from wbc.stack.damping import Damping, ResidualDamping
+from wbc.stack.contact import Anchor
+from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout
@@ -35,7 +36,7 @@ from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
 from wbc.stack.task import Objective, Task
 from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
-from wbc.types import Vec
+from wbc.types import Status, Vec
 
 
 @final
@@ -91,9 +92,7 @@ class Plan(Filled):
         self._joint_weights = np.zeros((len(layout.on_joints), model.nj))
         #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
         self._pull_weights = [*self._joint_weights, *(np.zeros(member.dim) for member in layout.soft_laws)]
-        #: The damping that shares the joints' metric, and the memory for that.
-        self._sharing: tuple[ResidualDamping, Memory] | None = None
-        self._unit = np.zeros(1)
+        self._connect()
         self._stamp = -1
         #: Why gains that were assigned between ticks cannot be used; until others are, no tick has an answer.
         self._refusal = ""
@@ -106,8 +105,6 @@ class Plan(Filled):
         self._filler: CompiledFill | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
         self.stopping = Stopping.of(self)
-        sizes = np.array([len(p.G), p.n + 1, len(self.motion.wanted), len(p.lower)], dtype=np.int64)
-        self._numbers = Memory(sizes, p.G, self.motion.wanted, p.lower, p.upper)
         self._first_fill(like)
         for component in () if like else stack.components:
             component.check(self)
@@ -159,6 +156,30 @@ class Plan(Filled):
         self._force_weights = np.concatenate(
             [np.full(c.dim, c.force_weight) for c in layout.contacts] or [np.zeros(0)]
         )  # fmt: skip
+
+    def _connect(self) -> None:
+        """The memory of a tick's compiled call."""
+        p, wanted = self.problem, self.motion.wanted
+        sizes = np.array([len(p.G), p.n + 1, len(wanted), len(p.lower)], dtype=np.int64)
+        self._looks = Memory(sizes, p.G, wanted, p.lower, p.upper)
+        self._call = np.zeros(fill_kernel.NUMBER, dtype=np.int64)
+        self._call[fill_kernel.LOOKS] = self._looks.address
+        self._called = Memory(self._call).addresses.item()
+        self.answered_by(None)
+
+    def answered_by(self, solver: RowSolver | None) -> None:
+        """The solver whose code :meth:`answer` calls; its levels have their damping by now."""
+        p, damping, weights, dampings = (
+            self.problem,
+            self.damping.in_metric,
+            self._joint_weights,
+            self.damping.addresses,
+        )
+        own = damping.base, damping.applied, damping.rate, self.shares, p.metric[damping.columns]
+        self._shares = Memory(np.array(weights.shape, dtype=np.int64), p.units, weights, *own)
+        k = fill_kernel
+        self._call[[k.SHARES, k.DAMPINGS]] = self._shares.address, dampings.__array_interface__["data"][0]
+        self._call[[k.N_DAMPINGS, k.PLACE, k.SOLVER]] = len(dampings), *((0, 0) if solver is None else solver.kernel)
 
     def _write_cones(self) -> None:
         """Constant rows K f <= 0, on the scaled forces."""
@@ -218,7 +239,8 @@ class Plan(Filled):
             _explained(member.name, fill, state, *out)
             motion.check_written(row - first, member.dim, member.name)
         motion.freeze()
-        self.bind(state)()  # rows about torques are made of these
+        self.bind(state)()
+        self._run(FILL)  # rows about torques are made of these
         for writer in self._writers:
             _explained(writer.name, writer.fill, state)
             writer.check()
@@ -243,11 +265,11 @@ class Plan(Filled):
         for weights, task in zip(self._pull_weights, (*layout.on_joints, *layout.soft_laws), strict=True):
             weights[:] = task.weights()
         joints += self._joint_weights.sum(axis=0)
-        self._unit[0] = p.unit = float(joints.max())
+        p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
         self.damping.in_metric.base[:] = joints
         self.damping.read_weights()
-        self._share_joints()
+        share(self._shares.address)
         if layout.nf:
             forces = self._force_weights + eps
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
@@ -260,22 +282,6 @@ class Plan(Filled):
             self._bound_normals()
         for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
             p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
-        p.version += 1
-
-    def _share_joints(self) -> None:
-        """The metric of the joints, and what part of it each task on them has; of the damping, what it makes of −v."""
-        p, damping = self.problem, self.damping.in_metric
-        if self._sharing is None or self._sharing[0] is not damping:
-            sizes = np.array(self._joint_weights.shape, dtype=np.int64)
-            own = damping.base, damping.applied, damping.rate, self.shares, p.metric[damping.columns]
-            self._sharing = damping, Memory(sizes, self._unit, self._joint_weights, *own)
-        share(self._sharing[1].address)
-
-    def observe(self) -> None:
-        """Before a fill: damp the joints by what the answer to the one before left of the kinematic tasks."""
-        if self.damping.observe():
-            self._share_joints()
-            self.problem.version += 1
 
     def _read_gains(self) -> None:
         layout, first = self.layout, self.layout.motion_row
@@ -296,17 +302,16 @@ class Plan(Filled):
             writer.barrier.reset()
         if self.damping.is_on:
             self.damping.reset()
-            self._share_joints()
-            self.problem.version += 1
+            share(self._shares.address)
         for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
-            _make(contact, anchor, state)
+            anchor.move(contact.target or contact.anchor(state))
 
     def take_over(self, former: Plan, state: RobotState) -> None:
         """Go on where another plan of the same stack stands: make the contacts that it has not."""
         self.binding.refresh()
         for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
             if not any(contact is held for held in former.layout.contacts):
-                _make(contact, anchor, state)
+                anchor.move(contact.target or contact.anchor(state))
 
     def apply(self, said: Sequence[tuple[str, Overrides]]) -> None:
         """From the next ``fill`` on these overrides hold, by the names of those who said them, and no others.
@@ -316,14 +321,66 @@ class Plan(Filled):
         """
         self.applied.apply(said)
 
+    def _run(self, stages: int) -> int:
+        """Compiled stages of a tick."""
+        self._call[fill_kernel.ASKED] = stages
+        return fill_kernel.tick(self._called)
+
+    def observe(self) -> None:
+        """Before a fill: damp the joints by what the answer to the one before left of the kinematic tasks."""
+        self._run(OBSERVE)
+        if self._call[fill_kernel.LEFT] & SLOW:
+            self._slow()
+
+    def _slow(self) -> None:
+        self.damping.slow()
+        share(self._shares.address)
+
     def fill(self, state: RobotState) -> None:
-        """Write every row of the problem for this state. The tick spends its time here.
+        """Write every row of the problem for this state.
 
         Raises:
             MemberFailed: a member's ``fill`` or target raised, or a bound is NaN; all other rows are written.
         """
-        self._failure = None
         self.binding.refresh()
+        self._prepare(state)
+        self._fill(state)
+        self._refuse_spoilt()
+
+    def answer(self, state: RobotState, solver: RowSolver, *, observes: bool) -> Status:
+        """What ``observe``, ``fill`` and the solver do one after the other, in one compiled call.
+
+        For plans that are compiled, and the solver they are :meth:`answered_by`. A level that is damped, and what makes
+        no sense, is seen to between the stages.
+
+        Raises:
+            MemberFailed: as :meth:`fill`.
+            InvalidInput: a row is not finite.
+        """
+        self.binding.refresh()
+        if observes and self.binding.stamp != self._stamp:  # with the weights that the answer was found with
+            self.observe()
+            observes = False
+        self._prepare(state)
+        left, code = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER, 0
+        if self._failure is None and not (self._refusal or self.damping.follows):
+            code = self._run(left)
+            left = self._call.item(fill_kernel.LEFT)
+        if left & OBSERVE:
+            self.observe()
+        if left & SLOW:
+            self._slow()
+        if left & FILL:
+            self._fill(state)
+        if left:
+            self._refuse_spoilt()
+            self.refuse_not_finite()
+            code = self._run(ANSWER)
+        return solver.concluded(code)
+
+    def _prepare(self, state: RobotState) -> None:
+        """Before the compiled code fills: weights that were assigned, targets that users write, bounds on forces."""
+        self._failure = None
         if self.binding.stamp != self._stamp:
             self._refusal = ""
             try:
@@ -332,24 +389,31 @@ class Plan(Filled):
                 self._refusal = str(cause)
         filler = self._filler
         (filler if filler is not None and state is filler.state else self.bind(state))()
-        if self.intervals is not None and self.intervals.remembers:
-            self.intervals.narrow_by_jerk(self.level.order, state.v_joints, *self.joint_bound_rows)
-        if self.damping.of_levels:
-            self.damping.follow(state.v)
         if self.level.dynamics:
             if self._torque_version != self.applied.version:
                 self._take_torque_bounds()
             if self._normal_version != self.applied.normal_version:
                 self._bound_normals()
-        if self._writers:
-            for writer in self._writers:
-                try:
-                    writer.fill(state)
-                except Exception as cause:
-                    self.failed(writer.name, cause)
-        self._spoilt = spoilt(self._numbers.address)
+
+    def _fill(self, state: RobotState) -> None:
+        """All rows, and whether they are finite."""
+        self._run(FILL)
+        if self.intervals is not None and self.intervals.remembers:
+            self.intervals.narrow_by_jerk(self.level.order, state.v_joints, *self.joint_bound_rows)
+        self.damping.follow(state.v)
+        for writer in self._writers:
+            try:
+                writer.fill(state)
+            except Exception as cause:
+                self.failed(writer.name, cause)
+        self._run(LOOK)
+
+    def _refuse_spoilt(self) -> None:
+        self._spoilt = self._call.item(fill_kernel.SPOILT)
         if self._spoilt & BOUND_SPOILT:
-            self._refuse_nan_bounds()
+            i = int(np.isnan(self.problem.bounds).any(axis=0).argmax())
+            row = self.problem.rows[i - self.problem.first_row if i > self.problem.n else self.layout.n_rows + i]
+            self.failed(row.owner, InvalidInput(f"a bound of {row} is NaN"))
         if self._failure is not None:
             raise self._failure
         if self._refusal:
@@ -360,11 +424,6 @@ class Plan(Filled):
         if self._failure is None:
             self._failure = MemberFailed(f"{name}.fill", cause)
             self._failure.__cause__ = cause
-
-    def _refuse_nan_bounds(self) -> None:
-        i = int(np.isnan(self.problem.bounds).any(axis=0).argmax())
-        row = self.problem.rows[i - self.problem.first_row if i > self.problem.n else self.layout.n_rows + i]
-        self.failed(row.owner, InvalidInput(f"a bound of {row} is NaN"))
 
     def _take_torque_bounds(self) -> None:
         self._torque_version = self.applied.version
@@ -381,7 +440,8 @@ class Plan(Filled):
 
     def bind(self, state: RobotState) -> CompiledFill:
         """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""
-        filler = CompiledFill(self, state, self.members(), self.failed)
+        self._bound = filler = CompiledFill(self, state, self.members(), self.failed)
+        self._call[fill_kernel.FILLS] = filler.address
         self._filler = filler if filler.is_complete else None
         return filler
 
@@ -420,12 +480,6 @@ class Plan(Filled):
             f"Plan({self.model.name}, {self.level.name}: {n} unknowns, {n_eq} equalities, {n_in} two-sided rows, "
             f"{self.problem.n_soft} soft rows)"
         )
-
-
-def _make(contact: Contact, anchor: Anchor, state: RobotState) -> None:
-    """The contact is where the robot is now, or at its target."""
-    made = contact.target or contact.anchor(state)
-    anchor.rotation[:], anchor.position[:] = made.rotation, made.position
 
 
 def _of(members: Any, kind: type[Any]) -> list[Any]:

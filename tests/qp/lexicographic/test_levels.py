@@ -8,6 +8,7 @@ import pytest
 from tests.families.hierarchies import FAMILIES, problem
 from wbc.qp.certificate import Certificate
 from wbc.qp.lexicographic.compiled.rank import decide, prove
+from wbc.qp.lexicographic.compiled.stage import fill
 from wbc.qp.lexicographic.function import _level, _row_problem
 from wbc.qp.lexicographic.levels import Levels, Report
 from wbc.qp.lexicographic.stages import StagedProblem
@@ -23,7 +24,7 @@ def first_level(family, index: int) -> Levels:
     rows.lb[: A.shape[1]], rows.ub[: A.shape[1]] = drawn.lb, drawn.ub
     staged = StagedProblem(rows, [*stages, []])
     levels = Levels(staged)
-    staged.fill()
+    fill(staged.address)
     assert decide(levels._ranking.address, 0, True) == SOLVED
     return levels
 

@@ -54,7 +54,6 @@ def drawn_problem(seed: int) -> RowProblem:
         high[:] = low + rng.integers(0, 4, len(low))
         low[rng.random(len(low)) < 0.4] = -np.inf
         high[rng.random(len(low)) < 0.4] = np.inf
-    p.version += 1
     return p
 
 
@@ -128,7 +127,6 @@ def test_weights_that_are_raised_after_the_form_was_chosen_are_certified(weight:
         p.G[p.soft.stop - 1, :6] = 2.0 * p.G[p.soft.stop - 2, :6]
         solver = CoreSolver(p)
         p.weights[:] = weight
-        p.version += 1
         assert solver.form == "rows" and solver.solve() is Status.SOLVED, seed
 
 

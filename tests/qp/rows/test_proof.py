@@ -29,7 +29,6 @@ def free_problem(seed: int, decades: float) -> RowProblem:
     p = row_problem(seed, n_range=0, n_law=0, weights=(10.0**-decades, 10.0**decades))
     p.lb[:], p.ub[:] = -np.inf, np.inf
     p.regularisation = 0.0
-    p.version += 1
     return p
 
 

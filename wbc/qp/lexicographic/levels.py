@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -25,6 +25,7 @@ from wbc.qp.lexicographic.compiled.rank import (
     WORK,
 )  # fmt: skip
 from wbc.qp.lexicographic.compiled.space import CORE, FINDER, ITEMS, LONG, MOST, N
+from wbc.qp.lexicographic.compiled.stage import CORE_AT, LEVELS_AT, conclude
 from wbc.qp.lexicographic.parts import Pull
 from wbc.qp.lexicographic.stages import StagedProblem
 from wbc.qp.problem import QP
@@ -103,7 +104,7 @@ class Levels:
             np.zeros(len(p.value)),
             self._work,
         )
-        staged.ranks[0] = self._ranking.address
+        staged.links[[LEVELS_AT, CORE_AT]] = self._ranking.address, self.core.address
         self._places = self.core.places[:items]
         self._last = count - 1
         #: First and last level that were decided by themselves in the last answer, and steps that it took.
@@ -114,20 +115,21 @@ class Levels:
         """Forget all earlier ticks."""
         self._sides[:] = 0.0
         self.core.reset()
+        self.staged.hope(self._last)
         self._one_by_one = False
 
     # ---- one tick
-    def solve(self, first: int, budget: int) -> Status:
-        """Decide level ``first`` and those below, of what the source says now, with ``budget`` QPs at most.
+    def concluded(self, code: int, budget: int) -> Status:
+        """What the levels came to, with ``budget`` QPs at most, once :func:`hoped` said ``code``.
 
-        What stands above the first is hoped to be met; where that has no answer, or a level above is damped, another
-        one above is the first.
+        What stands above the first level is hoped to be met; where that has no answer, or a level above is damped,
+        another one above is the first.
         """
-        first, last, work = min(first, self.staged.fill()), self._last, self._work
+        first, last, work = self.staged.first, self._last, self._work
         self._one_by_one = first < last
         if first == last:
             self.began = self.ended = last
-            status = self.core.solve()
+            status = self.core.concluded(code)
             self.iterations = self.core.iterations
             if status.ok or budget == 1:
                 return status
@@ -139,11 +141,18 @@ class Levels:
         counts.first += work.item(AT_ONCE)
         counts.repaired += work.item(REPAIRED)
         counts.fallback += work.item(FALLBACK)
+        if code == SOLVED:
+            conclude(self.staged.address)
         return _STATUS.get(code, Status.FAILED)
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """The largest violation, and the largest relative distance, of the levels that the core did not certify."""
+        return self._report.item(0), self._report.item(1)
 
     def report(self) -> Report:
         """How all levels came out."""
-        return Report(self.staged, self._report.copy(), None if self._one_by_one else self.core.certificate)
+        return Report(self.staged, self._report.copy(), None if self._one_by_one else self.core.proof)
 
     # ---- what explain() and the reports ask for
     def active(self) -> tuple[Index, Vec]:
@@ -190,10 +199,10 @@ class Levels:
 class Report:
     """How the levels of a tick came out, by number; words and certificates are made when they are asked for.
 
-    ``proof`` is the certificate of the last level where the core decided it, all others met.
+    ``proof`` says what is certified of the last level where the core decided it, all others met.
     """
 
-    def __init__(self, staged: StagedProblem, numbers: Vec, proof: Certificate | None) -> None:
+    def __init__(self, staged: StagedProblem, numbers: Vec, proof: Callable[[], Certificate] | None) -> None:
         self._staged, self._numbers, self._proof = staged, numbers, proof
 
     def __call__(self) -> tuple[Outcome, ...]:
@@ -211,7 +220,7 @@ class Report:
                 yield Outcome(names, NOT_OPTIMISED, length, Certificate.none())
                 continue
             if k == last and self._proof is not None:
-                yield Outcome(names, "optimal", length, self._proof)
+                yield Outcome(names, "optimal", length, self._proof())
                 continue
             with np.errstate(divide="ignore", invalid="ignore"):
                 reach = np.abs(left[place]) if off < 0.0 else np.where(root[place] > 0.0, off / root[place], 0.0)
@@ -219,13 +228,12 @@ class Report:
             proof = Certificate(primal, 0.0, 0.0, distance=distance, bounds=bounds)
             yield Outcome(names, "met" if how == IS_MET else "optimal", length, proof)
 
-    @property
     def certificate(self) -> Certificate:
         """The worst number of each kind among the levels that were decided, and the bounds of all tasks."""
         primal, distance = self._numbers.item(0), self._numbers.item(1)
         if self._proof is None:
             return Certificate(primal, 0.0, 0.0, 1.0, 1.0, -1, distance, 0.0, _Bounds(self))
-        worst, dual, gap, scale_dual, scale_gap, _, far, slope, _ = self._proof
+        worst, dual, gap, scale_dual, scale_gap, _, far, slope, _ = self._proof()
         primal, distance = max(worst, primal), max(far, distance)
         return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, slope, _Bounds(self))
 

@@ -16,7 +16,8 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.certificate import TOLERANCE, Certificate
+from wbc.compiled import place_of
+from wbc.qp.certificate import DISTANCE, TOLERANCE, Certificate
 from wbc.qp.lexicographic.parts import Pull, Stage
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.qp.rows.solver import nothing
@@ -42,6 +43,7 @@ class LexicographicSolver(RowSolver):
         pulls: Sequence[Pull | None] = (),
     ) -> None:  # fmt: skip
         # Who ranks nothing need not wait for their kernels.
+        from wbc.qp.lexicographic.compiled.stage import hoped
         from wbc.qp.lexicographic.levels import Levels
         from wbc.qp.lexicographic.stages import StagedProblem
 
@@ -50,12 +52,13 @@ class LexicographicSolver(RowSolver):
         self.levels = Levels(self.staged, pulls)
         self._more = self.staged.problem.n - source.n
         self.counts = self.levels.core.counts
+        self._hoped = hoped
+        self.kernel = place_of(hoped), self.staged.address
         self.budget, self._leave = budget, leave
         self._last = len(stages) - 1
         self.reset()
 
     def reset(self) -> None:
-        self._hope = self._last
         self._said: Callable[[], tuple[Outcome, ...]] = nothing
         self._weighed = False
         self.levels.reset()
@@ -64,26 +67,29 @@ class LexicographicSolver(RowSolver):
 
     # ---- one tick
     def solve(self) -> Status:
+        return self.concluded(self._hoped(self.staged.address))
+
+    def concluded(self, code: int) -> Status:
         """SOLVED: every stage is certified. MAX_ITERATIONS: some were not optimised, or all weighed instead."""
         levels, last = self.levels, self._last
         self.shortfall, self._weighed = "", False
-        status = levels.solve(self._hope, self.budget)
+        status = levels.concluded(code, self.budget)
         if not status.ok:
-            self._hope = levels.began
+            self.staged.hope(levels.began)
             return self._weigh(status)
         ended = levels.ended
-        self._hope = self.staged.conclude()
         self._said = report = levels.report()
         self.iterations = levels.iterations
-        self.certificate = report.certificate
+        self.proof = report.certificate
         if ended < last:
             self.staged.settle(ended + 1)
-        if self._leave is not None and not self.certificate.primal <= TOLERANCE:
+        primal, distance = levels.worst
+        if self._leave is not None and not primal <= TOLERANCE:
             return self._weigh(Status.INACCURATE)  # bounds are not met: that is no answer
         if ended < last:
             self.shortfall, self.certificate = NOT_OPTIMISED, self.certificate._replace(distance=np.inf)
             return Status.MAX_ITERATIONS
-        return Status.SOLVED if self.certificate.ok else Status.INACCURATE
+        return Status.SOLVED if primal <= TOLERANCE and distance <= DISTANCE * TOLERANCE else Status.INACCURATE
 
     @np.errstate(all="ignore")
     def _weigh(self, status: Status) -> Status:
@@ -93,7 +99,7 @@ class LexicographicSolver(RowSolver):
         if self._leave is None:  # no level was decided, so that there is no answer that could be inaccurate
             return Status.FAILED if status is Status.INACCURATE else status
         status = self._leave.solve()
-        self.certificate, self.iterations = self._leave.certificate, self._leave.iterations
+        self.proof, self.iterations = self._leave.proof, self._leave.iterations
         self.shortfall = WEIGHTED if status.ok else ""
         return Status.MAX_ITERATIONS if status.ok else status
 

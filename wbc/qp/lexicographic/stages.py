@@ -23,7 +23,7 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.qp.lexicographic.compiled.stage import conclude, fill
+from wbc.qp.lexicographic.compiled.stage import FIRST, HOPE
 from wbc.qp.lexicographic.parts import Part, Stage
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, Wish
@@ -32,10 +32,11 @@ from wbc.types import Vec
 
 @final
 class StagedProblem:
-    """A row problem whose rows stand in order of rank; ``fill`` brings it up to date with its source.
+    """A row problem whose rows stand in order of rank; compiled code brings it up to date with its source.
 
     ``problem`` is the last stage's: all stages above are equations of it. ``rows[k]`` is where stage k stands in its G,
-    ``parts[k]`` where each task stands within that. ``ranks`` is the address of the memory of the levels.
+    ``parts[k]`` where each task stands within that. ``links`` leads to the memory of the levels and of the core;
+    ``address`` is that of all this (:mod:`wbc.qp.lexicographic.compiled.stage`).
     """
 
     def __init__(self, source: RowProblem, stages: Sequence[Stage]) -> None:
@@ -52,6 +53,7 @@ class StagedProblem:
             n_law=sum(sizes[:-1]) + source.n_law, rows=self._names([last, *reversed(upper)]),
             regularisation=source.regularisation,
         )  # fmt: skip
+        p.units = source.units
         stops = p.law.start + np.cumsum([0, *sizes[-2::-1]])
         self.rows = [*[slice(a, b) for a, b in pairwise(stops.tolist())][::-1], p.soft]
         #: Rows of each task within its stage.
@@ -61,7 +63,6 @@ class StagedProblem:
         for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
             mine[p.n + 1 : start[1]] = side[source.n + 1 : start[0]]
         self._place(every, scaled)
-        self._version = -1
 
     def _names(self, stages: Sequence[Stage]) -> list[Row]:
         source = self.source
@@ -111,16 +112,17 @@ class StagedProblem:
                     assert wish.unknowns is not None
                     wanted = _address(wish.wanted) + 8 * np.arange(wish.dim)
                     pulls += zip(range(at.start, at.stop), range(source.n)[wish.unknowns], wanted.tolist(), strict=True)
-        self.ranks, self._unit = np.zeros(1, dtype=np.int64), np.ones(1)
+        self.links = np.zeros(4, dtype=np.int64)
         sizes = [
             p.n, p.n_y, p.n_rows, p.n_soft, p.soft.start, source.n, source.n_y, source.n_rows, len(pulls), len(divided)
         ]  # fmt: skip
         self._memory = Memory(
             p.G, p.value, p.lower, p.upper, p.metric, p.centre, p.scale, p.weights, source.G, source.value,
             source.lower, source.upper, source.metric, source.centre, source.scale, row_of, weight,
-            np.array(pulls, dtype=np.int64).reshape(-1, 3), divided, self.ranks, self._unit,
+            np.array(pulls, dtype=np.int64).reshape(-1, 3), divided, self.links, p.units,
             np.array(sizes, dtype=np.int64),
         )  # fmt: skip
+        self.address = self._memory.address
         self._asked = [part.wish for stage in stages for part in stage]  # whose memory is read
 
     def _last_wishes(self, last: Stage) -> list[Wish]:
@@ -133,17 +135,14 @@ class StagedProblem:
         pulling = [part.wish for part in self.stages[-1] if part.kind != "share" and part.wish.rows is None]
         return found + pulling
 
-    def fill(self) -> int:
-        """Take over rows, bounds, weights, metric and centre as they are; the first damped stage, or the last."""
-        if self.source.version != self._version:
-            self._version = self.source.version
-            self.problem.unit = self._unit[0] = self.source.unit
-            self.problem.version += 1
-        return fill(self._memory.address)
+    @property
+    def first(self) -> int:
+        """The stage that was tried first in the last tick: all above it were hoped to be met."""
+        return self.links.item(FIRST)
 
-    def conclude(self) -> int:
-        """Write the answer where the source keeps its own, and what is left of each stage; the first not met."""
-        return conclude(self._memory.address)
+    def hope(self, first: int) -> None:
+        """Hope that all stages above this one are met in the next tick."""
+        self.links[HOPE] = first
 
     @np.errstate(all="ignore")
     def settle(self, k: int) -> None:
@@ -155,8 +154,6 @@ class StagedProblem:
             left[:] = 0.0
         p.centre[:] = p.x[p.n_u :]
         p.weights[:] = 0.0
-        p.version += 1
-        self._version = -1
 
 
 def _address(array: Vec) -> int:

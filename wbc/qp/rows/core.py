@@ -11,13 +11,13 @@ from typing import final
 
 import numpy as np
 
-from wbc.compiled import Memory
+from wbc.compiled import Memory, place_of
 from wbc.qp.certificate import Certificate
-from wbc.qp.rows.compiled.search import decide, guess
+from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.verify import judge
-from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, ROWS, SOLVED, UNDECIDED, VARIABLES
+from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, ROWS, SOLVED, VARIABLES
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.proof import Bounds, owners_of
+from wbc.qp.rows.proof import NUMBERS, Proof, owners_of
 from wbc.qp.rows.solver import RowSolver
 from wbc.types import Index, Status, Vec
 
@@ -48,20 +48,21 @@ class CoreSolver(RowSolver):
         most = p.n_soft + p.n_u + min(items, p.n_y + p.n_law) + 1
         form = ROWS if self.form == "rows" else VARIABLES
         self._sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_law, form, 0, 0, 0], dtype=np.int64)
-        self._proof, self._numbers = np.zeros(7), np.array([p.unit, p.regularisation, 0.0, 0.0])
+        self._report, numbers = np.zeros(NUMBERS + p.n_soft + p.n_y), np.array([1.0, p.regularisation, 0.0, 0.0])
+        proof, reach = np.split(self._report, (NUMBERS,))
         self._side, self._best, self._wrong = np.zeros(items), np.zeros(items), np.zeros(items)
         floats = [np.zeros(p.n_y) for _ in range(3)] + [np.zeros(p.n_y + 1)] + [np.zeros(most) for _ in range(4)]
         shapes = (
             p.n_u, (p.n_u, p.n_u), (p.n_u, p.n_y + 1), (p.n_y, p.n_y), (most, p.n_y + 1), (most, p.n_y), (most, most),
         )  # fmt: skip
-        weighed, self._reach = p.n_soft + p.n_u, np.zeros(p.n_soft + p.n_y)
+        weighed = p.n_soft + p.n_u
         self._memory = Memory(
             p.G, p.value, p.lower, p.upper, p.metric, p.centre, p.scale, p.weights, np.zeros(weighed),
-            np.zeros(weighed), self._reach, self.push, self.z, self.left, self._proof, self._numbers, self._sizes,
-            self._side, self._best,
-            self._wrong, np.zeros(most, dtype=np.int64), *floats, *(np.zeros(shape) for shape in shapes),
+            np.zeros(weighed), reach, self.push, self.z, self.left, proof, numbers, self._sizes, self._side, self._best,
+            self._wrong, np.zeros(most, dtype=np.int64), *floats, *(np.zeros(shape) for shape in shapes), p.units,
         )  # fmt: skip
         self.address = self._memory.address
+        self.kernel = place_of(answer), self.address
         # Where each item stands in ``value``.
         first = p.first_row
         self.places = np.concatenate([
@@ -69,20 +70,16 @@ class CoreSolver(RowSolver):
             np.arange(first + p.law.start, first + p.law.stop),
         ]).astype(np.intp)  # fmt: skip
         self._bounded = p.n_y + p.n_range
-        # What certificates are told of ``reach``: they may be read when it has changed.
-        self._told, self._version = self._reach, -1
 
     def solve(self) -> Status:
-        if self.problem.version != self._version:
-            self._numbers[0] = self.problem.unit
-        code = guess(self.address)
-        if code == UNDECIDED:
-            code = decide(self.address)
+        return self.concluded(answer(self.address))
+
+    def concluded(self, code: int) -> Status:
         guesses, steps = self.work
         self.iterations = guesses + steps
         self.counts.add(guesses, steps)
         if code in {SOLVED, INACCURATE}:
-            self.certificate = self._told_of()
+            self.proof = Proof(self._report.copy(), self._owners)
             return Status.SOLVED if code == SOLVED else Status.INACCURATE
         self.reset()
         self.certificate = Certificate.none()
@@ -111,8 +108,8 @@ class CoreSolver(RowSolver):
 
         ``push`` (n_rows,) holds the pushes of range rows, tasks and laws.
         """
-        self.push[:], self._numbers[0] = push, self.problem.unit
-        return self._told_of() if judge(self.address) else Certificate.none()
+        self.push[:] = push
+        return Proof(self._report.copy(), self._owners)() if judge(self.address) else Certificate.none()
 
     def sharpened(self) -> Vec:
         """The pushes certified last, those of the tasks changed so that the bound is the least.
@@ -130,14 +127,6 @@ class CoreSolver(RowSolver):
         K.flat[:: len(K) + 1] += np.maximum(compliance, 1e-300)
         push[p.soft] += np.linalg.lstsq(K, rho - shifted @ self.left, rcond=None)[0]
         return push
-
-    def _told_of(self) -> Certificate:
-        """The certificate that the kernel found."""
-        if self.problem.version != self._version:
-            self._told, self._version = self._reach.copy(), self.problem.version
-        primal, dual, gap, scale_dual, scale_gap, distance, spread = self._proof.tolist()
-        bounds = Bounds(spread, self._told, self._owners)
-        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, bounds)
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         p, push = self.problem, self.problem.unit * self.push

@@ -81,7 +81,6 @@ class DenseSteps:
         np.multiply(rows, self._share[:, None], out=p.G[:, :n])
         if rank < n or self._curved < n:
             p.metric[:rank] = 1.0
-            p.version += 1
         self._curved, self._proximal = int(rank), _PROXIMAL
 
     def step(self, qp: QP, at: Vec) -> Answer:
@@ -91,7 +90,6 @@ class DenseSteps:
         p.centre[:] = (qp.H.dot(at) + qp.g).dot(self._T)
         if self.has_flat:
             p.metric[self._curved :] = self._proximal
-            p.version += 1
             self._proximal *= _LONGER
             p.centre /= p.metric
         p.centre /= -cost

@@ -67,12 +67,20 @@ class RowProblem:
         self.metric = np.ones(n_y)  #: D, in units of ``unit``: the cost is divided by it
         self.centre = np.zeros(n_y)
         self.weights = np.ones(n_soft)
-        self.unit = 1.0
+        #: The unit of the cost (1,), for compiled code.
+        self.units = np.ones(1)
         self.scale = np.ones(n)
-        #: Counts changes of metric, weights or unit, so that a solver knows when to read them again.
-        self.version = 0
         #: What the soft rows, the metric and the centre are made of, level by level; set by whoever writes them.
         self.levels: Sequence[Sequence[Wish]] = ()
+
+    @property
+    def unit(self) -> float:
+        """What the cost is divided by."""
+        return self.units.item()
+
+    @unit.setter
+    def unit(self, value: float) -> None:
+        self.units[0] = value
 
     # ---- named parts of the items
     def item(self, row: int) -> int:

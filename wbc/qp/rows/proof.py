@@ -1,12 +1,31 @@
-"""How far each task can be from its optimum, from the certificate of a row problem."""
+"""The certificate of a row problem, from the numbers that compiled code finds, and how far each task can be off."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import final
 
+from wbc.qp.certificate import Certificate
 from wbc.qp.rows.problem import RowProblem
 from wbc.types import Vec
+
+#: Primal, dual, gap, the scales of these two, distance and spread stand before what a unit of spread is of each row.
+NUMBERS = 7
+
+
+@final
+class Proof:
+    """Says what ``numbers`` prove: a copy of what :mod:`wbc.qp.rows.compiled.verify` wrote."""
+
+    __slots__ = ("_numbers", "_owners")
+
+    def __init__(self, numbers: Vec, owners: Mapping[str, list[int]]) -> None:
+        self._numbers, self._owners = numbers, owners
+
+    def __call__(self) -> Certificate:
+        primal, dual, gap, scale_dual, scale_gap, distance, spread = self._numbers[:NUMBERS].tolist()
+        bounds = Bounds(spread, self._numbers[NUMBERS:], self._owners)
+        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, bounds)
 
 
 @final

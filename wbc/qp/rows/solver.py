@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -23,6 +24,9 @@ class RowSolver(ABC):
     form: str
     #: Whether ``solve`` is compiled code and nothing else that computes.
     is_compiled = False
+    #: Place and argument of the compiled code that ``solve`` begins with, whose answer ``concluded`` is told; place 0:
+    #: no other compiled code can call it.
+    kernel = 0, 0
     #: Why an answer that meets all constraints is not what was asked: "not optimised", "weighted fallback"; or nothing.
     shortfall = ""
 
@@ -30,7 +34,17 @@ class RowSolver(ABC):
         self.problem = problem
         self.counts = Counts()
         self.iterations = 0
-        self.certificate = Certificate(float("nan"), float("nan"), float("nan"))
+        #: Says what is proven of the last answer, also later.
+        self.proof: Callable[[], Certificate] = partial(Certificate, float("nan"), float("nan"), float("nan"))
+
+    @property
+    def certificate(self) -> Certificate:
+        """What is proven of the last answer."""
+        return self.proof()
+
+    @certificate.setter
+    def certificate(self, known: Certificate) -> None:
+        self.proof = lambda: known
 
     @property
     def report(self) -> Callable[[], tuple[Outcome, ...]]:
@@ -45,6 +59,10 @@ class RowSolver(ABC):
     @abstractmethod
     def solve(self) -> Status:
         """Solve what the problem's memory says now."""
+
+    def concluded(self, code: int) -> Status:
+        """What the answer of the ``kernel`` means, once it was called."""
+        raise AssertionError(f"{type(self).__name__} has no kernel that says {code}")
 
     @abstractmethod
     def multipliers(self) -> tuple[Vec, Vec, Vec]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import carray, entry, floats, integers, kernel
+from wbc.compiled import carray, floats, integers, kernel, part
 from wbc.types import Vec
 
-#: What :func:`observe` found: nothing to do, another damping, or a number that is not finite.
-UNCHANGED, CHANGED, SPOILT = 0, 1, 2
+#: What :func:`observe` found: nothing to do, or another damping.
+UNCHANGED, CHANGED = 0, 1
 #: The Jacobian may grow by this factor before a residual that needed no damping is looked at again.
 _GROWTH = 2.0
 #: What counts as a small angle: a residual over the lever of a joint.
@@ -23,9 +23,9 @@ def _asked(factor: float, square: float, lever: Vec, out: Vec) -> None:
         out[j] = s * s * lever[j] / (s + _WELL * lever[j]) if lever[j] > 0.0 else 0.0
 
 
-@entry
+@part
 def observe(at: int) -> int:
-    """Read what the last answer left of each task; the damping that it needs."""
+    """Read what the last answer left of each task; the damping that it needs: none where a number is not finite."""
     m = carray(integers(at), 17)
     sizes = carray(integers(m[0]), 5)
     tasks, rows, nj, width, column = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
@@ -71,7 +71,10 @@ def observe(at: int) -> int:
             rate[j] += asked[t, j] * damps / (first[t + 1] - first[t])
             finite = finite and abs(needed[j]) < inf
     if not finite:
-        return SPOILT
+        for j in range(nj):
+            applied[j] = 0.0
+        numbers[2] = numbers[3] = 0.0
+        return CHANGED if was_on else UNCHANGED
     is_on, share = False, 1.0
     for j in range(nj):
         applied[j] = max(needed[j] - base[j], 0.0)
@@ -86,8 +89,8 @@ def observe(at: int) -> int:
     return CHANGED if is_on or was_on else UNCHANGED
 
 
-@entry
-def share(at: int) -> int:
+@part
+def share(at: int) -> None:
     """The metric of the joints, and what part of it each task on them has; of the damping, what it makes of −v.
 
     At ``at``: sizes (tasks on joints, nj), unit of the cost, weights of the tasks (tasks, nj), base, applied, rate,
@@ -105,4 +108,9 @@ def share(at: int) -> int:
             shares[k, j] = weights[k, j] / whole
         shares[tasks, j] = applied[j] * rate[j] / whole
         metric[j] = whole / unit
-    return 0
+
+
+@part
+def is_damped(at: int) -> bool:
+    """Whether any joint was damped by what :func:`observe` found last at ``at``."""
+    return bool(carray(floats(carray(integers(at), 3)[2]), 4)[3] != 0.0)

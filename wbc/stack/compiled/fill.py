@@ -9,7 +9,6 @@ import numpy as np
 
 from wbc.compiled import Memory
 from wbc.models.pinocchio_state import JointMemory, PinocchioState
-from wbc.stack.compiled.fill_kernel import fill
 from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
 from wbc.stack.contact import Contact
 from wbc.stack.filled import Filled
@@ -102,6 +101,8 @@ class CompiledFill:
             motion.rate, motion.own_ed, writes_ed, motion.wanted, plan.shares, p.centre, v, *of_dynamics, *bounds,
             q_joints, self._references, self._now, *items.arrays(), *intervals,
         )  # fmt: skip
+        #: For the kernel that fills.
+        self.address = self._memory.address
 
     @property
     def is_compiled(self) -> bool:
@@ -109,7 +110,7 @@ class CompiledFill:
         return not self._calls
 
     def __call__(self) -> None:
-        """Write for what the state is now."""
+        """Write for what the state is now whatever is not compiled, and what the kernel reads."""
         state = self.state
         t = state.t
         if self._calls:
@@ -136,7 +137,6 @@ class CompiledFill:
             self._inertia = more = self._applied.inertia
             self._sizes[13] = more is not None
             self._more_inertia[:] = 0.0 if more is None else more
-        fill(self._memory.address)
 
     def _called(self, call: Callable[..., None], name: str, out: tuple[Any, ...]) -> bool:
         """Whether a member wrote its rows; one that raises is told of."""

@@ -1,17 +1,18 @@
-"""Everything a plan writes for its solver: rows of frames, gains, centre, dynamics, bounds of joints."""
+"""A tick in one call: what a plan writes for its solver, whether all of it are numbers, and the solver's answer."""
 
 from __future__ import annotations
 
 from math import inf
 
-from wbc.compiled import carray, entry, floats, integers
+from wbc.compiled import call_at, carray, entry, floats, integers, part
+from wbc.stack.compiled.damping_kernel import CHANGED, UNCHANGED, is_damped, observe, share
 from wbc.stack.compiled.interval_kernel import joint_bounds
 from wbc.stack.compiled.reference_kernel import refer
 from wbc.stack.compiled.rows_kernel import fill_rows
 
 
-@entry
-def fill(at: int) -> int:
+@part
+def fill(at: int) -> None:
     """What tasks that are followed, the gains of :class:`~wbc.stack.motion.MotionRows` and the plan itself write.
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
@@ -86,14 +87,13 @@ def fill(at: int) -> int:
         dt = carray(floats(memory[20]), 1)[0]
         lower, upper = carray(floats(memory[21]), nj), carray(floats(memory[22]), nj)
         joint_bounds(memory[35:], nj, order, dt, q, v[nb:], lower, upper)
-    return 0
 
 
 #: What :func:`spoilt` finds.
 ROW_SPOILT, BOUND_SPOILT = 1, 2
 
 
-@entry
+@part
 def spoilt(at: int) -> int:
     """Whether the rows, or what is wanted of the joints, are not finite; and whether a bound is NaN.
 
@@ -113,3 +113,38 @@ def spoilt(at: int) -> int:
         if not (lower[i] <= inf and upper[i] <= inf):
             found |= BOUND_SPOILT
     return found
+
+
+#: The stages of a tick, to be asked for one by one or together; and that a level is damped, which slows those below it.
+OBSERVE, FILL, LOOK, ANSWER, SLOW = 1, 2, 4, 8, 16
+#: What :func:`tick` reads: the stages that are asked for; addresses of what ``fill`` reads, of the dampings, how many
+#: there are, of what ``share`` and ``spoilt`` read; place and argument of the solver's code. What it writes: the stages
+#: that are left, since what comes before them is not compiled, and what ``spoilt`` found.
+ASKED, FILLS, DAMPINGS, N_DAMPINGS, SHARES, LOOKS, PLACE, SOLVER, LEFT, SPOILT, NUMBER = range(11)
+
+
+@entry
+def tick(at: int) -> int:
+    """The stages of a tick that are asked for; the answer of the solver's code, where it was called."""
+    m = carray(integers(at), NUMBER)
+    asked = m[ASKED]
+    m[LEFT] = 0
+    if asked & OBSERVE:
+        dampings = carray(integers(m[DAMPINGS]), m[N_DAMPINGS])
+        found, slows = UNCHANGED, False
+        for i in range(len(dampings)):
+            found = observe(dampings[i])
+            slows = slows or (i < len(dampings) - 1 and is_damped(dampings[i]))
+        if found == CHANGED:
+            share(m[SHARES])
+        if slows:
+            m[LEFT] = asked & ~OBSERVE | SLOW
+            return 0
+    if asked & FILL:
+        fill(m[FILLS])
+    if asked & LOOK:
+        m[SPOILT] = spoilt(m[LOOKS])
+        if m[SPOILT]:
+            m[LEFT] = asked & ANSWER
+            return 0
+    return int(call_at(m[PLACE], m[SOLVER])) if asked & ANSWER else 0

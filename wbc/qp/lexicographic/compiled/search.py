@@ -31,13 +31,12 @@ from wbc.qp.lexicographic.compiled.space import (
     space,
 )  # fmt: skip
 from wbc.qp.rows.compiled.linear import dot
-from wbc.qp.rows.compiled.search import decide, guess
+from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.work import (
     FAILED,
     INACCURATE,
     INFEASIBLE,
     SOLVED,
-    UNDECIDED,
     VARIABLES,
     Work,
     place_of,
@@ -143,10 +142,7 @@ def find(at: int, heavy: float) -> int:
         q.G[m + i, d] = w.a[i]
         q.lower[d + 1 + m + i] = q.upper[d + 1 + m + i] = 0.0
         q.given[i] = weight
-    q.numbers[0], q.numbers[1] = 1.0, 0.0
-    code = guess(w.sizes[FINDER])
-    if code == UNDECIDED:
-        code = decide(w.sizes[FINDER])
+    code = answer(w.sizes[FINDER])
     w.sizes[STEPS] += q.sizes[7] + q.sizes[8]
     w.sizes[FINDS] += 1
     if code == INACCURATE and q.proof[0] <= _MISSED:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
+from wbc.compiled import carray, floats, integers, kernel, part, small_kernel
 from wbc.qp.lexicographic.compiled.rank import BEGAN, ENDED, IS_LEAST, IS_MET, LEVELS, NOT_DECIDED, QPS, WORK, ranking
+from wbc.qp.rows.compiled.search import answer
+from wbc.qp.rows.compiled.work import SOLVED
 from wbc.types import Index, Mat, Vec
 
 #: A task smaller than this is met by any part of it, but its share still has a place among the others.
@@ -35,13 +37,20 @@ class Stages(NamedTuple):
     weight: Index  # (r): address of the weight of each row, 0 where it is 1
     pulls: Index  # (p, 3): rows about one unknown: row, unknown, address of what is wanted there
     parts: Index  # (s, 7): see below
-    ranks: Index  # address of the memory of the levels
+    links: Index  # (4): see below
     unit: Vec  # (1)
 
 
 #: What is done in part: its first row of direction, or −1, how many there are, the unknown that says what is given up,
 #: addresses of what is wanted, drift and weights, and the row of its share, or −1.
 _ROW, _DIM, _UNKNOWN, _WANTED, _DRIFT, _WEIGHTS, _SHARE = range(7)
+
+
+#: Addresses of the memory of the levels and of the core; the level that is hoped to be the first that is not met, and
+#: the one that was tried first.
+LEVELS_AT, CORE_AT, HOPE, FIRST = range(4)
+#: What :func:`hoped` says where levels have to be decided one by one.
+RANKED = -1
 
 
 @small_kernel
@@ -58,7 +67,7 @@ def stages(at: int) -> Stages:
         carray(floats(a[10]), source_v), carray(floats(a[11]), source_v), carray(floats(a[12]), source_y),
         carray(floats(a[13]), source_y), carray(floats(a[14]), source_n), carray(integers(a[15]), rows),
         carray(integers(a[16]), rows), carray(integers(a[17]), (z[8], 3)), carray(integers(a[18]), (z[9], 7)),
-        carray(integers(a[19]), 1), carray(floats(a[20]), 1),
+        carray(integers(a[19]), 4), carray(floats(a[20]), 1),
     )  # fmt: skip
 
 
@@ -85,7 +94,7 @@ def divide(s: Stages, i: int) -> None:
 @kernel
 def weigh(s: Stages) -> int:
     """Weights of the rows of each level, over the largest; the first that is damped, or the last."""
-    r = ranking(s.ranks[0])
+    r = ranking(s.links[LEVELS_AT])
     last = r.work[LEVELS] - 1
     damped = r.work[BEGAN] = r.work[ENDED] = last
     for i in range(QPS, WORK + 1):
@@ -107,7 +116,7 @@ def weigh(s: Stages) -> int:
     return int(damped)
 
 
-@entry
+@part
 def fill(at: int) -> int:
     """Rows, bounds, weights, metric and centre as they are in the source now; the first stage that is damped."""
     s = stages(at)
@@ -146,14 +155,14 @@ def fill(at: int) -> int:
     return weigh(s)
 
 
-@entry
-def conclude(at: int) -> int:
+@part
+def conclude(at: int) -> None:
     """Write the answer where the source keeps its own, and what is left of the levels that were not decided alone.
 
-    The first level that was not met.
+    The first level that was not met is hoped to be the next tick's.
     """
     s = stages(at)
-    r = ranking(s.ranks[0])
+    r = ranking(s.links[LEVELS_AT])
     n, few = len(s.scale), len(s.source_scale)
     for c in range(few):
         s.source_value[c] = s.value[c]
@@ -190,4 +199,22 @@ def conclude(at: int) -> int:
     hope = r.work[BEGAN]
     while hope < min(r.work[ENDED] + 1, last) and r.found[hope, 0] == IS_MET:
         hope += 1
-    return int(hope)
+    s.links[HOPE] = hope
+
+
+@part
+def hoped(at: int) -> int:
+    """The core's answer for all levels but the last as equations, concluded if it is certified.
+
+    RANKED: in the last tick a level above was not met, or one is damped now, and that one has to be decided by itself.
+    """
+    last = ranking(stages(at).links[LEVELS_AT]).work[LEVELS] - 1
+    damped = fill(at)
+    links = stages(at).links
+    links[FIRST] = min(links[HOPE], damped)
+    if links[FIRST] < last:
+        return RANKED
+    code = answer(links[CORE_AT])
+    if code == SOLVED:
+        conclude(at)
+    return code

@@ -2,8 +2,7 @@
 
 From one tick of a controller to the next the working set rarely changes, so the last one is nearly always right and a
 solve is one factorisation. While the number of wrong items falls, all are exchanged at once (block principal pivoting);
-after a few guesses the finite method starts from the best of them. The two are called apart, so that each is compiled
-on its own. The certificate is the only judge of an answer.
+after a few guesses the finite method starts from the best of them. The certificate is the only judge of an answer.
 
 Júdice, Pires: A block principal pivoting algorithm for large-scale strictly monotone linear complementarity problems,
 Computers & Operations Research 21(5), 1994.
@@ -13,11 +12,11 @@ from __future__ import annotations
 
 from math import inf
 
-from wbc.compiled import entry, part, small_kernel
+from wbc.compiled import part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
 from wbc.qp.rows.compiled.verify import certified, exchange, verify, weigh
-from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, UNDECIDED, Work, place_of, views
+from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, Work, place_of, views
 
 #: Working sets that are guessed before the finite method is asked.
 _GUESSES = 5
@@ -113,27 +112,27 @@ def search(at: int) -> bool:
     return False
 
 
-@entry
-def guess(at: int) -> int:
-    """The answer in ``value``, its working set in ``side``, its multipliers in ``push`` and ``z``, and ``proof``.
-
-    UNDECIDED: guesses led nowhere, and the finite method decides, from the best of them.
-    """
-    if not prepare(at):
-        return FAILED
-    return SOLVED if search(at) else UNDECIDED
-
-
-@entry
+@part
 def decide(at: int) -> int:
-    """The same by the finite method, which also finds the proof that there is no answer."""
-    answer = finite(at)
+    """The answer by the finite method, which also finds the proof that there is none."""
+    found = finite(at)
     s = views(at)
-    if answer == SOLVED:
+    if found == SOLVED:
         step(at, False)
         evaluate(at)
         refined(at, verify(at))
         if certified(s):
             return SOLVED
         return INACCURATE
-    return answer
+    return found
+
+
+@part
+def answer(at: int) -> int:
+    """The answer in ``value``, its working set in ``side``, its multipliers in ``push`` and ``z``, and ``proof``.
+
+    Where guesses lead nowhere the finite method decides, from the best of them.
+    """
+    if not prepare(at):
+        return FAILED
+    return SOLVED if search(at) else decide(at)

@@ -47,7 +47,8 @@ _WORTHLESS = 1e-3
 @small_kernel
 def weigh(s: Work) -> bool:
     """Weights over the unit, what they are the inverse of, and what a unit of distance is. False: no weights at all."""
-    nu, ny, ns, unit = s.sizes[0], s.sizes[1], s.sizes[3], s.numbers[0]
+    nu, ny, ns, unit = s.sizes[0], s.sizes[1], s.sizes[3], s.unit[0]
+    s.numbers[0] = unit
     for k in range(ns + nu):
         given = s.given[k] if k < ns else s.numbers[1]
         if not 0.0 <= given < inf:

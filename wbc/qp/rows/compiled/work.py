@@ -14,7 +14,7 @@ from wbc.types import Index, Mat, Vec
 #: What K and F are made of; see :mod:`wbc.qp.rows.compiled.equality`.
 ROWS, VARIABLES = 0, 1
 #: How a search ends.
-SOLVED, INFEASIBLE, FAILED, UNDECIDED, INACCURATE = 0, 1, 2, 3, 4
+SOLVED, INFEASIBLE, FAILED, INACCURATE = 0, 1, 2, 3
 
 
 class Work(NamedTuple):
@@ -59,12 +59,13 @@ class Work(NamedTuple):
     E: Mat  # (k, n_y + 1): soft rows, X, then held ones, in y
     F: Mat  # (k, n_y): E M^−½
     K: Mat  # (k, k): Cholesky factor of F Fᵀ + C
+    unit: Vec  # (1): what the cost is divided by
 
 
 @small_kernel
 def views(at: int) -> Work:
     """The arrays whose addresses are at ``at``, in the order of :class:`Work`."""
-    m = carray(integers(at), 36)
+    m = carray(integers(at), 37)
     s = carray(integers(m[16]), 9)
     nu, ny, nr, ns, nl = s[0], s[1], s[2], s[3], s[4]
     n, rows, items = nu + ny, nu + nr + ns + nl, ny + nr + nl
@@ -81,7 +82,7 @@ def views(at: int) -> Work:
         carray(floats(m[24]), ny + 1), carray(floats(m[25]), k), carray(floats(m[26]), k), carray(floats(m[27]), k),
         carray(floats(m[28]), k), carray(floats(m[29]), nu), carray(floats(m[30]), (nu, nu)),
         carray(floats(m[31]), (nu, ny + 1)), carray(floats(m[32]), (ny, ny)), carray(floats(m[33]), (k, ny + 1)),
-        carray(floats(m[34]), (k, ny)), carray(floats(m[35]), (k, k)),
+        carray(floats(m[34]), (k, ny)), carray(floats(m[35]), (k, k)), carray(floats(m[36]), 1),
     )  # fmt: skip
 
 
