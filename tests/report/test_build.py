@@ -17,7 +17,8 @@ from .conftest import reaching_run, result_of, standing_run
 def test_the_sections_stand_in_the_order_in_which_they_are_read(report: Report):
     assert [section.title for section in report.sections] == [
         "Verdict", "Motion", "Tracking", "Torques against limits", "Joint velocities and positions",
-        "Contact forces in their cones", "Centre of mass", "Tick time", "Solver", "Settings", "Limits of this run",
+        "Smoothness", "Contact forces in their cones", "Centre of mass", "Tick time", "Solver", "Settings",
+        "Limits of this run",
     ]  # fmt: skip
 
 
@@ -37,7 +38,8 @@ def test_a_kinematic_run_has_no_torques_contacts_or_centre_of_mass(reaching: Sce
         section.title for make in SECTIONS if make.__module__.split(".")[-1] != "motion" if (section := make(reaching))
     }
     assert shown == {
-        "Verdict", "Tracking", "Joint velocities and positions", "Tick time", "Solver", "Settings", "Limits of this run"
+        "Verdict", "Tracking", "Joint velocities and positions", "Smoothness", "Tick time", "Solver", "Settings",
+        "Limits of this run",
     }  # fmt: skip
 
 
