@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import Any, Self, final
 
 import numpy as np
-import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import Followed, KernelRows
 from wbc.stack.target import Target
-from wbc.stack.task import Task, TaskRows
-from wbc.stack.tracking import Tracking, pose_target, rotation_error, wrench_target
+from wbc.stack.tracking import Tracking, pose_target, wrench_target
 
 from .motions import pose_motion, swing
 from .trajectories import Sinusoid
 
 
 @final
-class Admittance(Tracking, Task):
+class Admittance(Tracking, KernelTask):
     """M (ẍ − ẍ_target) = K e + D ė + F for the measured wrench F; six rows, position then orientation, world axes.
 
     Acceleration level: that equation, kp = K / M, kd = D / M. Velocity level: the same without inertia,
@@ -79,18 +79,13 @@ class Admittance(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
-        wrench = self._reading.at(state.t).value
-        rotation, position = target.value
-        moved = self._compliance * wrench
-        out.e[:3] = position + moved[:3] - frame.position
-        out.e[3:] = rotation_error(np.dot(pinocchio.exp3(moved[3:]), rotation), frame.rotation)
-        out.e[:] *= self._held
-        out.J[:], out.drift[:] = frame.jacobian(), frame.drift()
-        np.multiply(self._mobility, wrench, out.rate_ref)
-        out.rate_ref[:] += target.rate
-        out.acc_ref[:] = target.second
+    def _read(self, t: float) -> Target:
+        return self._reading.at(t)
+
+    def kernel_rows(self) -> KernelRows:
+        numbers = [*self._held, *self._compliance, *self._mobility]
+        wrench = Followed(self._read, lambda: self.wrench)
+        return KernelRows.tracking(self, "frame.admittance", self.frame, numbers=numbers, also=(wrench,))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

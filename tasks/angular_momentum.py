@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import MOMENTUM, KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class AngularMomentum(Tracking, Task):
+class AngularMomentum(Tracking, KernelTask):
     """k = A_k v [kg m²/s], about the centre of mass: three rows, world axes.
 
     Velocity level: k = k_target. Acceleration level: k̇ = k̇_target + kd (k_target − k), kd [1/s]. There is no angle
@@ -38,12 +39,8 @@ class AngularMomentum(Tracking, Task):
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
         self.target = target
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target = self.reference(state.t)
-        out.e[:] = 0.0
-        out.J[:] = state.centroidal_map[3:]
-        out.drift[:] = state.centroidal_drift[3:]
-        out.rate_ref[:], out.acc_ref[:] = target.value, target.rate
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "whole.momentum", MOMENTUM, numbers=[3, 1.0])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

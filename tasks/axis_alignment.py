@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.tracking import Tracking
 
-from .directions import direction_target, sight, unit_axis, unit_motion, view_axes
+from .directions import direction_target, unit_axis, view_axes
 from .trajectories import Sinusoid
 
 
 @final
-class AxisAlignment(Tracking, Task):
+class AxisAlignment(Tracking, KernelTask):
     """e = the two angles [rad] at which the direction d lies beside ``axis``, as seen from the frame: two rows.
 
     With u = (b₁, b₂, a)ᵀ Rᵀ d, a the axis and b₁, b₂ across it: e = (θ / sin θ) (u₁, u₂), θ the angle between, |e| = θ.
@@ -49,14 +48,9 @@ class AxisAlignment(Tracking, Task):
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
-        self._still = np.zeros((3, model.nv))
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target = self.reference(state.t)
-        direction = unit_motion(target.value, target.rate, target.second, 1e-9)
-        seen = sight(state, state.frame(self.frame), self._view, direction=direction, target=direction, J=self._still)
-        out.e[:], out.J[:], out.drift[:] = seen.e, seen.J, seen.drift
-        out.rate_ref[:], out.acc_ref[:] = seen.rate_ref, seen.acc_ref
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "direction.alignment", self.frame, numbers=self._view.ravel())
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

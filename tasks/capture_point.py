@@ -7,16 +7,17 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelLinearTask
+from wbc.stack.kernel_rows import CENTRE, KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class CapturePoint(Tracking, LinearTask):
+class CapturePoint(Tracking, KernelLinearTask):
     """ξ = c + ċ / ω on the map, ω = √(g / height), converges: ξ̇ = ξ̇_target + rate (ξ_target − ξ). Two rows on a:
 
         c̈ = ω (ξ̇_target + rate (ξ_target − ξ) − ċ)
@@ -45,13 +46,11 @@ class CapturePoint(Tracking, LinearTask):
         self.rate = checks.number(f"{self.name}.rate", rate, low=0.0)
         self.target = target
 
-    def fill(self, state: RobotState, out: LinearRows) -> None:
-        target, J = self.reference(state.t), state.com_jacobian[:2]
-        omega = float(np.sqrt(np.linalg.norm(state.model.gravity) / self.height))
-        velocity = np.dot(J, state.v)
-        point = state.com[:2] + velocity / omega
-        out.A[:] = J
-        out.b[:] = omega * (target.rate + self.rate * (target.value - point) - velocity) - state.com_drift[:2]
+    def prepare(self, model: RobotModel) -> None:
+        self._omega = float(np.sqrt(np.linalg.norm(model.gravity) / self.height))
+
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "whole.capture_point", CENTRE, numbers=[self._omega, self.rate])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import MOMENTUM, KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class CentroidalMomentum(Tracking, Task):
+class CentroidalMomentum(Tracking, KernelTask):
     """h = A_G v: six rows, linear momentum [kg m/s], then angular [kg m²/s] about the centre of mass, world axes.
 
     Velocity level: h = h_target. Acceleration level: ḣ = ḣ_target + kd (h_target − h), kd [1/s]; ḣ is the wrench of
@@ -36,12 +37,8 @@ class CentroidalMomentum(Tracking, Task):
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
         self.target = target
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target = self.reference(state.t)
-        out.e[:] = 0.0
-        out.J[:] = state.centroidal_map
-        out.drift[:] = state.centroidal_drift
-        out.rate_ref[:], out.acc_ref[:] = target.value, target.rate
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "whole.momentum", MOMENTUM, numbers=[0, 1.0])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, final
 
-from wbc.models.model import RobotState
 from wbc.stack.joint_task import JointTask
-from wbc.stack.task import TaskRows
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 
 
 @final
-class Damping(JointTask):
+class Damping(JointTask, KernelTask):
     """Velocity level: v_joints = 0. Acceleration level: a_joints = −kd v_joints, kd [1/s]. One row a joint.
 
     ``joints``, weight and gain: by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
@@ -29,5 +29,5 @@ class Damping(JointTask):
     ) -> None:
         super().__init__(joints=joints, kp=0.0, kd=kd, weight=weight, name=name)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        out.e[:] = 0.0
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("joint.still")

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
 from .relative import check_frames
 from .trajectories import Sinusoid
 
-#: Nearer than this [m] two points count as this far apart where one divides by their distance.
-_NEAREST = 1e-3
-
 
 @final
-class Distance(Tracking, Task):
+class Distance(Tracking, KernelTask):
     """e = r_target − r [m], r = |p − p_to|: one row, J = n · (J_p − J_to), n = (p − p_to) / r.
 
     The drift is n · (p̈ − p̈_to) + |(I − n nᵀ)(ṗ − ṗ_to)|² / r. Nearer than 1 mm, where a direction changes at once, r is
@@ -65,23 +61,10 @@ class Distance(Tracking, Task):
         if isinstance(self.to, str):
             check_frames(model, self.name, self.frame, self.to)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
-        J, drift = frame.jacobian()[:3], frame.linear_drift()
+    def kernel_rows(self) -> KernelRows:
         if isinstance(self.to, str):
-            other = state.frame(self.to)
-            x = frame.position - other.position
-            J, drift = J - other.jacobian()[:3], drift - other.linear_drift()
-        else:
-            x = frame.position - self.to
-        r = float(np.sqrt(np.dot(x, x)))
-        n = x / r if r > 0.0 else np.array([1.0, 0.0, 0.0])
-        out.e[:] = target.value - r
-        out.J[0] = np.dot(n, J)
-        rate = np.dot(J, state.v)
-        along = np.dot(n, rate)
-        out.drift[:] = np.dot(n, drift) + (np.dot(rate, rate) - along * along) / max(r, _NEAREST)
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+            return KernelRows.tracking(self, "relative.distance", self.frame, self.to)
+        return KernelRows.tracking(self, "relative.distance", self.frame, numbers=self.to)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

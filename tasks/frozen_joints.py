@@ -9,13 +9,14 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownJoint
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
 from wbc.stack.by_name import all_meant, meant, patterns
-from wbc.stack.task import Task, TaskRows
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 
 
 @final
-class FrozenJoints(Task):
+class FrozenJoints(KernelTask):
     """The joints named do not move: one row each [rad, m]. ``FrozenJoints(…).exactly()`` in ``subject_to`` lets their
     motors hold them, ``FrozenJoints(…).with_reaction()`` in ``contacts`` a brake.
 
@@ -65,9 +66,10 @@ class FrozenJoints(Task):
             for joint, position in self.positions.items():
                 self._positions[meant(self.name, joint, self.labels, UnknownJoint)] = position
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        out.e[:] = 0.0 if self.positions is None else self._positions - state.q_joints[self._index]
-        out.J[:], out.drift[:] = self._J, 0.0
+    def kernel_rows(self) -> KernelRows:
+        if self.positions is None:
+            return KernelRows("joint.still", constant=self._J)
+        return KernelRows.of_joints(self._positions, self._J)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

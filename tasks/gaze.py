@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
-from .directions import sight, unit_axis, unit_motion, view_axes
+from .directions import unit_axis, view_axes
 from .trajectories import Sinusoid
 
 
 @final
-class Gaze(Tracking, Task):
+class Gaze(Tracking, KernelTask):
     """e = the two angles [rad] at which the point x lies beside ``axis``, as seen from the frame's origin: two rows.
 
     The same as :class:`~tasks.axis_alignment.AxisAlignment` with the direction x − p, which changes as the frame moves
@@ -53,15 +52,9 @@ class Gaze(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
-        x, J = target.value - frame.position, frame.jacobian()[:3]
-        alone = unit_motion(x, target.rate, target.second, self.nearest)
-        velocity = target.rate - np.dot(J, state.v)
-        both = unit_motion(x, velocity, target.second - frame.linear_drift(), self.nearest)
-        seen = sight(state, frame, self._view, direction=both, target=alone, J=np.dot(both.by_velocity, -J))
-        out.e[:], out.J[:], out.drift[:] = seen.e, seen.J, seen.drift
-        out.rate_ref[:], out.acc_ref[:] = seen.rate_ref, seen.acc_ref
+    def kernel_rows(self) -> KernelRows:
+        numbers = [*self._view.ravel(), self.nearest]
+        return KernelRows.tracking(self, "direction.gaze", self.frame, numbers=numbers)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

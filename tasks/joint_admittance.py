@@ -9,10 +9,11 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
 from wbc.stack.joint_task import JointTask
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import Followed, KernelRows
 from wbc.stack.target import Target
-from wbc.stack.task import TaskRows
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
 
@@ -20,7 +21,7 @@ from .trajectories import Sinusoid
 
 
 @final
-class JointAdmittance(Tracking, JointTask):
+class JointAdmittance(Tracking, JointTask, KernelTask):
     """M (q̈ − q̈_target) = K (q_target − q) + D (q̇_target − q̇) + τ for measured outer torques τ; one row a joint.
 
     :class:`~tasks.admittance.Admittance` for joints: at the acceleration level that equation, at the velocity level the
@@ -78,11 +79,13 @@ class JointAdmittance(Tracking, JointTask):
         self._as_torques = joints_target(model, model.nj, self._chosen)
         self.target, self.torque = self.target, self.torque
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target, torque = self.reference(state.t), self._reading.at(state.t).value
-        out.e[:] = self._held * (target.value + self._compliance * torque - state.q_joints)
-        out.rate_ref[:] = target.rate + self._mobility * torque
-        out.acc_ref[:] = target.second
+    def _read(self, t: float) -> Target:
+        return self._reading.at(t)
+
+    def kernel_rows(self) -> KernelRows:
+        numbers = [*self._held, *self._compliance, *self._mobility]
+        torque = Followed(self._read, lambda: self.torque)
+        return KernelRows.tracking(self, "joint.admittance", numbers=numbers, also=(torque,))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -9,12 +9,13 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 
 
 @final
-class JointCoupling(Task):
+class JointCoupling(KernelTask):
     """e = offset + Σ ratio_k q_k − q_joint: one row [rad, m].
 
     ``to``: {other joint: ratio}; a ratio has the unit of the joint per unit of the other (a rack and its pinion: m per
@@ -54,12 +55,10 @@ class JointCoupling(Task):
         self._J[0, model.nb + joint] = 1.0
         for other, ratio in self.ratios.items():
             self._J[0, model.nb + model.joint(other)] = -ratio
-        self._joints = self._J[0, model.nb :]
         self.units, self.labels = model.joint_units[joint], (self.joint,)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        out.e[:] = self.offset - np.dot(self._joints, state.q_joints)
-        out.J[:], out.drift[:] = self._J, 0.0
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.of_joints(np.array([self.offset]), self._J)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

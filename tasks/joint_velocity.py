@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Self, final
 
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
 from wbc.stack.joint_task import JointTask
-from wbc.stack.task import TaskRows
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class JointVelocity(Tracking, JointTask):
+class JointVelocity(Tracking, JointTask, KernelTask):
     """Velocity level: v_joints = v_target. Acceleration level: a_joints = v̇_target + kd (v_target − v_joints).
 
     ``target``: joint velocities (nj,), or of the joints named alone, or a velocity (nv,) whose base is not read
@@ -47,10 +48,8 @@ class JointVelocity(Tracking, JointTask):
         self._read_targets(model, model.nv)
         self.target = self.target
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target = self.reference(state.t)
-        out.e[:] = 0.0
-        out.rate_ref[:], out.acc_ref[:] = target.value, target.rate
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "joint.velocity")
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import CENTRE, KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class LinearMomentum(Tracking, Task):
+class LinearMomentum(Tracking, KernelTask):
     """l = m ċ [kg m/s]: three rows, world axes.
 
     Velocity level: l = l_target. Acceleration level: l̇ = l̇_target + kd (l_target − l), kd [1/s].
@@ -39,12 +38,11 @@ class LinearMomentum(Tracking, Task):
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
         self.target = target
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target = self.reference(state.t)
-        out.e[:] = 0.0
-        np.multiply(state.com_jacobian, state.model.mass, out.J)
-        np.multiply(state.com_drift, state.model.mass, out.drift)
-        out.rate_ref[:], out.acc_ref[:] = target.value, target.rate
+    def prepare(self, model: RobotModel) -> None:
+        self._mass = model.mass
+
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "whole.momentum", CENTRE, numbers=[0, self._mass])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

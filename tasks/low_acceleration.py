@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, final
 
-from wbc.models.model import RobotState
 from wbc.stack.joint_task import JointTask
-from wbc.stack.task import TaskRows
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 
 
 @final
-class LowAcceleration(JointTask):
+class LowAcceleration(JointTask, KernelTask):
     """Velocity level: v_joints = the velocity measured now. Acceleration level: a_joints = 0. One row a joint.
 
     It makes commands smooth at the cost of lag, and needs no memory: what was commanded last is the velocity of the
@@ -27,6 +27,5 @@ class LowAcceleration(JointTask):
     def __init__(self, *, joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None) -> None:
         super().__init__(joints=joints, kp=0.0, kd=0.0, weight=weight, name=name)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        out.e[:] = 0.0
-        out.rate_ref[:] = state.v_joints
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("joint.steady")

@@ -7,14 +7,15 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 
 from .wheels import Wheel
 
 
 @final
-class OmniWheel(Task):
+class OmniWheel(KernelTask):
     """The touching point of a wheel does not move along the axle of the roller it stands on: one row [m].
 
     v_c · (cos γ t + sin γ l) = 0, t the wheel's heading, l across it, γ = ``roller`` [rad]: 0 for an omni wheel, whose
@@ -45,19 +46,15 @@ class OmniWheel(Task):
         self.wheel = Wheel(self.name, frame, radius, axle)
         self.roller = checks.number(f"{self.name}.roller", roller, low=-1.57, high=1.57)
         self.ground = None if ground is None else checks.number(f"{self.name}.ground", ground)
-        self._select = np.array([[np.cos(self.roller), np.sin(self.roller), 0.0], [0.0, 0.0, 1.0]])[: self.dim]
         kp = checks.number(f"{self.name}.kp", kp, low=0.0)
         super().__init__(kp=[0.0, kp][: self.dim], kd=kd, weight=weight, name=name)
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        motion = self.wheel.motion(state)
-        out.e[:] = 0.0
-        if self.ground is not None:
-            out.e[1] = self.ground - motion.height
-        out.J[:], out.drift[:] = np.dot(self._select, motion.J), np.dot(self._select, motion.drift)
+    def kernel_rows(self) -> KernelRows:
+        shares = [np.cos(self.roller), np.sin(self.roller), 0.0, 0.0, 0.0, 1.0][: 3 * self.dim]
+        return KernelRows("wheel.wheel", (self.frame,), [*self.wheel.numbers(self.ground), *shares])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -6,17 +6,18 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
-from wbc.stack.tracking import Tracking, pose_target, rotation_error
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
+from wbc.stack.tracking import Tracking, pose_target
 
 from .motions import pose_motion, swing
-from .relative import check_frames, relative_motion
+from .relative import check_frames
 from .trajectories import Sinusoid
 
 
 @final
-class RelativeFrame(Tracking, Task):
+class RelativeFrame(Tracking, KernelTask):
     """e = (p_target − p, log(R_target Rᵀ)): six rows, position [m] then orientation [rad], axes of ``reference``.
 
     (p, R) is the pose of ``frame`` in ``reference``. ``target``: pinocchio.SE3 or 4x4 matrix, the same pose; its rate
@@ -47,13 +48,9 @@ class RelativeFrame(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         check_frames(model, self.name, self.frame, self.frame_of_reference)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        motion, target = relative_motion(state, self.frame, self.frame_of_reference), self.reference(state.t)
-        rotation, position = target.value
-        out.linear[:] = position - motion.position
-        out.angular[:] = rotation_error(rotation, motion.rotation)
-        out.J[:], out.drift[:] = motion.J, motion.drift
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+    def kernel_rows(self) -> KernelRows:
+        frames = self.frame, self.frame_of_reference
+        return KernelRows.tracking(self, "relative.pose", *frames, numbers=range(6))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -6,16 +6,17 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
-from wbc.stack.tracking import Tracking, rotation_error, rotation_target
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
+from wbc.stack.tracking import Tracking, rotation_target
 
 from .motions import swing
-from .relative import check_frames, relative_motion
+from .relative import check_frames
 
 
 @final
-class RelativeOrientation(Tracking, Task):
+class RelativeOrientation(Tracking, KernelTask):
     """e = log(R_target Rᵀ) [rad]: three rows, axes of ``reference``.
 
     R are the axes of ``frame`` in those of ``reference``. ``target``: rotation (3, 3), by default the identity (both
@@ -45,11 +46,9 @@ class RelativeOrientation(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         check_frames(model, self.name, self.frame, self.frame_of_reference)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        motion, target = relative_motion(state, self.frame, self.frame_of_reference), self.reference(state.t)
-        out.e[:] = rotation_error(target.value, motion.rotation)
-        out.J[:], out.drift[:] = motion.J[3:], motion.drift[3:]
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+    def kernel_rows(self) -> KernelRows:
+        frames = self.frame, self.frame_of_reference
+        return KernelRows.tracking(self, "relative.pose", *frames, numbers=range(3, 6))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

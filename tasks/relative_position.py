@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
-from .relative import check_frames, relative_motion
+from .relative import check_frames
 from .trajectories import Sinusoid
 
 
 @final
-class RelativePosition(Tracking, Task):
+class RelativePosition(Tracking, KernelTask):
     """e = p_target − p [m]: three rows, axes of ``reference``.
 
     p is the origin of ``frame`` from that of ``reference``. ``target``: (3,), or a function of time giving it or
@@ -45,11 +44,9 @@ class RelativePosition(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         check_frames(model, self.name, self.frame, self.frame_of_reference)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        motion, target = relative_motion(state, self.frame, self.frame_of_reference), self.reference(state.t)
-        np.subtract(target.value, motion.position, out.e)
-        out.J[:], out.drift[:] = motion.J[:3], motion.drift[:3]
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
+    def kernel_rows(self) -> KernelRows:
+        frames = self.frame, self.frame_of_reference
+        return KernelRows.tracking(self, "relative.position", *frames, numbers=range(3))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

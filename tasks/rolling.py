@@ -7,14 +7,15 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import Task, TaskRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 
 from .wheels import Wheel
 
 
 @final
-class Rolling(Task):
+class Rolling(KernelTask):
     """The material point of a wheel that touches the ground stands still: rows along the heading and across it [m].
 
     v_c = ṗ − radius ω × m = 0, m from the touching point to the wheel's centre p (see :class:`~tasks.wheels.Wheel`).
@@ -52,12 +53,10 @@ class Rolling(Task):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        motion = self.wheel.motion(state)
-        out.e[:] = 0.0
-        if self.ground is not None:
-            out.e[2] = self.ground - motion.height
-        out.J[:], out.drift[:] = motion.J[: self.dim], motion.drift[: self.dim]
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows(
+            "wheel.wheel", (self.frame,), [*self.wheel.numbers(self.ground), *np.eye(3)[: self.dim].ravel()]
+        )
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-import pinocchio
-
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
 from .directions import unit_axis
 from .trajectories import Sinusoid
 
-#: Below this length of its shadow on the ground an axis counts as having that one: upright, it points nowhere.
-_SHORTEST = 1e-2
-
 
 @final
-class Yaw(Tracking, Task):
+class Yaw(Tracking, KernelTask):
     """e = ψ_target − ψ [rad] in [−π, π): one row. ψ = atan2(u_y, u_x), u = R ``axis`` in the world.
 
     ψ̇ = (u_x u̇_y − u_y u̇_x) / ρ², ρ² = u_x² + u_y². An upright axis points nowhere on the map: below ρ = 0.01, half a
@@ -59,22 +54,8 @@ class Yaw(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
-        turn, u = frame.jacobian()[3:], np.dot(frame.rotation, self.axis)
-        x, y, z = u.tolist()
-        shadow = max(x * x + y * y, _SHORTEST**2)
-        # u̇ = ω × u, so x u̇_y − y u̇_x = (−x z, −y z, x² + y²) · ω
-        across = np.array([-x * z, -y * z, x * x + y * y]) / shadow
-        out.e[:] = (target.value - np.arctan2(y, x) + np.pi) % (2.0 * np.pi) - np.pi
-        out.J[0] = np.dot(across, turn)
-        out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-        if state.drifts:
-            spin = pinocchio.skew(np.dot(turn, state.v))
-            rate = np.dot(spin, u)
-            second = np.dot(pinocchio.skew(frame.angular_drift()), u) + np.dot(spin, rate)
-            yaw_rate = (x * rate[1] - y * rate[0]) / shadow
-            out.drift[:] = (x * second[1] - y * second[0] - 2.0 * yaw_rate * (x * rate[0] + y * rate[1])) / shadow
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "direction.yaw", self.frame, numbers=self.axis)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-import pinocchio
-
 from wbc import checks
 from wbc.errors import NotSupported
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelLinearTask
+from wbc.stack.kernel_rows import CENTRE, MOMENTUM, KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class ZeroMomentPoint(Tracking, LinearTask):
+class ZeroMomentPoint(Tracking, KernelLinearTask):
     """The centre of pressure of the whole robot is at ``target`` (2,) [m] on the ground of height ``ground``: two rows.
 
     What the environment gives a robot is a force F = m (c̈ − g) and, about the target o, a moment N = k̇ + (c − o) × F,
@@ -46,16 +44,11 @@ class ZeroMomentPoint(Tracking, LinearTask):
     def prepare(self, model: RobotModel) -> None:
         if model.gravity[:2].any() or not model.gravity[2] < 0.0:
             raise NotSupported(f"{self.name} needs gravity along −z, not {model.gravity.tolist()}")
-        # Rows (−N_y, N_x) of a moment, over the weight.
-        self._select = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]) / (model.mass * -model.gravity[2])
+        self._mass, self._gravity = model.mass, model.gravity
 
-    def fill(self, state: RobotState, out: LinearRows) -> None:
-        x, y = self.reference(state.t).value
-        model = state.model
-        arm = model.mass * pinocchio.skew(state.com - np.array([x, y, self.ground]))
-        out.A[:] = np.dot(self._select, state.centroidal_map[3:] + np.dot(arm, state.com_jacobian))
-        at_rest = state.centroidal_drift[3:] + np.dot(arm, state.com_drift - model.gravity)
-        np.negative(np.dot(self._select, at_rest), out.b)
+    def kernel_rows(self) -> KernelRows:
+        numbers = [self._mass, self.ground, *self._gravity]
+        return KernelRows.tracking(self, "whole.zero_moment_point", MOMENTUM, CENTRE, numbers=numbers)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable
+from functools import cached_property
 from inspect import get_annotations
 from pathlib import Path
 from typing import Any, TypeVar, cast, final
@@ -26,8 +27,8 @@ from numba.extending import intrinsic, models, register_model
 from numpy.typing import NDArray
 
 __all__ = [
-    "Memory", "call_at", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part", "place_of",
-    "small_kernel",
+    "Memory", "call_at", "callee", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part",
+    "place_of", "small_kernel",
 ]  # fmt: skip
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
@@ -118,6 +119,36 @@ def entry(function: _F) -> _F:
     return cast(_F, made)
 
 
+#: For a debugger: callees by what stands for their address.
+_CALLEES: dict[int, Callable[[int], int]] = {}
+
+
+@final
+class callee:  # a decorator
+    """A kernel of one address that other kernels ``call_at`` where it stands; compiled when it is first asked for that.
+
+    So that of many kernels a machine compiles those that it uses. It returns 1: 0 is what an error comes out as.
+    """
+
+    def __init__(self, function: Callable[[int], int]) -> None:
+        self._function = function
+
+    @cached_property
+    def _made(self) -> Any:
+        return _kept(lambda **how: _numba.cfunc("int64(int64)", **how)(self._function))
+
+    @cached_property
+    def place(self) -> int:
+        """Where the machine code stands."""
+        if _numba.config.DISABLE_JIT:
+            _CALLEES[id(self)] = self._function
+            return id(self)
+        return int(self._made.address)
+
+    def __call__(self, at: int) -> int:
+        return int(self._function(at) if _numba.config.DISABLE_JIT else self._made.ctypes(at))
+
+
 @final
 class _Teller(_events.Listener):  # type: ignore[misc]
     """Says once on a terminal that machine code is being made."""
@@ -167,7 +198,7 @@ def _pointer(kind: Any, c_kind: Any) -> Any:
 
 def _call_at() -> Any:
     if _numba.config.DISABLE_JIT:  # no part has a place then
-        return lambda _place, _number: 0
+        return lambda place, number: _CALLEES[int(place)](number) if place else 0
 
     def to(_context: Any, place: Any, number: Any) -> Any:
         def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
@@ -181,7 +212,8 @@ def _call_at() -> Any:
     return intrinsic(to)
 
 
-#: In a kernel: ``call_at(place, number)`` is the answer of the part at that place (:func:`place_of`) to the number.
+#: In a kernel: ``call_at(place, number)`` is the answer to the number of the part (:func:`place_of`) or
+#: :class:`callee` at that place.
 call_at: Any = _call_at()
 #: In a kernel: ``carray(floats(address), shape)`` is the array there, as ``carray(integers(address), shape)`` is.
 carray: Any = _numba.carray

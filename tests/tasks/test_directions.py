@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import AxisAlignment, Distance, Gaze, Posture, Yaw
-from tasks.directions import Bearing, view_axes
+from tasks.directions import view_axes
 from tests.tasks.rows_of import finite, moment, rows
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
@@ -75,7 +75,10 @@ def test_straight_behind_is_a_hundredth_beside_it(robot: RobotModel):
 @given(st.floats(0.0, 3.1), st.floats(0.0, 6.3))
 def test_a_bearing_is_an_angle_in_its_direction(angle: float, around: float):
     u = np.array([np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)])
-    np.testing.assert_allclose(Bearing(u).y, angle * np.array([np.cos(around), np.sin(around)]), atol=1e-9)
+    state, axis = moment(ARM, ARM.q0), np.array([0.0, 0.0, 1.0])
+    direction = state.frame(TOOL).rotation @ (view_axes(axis).T @ u)
+    error = rows(AxisAlignment(TOOL, axis=axis, target=direction), state).e
+    np.testing.assert_allclose(error, angle * np.array([np.cos(around), np.sin(around)]), atol=1e-9)
 
 
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()], ids=lambda level: level.name)

@@ -9,10 +9,12 @@ import numpy as np
 
 from wbc.compiled import Memory
 from wbc.models.pinocchio_state import JointMemory, PinocchioState
+from wbc.stack.compiled.row_memory import KernelItems, Written
 from wbc.stack.compiled.rows_kernel import CENTRE, JOINTS, LOCAL, WORLD
 from wbc.stack.contact import Contact
 from wbc.stack.filled import Filled
 from wbc.stack.frame_rows import FrameRows, JointRows
+from wbc.stack.kernel_rows import kernel_rows_of
 from wbc.stack.known_motion import NONE, KnownMotion
 from wbc.stack.target import Target
 from wbc.types import Mat, Vec
@@ -63,12 +65,20 @@ class CompiledFill:
         self._binding, self._targets = plan.binding, -1
         own_memory = isinstance(state, PinocchioState)
         items = _Items(state, model.nv)
+        self._kernels = KernelItems(state, second=plan.level.order == 2, failed=failed)
         self._motion = motion
         first = layout.motion_row
         motion.clear()
         self.is_complete = True
         for member, row, (call, out) in members:
             rows = _rows_of(member) if own_memory else None
+            kernel = kernel_rows_of(member) if own_memory else None
+            if kernel is not None:
+                if self._called(call, member.name, out):
+                    self._kernels.add(member.name, kernel, Written.into(out[-1]))
+                else:
+                    self.is_complete = False
+                continue
             if rows is None:
                 self._calls.append((call, member.name, out))
                 continue
@@ -83,7 +93,7 @@ class CompiledFill:
         self._sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, motion.n_joint_blocks, first,
              layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None, 0,
-             len(self._followers)], dtype=np.int64,
+             len(self._followers), 0], dtype=np.int64,
         )  # fmt: skip
         self._references, self._now = np.full((len(self._followers), 7), NONE, dtype=np.int64), np.zeros(1)
         writes_ed = np.zeros(len(motion.e)) if motion.writes_ed is None else motion.writes_ed.astype(np.float64)
@@ -129,6 +139,7 @@ class CompiledFill:
             for follower in self._moving:
                 self._follow(follower, t)
         self._now[0] = t
+        self._sizes[15] = self._kernels(t, self._targets)
         if self._copies:
             dynamics = (state.M, state.h) if len(self._copies) > 2 else ()
             for copy, value in zip(self._copies, (state.v, state.q_joints, *dynamics), strict=True):

@@ -8,6 +8,7 @@ from wbc.compiled import call_at, carray, entry, floats, integers, part
 from wbc.stack.compiled.damping_kernel import CHANGED, UNCHANGED, is_damped, observe, share
 from wbc.stack.compiled.interval_kernel import joint_bounds
 from wbc.stack.compiled.reference_kernel import refer
+from wbc.stack.compiled.row_kernel import write_all
 from wbc.stack.compiled.rows_kernel import fill_rows
 
 
@@ -17,11 +18,11 @@ def fill(at: int) -> None:
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
     contact row, columns of u, whether there are dynamics, items, whether joints have intervals, whether inertia is
-    added, references), what the code below reads by name, from place 26 on what ``fill_rows`` reads, from 35 on what
-    ``joint_bounds`` does.
+    added, references, what ``write_all`` reads), what the code below reads by name, from place 26 on what ``fill_rows``
+    reads, from 35 on what ``joint_bounds`` does.
     """
     memory = carray(integers(at), 50)
-    sizes = carray(integers(memory[0]), 15)
+    sizes = carray(integers(memory[0]), 16)
     order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
@@ -46,6 +47,8 @@ def fill(at: int) -> None:
 
     refer(carray(integers(memory[24]), (sizes[14], 7)), carray(floats(memory[25]), 1)[0])
     fill_rows(memory[26:], sizes[11], nv, q, order == 2, G[first:], e, drift)
+    if sizes[15] > 0:
+        write_all(sizes[15])
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]

@@ -3,12 +3,58 @@
 from __future__ import annotations
 
 from math import atan2, cos, pi, sin, sqrt
+from typing import Any
 
-from wbc.compiled import kernel
+from wbc.compiled import kernel, small_kernel
 from wbc.types import Mat, Vec
+
+#: A vector of three numbers.
+Three = tuple[float, float, float]
 
 # Nearer to π than this the axis is read from the symmetric part of R: the other one vanishes there.
 _NEAR_PI = 1e-2
+
+
+@small_kernel
+def three(x: Vec, first: int) -> Three:
+    """Three numbers of an array."""
+    return x[first], x[first + 1], x[first + 2]
+
+
+@small_kernel
+def cross(a: Any, b: Any) -> Three:
+    """a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@small_kernel
+def dot(a: Any, b: Any) -> float:
+    """a · b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]  # type: ignore[no-any-return]
+
+
+@small_kernel
+def plus(a: Any, s: float, b: Any) -> Three:
+    """a + s b."""
+    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
+
+
+@small_kernel
+def times(R: Vec, x: Any) -> Three:
+    """R x, a matrix (9,) by rows."""
+    return (
+        R[0] * x[0] + R[1] * x[1] + R[2] * x[2], R[3] * x[0] + R[4] * x[1] + R[5] * x[2],
+        R[6] * x[0] + R[7] * x[1] + R[8] * x[2],
+    )  # fmt: skip
+
+
+@small_kernel
+def back(R: Vec, x: Any) -> Three:
+    """Rᵀ x, a matrix (9,) by rows."""
+    return (
+        R[0] * x[0] + R[3] * x[1] + R[6] * x[2], R[1] * x[0] + R[4] * x[1] + R[7] * x[2],
+        R[2] * x[0] + R[5] * x[1] + R[8] * x[2],
+    )  # fmt: skip
 
 
 @kernel

@@ -1,0 +1,157 @@
+"""Rows of the library's members are written by compiled code, and say what the members say when they are called."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tasks
+import wbc
+import wbc.stack.compiled.fill as fill_module
+from tasks import Point, Posture, Sole
+from wbc import AccelerationLevel, InverseDynamics, Stack, VelocityLevel
+from wbc.errors import NotSupported
+from wbc.models.model import RobotModel
+from wbc.stack.constraint import Constraint
+from wbc.stack.contact import Contact
+from wbc.stack.task import LinearTask, Objective
+from wbc.testing import moments
+
+ROBOTS = {name: wbc.load(name) for name in ("arm", "humanoid", "quadruped")}
+LEVELS = [VelocityLevel(), AccelerationLevel(), InverseDynamics()]
+MEMBERS = [
+    value
+    for _, value in sorted(vars(tasks).items())
+    if isinstance(value, type) and issubclass(value, Objective | Constraint | Contact) and not inspect.isabstract(value)
+]
+
+#: Members that Python writes in every tick, and why.
+CALLED = {
+    "KineticEnergy": "a factor of the whole inertia matrix and its rate, by LAPACK",
+    "ManipulabilityTask": "second derivatives of a determinant",
+    "ProjectedGradient": "users write criteria",
+    "CollisionAvoidance": "distances come from a compiled search with memory of its own",
+    **dict.fromkeys(
+        """AxisConeLimit BoxLimits CapturePoint CenterOfPressure ConeLimit ContactForce Edge FrameVelocityLimits
+        GravityCompensation HalfSpaceLimit Impedance InternalForce JointImpedance JointJerkLimits JointLimits
+        LoopClosure SupportPolygon Torque TorqueSpeedLimits ZeroMomentPoint""".split(),
+        "limits, forces, torques and the joints of a mechanism are written one by one",
+    ),
+}  # fmt: skip
+
+
+def stack_with(member: Any, robot: RobotModel) -> Stack:
+    """A stack with a member, and a contact for one that is about a force."""
+    posture = Posture(robot.q0, weight=1e-3, name="beside it")
+    if isinstance(member, Contact):
+        return Stack([posture], contacts=[member])
+    if not isinstance(member, Objective):
+        return Stack([posture], subject_to=[member])
+    contacts: list[Contact] = []
+    if isinstance(member, LinearTask) and member.on == "force":
+        names = (member.contact,) if isinstance(member.contact, str) else member.contact
+        points = getattr(member, "dim", 0) == 3 or len(names) > 1
+        for name in names:
+            frame = name.partition("[")[2].rstrip("]") or name
+            point, sole = Point(frame, friction=0.5), Sole(frame, half_size=(0.1, 0.05), friction=0.5)
+            contacts.append(point if points else sole)
+    return Stack([member, posture], contacts=contacts)
+
+
+def plans(member: Any, robot: RobotModel) -> Iterator[Any]:
+    """Of each sample at each level that carries it."""
+    for sample in member.samples(robot):
+        for level in LEVELS:
+            try:
+                yield level.compile(robot, stack_with(sample, robot), dt=1e-3)
+            except NotSupported:
+                continue
+
+
+def rows_of(plan: Any) -> dict[str, np.ndarray]:
+    """Everything that members write."""
+    p, motion = plan.problem, plan.motion
+    return {
+        "rows": p.G.copy(), "wanted": motion.wanted.copy(), "errors": motion.e.copy(), "centre": p.centre.copy(),
+        "lower": np.nan_to_num(p.lower, copy=True), "upper": np.nan_to_num(p.upper, copy=True),
+        **{f"margins of {name}": h for name, (_, h) in plan.margins().items()},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+def test_a_tick_writes_what_members_write_when_they_are_called(member: Any, robot: RobotModel, monkeypatch: Any):
+    """The other way reads the state's own Jacobians, drifts and velocities; the contract compares it with differences.
+
+    The plan that is called is another one: nothing that compiled code wrote is left in its memory.
+    """
+    for plan, other in zip(plans(member, robot), plans(member, robot), strict=True):
+        second = plan.level.order == 2
+        state, same = robot.state(drifts=second), robot.state(drifts=second)
+        for k, moment in enumerate(moments(robot)):
+            for one in (state, same):
+                one.update(*moment)
+            if k == 0:
+                plan.start(state)
+                other.start(same)
+            plan.fill(state)
+            with monkeypatch.context() as patch:
+                patch.setattr(fill_module, "_rows_of", lambda member: None)
+                patch.setattr(fill_module, "kernel_rows_of", lambda member: None)
+                other.bind(same)
+                other.fill(same)
+            found, expected = rows_of(plan), rows_of(other)
+            for what, values in expected.items():
+                tolerance = 1e-9 * (1.0 + np.abs(values).max(initial=0.0))
+                np.testing.assert_allclose(found[what], values, rtol=0, atol=tolerance, err_msg=f"{what} of {plan}")
+
+
+@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+def test_a_stack_of_library_members_calls_no_python_between_pinocchio_and_the_command(member: Any):
+    robot = ROBOTS["humanoid"]
+    called = [f"{plan}" for plan in plans(member, robot) if not plan.is_compiled]
+    if member.__name__ in CALLED:
+        assert called, f"{member.__name__} has compiled rows: it need not be listed"
+    else:
+        assert not called
+
+
+def along(plan: Any, state: Any, moment: Any, read: Any, step: float = 1e-6) -> np.ndarray:
+    """d/ds of what is read while the robot moves with v, by differences; time stands still."""
+    t, q, v = moment
+    found = []
+    for s in (step, -step):
+        state.update(t, plan.model.integrate(q, s * v), v)
+        plan.fill(state)
+        found.append(read())
+    difference: np.ndarray = (found[0] - found[1]) / (2.0 * step)
+    return difference
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+def test_compiled_jacobians_and_drifts_are_derivatives(member: Any, robot: RobotModel):
+    """J v = −de/dt for errors that are no rotation vectors; and for targets at rest the drift is d(J v)/dt at a = 0."""
+    for plan in plans(member, robot):
+        task = plan.layout.kinematic[0] if plan.layout.kinematic else None
+        if task is None or plan.level.order == 1:
+            continue
+        state, rows = robot.state(), slice(0, task.dim)
+        J = plan.problem.G[plan.layout.kinematic_rows[0] :, : robot.nv][rows]
+        has_error = np.array([task.unit(i) != "rad" for i in range(task.dim)]) & (task.gains()[0] > 0.0)
+        for moment in moments(robot):
+            v = moment[2]
+            e_rate = along(plan, state, moment, lambda plan=plan, rows=rows: plan.motion.e[rows].copy())
+            change = along(plan, state, moment, lambda J=J, v=v: J @ v)
+            state.update(*moment)
+            plan.fill(state)
+            drift = plan.motion.drift[rows]
+            moves = plan.motion.rate_ref[rows].any() or plan.motion.acc_ref[rows].any()
+            size = 1e-5 * (1.0 + np.abs(change).max() + np.abs(J @ v).max())
+            np.testing.assert_allclose((J @ v)[has_error], -e_rate[has_error], rtol=0, atol=size)
+            if not moves:
+                np.testing.assert_allclose(drift, change, rtol=0, atol=size)

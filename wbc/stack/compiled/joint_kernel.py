@@ -1,0 +1,68 @@
+"""Rows about joints: their Jacobian never changes, and is not written here."""
+
+from __future__ import annotations
+
+from wbc.compiled import callee
+from wbc.stack.compiled.row_kernel import rows
+
+
+@callee
+def still(at: int) -> int:
+    """No motion."""
+    k = rows(at)
+    for r in range(len(k.e)):
+        k.e[r] = 0.0
+    return 1
+
+
+@callee
+def steady(at: int) -> int:
+    """The motion of now."""
+    k = rows(at)
+    for r in range(len(k.e)):
+        k.e[r], k.rate_ref[r] = 0.0, k.v[r]
+    return 1
+
+
+@callee
+def velocity(at: int) -> int:
+    """The target is a velocity."""
+    k = rows(at)
+    for r in range(len(k.e)):
+        k.e[r], k.rate_ref[r], k.acc_ref[r] = 0.0, k.value[r], k.rate[r]
+    return 1
+
+
+@callee
+def admittance(at: int) -> int:
+    """The target gives way to a torque; ``numbers``: which joints are held, compliances, mobilities, (nj,) each."""
+    k = rows(at)
+    n = len(k.e)
+    for r in range(n):
+        torque = k.value[n + r]
+        k.e[r] = k.numbers[r] * (k.value[r] + k.numbers[n + r] * torque - k.q[r])
+        k.rate_ref[r], k.acc_ref[r] = k.rate[r] + k.numbers[2 * n + r] * torque, k.second[r]
+    return 1
+
+
+@callee
+def linear(at: int) -> int:
+    """e = offset − A q; ``numbers``: the offsets (dim,), A by rows, behind columns of the base."""
+    k = rows(at)
+    n, nj = len(k.e), len(k.q)
+    width = len(k.numbers) // n - 1
+    for r in range(n):
+        k.e[r] = k.numbers[r]
+        for j in range(nj):
+            k.e[r] -= k.numbers[n + (r + 1) * width - nj + j] * k.q[j]
+    return 1
+
+
+@callee
+def mid_range(at: int) -> int:
+    """Towards the middle of each joint's range; ``numbers``: gains, middles (nj,) each."""
+    k = rows(at)
+    n = len(k.e)
+    for r in range(n):
+        k.e[r], k.rate_ref[r] = 0.0, k.numbers[r] * (k.numbers[n + r] - k.q[r])
+    return 1

@@ -1,0 +1,248 @@
+"""The memory of kernels that write rows: from Pinocchio's, for ticks, or from what any state gives, when called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, final
+
+import numpy as np
+
+from wbc.compiled import Memory, callee
+from wbc.models.model import RobotState
+from wbc.models.pinocchio_state import JointMemory, PinocchioState
+from wbc.stack.compiled import row_kernel
+from wbc.stack.kernel_rows import CENTRE, MOMENTUM, Followed, KernelRows
+from wbc.stack.known_motion import NONE, KnownMotion
+from wbc.stack.target import Target
+from wbc.stack.task_rows import TaskRows
+from wbc.types import Mat, Vec
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Written:
+    """Where the rows of one member go. J is None where it is not written; ``origin`` and ``rotation`` of an anchor."""
+
+    e: Vec
+    drift: Vec
+    rate_ref: Vec
+    acc_ref: Vec
+    J: Mat | None = None
+    anchor: tuple[Mat, Vec] | None = None
+
+    @classmethod
+    def into(cls, out: TaskRows) -> Written:
+        """What a task writes into."""
+        return cls(out.e, out.drift, out.rate_ref, out.acc_ref, getattr(out, "J", None))
+
+    @classmethod
+    def fresh(cls, dim: int, nv: int, anchor: tuple[Mat, Vec] | None = None) -> Written:
+        """Memory of its own."""
+        e, drift, rate_ref, acc_ref = np.zeros((4, dim))
+        return cls(e, drift, rate_ref, acc_ref, np.zeros((dim, nv)), anchor)
+
+
+def called(said: KernelRows, dim: int, state: RobotState, anchor: tuple[Mat, Vec] | None = None) -> Written:
+    """The rows of a member in a state of any robot."""
+    rows = Written.fresh(dim, state.model.nv, anchor)
+    item = _Item(said, state, rows, None)
+    for target in item.targets:
+        target.follow(state.t)
+    things = [_seen(thing, state) for thing in said.of]
+    for place, motion, (at, J, rate) in zip(item.places, item.motions, things, strict=True):
+        place[:] = at
+        motion[: len(J)], motion[6 : 6 + len(J)] = J @ state.v, rate
+    item.kernel(item.memory.address)
+    assert rows.J is not None
+    if said.constant is not None:
+        rows.J[:] = said.constant
+        return rows
+    rows.drift[:] = item.bent
+    for k, (_, J, rate) in enumerate(things):
+        C = item.C[:, 6 * k : 6 * k + len(J)]
+        rows.J[:] += C @ J
+        rows.drift[:] += C @ rate
+    return rows
+
+
+def _seen(thing: str, state: RobotState) -> tuple[Vec, Mat, Vec]:
+    """Rotation and position (12,) of a thing, its Jacobian (6, nv), or (3, nv), and drift."""
+    if thing == MOMENTUM:
+        return np.zeros(12), state.centroidal_map, state.centroidal_drift
+    if thing == CENTRE:
+        return np.concatenate([np.zeros(9), state.com]), state.com_jacobian, state.com_drift
+    frame = state.frame(thing)
+    drift = frame.drift() if state.drifts else np.full(6, np.nan)
+    return np.concatenate([frame.rotation.ravel(), frame.position]), frame.jacobian(), drift
+
+
+@final
+class KernelItems:
+    """The members of a plan whose rows kernels write from one state of Pinocchio: all of them in one call."""
+
+    def __init__(self, state: PinocchioState, *, second: bool, failed: Callable[[str, Exception], None]) -> None:
+        self._state, self._second, self._failed = state, second, failed
+        self._items: list[_Item] = []
+        self._names: list[str] = []
+        self._said: list[Callable[[], KernelRows]] = []
+        self._moving: list[tuple[str, _Following]] = []
+        self._now = np.zeros(1)
+        self._memory = Memory()
+        self._version = -1
+
+    def add(self, name: str, said: Callable[[], KernelRows], rows: Written) -> None:
+        """One member more."""
+        self._names.append(name)
+        self._said.append(said)
+        self._items.append(_Item(said(), self._state, rows, self._second))
+
+    def __call__(self, t: float, version: int) -> int:
+        """Follow what moves; what :func:`wbc.stack.compiled.row_kernel.write_all` reads, 0 where there is nothing.
+
+        Another ``version`` says that settings or targets were assigned.
+        """
+        if version != self._version:
+            self._version = version
+            self._read(t)
+        else:
+            for name, target in self._moving:
+                self._follow(name, target, t)
+        self._now[0] = t
+        return self._memory.address if self._items else 0
+
+    def _read(self, t: float) -> None:
+        """Settings again, and which targets move."""
+        known: list[list[int]] = []
+        self._moving = []
+        for name, said, item in zip(self._names, self._said, self._items, strict=True):
+            try:
+                item.numbers[:] = said().numbers
+            except Exception as cause:
+                self._failed(name, cause)
+            for target in item.targets:
+                self._follow(name, target, t)
+                if target.moves:
+                    row = target.known()
+                    if row is None:
+                        self._moving.append((name, target))
+                    else:
+                        known.append(row)
+        sizes = np.array([len(self._items), len(known)], dtype=np.int64)
+        references = np.array(known or [[NONE] * 7], dtype=np.int64)
+        addresses = np.array([item.memory.address for item in self._items], dtype=np.int64)
+        self._memory = Memory(sizes, references, self._now, addresses)
+
+    def _follow(self, name: str, target: _Following, t: float) -> None:
+        try:
+            target.follow(t)
+        except Exception as cause:
+            self._failed(name, cause)
+
+
+@final
+class _Item:
+    """The memory of one kernel: see :func:`wbc.stack.compiled.row_kernel.write`.
+
+    ``second`` says whether accelerations are decided; None where a kernel is called by itself.
+    """
+
+    def __init__(self, said: KernelRows, state: RobotState, rows: Written, second: bool | None) -> None:
+        file, name = said.kernel.split(".")
+        self.kernel: callee = getattr(import_module(f"wbc.stack.compiled.{file}_kernel"), name)
+        dim, n, model = len(rows.e), len(said.of), state.model
+        self.targets = [_Following(followed, state.t) for followed in said.follows]
+        value, rate, moved = (
+            np.concatenate([np.zeros(0), *(getattr(target, what) for target in self.targets)])
+            for what in ("value", "rate", "second")
+        )
+        first = [0, 0]
+        for target in self.targets:
+            target.write_into(value[first[0] :], rate[first[1] :], moved[first[1] :])
+            first = [first[0] + len(target.value), first[1] + len(target.rate)]
+        self.numbers = np.array(said.numbers, dtype=np.float64)
+        self.places, self.motions, placements = np.zeros((3, n, 12))
+        self.C, self.bent = np.zeros((dim, 6 * n)), np.zeros(dim)
+        things, owners = np.zeros((n, row_kernel.THING + model.nv), dtype=np.int64), []
+        if second is not None:
+            assert isinstance(state, PinocchioState)
+            owners = [_placed(things[k], placements[k], thing, state) for k, thing in enumerate(said.of)]
+        J = rows.J
+        width = J.strides[0] // J.itemsize if J is not None and said.of else 0
+        sizes = [
+            self.kernel.place, dim, n, model.nv, width, bool(second), len(self.numbers), len(value), len(rate),
+            model.nj,
+        ]  # fmt: skip
+        rotation, origin = rows.anchor or (np.eye(3), np.zeros(3))
+        self.memory = Memory(
+            np.array(sizes, dtype=np.int64), things, placements, self.places, self.motions, self.C, self.bent,
+            np.zeros(1) if J is None else J, rows.e, rows.drift, rows.rate_ref, rows.acc_ref, self.numbers, value, rate,
+            moved, np.asarray(state.q_joints), np.asarray(state.v_joints), rotation, origin, np.asarray(state.v),
+            np.zeros(row_kernel.WORK),
+        )  # fmt: skip
+        self._kept = owners
+
+
+def _placed(thing: Any, placement: Vec, name: str, state: PinocchioState) -> Any:
+    """Write where compiled code finds a thing; what owns that memory."""
+    columns, zero = list(range(state.model.nv)), np.zeros(1)
+    data = state.data
+    if name == CENTRE:
+        kind, arrays, owner = row_kernel.CENTRE, (zero, state.com, zero, state.com_drift, data.Jcom), data
+    elif name == MOMENTUM:
+        kind, arrays, owner = row_kernel.MOMENTUM, (zero, zero, zero, state.centroidal_drift, data.Ag), data
+    else:
+        joint: JointMemory = state.joint_memory(name)
+        placement[:], columns = joint.placement, joint.columns
+        kind, arrays, owner = row_kernel.FRAME, (*joint.arrays, data.J), joint
+    memory = Memory(*arrays)
+    thing[: 2 + len(arrays)] = [kind, len(columns), *memory.addresses]
+    thing[row_kernel.THING : row_kernel.THING + len(columns)] = columns
+    return memory, owner
+
+
+@final
+class _Following:
+    """Where a target goes: its value as numbers, (12,) of a pose, its rate and its acceleration."""
+
+    __slots__ = ("_followed", "_kept", "_parts", "_seen", "moves", "rate", "second", "value")
+
+    def __init__(self, followed: Followed, t: float) -> None:
+        self._followed = followed
+        target = followed.reference(t)
+        self.value = np.concatenate([part.ravel() for part in _parts(target)])
+        self.rate, self.second = np.zeros(len(target.rate)), np.zeros(len(target.rate))
+        self._seen: Target | None = None
+        #: Whether the target seen last is a function of time.
+        self.moves = True
+
+    def write_into(self, value: Vec, rate: Vec, second: Vec) -> None:
+        """From now on the numbers go to the start of these arrays."""
+        n, k = len(self.value), len(self.rate)
+        self.value, self.rate, self.second = value[:n], rate[:k], second[:k]
+
+    def follow(self, t: float) -> None:
+        """Copy the target of time t, where it may be another one than before."""
+        target = self._followed.reference(t)
+        if target is self._seen and not self.moves:
+            return
+        self._seen, self.moves = target, target.moves
+        first = 0
+        for part in _parts(target):
+            self.value[first : first + part.size] = part.ravel()
+            first += part.size
+        self.rate[:], self.second[:] = target.rate, target.second
+
+    def known(self) -> list[int] | None:
+        """The row of the table of motions, where kernels know this one."""
+        found = KnownMotion.of(self._followed.given())
+        if found is None or found.size != len(self.value):
+            return None
+        self._kept = Memory(found.numbers, self.value, self.rate, self.second)
+        return [found.kind, found.size, 1, *self._kept.addresses.tolist()]
+
+
+def _parts(target: Target) -> tuple[Vec, ...]:
+    value = target.value
+    return value if isinstance(value, tuple) else (value,)
