@@ -98,6 +98,7 @@ from .torque import Torque as Torque
 from .trajectories import MinimumJerk as MinimumJerk
 from .trajectories import Piecewise as Piecewise
 from .trajectories import PoseInterpolation as PoseInterpolation
+from .trajectories import Samples as Samples
 from .trajectories import Sinusoid as Sinusoid
 from .yaw import Yaw as Yaw
 from .zero_moment_point import ZeroMomentPoint as ZeroMomentPoint

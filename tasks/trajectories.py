@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -11,7 +11,7 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.stack.known_motion import MINIMUM_JERK, POSE, SINUSOID, KnownMotion
+from wbc.stack.known_motion import MINIMUM_JERK, POSE, SAMPLES, SINUSOID, KnownMotion
 from wbc.stack.tracking import pose_target
 from wbc.types import Vec
 
@@ -185,6 +185,65 @@ class PoseInterpolation:
         """What a compiled tick evaluates instead of calling this."""
         times = [self._duration, self._start_time, self._lift]
         return KnownMotion(POSE, 12, np.concatenate([times, self._position, self._way, self._rotation.ravel()]))
+
+
+@final
+class Samples:
+    """A motion that was recorded or computed before, a sample each ``period`` [s]: x(t) = x_k, k the integer nearest to
+    t / period.
+
+    The first sample holds before t = 0 and the last after the end. ``values`` are vectors (samples, dim), or poses
+    (pinocchio.SE3 or 4x4), a target of ``Frame``. ``rates`` and ``accelerations`` (samples, dim), (samples, 6) of poses
+    in world axes, linear first, come together or not at all. Nothing is interpolated: a motion that was sampled more
+    slowly than the controller ticks is resampled before.
+
+    Raises:
+        InvalidInput: no sample, values that are no vectors or poses of one size, or not finite, rates of another shape,
+            or without accelerations, a period that is not positive.
+
+    Example:
+        >>> from wbc.tasks import Samples
+        >>> motion = Samples([[0.0], [0.1], [0.3]], period=0.01)
+        >>> [float(motion(t)[0]) for t in (-1.0, 0.004, 0.006, 9.0)]
+        [0.0, 0.0, 0.1, 0.3]
+    """
+
+    __slots__ = ("_has_rates", "_known", "_per_second", "_rates", "_values")
+
+    def __init__(
+        self, values: Sequence[Any] | Vec, *, period: float, rates: Any = None, accelerations: Any = None
+    ) -> None:
+        self._per_second = 1.0 / checks.number("period", period, low=0.0, strict=True)
+        values = list(values)
+        if not values:
+            raise InvalidInput("values is empty; there is at least one sample")
+        self._values: list[Any]
+        if isinstance(values[0], pinocchio.SE3) or checks.ndim(values[0]) == 2:
+            parts = [pose_target(f"values[{k}]", pose, True) for k, pose in enumerate(values)]
+            self._values = [pinocchio.SE3(rotation, position) for rotation, position in parts]
+            table = np.array([np.concatenate([rotation.ravel(), position]) for rotation, position in parts])
+            width = 6
+        else:
+            table = checks.array("values", values, (len(values), None))
+            self._values, width = [*table], table.shape[1]
+        self._has_rates = rates is not None
+        if self._has_rates != (accelerations is not None):
+            raise InvalidInput("rates and accelerations come together; where one is not known it is zero")
+        shape = len(values), width
+        given = [("rates", rates), ("accelerations", accelerations)] if self._has_rates else []
+        self._rates = [checks.array(name, value, shape) for name, value in given]
+        head = [self._per_second, len(values), width, self._has_rates]
+        numbers = np.concatenate([head, np.hstack([table, *self._rates]).ravel()])
+        self._known = KnownMotion(SAMPLES, table.shape[1], numbers)
+
+    def __call__(self, t: float) -> Any:
+        """The value, or value, rate and acceleration, at time t [s]."""
+        k = int(min(max(t * self._per_second + 0.5, 0.0), len(self._values) - 1.0))
+        return (self._values[k], *(rates[k] for rates in self._rates)) if self._has_rates else self._values[k]
+
+    def known_motion(self) -> KnownMotion:
+        """What a compiled tick evaluates instead of calling this."""
+        return self._known
 
 
 @final

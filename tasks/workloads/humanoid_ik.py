@@ -10,10 +10,10 @@ import pinocchio as pin
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.stack import Stack
 
-from .. import CenterOfMass, Frame, JointPositionLimits, JointVelocityLimits, Posture
+from .. import CenterOfMass, Frame, JointPositionLimits, JointVelocityLimits, Posture, Samples
 from .measure import Workload
 from .quality import distance, tracking_of_velocities
-from .references import Track, step, sway, times
+from .references import step, sway, times
 from .robots import G1, MadeRobot
 from .workload import Problem, Record
 
@@ -47,13 +47,15 @@ class HumanoidInverseKinematics(Workload):
         deadbeat = 1.0 / self.dt
         stand = [Frame(foot, target=pose, rate=deadbeat, weight=100.0) for foot, pose in zip(_FEET, feet, strict=True)]
         reach = [
-            Frame(hand, target=Track(self.dt, poses), rate=deadbeat, position_weight=1.0, orientation_weight=0.1)
+            Frame(
+                hand, target=Samples(poses, period=self.dt), rate=deadbeat, position_weight=1.0, orientation_weight=0.1
+            )
             for hand, poses in zip(_HANDS, hands, strict=True)
         ]
         stack = Stack(
             [
                 *stand,
-                CenterOfMass(target=Track(self.dt, com), rate=deadbeat, weight=10.0),
+                CenterOfMass(target=Samples(com, period=self.dt), rate=deadbeat, weight=10.0),
                 *reach,
                 Posture(made.q0, rate=deadbeat, weight=1e-4),
             ],

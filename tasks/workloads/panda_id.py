@@ -10,10 +10,10 @@ import pinocchio as pin
 from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
 
-from .. import Frame, JointVelocityLimits, Posture, TorqueLimits
+from .. import Frame, JointVelocityLimits, Posture, Samples, TorqueLimits
 from .measure import Workload
 from .quality import angle, distance, tracking_of_accelerations
-from .references import Track, step, sway, times
+from .references import step, sway, times
 from .robots import PANDA, MadeRobot
 from .workload import Problem, Record
 
@@ -40,7 +40,7 @@ class PandaInverseDynamics(Workload):
         rates, accelerations = np.hstack([path.rate, still]), np.hstack([path.acceleration, still])
         stack = Stack(
             [
-                Frame(_TOOL, target=Track(self.dt, poses, (rates, accelerations)), kp=400.0),
+                Frame(_TOOL, target=Samples(poses, period=self.dt, rates=rates, accelerations=accelerations), kp=400.0),
                 Posture(made.q0, kp=10.0, weight=1e-3),
             ],
             subject_to=[TorqueLimits(), JointVelocityLimits()],

@@ -10,10 +10,10 @@ import pinocchio as pin
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.stack import Stack
 
-from .. import Frame, JointPositionLimits, JointVelocityLimits, Posture
+from .. import Frame, JointPositionLimits, JointVelocityLimits, Posture, Samples
 from .measure import Workload
 from .quality import angle, distance, tracking_of_velocities
-from .references import Track, ramp, step, sway, times
+from .references import ramp, step, sway, times
 from .robots import PANDA, MadeRobot
 from .workload import Problem, Record
 
@@ -44,7 +44,7 @@ class PandaInverseKinematics(Workload):
         deadbeat = 1.0 / self.dt
         stack = Stack(
             [
-                Frame(_TOOL, target=Track(self.dt, poses), rate=deadbeat),
+                Frame(_TOOL, target=Samples(poses, period=self.dt), rate=deadbeat),
                 Posture(made.q0, rate=deadbeat, weight=1e-4),
             ],
             subject_to=[JointPositionLimits(), JointVelocityLimits()],

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
 from wbc.types import Vec
+
+from ..trajectories import Samples
 
 
 @final
@@ -20,33 +22,13 @@ class Motion:
     rate: Vec
     acceleration: Vec
 
-    def track(self, dt: float) -> Track:
+    def track(self, dt: float) -> Samples:
         """The target of a task that reads position, rate and acceleration."""
-        return Track(dt, self.position, (self.rate, self.acceleration))
+        return Samples(self.position, period=dt, rates=self.rate, accelerations=self.acceleration)
 
     def moved(self, offset: Vec) -> Motion:
         """The same motion elsewhere: ``offset`` (3,) or (ticks, 3) is added to the position, and only to it."""
         return Motion(self.position + offset, self.rate, self.acceleration)
-
-
-@final
-class Track:
-    """A target as a function of time that looks up the entry of the tick: made before the run, read in it.
-
-    With ``derivatives`` (rates, accelerations), a row for each tick as in ``values``, it gives all three.
-    """
-
-    def __init__(self, dt: float, values: Sequence[Any] | Vec, derivatives: tuple[Vec, Vec] | None = None) -> None:
-        self._values, self._derivatives, self._last = values, derivatives, len(values) - 1
-        self._ticks_per_second = 1.0 / dt
-
-    def __call__(self, t: float) -> Any:
-        k = int(t * self._ticks_per_second + 0.5)
-        k = k if k < self._last else self._last
-        if self._derivatives is None:
-            return self._values[k]
-        rates, accelerations = self._derivatives
-        return self._values[k], rates[k], accelerations[k]
 
 
 def times(ticks: int, dt: float) -> Vec:

@@ -28,6 +28,7 @@ from tasks import (
     PoseInterpolation,
     Position,
     Posture,
+    Samples,
     Sinusoid,
     Sole,
     TorqueLimits,
@@ -323,6 +324,23 @@ def test_motions_one_after_another_are_evaluated_as_they_are_when_called(starts,
     motion = Piecewise([(start, piece(kind)) for start, kind in zip(starts, kinds, strict=False)])
     make = Frame if poses else Position
     times = [starts[0] - 1.0, *starts, *np.nextafter(starts, -2.0), between]
+    assert_evaluated_as_called(motion, lambda target: make("tool", target=target, kp=50.0), times)
+
+
+@given(
+    times=st.lists(st.integers(-2, 12).map(lambda k: 0.05 * k) | st.floats(-1e3, 1e3), min_size=2, max_size=4),
+    numbers=st.integers(0, 2**32 - 1), count=st.integers(1, 9), poses=st.booleans(), has_rates=st.booleans(),
+)  # fmt: skip
+def test_samples_are_evaluated_as_they_are_when_called(times, numbers, count, poses, has_rates):
+    """At each sample, halfway between two, before the first and after the last."""
+    rng = np.random.default_rng(numbers)
+    values = [
+        pinocchio.SE3(pinocchio.exp3(rng.normal(size=3)), rng.normal(size=3)) if poses else rng.normal(size=3)
+        for _ in range(count)
+    ]
+    rates = rng.normal(size=(2, count, 6 if poses else 3)) if has_rates else (None, None)
+    motion = Samples(values, period=0.1, rates=rates[0], accelerations=rates[1])
+    make = Frame if poses else Position
     assert_evaluated_as_called(motion, lambda target: make("tool", target=target, kp=50.0), times)
 
 

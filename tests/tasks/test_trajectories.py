@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks import MinimumJerk, Piecewise, PoseInterpolation, Sinusoid
+from tasks import MinimumJerk, Piecewise, PoseInterpolation, Samples, Sinusoid
 from wbc.errors import InvalidInput
 from wbc.types import Vec
 
@@ -119,6 +119,19 @@ def test_pieces_follow_one_another(starts: list[float], t: float) -> None:
     assert Piecewise(pieces)(t)[0][0] == max(sum(start <= t for start in starts) - 1, 0)
 
 
+@given(st.integers(1, 30), st.sampled_from([1e-3, 2e-3, 0.02]), st.floats(-1.0, 40.0))
+def test_the_nearest_sample_holds(count: int, period: float, at: float) -> None:
+    t = at * period
+    given_at = period * np.arange(count)
+    value = Samples(np.arange(count, dtype=float)[:, None], period=period)(t)[0]
+    assert abs(t - given_at[int(value)]) <= np.abs(t - given_at).min() + 1e-12
+
+
+@given(st.integers(0, 4999), st.sampled_from([1e-3, 2e-3, 1e-2]))
+def test_a_tick_reads_its_own_sample(k: int, dt: float) -> None:
+    assert Samples(np.arange(5000.0)[:, None], period=dt)(k * dt)[0] == k
+
+
 def test_a_sinusoid_starts_at_its_center_and_at_rest() -> None:
     value, rate, acceleration = Sinusoid([3.0], amplitude=1.0, frequency=1.0, phase=0.7)(0.0)
     assert (value[0], rate[0], acceleration[0]) == (3.0, 0.0, 0.0)
@@ -140,6 +153,13 @@ def test_a_ramp_of_zero_starts_in_full_motion() -> None:
         (lambda: PoseInterpolation(np.eye(3), np.eye(4), duration=1.0), "start must"),
         (lambda: PoseInterpolation(np.eye(4), 2 * np.eye(4), duration=1.0), "end"),
         (lambda: Piecewise([]), "at least one"),
+        (lambda: Samples([], period=0.1), "at least one sample"),
+        (lambda: Samples([[1.0], [np.nan]], period=0.1), r"values\[\(1, 0\)\] is nan"),
+        (lambda: Samples([np.eye(4), 2.0 * np.eye(4)], period=0.1), r"values\[1\]"),
+        (lambda: Samples([[1.0, 2.0], [1.0]], period=0.1), "values"),
+        (lambda: Samples([[1.0]], period=0.0), "period is 0"),
+        (lambda: Samples([[1.0]], period=0.1, rates=[[1.0]]), "rates and accelerations come together"),
+        (lambda: Samples([[1.0]], period=0.1, rates=[[1.0]], accelerations=[[1.0, 2.0]]), "accelerations"),
         (lambda: Piecewise([(1.0, None), (1.0, None)]), r"pieces\[1\] starts at 1 s, not after"),
     ],
 )  # fmt: skip

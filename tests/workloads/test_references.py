@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks.workloads.references import Track, ramp, step, sway, times
+from tasks.workloads.references import ramp, step, sway, times
 
 moments = st.floats(0.01, 3.0)
 
@@ -39,11 +39,6 @@ def test_a_step_is_there_from_its_time_on():
     offset = step(times(5, 0.5), 1.0, [0.0, 0.15, 0.0])
     assert offset[:, 1].tolist() == [0.0, 0.0, 0.15, 0.15, 0.15]
     assert not offset[:, [0, 2]].any()
-
-
-@given(st.integers(0, 4999), st.sampled_from([1e-3, 2e-3, 1e-2]))
-def test_a_track_answers_with_the_entry_of_the_tick(k: int, dt: float):
-    assert Track(dt, range(5000))(k * dt) == k
 
 
 def test_a_track_of_a_motion_gives_position_rate_and_acceleration():

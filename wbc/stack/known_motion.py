@@ -12,7 +12,7 @@ from wbc.errors import InvalidInput
 from wbc.types import Vec
 
 #: Kinds of motions; NONE is called, or stands still.
-NONE, SINUSOID, MINIMUM_JERK, POSE, PIECEWISE = -1, 0, 1, 2, 3
+NONE, SINUSOID, MINIMUM_JERK, POSE, SAMPLES, PIECEWISE = -1, 0, 1, 2, 3, 4
 
 
 @final

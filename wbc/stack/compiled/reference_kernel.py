@@ -6,7 +6,7 @@ from math import cos, sin
 
 from wbc.compiled import carray, floats, kernel
 from wbc.stack.compiled.geometry import turn_by
-from wbc.stack.known_motion import NONE, PIECEWISE, POSE, SINUSOID
+from wbc.stack.known_motion import NONE, PIECEWISE, POSE, SAMPLES, SINUSOID
 from wbc.types import Index, Vec
 
 
@@ -70,6 +70,24 @@ def pose(t: float, numbers: Vec, value: Vec, rate: Vec, second: Vec) -> None:
 
 
 @kernel
+def sample(t: float, n: int, step: int, at: int, value: Vec, rate: int, second: int) -> None:
+    """The sample of the time nearest to t; numbers at ``at``: samples per second, how many, size of a rate, whether
+    there are rates, then the samples, of each its value, rate and acceleration. ``rate`` and ``second`` are addresses.
+    """
+    head = carray(floats(at), 4)
+    count, width, has_rates = int(head[1]), int(head[2]), head[3] > 0.0
+    k = int(min(max(t * head[0] + 0.5, 0.0), count - 1.0))
+    size = n + 2 * width if has_rates else n
+    found = carray(floats(at), 4 + count * size)[4 + k * size : 4 + (k + 1) * size]
+    for i in range(n):
+        value[i * step] = found[i]
+    speed, more = carray(floats(rate), width), carray(floats(second), width)
+    for i in range(width):
+        speed[i] = found[n + i] if has_rates else 0.0
+        more[i] = found[n + width + i] if has_rates else 0.0
+
+
+@kernel
 def refer(references: Index, t: float) -> None:
     """Write every reference: of each its kind, size, step, addresses of numbers, value, rate and acceleration.
 
@@ -88,7 +106,11 @@ def refer(references: Index, t: float) -> None:
             while i > 0 and t < table[1 + i]:
                 i -= 1
             kind, at = int(table[1 + pieces + i]), at + 8 * int(table[1 + 2 * pieces + i])
-        numbers, value = carray(floats(at), max(2 + 10 * n, 21)), carray(floats(references[k, 4]), n * step)
+        value = carray(floats(references[k, 4]), n * step)
+        if kind == SAMPLES:
+            sample(t, n, step, at, value, references[k, 5], references[k, 6])
+            continue
+        numbers = carray(floats(at), max(2 + 10 * n, 21))
         width = 6 if kind == POSE else n
         rate, second = carray(floats(references[k, 5]), width), carray(floats(references[k, 6]), width)
         if kind == SINUSOID:
