@@ -268,7 +268,7 @@ class Recorder:
             >>> for k in range(100):
             ...     q = recorder.tick(controller, 1e-3 * k, q, np.zeros(robot.nv), battery=48.0).q
             >>> run = recorder.run()
-            >>> run.rows, run["error.Position[tool]"].shape, run["battery"][0], run.meta["robot"]
+            >>> run.rows, run["error.Position[tool]"].shape, float(run["battery"][0]), run.meta["robot"]
             (100, (100, 3), 48.0, 'arm')
         """
         from wbc.control.controller import Controller
