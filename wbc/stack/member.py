@@ -11,7 +11,7 @@ from abc import ABCMeta
 from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
 from enum import Enum
-from inspect import get_annotations
+from inspect import Signature, get_annotations, signature
 from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, final
 from weakref import WeakSet
@@ -61,6 +61,12 @@ class _Built(ABCMeta):
             made.__dict__["_settings"] = frozenset(name for name in made.__dict__ if name[0] != "_") - _STRUCTURE
             made.__dict__["_role"] = _Role.SETTINGS
             return made
+
+        @property
+        def __signature__(cls) -> Signature:
+            """Of the constructor: ``help`` and editors would show that of ``__call__``."""
+            read = signature(cls.__init__)
+            return read.replace(parameters=list(read.parameters.values())[1:], return_annotation=Signature.empty)
 
 
 class Member(metaclass=_Built):
