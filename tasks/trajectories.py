@@ -214,7 +214,7 @@ class Samples:
         self, values: Sequence[Any] | Vec, *, period: float, rates: Any = None, accelerations: Any = None
     ) -> None:
         self._per_second = 1.0 / checks.number("period", period, low=0.0, strict=True)
-        values = list(values)
+        values = checks.items("values", values, "samples")
         if not values:
             raise InvalidInput("values is empty; there is at least one sample")
         self._values: list[Any]
