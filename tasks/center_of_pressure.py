@@ -6,15 +6,17 @@ from typing import Any, Self, final
 
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.kernel_members import KernelLinearTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import LinearRows, LinearTask
+from wbc.stack.task import LinearRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class CenterOfPressure(Tracking, LinearTask):
+class CenterOfPressure(Tracking, KernelLinearTask):
     """m_y + p_x f_z = 0 and m_x − p_y f_z = 0 for the wrench of one sole: its force acts at p = ``target`` (2,) [m].
 
     p is in the axes of the sole, from its centre; the rows are moments about p [N m], so that a foot with little load
@@ -38,13 +40,13 @@ class CenterOfPressure(Tracking, LinearTask):
         super().__init__(weight=weight, name=name)
         self.target = target
 
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "force.centre_of_pressure", writes_A=True)
+
     def fill(self, state: RobotState, out: LinearRows) -> None:
         if out.A.shape[1] != 6:
             raise InvalidInput(f"{self.name} is about a wrench; a contact of {out.A.shape[1]} numbers has no moments")
-        x, y = self.reference(state.t).value
-        out.A[:], out.b[:] = 0.0, 0.0
-        out.A[0, 2], out.A[0, 4] = x, 1.0
-        out.A[1, 2], out.A[1, 3] = -y, 1.0
+        super().fill(state, out)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelLinearTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
-_ROWS = np.arange(6)
-
 
 @final
-class ContactForce(Tracking, LinearTask):
+class ContactForce(Tracking, KernelLinearTask):
     """f = f_target: force [N], then moment [N m] about the contact point, in the axes of the surface (z the normal).
 
     ``contact``: its name or its frame. ``target``: (3,), the force alone, or (6,), the wrench of a sole; or a function
@@ -49,10 +46,8 @@ class ContactForce(Tracking, LinearTask):
         super().__init__(weight=weight, name=name)
         self.target = target
 
-    def fill(self, state: RobotState, out: LinearRows) -> None:
-        out.A[:] = 0.0
-        out.A[_ROWS[: self.dim], _ROWS[: self.dim]] = 1.0
-        out.b[:] = self.reference(state.t).value
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "force.target", writes_A=True)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Self, final
 
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import LinearRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelLinearTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.torque_task import TorqueTask
 
 
 @final
-class GravityCompensation(TorqueTask):
+class GravityCompensation(TorqueTask, KernelLinearTask):
     """τ = g(q), one row a joint [N m, N]: the torques that hold the links still, at rest, wherever they are.
 
     Alone on a fixed base it makes an arm that floats and is led by hand: M q̈ + C q̇ = what pushes it; add
@@ -34,8 +35,8 @@ class GravityCompensation(TorqueTask):
         True
     """
 
-    def fill(self, state: RobotState, out: LinearRows) -> None:
-        self._write(out, state.g[state.model.nb :][self._index])
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("force.gravity", numbers=self._index, constant=self._rows_of_joints, bias="g")
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -9,8 +9,9 @@ import numpy as np
 
 from wbc.errors import InvalidInput
 from wbc.models import plausible
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.task import LinearRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelLinearTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.torque_task import TorqueTask
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
@@ -19,7 +20,7 @@ from .trajectories import Sinusoid
 
 
 @final
-class JointImpedance(Tracking, TorqueTask):
+class JointImpedance(Tracking, TorqueTask, KernelLinearTask):
     """τ = g(q) + K (q_target − q) + D (q̇_target − q̇), one row a joint [N m, N]; with ``coriolis``, + C(q, q̇) q̇.
 
     A spring K [N m/rad, N/m] and a damper D [N m s/rad, N s/m] in each joint, which feel the same wherever the arm is:
@@ -93,11 +94,11 @@ class JointImpedance(Tracking, TorqueTask):
         self.stiffness, self.damping, self.target = self.stiffness, self.damping, self.target
         plausible.joints(model, f"{self.name}.target", self.reference(0.0).value)
 
-    def fill(self, state: RobotState, out: LinearRows) -> None:
-        target, index = self.reference(state.t), self._index
-        bias = (state.h if self.coriolis else state.g)[state.model.nb :]
-        e, e_rate = target.value - state.q_joints, target.rate - state.v_joints
-        self._write(out, bias[index] + self._K * e[index] + self._D * e_rate[index])
+    def kernel_rows(self) -> KernelRows:
+        numbers, bias = [*self._index, *self._K, *self._D], "h" if self.coriolis else "g"
+        return KernelRows.tracking(
+            self, "force.impedance", numbers=numbers, constant=self._rows_of_joints, bias=bias
+        )  # fmt: skip
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

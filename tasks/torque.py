@@ -11,6 +11,8 @@ from scipy.linalg import lapack
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.kernel_members import KernelLinearTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
 from wbc.stack.task import LinearRows
 from wbc.stack.torque_task import TorqueTask
@@ -21,7 +23,7 @@ from .trajectories import Sinusoid
 
 
 @final
-class Torque(Tracking, TorqueTask):
+class Torque(Tracking, TorqueTask, KernelLinearTask):
     """τ = τ₀, one row a joint [N m, N]; the cost is ½ w ‖τ − τ₀‖², or ½ ‖τ − τ₀‖²_W with weight="inverse_inertia".
 
     W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are laws this is
@@ -60,16 +62,19 @@ class Torque(Tracking, TorqueTask):
     def convert(self, name: str, value: Any, strict: bool) -> Vec:
         return self._vector(name, np.full(self.dim, value) if checks.ndim(value) == 0 else value, strict)
 
-    def fill(self, state: RobotState, out: LinearRows) -> None:
-        tau_0 = self.reference(state.t).value
+    def kernel_rows(self) -> KernelRows | None:
         if self._by_inertia:
-            factor, _ = lapack.dpotrf(state.M, 1)
-            # L⁻¹ is lower triangular: its joint columns are zero above their own block.
-            nb = state.model.nb
-            out.A[:] = lapack.dtrtri(factor, 1)[0][nb:, nb:]
-            np.dot(out.A, tau_0, out.b)
-        else:
-            self._write(out, tau_0)
+            return None
+        return KernelRows.tracking(self, "force.target", constant=self._rows_of_joints)
+
+    def fill(self, state: RobotState, out: LinearRows) -> None:
+        if not self._by_inertia:
+            return super().fill(state, out)
+        factor, _ = lapack.dpotrf(state.M, 1)
+        # L⁻¹ is lower triangular: its joint columns are zero above their own block.
+        nb = state.model.nb
+        out.A[:] = lapack.dtrtri(factor, 1)[0][nb:, nb:]
+        np.dot(out.A, self.reference(state.t).value, out.b)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

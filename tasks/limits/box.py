@@ -8,14 +8,15 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.constraint import Barrier, BarrierRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelBarrier
+from wbc.stack.kernel_rows import KernelRows
 
 _AXES = "xyz"
 
 
 @final
-class BoxLimits(Barrier):
+class BoxLimits(KernelBarrier):
     """lower <= p <= upper [m] for the origin p of a frame, world axes: h = p − lower and h = upper − p.
 
     ``lower``, ``upper`` (3,) or scalar; a side that is infinite has no row.
@@ -59,12 +60,9 @@ class BoxLimits(Barrier):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: BarrierRows) -> None:
-        frame, axes, sign = state.frame(self.frame), self._axes, self._sign
-        np.multiply(frame.position[axes], sign, out.h)
-        out.h -= self._offset
-        np.multiply(frame.jacobian()[axes], sign[:, None], out.J)
-        np.multiply(frame.drift()[axes], sign, out.drift)
+    def kernel_rows(self) -> KernelRows:
+        normals = self._sign[:, None] * np.eye(3)[self._axes]
+        return KernelRows("limit.half_spaces", (self.frame,), np.column_stack([normals, self._offset]).ravel())
 
     def label(self, row: int) -> str:
         return f"{_AXES[self._axes[row]]} {'lower' if row < len(self._low) else 'upper'}"

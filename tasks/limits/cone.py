@@ -7,17 +7,15 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.constraint import Barrier, BarrierRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelBarrier
+from wbc.stack.kernel_rows import KernelRows
 
 from .directions import unit
 
-#: Radius [m] within which the axis of the cone is rounded: there the distance to the cone has no gradient.
-_ROUND = 1e-3
-
 
 @final
-class ConeLimit(Barrier):
+class ConeLimit(KernelBarrier):
     """h = z sin α − r cos α >= 0 [m]: the origin of a frame inside a cone, h its distance from the cone's side.
 
     With p the origin, d = p − apex: z = a·d is the height along the unit axis a, r = √(|d − z a|² + (1 mm)²) the
@@ -43,27 +41,12 @@ class ConeLimit(Barrier):
         self.apex = checks.array(f"{self.name}.apex", apex, (3,))
         self.axis = unit(f"{self.name}.axis", axis)
         self.angle = checks.number(f"{self.name}.angle", angle, low=0.0, high=0.5 * np.pi, strict=True)
-        self._across = np.eye(3) - np.outer(self.axis, self.axis)
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: BarrierRows) -> None:
-        frame, axis = state.frame(self.frame), self.axis
-        sin, cos = np.sin(self.angle), np.cos(self.angle)
-        away = frame.position - self.apex
-        beside = self._across @ away
-        r = np.sqrt(beside.dot(beside) + _ROUND**2)
-        beside /= r
-        out.h[0] = sin * axis.dot(away) - cos * r
-        gradient = sin * axis - cos * beside
-        J = frame.jacobian()[:3]
-        np.dot(gradient, J, out.J[0])
-        # d²r/dt² of a straight line at velocity u: (|u_across|² − (∂r/∂p · u)²) / r
-        u = J @ state.v
-        across = self._across @ u
-        curvature = (across.dot(across) - beside.dot(u) ** 2) / r
-        out.drift[0] = gradient.dot(frame.linear_drift()) - cos * curvature
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("limit.cone", (self.frame,), [*self.apex, *self.axis, self.angle])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

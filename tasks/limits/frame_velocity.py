@@ -8,14 +8,16 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.constraint import ConstraintRows, LinearConstraint
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelConstraint
+from wbc.stack.kernel_rows import KernelRows
+from wbc.types import Vec
 
 _LABELS = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @final
-class FrameVelocityLimits(LinearConstraint):
+class FrameVelocityLimits(KernelConstraint):
     """|J v| <= v_max at the end of the tick, row by row: velocity of a frame's origin [m/s] and its angular velocity
     [rad/s], world axes.
 
@@ -62,10 +64,11 @@ class FrameVelocityLimits(LinearConstraint):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: ConstraintRows) -> None:
-        np.take(state.frame(self.frame).jacobian(), self._rows, axis=0, out=out.A)
-        np.negative(self._v_max, out.lo)
-        out.hi[:] = self._v_max
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("limit.velocity", (self.frame,), self._rows)
+
+    def bounds(self) -> tuple[Vec, Vec]:
+        return -self._v_max, self._v_max
 
     def label(self, row: int) -> str:
         return _LABELS[self._rows[row]]

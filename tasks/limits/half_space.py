@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
 from wbc import checks
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.constraint import Barrier, BarrierRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelBarrier
+from wbc.stack.kernel_rows import KernelRows
 
 from .directions import unit
 
 
 @final
-class HalfSpaceLimit(Barrier):
+class HalfSpaceLimit(KernelBarrier):
     """h = n·p − offset >= 0 [m]: the origin p of a frame on the side of a plane that its normal n points to.
 
     ``normal`` (3,) in the world, of any length but zero (it is normalised); ``offset`` [m] along it.
@@ -42,11 +41,8 @@ class HalfSpaceLimit(Barrier):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: BarrierRows) -> None:
-        frame, n = state.frame(self.frame), self.normal
-        out.h[0] = n.dot(frame.position) - self.offset
-        np.dot(n, frame.jacobian()[:3], out.J[0])
-        out.drift[0] = n.dot(frame.linear_drift())
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("limit.half_spaces", (self.frame,), [*self.normal, self.offset])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

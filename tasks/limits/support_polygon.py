@@ -9,14 +9,15 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownFrame
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.stack.constraint import Barrier, BarrierRows
+from wbc.stack.kernel_members import KernelBarrier
+from wbc.stack.kernel_rows import CENTRE, KernelRows
 from wbc.types import Mat
 
 
 @final
-class SupportPolygon(Barrier):
+class SupportPolygon(KernelBarrier):
     """h_i = n_i·c − offset_i − margin >= 0 [m]: the centre of mass c, seen from above, inside the hull of ``points``.
 
     ``points`` (k, 2) or (k, 3) in the world [m], k >= 3, in any order; n_i are the inward normals of the edges of their
@@ -67,11 +68,9 @@ class SupportPolygon(Barrier):
             corners += [placement.act(np.array(point)) for point, _ in robot.feet[name].lowest()]
         return cls(np.array(corners), **settings)
 
-    def fill(self, state: RobotState, out: BarrierRows) -> None:
-        np.matmul(self._normals, state.com[:2], out=out.h)
-        out.h -= self._offsets
-        np.matmul(self._normals, state.com_jacobian[:2], out=out.J)
-        np.matmul(self._normals, state.com_drift[:2], out=out.drift)
+    def kernel_rows(self) -> KernelRows:
+        numbers = np.column_stack([self._normals, np.zeros(self.dim), self._offsets])
+        return KernelRows("limit.half_spaces", (CENTRE,), numbers.ravel())
 
     def label(self, row: int) -> str:
         return f"edge {row}"

@@ -6,9 +6,10 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 from wbc.models.model import RobotState
-from wbc.stack.constraint import Barrier, BarrierRows
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
+from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.stack.compiled.row_memory import Written
@@ -40,20 +41,40 @@ class KernelBarrier(Barrier):
         out.h[:], out.J[:], out.drift[:], out.rate[:] = rows.e, rows.J, rows.drift, rows.rate_ref
 
 
-class KernelLinearTask(LinearTask):
-    """A linear task that a kernel writes: A y = e − drift, A = J."""
+class KernelConstraint(LinearConstraint):
+    """A linear constraint whose A a kernel writes, with A = J, and whose bounds stand."""
 
     @abstractmethod
     def kernel_rows(self) -> KernelRows:
         """Which kernel writes the rows, and what it reads."""
 
+    @abstractmethod
+    def bounds(self) -> tuple[Vec, Vec]:
+        """lo and hi (dim,)."""
+
+    def fill(self, state: RobotState, out: ConstraintRows) -> None:
+        out.A[:] = _called(self.kernel_rows(), self.dim, state).J
+        out.lo[:], out.hi[:] = self.bounds()
+
+
+class KernelLinearTask(LinearTask):
+    """A linear task that a kernel writes: A y = e − drift, A = J or what the kernel writes itself."""
+
+    @abstractmethod
+    def kernel_rows(self) -> KernelRows | None:
+        """Which kernel writes the rows, and what it reads; None: ``fill`` writes them."""
+
     def fill(self, state: RobotState, out: LinearRows) -> None:
-        rows = _called(self.kernel_rows(), self.dim, state)
-        out.A[:], out.b[:] = rows.J, rows.e - rows.drift
+        said = self.kernel_rows()
+        assert said is not None, f"{self.name} has no kernel, so it needs a fill"
+        rows = _called(said, self.dim, state, out.A)
+        out.b[:] = rows.e - rows.drift
+        if not said.writes_A:
+            out.A[:] = rows.J
 
 
-def _called(said: KernelRows, dim: int, state: RobotState) -> Written:
+def _called(said: KernelRows, dim: int, state: RobotState, A: Mat | None = None) -> Written:
     # Compiled code is loaded where rows are written, and not before.
     from wbc.stack.compiled.row_memory import called
 
-    return called(said, dim, state)
+    return called(said, dim, state, A=A if said.writes_A else None)

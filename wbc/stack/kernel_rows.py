@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Self, final
+from typing import Any, Final, Literal, Self, final
 
 import numpy as np
 
 from wbc.stack.target import Target
 from wbc.stack.tracking import Tracking
-from wbc.types import Mat, Vec
+from wbc.types import Index, Mat, Vec
+
+Numbers = Vec | Index | Sequence[float]
 
 #: What moves as a whole, beside frames: the centre of mass, and the momentum A_G v, linear before angular.
 CENTRE: Final = "the centre of mass"
@@ -40,17 +42,22 @@ class KernelRows:
 
     kernel: str
     of: tuple[str, ...] = NOTHING
-    numbers: Vec | Sequence[float] = ()
+    numbers: Numbers = ()
     follows: tuple[Followed, ...] = ()
-    #: J (dim, nv) where it never changes.
+    #: J (dim, nv), or A of a member on torques, where it never changes.
     constant: Mat | None = None
+    #: Whether the kernel writes A in the place of C: of a member on forces.
+    writes_A: bool = False
+    #: What a kernel reads beside: v, gravity "g" or all of "h", (nv,) each.
+    bias: Literal["v", "g", "h"] = "v"
 
     @classmethod
     def tracking(
-        cls, task: Tracking, kernel: str, *of: str, numbers: Vec | Sequence[float] = (), also: tuple[Followed, ...] = ()
-    ) -> Self:
+        cls, task: Tracking, kernel: str, *of: str, numbers: Numbers = (),
+        also: tuple[Followed, ...] = (), **more: Any,
+    ) -> Self:  # fmt: skip
         """Of a task with a ``target``."""
-        return cls(kernel, of, numbers, (Followed(task.reference, lambda: task.target), *also))
+        return cls(kernel, of, numbers, (Followed(task.reference, lambda: task.target), *also), **more)
 
     @classmethod
     def of_joints(cls, offset: Vec, J: Mat) -> Self:
@@ -65,7 +72,7 @@ def kernel_rows_of(member: Any) -> Callable[[], KernelRows] | None:
     for kind in type(member).__mro__:
         if "kernel_rows" in vars(kind):
             said: Callable[[], KernelRows] = member.kernel_rows
-            return said
+            return None if member.kernel_rows() is None else said
         if "fill" in vars(kind):
             return None
     return None

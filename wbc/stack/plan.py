@@ -196,7 +196,7 @@ class Plan(Filled):
         layout, p = self.layout, self.problem
         writers: list[Writer] = []
         for barrier, row in zip(layout.barriers, layout.barrier_rows, strict=True):
-            writers.append(BarrierWriter(barrier, row, p, layout))
+            writers.append(BarrierWriter(barrier, row, p, layout, self.dt))
         for law, row in zip(layout.constraints, layout.constraint_rows, strict=True):
             writers.append(ConstraintWriter(law, row, p, layout, self.dt))
         for task, row in zip(layout.linear, layout.linear_rows, strict=True):
@@ -401,7 +401,7 @@ class Plan(Filled):
         if self.intervals is not None and self.intervals.remembers:
             self.intervals.narrow_by_jerk(self.level.order, state.v_joints, *self.joint_bound_rows)
         self.damping.follow(state.v)
-        for writer in self._writers:
+        for writer in self._bound.writers:
             try:
                 writer.fill(state)
             except Exception as cause:
@@ -440,7 +440,7 @@ class Plan(Filled):
 
     def bind(self, state: RobotState) -> CompiledFill:
         """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""
-        self._bound = filler = CompiledFill(self, state, self.members(), self.failed)
+        self._bound = filler = CompiledFill(self, state, self.members(), self._writers, self.failed)
         self._call[fill_kernel.FILLS] = filler.address
         self._filler = filler if filler.is_complete else None
         return filler
@@ -452,7 +452,7 @@ class Plan(Filled):
         filler = self._filler
         compiled = filler is not None and filler.is_compiled
         remembers = self.intervals is not None and self.intervals.remembers
-        return compiled and not (self._writers or self._has_components or self.stopping or remembers)
+        return compiled and not (self._has_components or self.stopping or remembers)
 
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.

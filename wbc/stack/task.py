@@ -19,7 +19,7 @@ from wbc.stack.task_rows import TaskRows
 from wbc.stack.within import Within
 from wbc.types import Mat, Vec
 
-__all__ = ["Exactly", "LinearRows", "LinearTask", "Objective", "Task", "TaskRows", "force_of"]
+__all__ = ["Exactly", "LinearExactly", "LinearRows", "LinearTask", "Objective", "Task", "TaskRows", "force_of"]
 
 
 class LinearRows:
@@ -176,7 +176,7 @@ class LinearTask(Objective):
 
     def exactly(self, *, name: str | None = None) -> LinearConstraint:
         """The same task as a law: A y = b holds exactly, above every weight."""
-        return _LinearExactly(self, name or f"{self.name} exactly")
+        return LinearExactly(self, name or f"{self.name} exactly")
 
     @abstractmethod
     def fill(self, state: RobotState, out: LinearRows) -> None:
@@ -184,27 +184,27 @@ class LinearTask(Objective):
 
 
 @final
-class _LinearExactly(LinearConstraint):
+class LinearExactly(LinearConstraint):
     """A linear task turned into a law: lo = hi = b."""
 
     def __init__(self, task: LinearTask, name: str) -> None:
         super().__init__(name=name)
-        self._task = task
+        self.task = task
         self.contact = task.contact
 
     @property
     def on(self) -> Any:  # type: ignore[override]
         """What the task is about."""
-        return self._task.on
+        return self.task.on
 
     def prepare(self, model: RobotModel) -> None:
-        self._task.prepare(model)
-        self.dim, self._rows = self._task.dim, LinearRows()
-        self.units = tuple(self._task.unit(i) for i in range(self.dim))
+        self.task.prepare(model)
+        self.dim, self._rows = self.task.dim, LinearRows()
+        self.units = tuple(self.task.unit(i) for i in range(self.dim))
 
     def fill(self, state: RobotState, out: ConstraintRows) -> None:
         self._rows.A, self._rows.b = out.A, out.lo
-        self._task.fill(state, self._rows)
+        self.task.fill(state, self._rows)
         out.hi[:] = out.lo
 
 

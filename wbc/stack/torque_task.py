@@ -10,8 +10,8 @@ import numpy as np
 from wbc.errors import UnknownJoint
 from wbc.models.model import RobotModel
 from wbc.stack.by_name import all_meant, patterns
-from wbc.stack.task import LinearRows, LinearTask
-from wbc.types import Index, Vec
+from wbc.stack.task import LinearTask
+from wbc.types import Index
 
 
 class TorqueTask(LinearTask):
@@ -40,8 +40,3 @@ class TorqueTask(LinearTask):
         self.labels = tuple(model.joint_names[i] for i in index)
         self.units = tuple("N" if model.joint_units[i] == "m" else "N m" for i in index)
         self._rows_of_joints = np.eye(model.nj)[index]
-
-    def _write(self, out: LinearRows, torques: Vec) -> None:
-        """τ of the task's joints = ``torques`` (dim,)."""
-        out.A[:] = self._rows_of_joints
-        out.b[:] = torques

@@ -7,13 +7,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import final
 
 import numpy as np
 
+from wbc.compiled import Memory
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowProblem
+from wbc.stack.compiled.finish_kernel import BARRIER, FORCE, TORQUE, UNKNOWN, VELOCITY, finish
+from wbc.stack.compiled.row_memory import Written
 from wbc.stack.constraint import (
     Barrier,
     BarrierRows,
@@ -24,9 +28,13 @@ from wbc.stack.constraint import (
     TorqueBySpeed,
 )
 from wbc.stack.interval import JointIntervals
+from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
 from wbc.stack.layout import Layout
-from wbc.stack.task import LinearRows, LinearTask
+from wbc.stack.task import LinearExactly, LinearRows, LinearTask
 from wbc.types import Mat, Vec
+
+#: What rows are about.
+_ABOUT = {"barrier": BARRIER, "velocity": VELOCITY, "torque": TORQUE, "force": FORCE}
 
 
 class Writer(ABC):
@@ -42,6 +50,11 @@ class Writer(ABC):
     def written(self) -> dict[str, Vec]:
         """The memory the member writes into, by the names it knows."""
 
+    @property
+    def own(self) -> RowWriter | None:
+        """What writes rows that a kernel may write too."""
+        return None
+
     @final
     def check(self) -> None:
         """After the first fill: everything must have been written.
@@ -55,60 +68,134 @@ class Writer(ABC):
                 raise InvalidInput(f"{self.name}.fill left NaN in out.{what}[{where}]")
 
 
-@final
-class BarrierWriter(Writer):
-    """ḣ >= −γ h, or ḧ >= −2 γ ḣ − γ² h."""
+class RowWriter(Writer):
+    """Rows of a barrier, a linear constraint or a linear task; compiled code makes of them what the solver reads."""
 
-    def __init__(self, barrier: Barrier, row: int, problem: RowProblem, layout: Layout) -> None:
-        self.name, self.barrier, self.row = barrier.name, barrier, row
-        rows, items = slice(row, row + barrier.dim), slice(problem.item(row), problem.item(row + barrier.dim))
-        self._barrier, self._order = barrier, layout.level.order
-        self._out = out = BarrierRows()
-        out.J = problem.G[rows, : layout.model.nv]
-        out.J[:] = np.nan
-        out.h, out.drift = np.full(barrier.dim, np.nan), np.full(barrier.dim, np.nan)
-        out.rate = np.zeros(barrier.dim)
-        self._right, self._lower = problem.G[rows, problem.n], problem.lower[items]
+    def __init__(self, member: Barrier | LinearConstraint | LinearTask, row: int, problem: RowProblem, layout: Layout,
+                 dt: float) -> None:  # fmt: skip
+        self.name, self.row, self.member = member.name, row, member
+        dim, model, second = member.dim, layout.model, layout.level.order == 2
+        rows, items = slice(row, row + dim), slice(problem.item(row), problem.item(row + dim))
+        self._G, self._items = problem.G[rows], items
+        on = "barrier" if isinstance(member, Barrier) else member.on
+        about = _ABOUT.get(on, UNKNOWN)
+        if about == VELOCITY and not second:
+            about = UNKNOWN
+        where = layout.forces_of(member) if on == "force" and not isinstance(member, Barrier) else np.zeros(0)
+        width = {FORCE: len(where), TORQUE: model.nj}.get(about, model.nv)
+        J = self._G[:, : model.nv]
+        self.A: Mat = J if about in (BARRIER, UNKNOWN) else np.full((dim, width), np.nan)
+        self.A[:] = np.nan
+        self.b, self.drift, self.rate = np.full(dim, np.nan), np.zeros(dim), np.zeros(dim)
+        self._is_motion, self._is_force = about in (BARRIER, UNKNOWN, VELOCITY), about == FORCE
+        self._numbers = np.array([0.0, dt])
+        self._v = np.zeros(model.nv)
+        lower, upper = problem.lower[items], problem.upper[items]
+        self._sizes = np.array([about, dim, model.nv, problem.n + 1, second, width, self._kind, -1], dtype=np.int64)
+        self.finishing = Memory(
+            self._sizes, self._G, self.b, self.drift, self.rate, lower, upper, self.A, problem.G[model.nb : model.nv],
+            where.astype(np.int64), problem.scale, self._v, self._numbers,
+        )  # fmt: skip
+
+    #: What b is: added to the right side (0), bounds (1), or neither (−1).
+    _kind = 0
+
+    @property
+    def own(self) -> RowWriter:
+        return self
+
+    def gives_by(self, column: int) -> None:
+        """Rows may be broken, by as much as unknowns from ``column`` on say."""
+        self._sizes[7] = column
+
+    def reads(self, v: Vec) -> None:
+        """The velocities are these, until others are."""
+        self._v = np.ascontiguousarray(v)
+        self.finishing.addresses[11] = self._v.__array_interface__["data"][0]
+
+    def kernel(self) -> Callable[[], KernelRows] | None:
+        """What asks the member for its kernel; None where it has none."""
+        said = kernel_rows_of(self.member)
+        return None if said is None else partial(self._said, said)
+
+    def _said(self, said: Callable[[], KernelRows]) -> KernelRows:
+        self._read()
+        return said()
+
+    def into(self) -> Written:
+        """Where a kernel writes."""
+        dim = len(self.b)
+        return Written(
+            self.b, self.drift, self.rate, np.zeros(dim), self.A if self._is_motion else None,
+            A=self.A if self._is_force else None,
+        )  # fmt: skip
 
     def fill(self, state: RobotState) -> None:
-        out, rate = self._out, self._barrier.rate
-        self._barrier.fill(state, out)
-        if self._order == 1:
-            np.multiply(out.h, -rate, self._lower)
-            self._lower -= out.rate
-        else:
-            self._right[:] = out.drift
-            self._lower[:] = -2.0 * rate * (out.J @ state.v + out.rate) - rate**2 * out.h
+        self.reads(state.v)
+        self._read()
+        self.drift[:] = 0.0
+        self._call(state)
+        finish(self.finishing.address)
+
+    def _read(self) -> None:
+        if isinstance(self.member, Barrier):
+            self._numbers[0] = self.member.rate
+
+    @abstractmethod
+    def _call(self, state: RobotState) -> None:
+        """Let the member write."""
+
+
+@final
+class BarrierWriter(RowWriter):
+    """ḣ >= −γ h, or ḧ >= −2 γ ḣ − γ² h."""
+
+    _kind = -1
+
+    def __init__(self, barrier: Barrier, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
+        super().__init__(barrier, row, problem, layout, dt)
+        self.barrier = barrier
+        self._out = out = BarrierRows()
+        out.J, out.h, out.drift, out.rate = self.A, self.b, self.drift, self.rate
+        self._order = layout.level.order
+
+    def _call(self, state: RobotState) -> None:
+        self.drift[:] = np.nan
+        self.barrier.fill(state, self._out)
 
     @property
     def margins(self) -> Vec:
         """h (dim,) of the state that was filled last."""
-        return self._out.h
+        return self.b
 
     def written(self) -> dict[str, Vec]:
-        found = {"h": self._out.h, "J": self._out.J}
-        return found if self._order == 1 else found | {"drift": self._out.drift}
+        found = {"h": self.b, "J": self.A}
+        return found if self._order == 1 else found | {"drift": self.drift}
 
 
 @final
-class ConstraintWriter(Writer):
+class ConstraintWriter(RowWriter):
     """lo <= A y <= hi."""
 
-    def __init__(self, law: LinearConstraint, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
-        self.name = law.name
-        self._law, self._out = law, ConstraintRows()
-        items = slice(problem.item(row), problem.item(row + law.dim))
-        self._out.A = np.full((law.dim, layout.size_of(law)), np.nan)
-        self._out.lo, self._out.hi = problem.lower[items], problem.upper[items]
-        self._out.lo[:], self._out.hi[:] = np.nan, np.nan
-        self._write = _quantity(law, problem.G[row : row + law.dim], problem, layout, dt)
+    _kind = -1
 
-    def fill(self, state: RobotState) -> None:
-        self._law.fill(state, self._out)
-        self._write(self._out.A, state.v)
+    def __init__(self, law: LinearConstraint, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
+        super().__init__(law.task if isinstance(law, LinearExactly) else law, row, problem, layout, dt)
+        self.name = law.name
+        self._sizes[6] = 1 if isinstance(law, LinearExactly) else -1
+        self._law, self._out, self._equal = law, ConstraintRows(), LinearRows()
+        self._equal.A, self._equal.b = self.A, self.b
+        self._out.A, self._out.lo, self._out.hi = self.A, problem.lower[self._items], problem.upper[self._items]
+        self._out.lo[:], self._out.hi[:] = np.nan, np.nan
+
+    def _call(self, state: RobotState) -> None:
+        if isinstance(self._law, LinearExactly):
+            self._law.task.fill(state, self._equal)
+        else:
+            self._law.fill(state, self._out)
 
     def written(self) -> dict[str, Vec]:
-        return {"A": self._out.A, "lo": self._out.lo, "hi": self._out.hi}
+        return {"A": self.A, "lo": self._out.lo, "hi": self._out.hi}
 
 
 @final
@@ -170,9 +257,9 @@ class SoftLawWriter(Writer):
     def __init__(self, soft: Softly, at: tuple[int, int], problem: RowProblem, layout: Layout, dt: float) -> None:
         law, (row, column) = soft.law, at
         self.name = soft.name
-        self._law: Writer
+        self._law: RowWriter | JointIntervalWriter
         if isinstance(law, Barrier):
-            self._law = BarrierWriter(law, row, problem, layout)
+            self._law = BarrierWriter(law, row, problem, layout, dt)
         elif isinstance(law, LinearConstraint):
             self._law = ConstraintWriter(law, row, problem, layout, dt)
         else:
@@ -182,65 +269,33 @@ class SoftLawWriter(Writer):
         self.barrier = self._law if isinstance(self._law, BarrierWriter) else None
         self._gives = np.einsum("ii->i", problem.G[row : row + soft.dim, column : column + soft.dim])
         self._scale = problem.scale[column : column + soft.dim]
+        if isinstance(self._law, RowWriter):
+            self._law.gives_by(column)
+
+    @property
+    def own(self) -> RowWriter | None:
+        return self._law.own
 
     def fill(self, state: RobotState) -> None:
         self._law.fill(state)
-        self._gives[:] = self._scale
+        if self.own is None:
+            self._gives[:] = self._scale
 
     def written(self) -> dict[str, Vec]:
         return self._law.written()
 
 
 @final
-class LinearWriter(Writer):
+class LinearWriter(RowWriter):
     """A y = b, in least squares."""
 
     def __init__(self, task: LinearTask, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
-        self.name = task.name
+        super().__init__(task, row, problem, layout, dt)
         self._task, self._out = task, LinearRows()
-        self._out.A, self._out.b = np.full((task.dim, layout.size_of(task)), np.nan), np.full(task.dim, np.nan)
-        rows = problem.G[row : row + task.dim]
-        self._right = rows[:, problem.n]
-        self._write = _quantity(task, rows, problem, layout, dt)
+        self._out.A, self._out.b = self.A, self.b
 
-    def fill(self, state: RobotState) -> None:
+    def _call(self, state: RobotState) -> None:
         self._task.fill(state, self._out)
-        self._write(self._out.A, state.v)
-        self._right -= self._out.b
 
     def written(self) -> dict[str, Vec]:
-        return {"A": self._out.A, "b": self._out.b}
-
-
-def _quantity(
-    member: LinearTask | LinearConstraint, rows: Mat, problem: RowProblem, layout: Layout, dt: float
-) -> Callable[[Mat, Vec], None]:
-    """``write(A, v)``: A y as rows of x̂ = [x | 1] for the quantity y that the member is about."""
-    nv, nb = layout.model.nv, layout.model.nb
-    right = rows[:, problem.n]
-    if member.on == "torque":
-        torques = problem.G[nb:nv]
-
-        def write(A: Mat, v: Vec) -> None:
-            np.matmul(A, torques, out=rows)
-
-    elif member.on == "force":
-        columns = layout.forces_of(member)
-
-        def write(A: Mat, v: Vec) -> None:
-            rows[:, columns] = A * problem.scale[columns]
-            right[:] = 0.0
-
-    elif member.on == "velocity" and layout.level.order == 2:
-
-        def write(A: Mat, v: Vec) -> None:  # the velocity that the tick ends with, v + a dt
-            np.multiply(A, dt, out=rows[:, :nv])
-            right[:] = np.dot(A, v)
-
-    else:  # the unknown itself; Layout lets no other quantity through
-
-        def write(A: Mat, v: Vec) -> None:
-            rows[:, :nv] = A
-            right[:] = 0.0
-
-    return write
+        return {"A": self.A, "b": self.b}

@@ -17,6 +17,7 @@ from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.stack.kernel_rows import kernel_rows_of
 from wbc.stack.known_motion import NONE, KnownMotion
 from wbc.stack.target import Target
+from wbc.stack.writers import Writer
 from wbc.types import Mat, Vec
 
 #: A task or contact, its first row, its ``fill`` and what that writes into.
@@ -53,8 +54,9 @@ class CompiledFill:
     """
 
     def __init__(
-        self, plan: Filled, state: Any, members: Iterable[MotionMember], failed: Callable[[str, Exception], None]
-    ) -> None:
+        self, plan: Filled, state: Any, members: Iterable[MotionMember], writers: Iterable[Writer],
+        failed: Callable[[str, Exception], None],
+    ) -> None:  # fmt: skip
         self.state, self._failed = state, failed
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
         self._applied = plan.applied
@@ -65,7 +67,8 @@ class CompiledFill:
         self._binding, self._targets = plan.binding, -1
         own_memory = isinstance(state, PinocchioState)
         items = _Items(state, model.nv)
-        self._kernels = KernelItems(state, second=plan.level.order == 2, failed=failed)
+        second = plan.level.order == 2
+        self._kernels, self._later = (KernelItems(state, second=second, failed=failed) for _ in range(2))
         self._motion = motion
         first = layout.motion_row
         motion.clear()
@@ -89,11 +92,13 @@ class CompiledFill:
                 target = np.zeros(model.nj if isinstance(rows, JointRows) else 12)
                 self._followers.append(_Follower(member, rows, target, out[0]))
                 items.add(rows, row - first, target, target[_PLACE])
+        #: Those who write other rows in every tick, when all these are written.
+        self.writers = [writer for writer in writers if not (own_memory and self._takes(writer))]
         dynamics, m = plan.level.dynamics, layout.n_rows - first
         self._sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, m, motion.n_joint_blocks, first,
              layout.contact_row, layout.n_u, dynamics, len(items), plan.intervals is not None, 0,
-             len(self._followers), 0], dtype=np.int64,
+             len(self._followers), 0, 0], dtype=np.int64,
         )  # fmt: skip
         self._references, self._now = np.full((len(self._followers), 7), NONE, dtype=np.int64), np.zeros(1)
         writes_ed = np.zeros(len(motion.e)) if motion.writes_ed is None else motion.writes_ed.astype(np.float64)
@@ -117,7 +122,7 @@ class CompiledFill:
     @property
     def is_compiled(self) -> bool:
         """Whether no member writes its own rows."""
-        return not self._calls
+        return not (self._calls or self.writers)
 
     def __call__(self) -> None:
         """Write for what the state is now whatever is not compiled, and what the kernel reads."""
@@ -139,7 +144,7 @@ class CompiledFill:
             for follower in self._moving:
                 self._follow(follower, t)
         self._now[0] = t
-        self._sizes[15] = self._kernels(t, self._targets)
+        self._sizes[15], self._sizes[16] = self._kernels(t, self._targets), self._later(t, self._targets)
         if self._copies:
             dynamics = (state.M, state.h) if len(self._copies) > 2 else ()
             for copy, value in zip(self._copies, (state.v, state.q_joints, *dynamics), strict=True):
@@ -148,6 +153,19 @@ class CompiledFill:
             self._inertia = more = self._applied.inertia
             self._sizes[13] = more is not None
             self._more_inertia[:] = 0.0 if more is None else more
+
+    def _takes(self, writer: Writer) -> bool:
+        """Whether compiled code writes the rows of a writer."""
+        own = writer.own
+        kernel = None if own is None else own.kernel()
+        if own is None or kernel is None:
+            return False
+        own.reads(self.state.v)
+        try:
+            self._later.add(own.name, kernel, own.into(), own.finishing.address)
+        except Exception:
+            return False  # when it is called it says why
+        return True
 
     def _called(self, call: Callable[..., None], name: str, out: tuple[Any, ...]) -> bool:
         """Whether a member wrote its rows; one that raises is told of."""

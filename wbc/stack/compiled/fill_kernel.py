@@ -6,9 +6,9 @@ from math import inf
 
 from wbc.compiled import call_at, carray, entry, floats, integers, part
 from wbc.stack.compiled.damping_kernel import CHANGED, UNCHANGED, is_damped, observe, share
+from wbc.stack.compiled.finish_kernel import write_all
 from wbc.stack.compiled.interval_kernel import joint_bounds
 from wbc.stack.compiled.reference_kernel import refer
-from wbc.stack.compiled.row_kernel import write_all
 from wbc.stack.compiled.rows_kernel import fill_rows
 
 
@@ -18,11 +18,11 @@ def fill(at: int) -> None:
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
     contact row, columns of u, whether there are dynamics, items, whether joints have intervals, whether inertia is
-    added, references, what ``write_all`` reads), what the code below reads by name, from place 26 on what ``fill_rows``
-    reads, from 35 on what ``joint_bounds`` does.
+    added, references, what ``write_all`` reads of tasks, and of others), what the code below reads by name, from place
+    26 on what ``fill_rows`` reads, from 35 on what ``joint_bounds`` does.
     """
     memory = carray(integers(at), 50)
-    sizes = carray(integers(memory[0]), 16)
+    sizes = carray(integers(memory[0]), 17)
     order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
@@ -90,6 +90,8 @@ def fill(at: int) -> None:
         dt = carray(floats(memory[20]), 1)[0]
         lower, upper = carray(floats(memory[21]), nj), carray(floats(memory[22]), nj)
         joint_bounds(memory[35:], nj, order, dt, q, v[nb:], lower, upper)
+    if sizes[16] > 0:
+        write_all(sizes[16])
 
 
 #: What :func:`spoilt` finds.

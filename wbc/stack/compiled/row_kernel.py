@@ -7,18 +7,16 @@ Matrices of Pinocchio are stored column by column, so that an array made of its 
 
 from __future__ import annotations
 
-from math import nan
 from typing import NamedTuple
 
-from wbc.compiled import call_at, carray, floats, integers, kernel, part, small_kernel
+from wbc.compiled import call_at, carray, floats, integers, kernel, small_kernel
 from wbc.stack.compiled.geometry import cross, three
-from wbc.stack.compiled.reference_kernel import refer
 from wbc.types import Index, Mat, Vec
 
 #: What a thing is.
 FRAME, CENTRE, MOMENTUM = 0, 1, 2
 #: Numbers in the table of a thing before the columns that move it; addresses of an item, numbers to work in.
-THING, ADDRESSES, WORK = 8, 22, 24
+THING, ADDRESSES, WORK = 8, 23, 24
 
 
 class Rows(NamedTuple):
@@ -35,25 +33,27 @@ class Rows(NamedTuple):
     other: Mat  # (3, 3) and
     origin: Vec  # (3,): the anchor of a contact, its rotation stored by columns
     e: Vec
-    C: Mat  # (dim, 6 things), zero
+    C: Mat  # (dim, 6 things), or A of a force, zero
     bent: Vec  # (dim,), zero
     rate_ref: Vec  # (dim,), zero
     acc_ref: Vec  # (dim,), zero
     work: Vec  # (24,): memory
+    bias: Vec  # (nv,): gravity, or all of h
 
 
 @small_kernel
 def rows(at: int) -> Rows:
     """What stands at ``at``; see :func:`write`."""
     m = carray(integers(at), ADDRESSES)
-    sizes = carray(integers(m[0]), 10)
+    sizes = carray(integers(m[0]), 11)
     dim, things, n, n_value, n_rate, nj = sizes[1], sizes[2], sizes[6], sizes[7], sizes[8], sizes[9]
     return Rows(
         carray(floats(m[3]), (things, 12)), carray(floats(m[4]), (things, 12)), carray(floats(m[12]), n),
         carray(floats(m[13]), n_value), carray(floats(m[14]), n_rate), carray(floats(m[15]), n_rate),
         carray(floats(m[16]), nj), carray(floats(m[17]), nj), carray(floats(m[18]), (3, 3)), carray(floats(m[19]), 3),
-        carray(floats(m[8]), dim), carray(floats(m[5]), (dim, 6 * things)), carray(floats(m[6]), dim),
+        carray(floats(m[8]), dim), carray(floats(m[5]), (dim, sizes[10])), carray(floats(m[6]), dim),
         carray(floats(m[10]), dim), carray(floats(m[11]), dim), carray(floats(m[21]), WORK),
+        carray(floats(m[22]), sizes[3]),
     )  # fmt: skip
 
 
@@ -122,17 +122,18 @@ def write(at: int) -> int:
     """Write the rows of one member.
 
     At ``at``: sizes (address of the kernel, rows, things, nv, columns of G or 0 where J stays as it is, whether
-    accelerations are decided, numbers, target, its rate, nj); of each thing its kind, how many columns move it,
-    addresses of rotation, position, velocity, acceleration and columns, and which columns; placements of frames; the
-    memory of :class:`Rows`: places, motions, C, bent; the first row of J; e, drift, rate_ref, acc_ref; numbers, target,
-    its rate and acceleration; joints, their velocities, rotation and position of an anchor, all velocities; memory.
+    accelerations are decided, numbers, target, its rate, nj, columns of C); of each thing its kind, how many columns
+    move it, addresses of rotation, position, velocity, acceleration and columns, and which columns; placements of
+    frames; the memory of :class:`Rows`: places, motions, C, bent; the first row of J; e, drift, rate_ref, acc_ref;
+    numbers, target, its rate and acceleration; joints, their velocities, rotation and position of an anchor, all
+    velocities; memory; bias.
     """
     m = carray(integers(at), ADDRESSES)
-    sizes = carray(integers(m[0]), 10)
+    sizes = carray(integers(m[0]), 11)
     dim, n, nv, columns, second = sizes[1], sizes[2], sizes[3], sizes[4], sizes[5] > 0
     things, placements = carray(integers(m[1]), (n, THING + nv)), carray(floats(m[2]), (n, 12))
     places, motions = carray(floats(m[3]), (n, 12)), carray(floats(m[4]), (n, 12))
-    C, bent = carray(floats(m[5]), (dim, 6 * n)), carray(floats(m[6]), dim)
+    C, bent = carray(floats(m[5]), (dim, sizes[10])), carray(floats(m[6]), dim)
     rate_ref, acc_ref = carray(floats(m[10]), dim), carray(floats(m[11]), dim)
     velocity = carray(floats(m[20]), nv)
     motions[:], C[:], bent[:], rate_ref[:], acc_ref[:] = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -156,18 +157,3 @@ def write(at: int) -> int:
                 for i in range(6):
                     drift[r] += C[r, 6 * k + i] * motions[k, 6 + i]
     return 1
-
-
-@part
-def write_all(at: int) -> None:
-    """Evaluate what targets follow, and write the rows of each member; errors of one whose kernel failed are NaN.
-
-    At ``at``: sizes (members, targets that are known motions), these, the time, and where each member's memory is.
-    """
-    m = carray(integers(at), 4)
-    sizes = carray(integers(m[0]), 2)
-    refer(carray(integers(m[1]), (sizes[1], 7)), carray(floats(m[2]), 1)[0])
-    items = carray(integers(m[3]), sizes[0])
-    for k in range(len(items)):
-        if write(items[k]) == 0:
-            rows(items[k]).e[:] = nan

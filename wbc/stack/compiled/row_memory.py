@@ -10,6 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.compiled import Memory, callee
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_state import JointMemory, PinocchioState
 from wbc.stack.compiled import row_kernel
@@ -31,39 +32,42 @@ class Written:
     acc_ref: Vec
     J: Mat | None = None
     anchor: tuple[Mat, Vec] | None = None
+    #: Where C goes, of a member on a force.
+    A: Mat | None = None
 
     @classmethod
     def into(cls, out: TaskRows) -> Written:
         """What a task writes into."""
         return cls(out.e, out.drift, out.rate_ref, out.acc_ref, getattr(out, "J", None))
 
-    @classmethod
-    def fresh(cls, dim: int, nv: int, anchor: tuple[Mat, Vec] | None = None) -> Written:
-        """Memory of its own."""
-        e, drift, rate_ref, acc_ref = np.zeros((4, dim))
-        return cls(e, drift, rate_ref, acc_ref, np.zeros((dim, nv)), anchor)
 
+def called(
+    said: KernelRows, dim: int, state: RobotState, anchor: tuple[Mat, Vec] | None = None, A: Mat | None = None
+) -> Written:
+    """The rows of a member in a state of any robot.
 
-def called(said: KernelRows, dim: int, state: RobotState, anchor: tuple[Mat, Vec] | None = None) -> Written:
-    """The rows of a member in a state of any robot."""
-    rows = Written.fresh(dim, state.model.nv, anchor)
+    Raises:
+        InvalidInput: the kernel does not write rows of this size.
+    """
+    e, drift, rate_ref, acc_ref = np.zeros((4, dim))
+    J = np.zeros((dim, state.model.nv)) if said.constant is None else said.constant
+    rows = Written(e, drift, rate_ref, acc_ref, J, anchor, None if A is None else np.zeros(A.shape))
     item = _Item(said, state, rows, None)
     for target in item.targets:
         target.follow(state.t)
     things = [_seen(thing, state) for thing in said.of]
-    for place, motion, (at, J, rate) in zip(item.places, item.motions, things, strict=True):
+    for place, motion, (at, own, rate) in zip(item.places, item.motions, things, strict=True):
         place[:] = at
-        motion[: len(J)], motion[6 : 6 + len(J)] = J @ state.v, rate
-    item.kernel(item.memory.address)
-    assert rows.J is not None
-    if said.constant is not None:
-        rows.J[:] = said.constant
-        return rows
-    rows.drift[:] = item.bent
-    for k, (_, J, rate) in enumerate(things):
-        C = item.C[:, 6 * k : 6 * k + len(J)]
-        rows.J[:] += C @ J
-        rows.drift[:] += C @ rate
+        motion[: len(own)], motion[6 : 6 + len(own)] = own @ state.v, rate
+    if item.kernel(item.memory.address) != 1:
+        raise InvalidInput(f"it cannot have {item.C.shape[0]} rows about {item.C.shape[1]} numbers")
+    if A is not None:
+        A[:] = item.C
+    drift[:] = item.bent
+    for k, (_, own, rate) in enumerate(things):
+        C = item.C[:, 6 * k : 6 * k + len(own)]
+        J += C @ own
+        drift += C @ rate
     return rows
 
 
@@ -86,23 +90,27 @@ class KernelItems:
         self._state, self._second, self._failed = state, second, failed
         self._items: list[_Item] = []
         self._names: list[str] = []
+        self._finishes: list[int] = []
         self._said: list[Callable[[], KernelRows]] = []
         self._moving: list[tuple[str, _Following]] = []
         self._now = np.zeros(1)
         self._memory = Memory()
         self._version = -1
 
-    def add(self, name: str, said: Callable[[], KernelRows], rows: Written) -> None:
-        """One member more."""
+    def add(self, name: str, said: Callable[[], KernelRows], rows: Written, finish: int = 0) -> None:
+        """One member more; ``finish`` is where the memory of :func:`wbc.stack.compiled.finish_kernel.finish` is."""
+        self._items.append(_Item(said(), self._state, rows, self._second))
         self._names.append(name)
         self._said.append(said)
-        self._items.append(_Item(said(), self._state, rows, self._second))
+        self._finishes.append(finish)
 
     def __call__(self, t: float, version: int) -> int:
-        """Follow what moves; what :func:`wbc.stack.compiled.row_kernel.write_all` reads, 0 where there is nothing.
+        """Follow what moves; what :func:`wbc.stack.compiled.finish_kernel.write_all` reads, 0 where there is nothing.
 
         Another ``version`` says that settings or targets were assigned.
         """
+        if not self._items:
+            return 0
         if version != self._version:
             self._version = version
             self._read(t)
@@ -110,7 +118,7 @@ class KernelItems:
             for name, target in self._moving:
                 self._follow(name, target, t)
         self._now[0] = t
-        return self._memory.address if self._items else 0
+        return self._memory.address
 
     def _read(self, t: float) -> None:
         """Settings again, and which targets move."""
@@ -132,7 +140,7 @@ class KernelItems:
         sizes = np.array([len(self._items), len(known)], dtype=np.int64)
         references = np.array(known or [[NONE] * 7], dtype=np.int64)
         addresses = np.array([item.memory.address for item in self._items], dtype=np.int64)
-        self._memory = Memory(sizes, references, self._now, addresses)
+        self._memory = Memory(sizes, references, self._now, addresses, np.array(self._finishes, dtype=np.int64))
 
     def _follow(self, name: str, target: _Following, t: float) -> None:
         try:
@@ -163,7 +171,7 @@ class _Item:
             first = [first[0] + len(target.value), first[1] + len(target.rate)]
         self.numbers = np.array(said.numbers, dtype=np.float64)
         self.places, self.motions, placements = np.zeros((3, n, 12))
-        self.C, self.bent = np.zeros((dim, 6 * n)), np.zeros(dim)
+        self.C, self.bent = np.zeros((dim, 6 * n)) if rows.A is None else rows.A, np.zeros(dim)
         things, owners = np.zeros((n, row_kernel.THING + model.nv), dtype=np.int64), []
         if second is not None:
             assert isinstance(state, PinocchioState)
@@ -172,20 +180,21 @@ class _Item:
         width = J.strides[0] // J.itemsize if J is not None and said.of else 0
         sizes = [
             self.kernel.place, dim, n, model.nv, width, bool(second), len(self.numbers), len(value), len(rate),
-            model.nj,
+            model.nj, self.C.shape[1],
         ]  # fmt: skip
         rotation, origin = rows.anchor or (np.eye(3), np.zeros(3))
         self.memory = Memory(
             np.array(sizes, dtype=np.int64), things, placements, self.places, self.motions, self.C, self.bent,
             np.zeros(1) if J is None else J, rows.e, rows.drift, rows.rate_ref, rows.acc_ref, self.numbers, value, rate,
             moved, np.asarray(state.q_joints), np.asarray(state.v_joints), rotation, origin, np.asarray(state.v),
-            np.zeros(row_kernel.WORK),
+            np.zeros(row_kernel.WORK), np.asarray(getattr(state, said.bias)),
         )  # fmt: skip
         self._kept = owners
 
 
 def _placed(thing: Any, placement: Vec, name: str, state: PinocchioState) -> Any:
     """Write where compiled code finds a thing; what owns that memory."""
+    _seen(name, state)  # so that the state computes it
     columns, zero = list(range(state.model.nv)), np.zeros(1)
     data = state.data
     if name == CENTRE:
