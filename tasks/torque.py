@@ -28,8 +28,8 @@ class Torque(Tracking, TorqueTask, KernelLinearTask):
 
     W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are laws this is
     Gauss' principle: the acceleration nearest, in the metric M, to the one τ₀ alone would give. With M = L Lᵀ the rows
-    are A = (L⁻¹)_joints (its last nj rows and columns, AᵀA = W) and b = A τ₀. ``tau_0`` (also ``target``): scalar or
-    (nj,), or a function of time giving it. ``joints``: names or patterns (regular expressions that match whole names),
+    are A = (L⁻¹)_joints (its last nj rows and columns, AᵀA = W) and b = A τ₀. ``target``: τ₀, scalar or (nj,),
+    or a function of time giving it. ``joints``: names or patterns (regular expressions that match whole names),
     for these alone, (dim,) rows in that order; with zero and ``exactly()`` they are joints without motors.
     Source: Khatib, IEEE J. Robotics and Automation 1987.
 
@@ -46,13 +46,13 @@ class Torque(Tracking, TorqueTask, KernelLinearTask):
     """
 
     def __init__(
-        self, tau_0: Any = 0.0, *, joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None
+        self, target: Any = 0.0, *, joints: Sequence[str] | None = None, weight: Any = 1.0, name: str | None = None
     ) -> None:
         self._by_inertia = isinstance(weight, str)
         if self._by_inertia and (weight != "inverse_inertia" or joints is not None):
             raise InvalidInput(f"Torque.weight is {weight!r}; it must be numbers or 'inverse_inertia', of all joints")
         super().__init__(joints=joints, weight=1.0 if self._by_inertia else weight, name=name)
-        self.target = tau_0
+        self.target = target
 
     def prepare(self, model: RobotModel) -> None:
         super().prepare(model)

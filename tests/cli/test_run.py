@@ -216,3 +216,15 @@ def test_plain_values_are_what_json_has():
     value = {"a": np.float64("inf"), "b": (np.int64(2), np.bool_(True)), 3: np.array([[1.0, np.nan]]), "c": Path("x")}
     assert plain(value) == {"a": None, "b": [2, True], "3": [[1.0, None]], "c": "x"}
     json.dumps(plain(value), allow_nan=False)
+
+
+def test_without_a_scenario_what_there_is_is_listed_and_nothing_runs(wbc, waving, tmp_path, monkeypatch):
+    from wbc.sim import scenario
+
+    monkeypatch.setattr(scenario, "scenarios", lambda: {"wave": scenario.find(waving)})
+    answer = wbc("run")
+    assert answer.code == 0 and "wbc run NAME" in answer.out and "an arm waves" in answer.out
+    assert list(tmp_path.iterdir()) == []
+    for words in (("--json",), ("--duration", "1"), ("--set", "a=1")):
+        answer = wbc("run", *words)
+        assert answer.code == 2 and "name the scenario" in answer.err and not answer.out

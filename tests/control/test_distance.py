@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -73,3 +74,14 @@ def test_direction_and_share_of_a_scaled_task_bound_its_rows(weight: float):
     moved = missed + less * np.abs(task.wanted).max()
     assert moved <= distances(problem, bounds)["Position[tool]"] <= missed + less * np.linalg.norm(task.wanted) + 1e-12
     assert math.isnan(distances(problem, {"share of Position[tool]": 1.0})["Position[tool]"])
+
+
+def test_explain_gives_each_unit_its_own_number():
+    """Of a task with rows in metres and in radians: error, residual and the distance from the optimum."""
+    frame = Frame("tool", target=np.eye(4))
+    controller = wbc.Controller(ARM, wbc.Stack([frame, Posture(ARM.q0)]), level=wbc.AccelerationLevel())
+    controller.tick(0.0, ARM.q0, 0 * ARM.q0)
+    (line,) = (line for line in controller.explain().splitlines() if "Frame[tool]" in line)
+    number = r"[\d.e+-]+"
+    assert re.search(rf"error {number} m, {number} rad, residual {number} m/s², {number} rad/s², ", line), line
+    assert re.search(rf"at most {number} m/s², {number} rad/s² from its optimum$", line), line

@@ -56,11 +56,16 @@ def members() -> dict[str, Any]:
     }
 
 
-def _tables(found: dict[str, Any]) -> list[Table]:
-    scenarios = table("Scenarios (wbc run NAME)", "name", "what happens", "--set")
-    for name, scenario in found["scenarios"].items():
+def listed(scenarios: dict[str, Any]) -> Table:
+    """The scenarios of :func:`members` with what happens in them and their parameters."""
+    made = table("Scenarios (wbc run NAME)", "name", "what happens", "--set")
+    for name, scenario in scenarios.items():
         parameters = ", ".join(f"{key}={_typed(value)}" for key, value in scenario["parameters"].items())
-        scenarios.add_row(name, Text(scenario["summary"]), Text(parameters))
+        made.add_row(name, Text(scenario["summary"]), Text(parameters))
+    return made
+
+
+def _tables(found: dict[str, Any]) -> list[Table]:
     solvers = table("Solvers (--solver NAME)", "name", "state", "")
     for name, solver in found["solvers"].items():
         state = "usable" if solver["usable"] else f"pip install {solver['package']}"
@@ -72,7 +77,7 @@ def _tables(found: dict[str, Any]) -> list[Table]:
     timed = table("Workloads (wbc bench NAME)", "name", "what is timed")
     for name, title in found["workloads"].items():
         timed.add_row(name, Text(title))
-    return [scenarios, solvers, robots, timed]
+    return [listed(found["scenarios"]), solvers, robots, timed]
 
 
 def _typed(value: Any) -> str:

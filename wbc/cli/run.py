@@ -21,13 +21,11 @@ if TYPE_CHECKING:
     from wbc.sim.scenario import Scenario, ScenarioResult
     from wbc.sim.simulate import Interrupted
 
-DEFAULT = "humanoid-stand"
-
 
 @one_sentence
 def run(
     scenario: Annotated[
-        str | None, typer.Argument(help=f"A name that wbc list shows, module:name or file.py:name; default {DEFAULT}.")
+        str | None, typer.Argument(help="A name, module:name or file.py:name; without one, what there is is listed.")
     ] = None,
     *,
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
@@ -39,6 +37,8 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
+    from wbc.cli.list_ import listed, members
+    from wbc.errors import InvalidInput
     from wbc.qp.solvers import by_name
     from wbc.report.build import require_extras, run_report
     from wbc.report.folder import replaced, write
@@ -47,8 +47,11 @@ def run(
     from wbc.sim.simulate import Interrupted
 
     if scenario is None:
-        print(f"wbc: running {DEFAULT}, since no scenario is named; wbc list shows the others", file=sys.stderr)
-    chosen = find(scenario or DEFAULT)
+        if (hierarchy, duration, plant, settings, out, as_json) != (None, None, None, None, None, False):
+            raise InvalidInput("name the scenario to run; wbc run without anything lists them")
+        Console(highlight=False).print(listed(members()["scenarios"]))
+        return
+    chosen = find(scenario)
     parameters = chosen.parse(settings or ())
     chosen_settings = chosen.choose(plant=plant, hierarchy=hierarchy, duration=duration)
     by_name(solver)

@@ -131,7 +131,8 @@ def _tasks(controller: Solving) -> list[str]:
         share = 100.0 * cost / total
         line = f"  {member.name}: {seen}residual {_sizes(member, residual, ending)}, {share:.1f} % of the cost"
         if far.get(member.name, nan) >= 0.0:  # NaN: not proved
-            line += f"; at most {far[member.name]:.1g} {unit[member.name]} from its optimum"
+            bounds = [f"{far[member.name]:.1g} {one}".rstrip() for one in unit[member.name].split(", ")]
+            line += f"; at most {', '.join(bounds)} from its optimum"
         lines.append(line)
     return lines
 

@@ -202,10 +202,11 @@ def find(text: str) -> Scenario:
 
 
 def _scenarios_in(module: Any) -> list[str]:
-    """Names of the scenarios that a module defines."""
+    """Names of the scenarios that a module defines; of a class and its instances the instances."""
     own = module.__name__
     defined = {key: value for key, value in vars(module).items() if _as_scenario(value) is not None}
-    return [key for key, value in defined.items() if getattr(value, "__module__", own) == own]
+    made = {type(value) for value in defined.values()}
+    return [key for key, value in defined.items() if getattr(value, "__module__", own) == own and value not in made]
 
 
 def _as_scenario(value: Any) -> Scenario | None:
