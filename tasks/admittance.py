@@ -1,4 +1,4 @@
-"""Admittance: a frame moves as a chosen mass on a spring and a damper would under the force that is measured."""
+"""Admittance: admittance control: a frame moves as a chosen mass, spring and damper would under the measured force."""
 
 from __future__ import annotations
 

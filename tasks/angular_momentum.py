@@ -1,4 +1,4 @@
-"""AngularMomentum: how much the robot spins, as a whole."""
+"""AngularMomentum: angular momentum about the centre of mass: how much the robot spins, as a whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CapturePoint: where the robot would have to step to come to rest."""
+"""CapturePoint: capture point (divergent component of motion): where the robot would have to step to come to rest."""
 
 from __future__ import annotations
 

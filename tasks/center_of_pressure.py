@@ -1,4 +1,4 @@
-"""CenterOfPressure: where the force of a contact acts on its surface."""
+"""CenterOfPressure: centre of pressure of a contact: where its force acts on its surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CentroidalMomentum: how much the robot moves and spins, as a whole."""
+"""CentroidalMomentum: centroidal momentum: how much the robot moves and spins, as a whole."""
 
 from __future__ import annotations
 

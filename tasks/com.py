@@ -1,4 +1,4 @@
-"""CenterOfMass: where the robot's mass is."""
+"""CenterOfMass: centre of mass: where the robot's mass is, on the whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ContactForce: which wrench a contact should give."""
+"""ContactForce: wrench reference of a contact: which force and moment it should give."""
 
 from __future__ import annotations
 

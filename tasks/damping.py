@@ -1,4 +1,4 @@
-"""Damping: joints would rather not move."""
+"""Damping: joint velocity damping: joints are drawn to rest."""
 
 from __future__ import annotations
 

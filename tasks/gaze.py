@@ -1,4 +1,4 @@
-"""Gaze: an axis of a frame points at a point, as a camera looks at what it should see."""
+"""Gaze: look-at: an axis of a frame points at a point, as a camera looks at what it should see."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""GravityCompensation: joints carry their own weight, and nothing else."""
+"""GravityCompensation: gravity compensation: joints carry their own weight, and nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Impedance: a frame gives way to forces as a spring and a damper do."""
+"""Impedance: Cartesian impedance control: a frame gives way to forces as a spring and a damper do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""InternalForce: how hard contacts press against one another."""
+"""InternalForce: internal forces: how hard contacts press against one another."""
 
 from __future__ import annotations
 

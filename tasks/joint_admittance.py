@@ -1,4 +1,4 @@
-"""JointAdmittance: joints move as chosen inertias on springs and dampers would under the torques that are measured."""
+"""JointAdmittance: joint admittance control: joints move as chosen inertias on springs would under measured torques."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointImpedance: joints on springs and dampers, by their torques."""
+"""JointImpedance: joint impedance control: joints on springs and dampers, by their torques."""
 
 from __future__ import annotations
 

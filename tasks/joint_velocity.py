@@ -1,4 +1,4 @@
-"""JointVelocity: how fast every joint moves."""
+"""JointVelocity: joint velocity reference: how fast every joint moves."""
 
 from __future__ import annotations
 

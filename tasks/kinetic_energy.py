@@ -1,4 +1,4 @@
-"""KineticEnergy: heavy parts would rather not move."""
+"""KineticEnergy: kinetic-energy regularisation: motion goes to light parts rather than to heavy ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LinearMomentum: how much the robot's mass moves, as a whole."""
+"""LinearMomentum: linear momentum: how much the robot's mass moves, as a whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LoopClosure: two frames of one robot are joined, and the force that joins them is known."""
+"""LoopClosure: closed kinematic loop: two frames of one robot are joined, and the force that joins them is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LowAcceleration: joints would rather go on as they are."""
+"""LowAcceleration: joint acceleration minimisation: joints keep the velocity that they have."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ManipulabilityTask: a frame keeps a distance from singular postures."""
+"""ManipulabilityTask: manipulability (Yoshikawa): a frame keeps a distance from singular postures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Posture: where every joint is."""
+"""Posture: joint position reference: where every joint is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ProjectedGradient: a redundant robot spends its spare joints on a criterion."""
+"""ProjectedGradient: gradient projection: a redundant robot spends its spare joints on a criterion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rolling: a wheel rolls on level ground and does not slip."""
+"""Rolling: rolling without slip: a wheel on level ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torque: which joint torques to prefer."""
+"""Torque: joint torque reference: which torques to prefer."""
 
 from __future__ import annotations
 

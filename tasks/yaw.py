@@ -1,4 +1,4 @@
-"""Yaw: which way an axis of a frame points on the map."""
+"""Yaw: heading: which way an axis of a frame points on the map."""
 
 from __future__ import annotations
 

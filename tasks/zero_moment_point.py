@@ -1,4 +1,4 @@
-"""ZeroMomentPoint: where all contact forces together act on level ground."""
+"""ZeroMomentPoint: zero-moment point (ZMP): where all contact forces together act on level ground."""
 
 from __future__ import annotations
 

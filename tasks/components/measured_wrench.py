@@ -1,4 +1,4 @@
-"""MeasuredWrench: a force on the robot that a sensor measures."""
+"""MeasuredWrench: measured external force: what a sensor says pushes the robot, in its dynamics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MomentumObserver: which torques do not arrive, from positions and velocities alone."""
+"""MomentumObserver: generalised-momentum observer: which torques do not arrive, without measuring any."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SlotineLi: track a motion of the joints without knowing the masses."""
+"""SlotineLi: adaptive control: track a motion of the joints without knowing the masses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CollisionAvoidance: links keep away from each other and from obstacles."""
+"""CollisionAvoidance: collision avoidance by control barriers: links keep away from each other and from obstacles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""FrameVelocityLimits: how fast a frame may move and turn."""
+"""FrameVelocityLimits: Cartesian velocity limits: how fast a frame may move and turn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointAccelerationLimits: how hard joints may accelerate."""
+"""JointAccelerationLimits: joint acceleration limits: how hard joints may accelerate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointJerkLimits: how fast accelerations may change."""
+"""JointJerkLimits: joint jerk limits: how fast accelerations may change."""
 
 from __future__ import annotations
 

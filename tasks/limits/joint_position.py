@@ -1,4 +1,4 @@
-"""JointPositionLimits: where joints may be."""
+"""JointPositionLimits: joint position limits: where joints may be."""
 
 from __future__ import annotations
 

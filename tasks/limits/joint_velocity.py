@@ -1,4 +1,4 @@
-"""JointVelocityLimits: how fast joints may move."""
+"""JointVelocityLimits: joint velocity limits: how fast joints may move."""
 
 from __future__ import annotations
 

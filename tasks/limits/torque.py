@@ -1,4 +1,4 @@
-"""TorqueLimits: how hard joints may push."""
+"""TorqueLimits: joint torque limits: how hard joints may push."""
 
 from __future__ import annotations
 

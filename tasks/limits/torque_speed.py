@@ -1,4 +1,4 @@
-"""TorqueSpeedLimits: how hard joints may push at the speed they have."""
+"""TorqueSpeedLimits: torque-speed curve of motors: how hard joints may push at the speed they have."""
 
 from __future__ import annotations
 
