@@ -228,3 +228,21 @@ def test_without_a_scenario_what_there_is_is_listed_and_nothing_runs(wbc, waving
     for words in (("--json",), ("--duration", "1"), ("--set", "a=1")):
         answer = wbc("run", *words)
         assert answer.code == 2 and "name the scenario" in answer.err and not answer.out
+
+
+def test_what_libraries_print_meanwhile_is_not_in_the_answer(tmp_path: Path):
+    program = """
+import ctypes, os
+from wbc.cli.console import on_stderr
+print("before")
+with on_stderr():
+    print("python")
+    os.write(1, b"descriptor ")
+    ctypes.CDLL(None).puts(b"buffered by C")
+print("after")
+"""
+    root = str(Path(__file__).parents[2])
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, cwd=tmp_path, env={"PYTHONPATH": root}, capture_output=True, text=True, check=True)
+    assert done.stdout == "before\nafter\n"
+    assert all(word in done.stderr for word in ("python", "descriptor", "buffered by C"))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import os
 import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from time import monotonic
 from typing import ParamSpec, TypeVar
@@ -113,6 +114,25 @@ def progress(text: str) -> Iterator[Report]:
                 print(f"wbc: {text}, {100 * done:.0f} %", file=sys.stderr, flush=True)
 
         yield report
+
+
+@contextmanager
+def on_stderr() -> Iterator[None]:
+    """Whatever is printed meanwhile, by libraries in C too, goes to stderr: stdout is for the answer alone."""
+    sys.stdout.flush()
+    try:
+        kept = os.dup(1)
+    except OSError:  # closed: nothing can be printed there
+        yield
+        return
+    try:
+        os.dup2(2, 1)
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        ctypes.CDLL(None).fflush(None)  # what C has not written yet
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, one_sentence, progress, table
+from wbc.cli.console import NO, on_stderr, one_sentence, progress, table
 from wbc.errors import WbcError
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
@@ -48,7 +48,7 @@ def doctor(
         ("Robots", robots),
     )
     for title, look in parts:
-        with progress(title) as step:
+        with on_stderr(), progress(title) as step:
             findings = []
             for k, finding in enumerate(look()):
                 findings.append(finding)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
-from contextlib import redirect_stdout
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.console import INTERRUPTED, NO, complain, notes, one_sentence, progress, tell
+from wbc.cli.console import INTERRUPTED, NO, complain, notes, on_stderr, one_sentence, progress, tell
 
 if TYPE_CHECKING:
     from wbc.sim.scenario import Scenario, ScenarioResult
@@ -58,7 +56,7 @@ def run(
     folder = out or _new_folder(chosen)
     require_extras()
     interrupted = False
-    with replaced(folder) as pending, notes() as found, redirect_stdout(sys.stderr):
+    with replaced(folder) as pending, notes() as found, on_stderr():
         with progress(f"running {chosen.name}") as step:
             try:
                 result = chosen.run(parameters, solver=solver, progress=step, **chosen_settings)
