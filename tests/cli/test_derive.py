@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from sympy.printing.pretty.pretty_symbology import pretty_use_unicode
 
 
 @pytest.mark.parametrize("name", ["pr", "PR", "PxR"])
@@ -61,3 +62,13 @@ def test_a_missing_chain_is_one_sentence_too(wbc):
 def test_help_says_how_chains_are_spelled(wbc):
     answer = wbc("derive", "--help")
     assert answer.code == 0 and "prismatic" in answer.out
+
+
+@pytest.mark.parametrize("unicode", [False, True])
+def test_signs_are_the_same_whatever_sympy_takes_stdout_for(wbc, unicode):
+    before = pretty_use_unicode(unicode)
+    try:
+        assert "a₁ = m₁ + m₂ + m₃ + m₄" in wbc("derive", "4p").out
+        assert bool(pretty_use_unicode()) is unicode
+    finally:
+        pretty_use_unicode(before)

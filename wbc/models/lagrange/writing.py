@@ -9,7 +9,7 @@ from typing import Any
 from unicodedata import combining
 
 import sympy as sp
-from sympy.printing.pretty.pretty_symbology import pretty_symbol
+from sympy.printing.pretty.pretty_symbology import pretty_symbol, pretty_use_unicode
 from sympy.printing.str import StrPrinter
 
 from wbc.models.lagrange.steps import Formula, Step
@@ -79,7 +79,11 @@ class _Line(StrPrinter):  # type: ignore[misc]  # sympy carries no types
         return f"{self._factor(numerator)}/{below if denominator.is_Atom else f'({below})'}"
 
     def _print_Symbol(self, symbol: Any) -> str:
-        return str(pretty_symbol(symbol.name))
+        before = pretty_use_unicode(True)  # sympy's own guess is made once, from what stdout was when it was imported
+        try:
+            return str(pretty_symbol(symbol.name))
+        finally:
+            pretty_use_unicode(before)
 
     def _print_Add(self, expression: Any, order: Any = None) -> str:
         line = ""
