@@ -18,7 +18,7 @@ class AngularMomentum(Tracking, KernelTask):
     """k = A_k v [kg m²/s], about the centre of mass: three rows, world axes.
 
     Velocity level: k = k_target. Acceleration level: k̇ = k̇_target + kd (k_target − k), kd [1/s]. There is no angle
-    whose rate it is, so nothing is wished about one. ``target``: (3,), by default none at all, or a function of time
+    whose rate it is, so no task is about one. ``target``: (3,), by default none at all, or a function of time
     giving it or (momentum, its first, its second derivative); the second is not used.
     Source: Orin, Goswami, Lee, Autonomous Robots 2013.
 

@@ -19,7 +19,7 @@ class JointCoupling(KernelTask):
     """e = offset + Σ ratio_k q_k − q_joint: one row [rad, m].
 
     ``to``: {other joint: ratio}; a ratio has the unit of the joint per unit of the other (a rack and its pinion: m per
-    rad). As a wish it is met as well as others allow. ``JointCoupling(…).exactly()`` in ``subject_to`` makes motors do
+    rad). As a task it is met as well as others allow. ``JointCoupling(…).exactly()`` in ``subject_to`` makes motors do
     what a gear would; ``JointCoupling(…).with_reaction()`` in ``contacts`` is the gear: its own force holds the row,
     and ``Torque(0.0, joints=[joint]).exactly()`` says that only the other joints have motors. At every level q_joint
     comes back to what it should be, with kp and kd, from wherever it starts.

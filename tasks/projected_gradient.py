@@ -19,15 +19,15 @@ from .criteria.mid_range import MidRange
 
 @final
 class ProjectedGradient(JointTask):
-    """Climb H(q): one row a joint. Below tasks that are laws it is the projected gradient method within all limits.
+    """Climb H(q): one row a joint. Below exact tasks it is the projected gradient method within all limits.
 
     Velocity level:      v_joints = gain ∇H
     Acceleration level:  a_joints = kd (gain ∇H − v_joints), the same with a lag of 1/kd [s]
 
-    With J v = ẏ as a law the optimum of ½ w |v − gain ∇H|² is v = J# ẏ + gain (I − J# J) ∇H while no bound is active,
-    and the nearest feasible velocity when one is. ``gain`` [joint unit / s per unit of ∇H] may be negative: descend.
-    The regularisation of a level pulls v towards zero by the share ε / (w + ε). ``joints``, weight and gain: by name or
-    pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
+    With J v = ẏ as a constraint the optimum of ½ w |v − gain ∇H|² is v = J# ẏ + gain (I − J# J) ∇H while no bound is
+    active, and the nearest feasible velocity when one is. ``gain`` [joint unit / s per unit of ∇H] may be negative:
+    descend. The regularisation of a level pulls v towards zero by the share ε / (w + ε). ``joints``, weight and gain:
+    by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
     Source: Rosen's gradient projection; for robots Liégeois, IEEE Trans. Systems, Man, and Cybernetics 1977.
 
     Raises:

@@ -20,9 +20,9 @@ class Rolling(KernelTask):
 
     v_c = ṗ − radius ω × m = 0, m from the touching point to the wheel's centre p (see :class:`~tasks.wheels.Wheel`).
     With ``ground``, the height [m] of the ground, a third row holds the wheel on it: e = ground − z_c. The first two
-    rows cannot be integrated to positions and have none; at the acceleration level a slip decays as e^(−kd t). As a law
-    (``Rolling(…).exactly()``) it makes a driven base of a floating one; with ``InverseDynamics`` the ground has to
-    carry and push it, ``Rolling(…, ground=0.0).with_reaction()`` in ``contacts``.
+    rows cannot be integrated to positions and have none; at the acceleration level a slip decays as e^(−kd t). As a
+    constraint (``Rolling(…).exactly()``) it makes a driven base of a floating one; with ``InverseDynamics`` the ground
+    has to carry and push it, ``Rolling(…, ground=0.0).with_reaction()`` in ``contacts``.
 
     ``frame`` turns with the wheel, its origin in the centre; ``axle`` (3,) is the axle in it. A wheel that leans more
     than 0.06 degrees short of flat has a heading; beyond, its lean counts as that.

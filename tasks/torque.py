@@ -26,9 +26,9 @@ from .trajectories import Sinusoid
 class Torque(Tracking, TorqueTask, KernelLinearTask):
     """τ = τ₀, one row a joint [N m, N]; the cost is ½ w ‖τ − τ₀‖², or ½ ‖τ − τ₀‖²_W with weight="inverse_inertia".
 
-    W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are laws this is
-    Gauss' principle: the acceleration nearest, in the metric M, to the one τ₀ alone would give. With M = L Lᵀ the rows
-    are A = (L⁻¹)_joints (its last nj rows and columns, AᵀA = W) and b = A τ₀. ``target``: τ₀, scalar or (nj,),
+    W = S M⁻¹ Sᵀ (nj, nj), S the selection of the joints; on a fixed base W = M⁻¹. Below tasks that are constraints this
+    is Gauss' principle: the acceleration nearest, in the metric M, to the one τ₀ alone would give. With M = L Lᵀ the
+    rows are A = (L⁻¹)_joints (its last nj rows and columns, AᵀA = W) and b = A τ₀. ``target``: τ₀, scalar or (nj,),
     or a function of time giving it. ``joints``: names or patterns (regular expressions that match whole names),
     for these alone, (dim,) rows in that order; with zero and ``exactly()`` they are joints without motors.
     Source: Khatib, IEEE J. Robotics and Automation 1987.

@@ -20,7 +20,7 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "library.md"
 MARK = "<!-- written by tests/test_library.py -->\n"
 KINDS: dict[str, tuple[str, type]] = {
     "Kinematic tasks": (
-        "At every level. As laws: `task.exactly()`, an equality, `task.within(…)`, an interval, in `subject_to`; "
+        "As constraints, in `subject_to`: `task.exactly()`, an equality, `task.within(…)`, an interval; "
         "`task.with_reaction()`, a part of the mechanism, in `contacts`.",
         Task,
     ),

@@ -31,7 +31,7 @@ class SlotineLi(Component):
         e = q_d − q,  v_r = v_d + Λ e,  a_r = a_d + Λ ė,  s = v_r − v,   Λ = K_D⁻¹ K_P
         τ_SL = Y(q, v, v_r, a_r) â + K_P e + K_D ė,        â̇ = Γ Yᵀ s
 
-    It gives the stack the wish τ = τ_SL through its task :attr:`torque`, which belongs among the stack's tasks; with no
+    It gives the stack the task τ = τ_SL through its task :attr:`torque`, which belongs among the stack's tasks; with no
     limit active the command is τ_SL. No acceleration is measured and no M̂ inverted, so â may start at zero. e and ė go
     to zero for every smooth bounded q_d, while â need not go to a: only what q_d excites is identified.
 

@@ -32,7 +32,7 @@ class CollisionAvoidance(Barrier):
     Sizes never change: there are ``count`` rows, a pair keeps its rows from tick to tick, and rows without a pair are
     empty. Where there are too few, those with the smallest h + ḣ / rate are kept, and ``controller.why`` says how many
     pairs lack one. From inside the margin, or inside one another, the rows lead back out at the same rate, and by
-    default they give way where that is more than the robot can do.
+    default they have a slack where that is more than the robot can do.
 
     With a margin, shapes touch only in h < 0: witness points and normals, which have no limit where two shapes just
     touch, are those of shapes that are apart. Which pairs count, how distances are found, and what is left
@@ -60,10 +60,10 @@ class CollisionAvoidance(Barrier):
         >>> from wbc.tasks import CollisionAvoidance, Obstacle
         >>> from wbc.models.geometry import Sphere
         >>> ball = Obstacle("ball", Sphere(0.1), pinocchio.SE3(np.eye(3), np.array([0.4, 0.0, 0.4])))
-        >>> law = CollisionAvoidance([ball], margin=0.03)
+        >>> constraint = CollisionAvoidance([ball], margin=0.03)
         >>> robot = wbc.load("arm")
-        >>> law.prepare(robot)
-        >>> law.closest(robot.state())[0][:2]
+        >>> constraint.prepare(robot)
+        >>> constraint.closest(robot.state())[0][:2]
         ('flange', 'ball')
     """
 

@@ -23,7 +23,7 @@ class FrameVelocityLimits(KernelConstraint):
 
     ``linear``, ``angular``: scalar or (3,), inf for axes without a limit. A frame of a floating base limits the base.
     Where accelerations are decided, v + a dt is meant, with the Jacobian of now; what a frame has too much must go
-    within one tick, so that by default the rows give way: at the cost ½ slack s², s in m/s or rad/s.
+    within one tick, so that by default the rows have a slack s, at the cost ½ slack s², s in m/s or rad/s.
 
     Raises:
         InvalidInput: zero, negative, NaN, or no limit at all. UnknownFrame: when a stack is compiled.

@@ -8,7 +8,7 @@ from typing import Any, Self, final
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import Constraint, JointInterval, Laws
+from wbc.stack.constraint import Constraint, Constraints, JointInterval
 
 from .joint_acceleration import JointAccelerationLimits
 from .joint_jerk import JointJerkLimits
@@ -21,7 +21,7 @@ _OPTIONAL = ("position", "velocity", "torque")
 
 
 @final
-class JointLimits(Laws):
+class JointLimits(Constraints):
     """Position, velocity, acceleration, jerk and torque of every joint, as one interval that is never empty.
 
     By default the model's own limits on position, velocity and torque; ``without`` leaves some of them out, values
@@ -41,7 +41,7 @@ class JointLimits(Laws):
         >>> import wbc
         >>> from wbc.tasks import JointLimits
         >>> limits = JointLimits(a_max=20.0, j_max=500.0, without=["torque"])
-        >>> [law.name for law in limits.laws(wbc.InverseDynamics().bounds)]
+        >>> [constraint.name for constraint in limits.constraints(wbc.InverseDynamics().bounds)]
         ['JointLimits.position', 'JointLimits.velocity', 'JointLimits.acceleration', 'JointLimits.jerk']
     """
 
@@ -77,13 +77,17 @@ class JointLimits(Laws):
         self._asks_for_torque = tau_max is not None or no_load_speed is not None
 
     def prepare(self, model: RobotModel) -> None:
-        for law in self._laws:
-            if law.quantity != "torque" or self._asks_for_torque:
-                law.prepare(model)
+        for constraint in self._laws:
+            if constraint.quantity != "torque" or self._asks_for_torque:
+                constraint.prepare(model)
 
-    def laws(self, carried: frozenset[str]) -> Sequence[Constraint]:
+    def constraints(self, carried: frozenset[str]) -> Sequence[Constraint]:
         asked = self._asks_for_torque
-        return [law for law in self._laws if law.quantity in carried or law.quantity != "torque" or asked]
+        return [
+            constraint
+            for constraint in self._laws
+            if constraint.quantity in carried or constraint.quantity != "torque" or asked
+        ]
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

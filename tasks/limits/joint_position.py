@@ -31,8 +31,8 @@ class JointPositionLimits(JointInterval):
         >>> import wbc
         >>> from wbc.tasks import JointPositionLimits
         >>> robot = wbc.load("arm")
-        >>> law = JointPositionLimits(upper={robot.joint_names[0]: 0.5}, braking=10.0)
-        >>> float(law.bounds(robot)[1][0])
+        >>> constraint = JointPositionLimits(upper={robot.joint_names[0]: 0.5}, braking=10.0)
+        >>> float(constraint.bounds(robot)[1][0])
         0.5
     """
 

@@ -29,10 +29,10 @@ class TorqueSpeedLimits(TorqueBySpeed):
     Example:
         >>> import numpy as np, wbc
         >>> from wbc.tasks import TorqueSpeedLimits
-        >>> law, robot = TorqueSpeedLimits(4.0, 40.0), wbc.load("arm")
-        >>> law.prepare(robot)
-        >>> lower, upper = law.bounds(robot)
-        >>> law.narrow(np.full(robot.nj, 3.0), lower, upper)
+        >>> constraint, robot = TorqueSpeedLimits(4.0, 40.0), wbc.load("arm")
+        >>> constraint.prepare(robot)
+        >>> lower, upper = constraint.bounds(robot)
+        >>> constraint.narrow(np.full(robot.nj, 3.0), lower, upper)
         >>> float(lower[0]), float(upper[0])
         (-40.0, 10.0)
     """

@@ -22,7 +22,7 @@ from ..motions import pose_motion, swing
 from . import judge
 from .humanoid_stand import STANCES
 from .single import Single
-from .standing import held_by_damping, joint_laws, standing_plant
+from .standing import held_by_damping, joint_constraints, standing_plant
 
 #: The hands of each robot, left and right; how they are held, where the robot's own stance leaves them too little room
 #: [rad]; and how much the bar moves [m] and turns [rad].
@@ -84,22 +84,22 @@ class DualArm(Single):
                 Posture(robot.q0, kp=100, weight=1e-3),
             ],
             contacts=contacts,
-            subject_to=joint_laws(robot),
+            subject_to=joint_constraints(robot),
         )
         controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
         run = simulate(
             controller, floor, duration=duration, progress=progress,
             meta={"scenario": self.name, "parameters": dict(parameters)},
         )  # fmt: skip
-        wished = np.array([press(t)[0][:3] for t in run["t"]])
-        return _judged(run, robot, (left, right), wished, duration)
+        asked = np.array([press(t)[0][:3] for t in run["t"]])
+        return _judged(run, robot, (left, right), asked, duration)
 
 
-def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], wished: Any, duration: float) -> ScenarioResult:
+def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, duration: float) -> ScenarioResult:
     tracking, violations = measure.tracking(run), measure.violations(run)
     stood = measure.seconds(run)
     bar = tracking[f"Frame[{hands[0]}]"]
-    error = np.linalg.norm(run["plant.f.bar"] - wished, axis=1)
+    error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
     figures = {
         "bar_error_m": bar["max"],
         "bar_rms_m": bar["rms"],
@@ -119,25 +119,25 @@ def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], wished: Any, durat
     ]  # fmt: skip
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
-        verdict=verdict, figures=figures, robot=robot, sections=[lambda result: _section(result, wished)],
+        verdict=verdict, figures=figures, robot=robot, sections=[lambda result: _section(result, asked)],
     )  # fmt: skip
 
 
-def _section(result: ScenarioResult, wished: Vec) -> Section:
+def _section(result: ScenarioResult, asked: Vec) -> Section:
     """The force along the bar, as a section of the report."""
     run, t = result.run, measure.times(result.run)
-    size = float(np.linalg.norm(wished[-1]))
-    along = wished[-1] / size if size else np.eye(3)[0]
+    size = float(np.linalg.norm(asked[-1]))
+    along = asked[-1] / size if size else np.eye(3)[0]
     with style.Canvas(2, 1, height=4.6) as canvas:
         squeeze, miss = canvas.axes
         for label, forces, colour in (
             ("in physics", run["plant.f.bar"], style.ORANGE), ("commanded", run["f.bar"][:, :3], style.BLUE),
-            ("to be", wished, style.INK),
+            ("to be", asked, style.INK),
         ):  # fmt: skip
             style.curve(squeeze, t, forces @ along, color=colour, label=label, linewidth=1.0)
         style.over_time(squeeze, run, "Force along the bar", "force [N]")
         style.legend(squeeze)
-        error = np.linalg.norm(run["plant.f.bar"] - wished, axis=1)
+        error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
         style.curve(miss, t, 1e3 * error, color=style.ORANGE, label="in physics, from what it is to be")
         style.over_time(miss, run, "Error of the force", "error [mN]")
         style.legend(miss)

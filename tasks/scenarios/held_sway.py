@@ -22,7 +22,7 @@ from ..components.diagnosis import Diagnosis
 from ..components.fault_reaction import TABLE
 from .fault_trials import Stand
 from .least_torque import contact_jacobian
-from .standing import Stance, held_by_damping, joint_laws
+from .standing import Stance, held_by_damping, joint_constraints
 
 #: Positions per axis that the sway's box is sampled at; boxes of a half of it and single positions are on the grid.
 SAMPLES = 5
@@ -282,7 +282,7 @@ def postures(robot: PinocchioModel, stance: Stance) -> dict[tuple[int, int, int]
     upright = Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100)
     stack = wbc.Stack(
         [com, upright, Posture(robot.q0, kp=100, weight=1e-4)],
-        contacts=held_by_damping(robot), subject_to=joint_laws(robot)[1:],
+        contacts=held_by_damping(robot), subject_to=joint_constraints(robot)[1:],
     )  # fmt: skip
     controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=STEP)
     found: dict[tuple[int, int, int], Vec] = {}

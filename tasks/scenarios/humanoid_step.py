@@ -23,7 +23,7 @@ from . import judge
 from .humanoid_stand import STANCES
 from .plan_step import PlanStep
 from .single import Single
-from .standing import Stance, held_by_damping, joint_laws, standing_plant
+from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 from .walking import Footstep, Gait, Walk, walk
 
 GAITS: Mapping[str, Gait] = {
@@ -94,7 +94,7 @@ def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequen
             Posture(robot.q0, kp=100, weight=1e-4),
         ],
         contacts=contacts,
-        subject_to=joint_laws(robot),
+        subject_to=joint_constraints(robot),
         components=[ContactSchedule(way.timeline), PlanStep()],
     )
 

@@ -106,9 +106,9 @@ def _by_formula(robot: PlanarRobot, run: wbc.Run, D: Vec, kp: float) -> Vec:
     for t, q, v in zip(*(run[name][::EVERY] for name in ("t", "q", "v")), strict=True):
         J, drift = robot.J(q), robot.Jdot_v(q, v)
         x, rate = q[0] + 0.5 * np.cos(q[1]), J[0] @ v
-        wish = 9 * np.cos(3 * t) + 2 * np.sqrt(kp) * (3 * np.sin(3 * t) - rate) + kp * (1 - np.cos(3 * t) - x)
+        wanted = 9 * np.cos(3 * t) + 2 * np.sqrt(kp) * (3 * np.sin(3 * t) - rate) + kp * (1 - np.cos(3 * t) - x)
         problem = WeightedTorque(
-            robot.M(q), robot.c(q, v), J[:1], [wish], drift=drift[:1], tau_0=TAU_0 - D * v, tau_external=J.T @ FORCE
+            robot.M(q), robot.c(q, v), J[:1], [wanted], drift=drift[:1], tau_0=TAU_0 - D * v, tau_external=J.T @ FORCE
         )
         torques.append(problem.closed_form().tau)
     return np.array(torques)

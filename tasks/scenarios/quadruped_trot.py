@@ -22,7 +22,7 @@ from . import judge
 from .plan_step import PlanStep
 from .quadruped_stand import STANCES
 from .single import Single
-from .standing import Stance, held_by_damping, joint_laws, standing_plant
+from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 
 #: The weight goes over the middle of the feet in ``CENTRED`` s; the first feet swing at ``START``, the last are down
 #: ``END`` s before the run ends. A pair is up for ``SWING``, all feet are down for ``STAND`` between [s].
@@ -123,7 +123,7 @@ def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, tr
             Posture(robot.q0, kp=100, weight=1e-4),
         ],
         contacts=held_by_damping(robot),
-        subject_to=joint_laws(robot),
+        subject_to=joint_constraints(robot),
         components=[
             ContactSchedule(timeline(list(places), trot), touching=lambda foot: plant.wrenches()[foot][2] > touch),
             PlanStep(),

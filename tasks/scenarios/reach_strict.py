@@ -21,7 +21,7 @@ from wbc.stack.hierarchy import Hierarchy
 from .. import CenterOfMass, MinimumJerk, Orientation, Position, Posture
 from . import judge
 from .humanoid_stand import STANCES
-from .standing import Stance, held_by_damping, joint_laws, standing_plant
+from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 
 #: The hand's target leaves at this time [s], and arrives this much later.
 START, WAY = 0.5, 1.5
@@ -105,7 +105,7 @@ def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
             [Position(stance.hand, target=away, kp=100), Posture(robot.q0, kp=100, weight=0.1)],
         ],
         contacts=held_by_damping(robot),
-        subject_to=joint_laws(robot),
+        subject_to=joint_constraints(robot),
     )
 
 

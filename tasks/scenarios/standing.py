@@ -100,7 +100,7 @@ def held_by_damping(robot: PinocchioModel) -> list[Contact]:
     return feet(robot, friction_share=FRICTION_SHARE, kp=0.0, kd=20.0)
 
 
-def joint_laws(robot: PinocchioModel) -> list[Constraint]:
+def joint_constraints(robot: PinocchioModel) -> list[Constraint]:
     """Torque, speed and range of the joints, with what is kept in hand of each; the reference is always allowed."""
     limits, q_start = robot.limits, robot.q0[-robot.nj :]
     return [
@@ -143,7 +143,7 @@ def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
     return wbc.Stack(
         tasks,
         contacts=held_by_damping(robot),
-        subject_to=joint_laws(robot),
+        subject_to=joint_constraints(robot),
     )
 
 

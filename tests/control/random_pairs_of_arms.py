@@ -108,8 +108,8 @@ def meet(robot: RobotModel, seed: int, seconds: float, **settings: Any) -> Meeti
     across = np.array([0.0, rng.choice([0.0, 0.02, 0.1]), 0.0])
     targets = middle - across, middle + across
     tasks = [*(Position(f"{s}_hand", target=x) for s, x in zip(("left", "right"), targets, strict=True))]
-    law = CollisionAvoidance(margin=MARGIN, **settings)
-    stack = wbc.Stack([*tasks, Posture(q, weight=1e-3)], subject_to=[JointLimits(), law])
+    constraint = CollisionAvoidance(margin=MARGIN, **settings)
+    stack = wbc.Stack([*tasks, Posture(q, weight=1e-3)], subject_to=[JointLimits(), constraint])
     controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=DT)
     everything = Distances(robot, margin=MARGIN, reach=0.2, count=10_000)
     nearest, seen, ok = np.inf, [v], True

@@ -32,13 +32,15 @@ def at(point: Vec) -> Any:
     return pin.SE3(np.eye(3), np.asarray(point, dtype=np.float64))
 
 
-def towards(goal: Vec, laws: list[Any], level: Any, **settings: Any) -> Controller:
+def towards(goal: Vec, constraints: list[Any], level: Any, **settings: Any) -> Controller:
     reach = Position("tool", target=goal, kp=100.0, rate=5.0)
-    stack = Stack([reach, Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[JointLimits(), *laws])
+    stack = Stack([reach, Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[JointLimits(), *constraints])
     return Controller(ARM, stack, level=level, dt=DT, **settings)
 
 
-def smallest(controller: Controller, law: CollisionAvoidance, seconds: float, q: Vec | None = None) -> list[float]:
+def smallest(
+    controller: Controller, constraint: CollisionAvoidance, seconds: float, q: Vec | None = None
+) -> list[float]:
     """The smallest distance of each tick; the robot does what is decided."""
     q, v = np.array(ARM.q0) if q is None else q, np.zeros(ARM.nv)
     state, seen = ARM.state(drifts=False), []
@@ -47,7 +49,7 @@ def smallest(controller: Controller, law: CollisionAvoidance, seconds: float, q:
         assert command.status is Status.SOLVED, controller.why
         q, v = command.q, command.v
         state.update((k + 1) * DT, q, v)
-        seen.append(law.closest(state)[0][2] if law.closest(state) else np.inf)
+        seen.append(constraint.closest(state)[0][2] if constraint.closest(state) else np.inf)
     return seen
 
 
@@ -59,18 +61,18 @@ def ball_in_the_way(radius: float = 0.06) -> tuple[Vec, Obstacle]:
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 def test_the_tool_goes_round_what_it_would_go_through(level: Any):
     goal, ball = ball_in_the_way()
-    law = CollisionAvoidance([ball], self_collision=False, margin=MARGIN)
-    law.prepare(ARM)
+    constraint = CollisionAvoidance([ball], self_collision=False, margin=MARGIN)
+    constraint.prepare(ARM)
     # A velocity is kept for a whole tick, in which the distance may fall by its curvature.
-    assert min(smallest(towards(goal, [law], level), law, 1.5)) > MARGIN - 2e-4
-    assert min(smallest(towards(goal, [], level), law, 1.5)) < 0.0
+    assert min(smallest(towards(goal, [constraint], level), constraint, 1.5)) > MARGIN - 2e-4
+    assert min(smallest(towards(goal, [], level), constraint, 1.5)) < 0.0
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 def test_from_inside_one_another_shapes_come_apart_again(level: Any):
-    law = CollisionAvoidance([Obstacle("ball", Sphere(0.1), at(START))], self_collision=False, margin=MARGIN)
-    law.prepare(ARM)
-    seen = smallest(towards(START, [law], level), law, 1.0)
+    constraint = CollisionAvoidance([Obstacle("ball", Sphere(0.1), at(START))], self_collision=False, margin=MARGIN)
+    constraint.prepare(ARM)
+    seen = smallest(towards(START, [constraint], level), constraint, 1.0)
     assert seen[0] < -0.05
     assert (np.diff(seen) > -1e-6).all()
     assert seen[-1] > MARGIN - 5e-4
@@ -81,10 +83,10 @@ def test_what_comes_flying_is_dodged(level: Any):
     def thrown(t: float) -> Any:
         return at(START + np.array([0.6 - 0.6 * t, 0.05, 0.02]))
 
-    law = CollisionAvoidance([Obstacle("ball", Sphere(0.06), thrown)], self_collision=False, margin=MARGIN)
-    law.prepare(ARM)
-    assert min(smallest(towards(START, [law], level), law, 1.5)) > MARGIN - 2e-3
-    assert min(smallest(towards(START, [], level), law, 1.5)) < 0.0
+    constraint = CollisionAvoidance([Obstacle("ball", Sphere(0.06), thrown)], self_collision=False, margin=MARGIN)
+    constraint.prepare(ARM)
+    assert min(smallest(towards(START, [constraint], level), constraint, 1.5)) > MARGIN - 2e-3
+    assert min(smallest(towards(START, [], level), constraint, 1.5)) < 0.0
 
 
 @settings(max_examples=12)
@@ -93,8 +95,8 @@ def test_every_tick_has_an_answer_however_the_obstacles_stand(seed: int, level: 
     """Balls all over the arm, from the first tick on."""
     rng = np.random.default_rng(seed)
     around = [Obstacle(f"ball {i}", Sphere(0.1), at(START + 0.3 * rng.normal(size=3))) for i in range(4)]
-    laws = [CollisionAvoidance(around, margin=MARGIN)]
-    controller = towards(START + 0.2 * rng.normal(size=3), laws, level)
+    constraints = [CollisionAvoidance(around, margin=MARGIN)]
+    controller = towards(START + 0.2 * rng.normal(size=3), constraints, level)
     q, v = ARM.random_configuration(rng), 0.3 * rng.normal(size=ARM.nv)
     for k in range(5):
         command = controller.tick(k * DT, q, v)
@@ -102,12 +104,12 @@ def test_every_tick_has_an_answer_however_the_obstacles_stand(seed: int, level: 
         q, v = command.q, command.v
 
 
-def test_without_slack_it_is_a_law_that_may_contradict_itself():
+def test_without_slack_it_is_a_constraint_that_may_contradict_itself():
     sides = 0.11 * np.vstack([np.eye(3), -np.eye(3)])
     balls = [Obstacle(f"ball {i}", Sphere(0.12), at(START + side)) for i, side in enumerate(sides)]
     for slack, status in ((None, Status.INFEASIBLE), (1e6, Status.SOLVED)):
-        law = CollisionAvoidance(balls, self_collision=False, slack=slack, count=20)
-        command = towards(START, [law], AccelerationLevel()).tick(0.0, ARM.q0, np.zeros(ARM.nv))
+        constraint = CollisionAvoidance(balls, self_collision=False, slack=slack, count=20)
+        command = towards(START, [constraint], AccelerationLevel()).tick(0.0, ARM.q0, np.zeros(ARM.nv))
         assert command.status is status
 
 
@@ -122,9 +124,9 @@ def hands_meet(robot: Any, hands: tuple[str, str], q: Vec, level: Any, seconds: 
     state, dt, margin = robot.state(), 2e-3, 0.03
     state.update(0.0, q, np.zeros(robot.nv))
     middle = 0.5 * sum(state.frame(hand).position for hand in hands)
-    law = CollisionAvoidance(margin=margin, **settings)
+    constraint = CollisionAvoidance(margin=margin, **settings)
     tasks = [*(Position(hand, target=middle) for hand in hands), Posture(q, weight=1e-3)]
-    controller = Controller(robot, Stack(tasks, subject_to=[JointLimits(), law]), level=level, dt=dt)
+    controller = Controller(robot, Stack(tasks, subject_to=[JointLimits(), constraint]), level=level, dt=dt)
     everything = Distances(robot, margin=margin, reach=0.2, count=10_000)
     v, seen, said = np.zeros(robot.nv), [], 0
     for k in range(round(seconds / dt)):
@@ -157,32 +159,34 @@ def test_too_few_rows_are_said():
 
 def test_far_from_everything_it_changes_nothing():
     far = Obstacle("moon", Sphere(1.0), at(np.array([50.0, 0.0, 0.0])))
-    law = CollisionAvoidance([far], self_collision=False)
-    with_law, without = (towards(START + 0.1, laws, InverseDynamics()) for laws in ([law], []))
-    one, other = (controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)) for controller in (with_law, without))
+    constraint = CollisionAvoidance([far], self_collision=False)
+    with_constraint, without = (
+        towards(START + 0.1, constraints, InverseDynamics()) for constraints in ([constraint], [])
+    )
+    one, other = (controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)) for controller in (with_constraint, without))
     np.testing.assert_allclose(one.tau, other.tau, atol=1e-7)
 
 
 def test_the_closest_are_named_the_nearest_first():
     _, ball = ball_in_the_way()
-    law = CollisionAvoidance([ball], margin=MARGIN, reach=0.5)
-    law.prepare(ARM)
-    found = law.closest(ARM.state())
+    constraint = CollisionAvoidance([ball], margin=MARGIN, reach=0.5)
+    constraint.prepare(ARM)
+    found = constraint.closest(ARM.state())
     assert [d for *_, d in found] == sorted(d for *_, d in found)
     assert any("ball" in pair for *pair, _ in found)
 
 
 def test_margins_are_recorded_pair_by_pair_and_explained_by_name():
     goal, ball = ball_in_the_way()
-    law = CollisionAvoidance([ball], self_collision=False, margin=MARGIN, count=3)
-    controller = towards(goal, [law], AccelerationLevel())
+    constraint = CollisionAvoidance([ball], self_collision=False, margin=MARGIN, count=3)
+    controller = towards(goal, [constraint], AccelerationLevel())
     run = simulate(controller, IntegratorPlant(ARM), duration=0.3)
     margins, pairs = run["margin.CollisionAvoidance"], run["about.CollisionAvoidance"]
     assert margins.shape == pairs.shape == (300, 3)
-    nearest = law.closest(controller.state)[0]
+    nearest = constraint.closest(controller.state)[0]
     row = int(np.argmin(margins[-1]))
     assert margins[-1, row] == pytest.approx(nearest[2] - MARGIN, abs=1e-12)
-    assert law.names[int(pairs[-1, row])] == nearest[:2]
+    assert constraint.names[int(pairs[-1, row])] == nearest[:2]
     assert f"CollisionAvoidance: {nearest[0]} and ball" in controller.explain()
 
 

@@ -10,10 +10,10 @@ from tasks import JointVelocityLimits, Posture, TorqueLimits
 from wbc.stack.formulation import Formulation
 
 
-def command(level: Formulation, *laws: wbc.Constraint) -> wbc.Command:
+def command(level: Formulation, *constraints: wbc.Constraint) -> wbc.Command:
     """One tick of an arm that is told to move every joint by 0.1 rad."""
     robot = wbc.load("arm")
-    stack = wbc.Stack([Posture(robot.q0 + 0.1)], subject_to=laws)
+    stack = wbc.Stack([Posture(robot.q0 + 0.1)], subject_to=constraints)
     return wbc.Controller(robot, stack, level=level).tick(0.0, robot.q0, np.zeros(robot.nv))
 
 
@@ -25,10 +25,10 @@ def test_asking_for_the_acceleration_leaves_the_next_configuration_alone():
 
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
 @pytest.mark.parametrize(
-    "laws", [(), (JointVelocityLimits(),), (JointVelocityLimits(1e-4),)], ids=["free", "limited", "held"]
+    "constraints", [(), (JointVelocityLimits(),), (JointVelocityLimits(1e-4),)], ids=["free", "limited", "held"]
 )
-def test_a_posture_alone_is_a_stack(level: Formulation, laws: tuple[wbc.Constraint, ...]):
-    answer = command(level, *laws)
+def test_a_posture_alone_is_a_stack(level: Formulation, constraints: tuple[wbc.Constraint, ...]):
+    answer = command(level, *constraints)
     assert answer.status is wbc.Status.SOLVED
     assert (answer.q > wbc.load("arm").q0).all()
 

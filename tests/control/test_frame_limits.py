@@ -36,7 +36,7 @@ START = ARM.state().frame("tool")
 P, R = START.position.copy(), START.rotation.copy()
 LEVELS = [VelocityLevel(), AccelerationLevel(), InverseDynamics()]
 DT = 1e-3
-#: A limit, a wish that leads out of it, and the same limit with the tool outside at the start.
+#: A limit, a task that leads out of it, and the same limit with the tool outside at the start.
 CASES: dict[str, tuple[Barrier, Any, Barrier]] = {
     "half space": (
         HalfSpaceLimit("tool", normal=[0, 0, 1], offset=P[2] - 0.1),
@@ -61,20 +61,20 @@ CASES: dict[str, tuple[Barrier, Any, Barrier]] = {
 }
 
 
-def stack(wish: Any, *laws: Any) -> Stack:
-    return Stack([wish, Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[JointLimits(), *laws])
+def stack(task: Any, *constraints: Any) -> Stack:
+    return Stack([task, Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[JointLimits(), *constraints])
 
 
-def margins(law: Barrier, wish: Any, level: Any, seconds: float) -> Vec:
+def margins(constraint: Barrier, task: Any, level: Any, seconds: float) -> Vec:
     """The smallest h of each tick; the robot does what is decided."""
-    controller = Controller(ARM, stack(wish, law), level=level, dt=DT)
+    controller = Controller(ARM, stack(task, constraint), level=level, dt=DT)
     state, rows, seen = ARM.state(drifts=False), BarrierRows(), []
-    rows.h, rows.J = np.zeros(law.dim), np.zeros((law.dim, ARM.nv))
-    rows.drift, rows.rate = np.zeros(law.dim), np.zeros(law.dim)
+    rows.h, rows.J = np.zeros(constraint.dim), np.zeros((constraint.dim, ARM.nv))
+    rows.drift, rows.rate = np.zeros(constraint.dim), np.zeros(constraint.dim)
     q, v = np.array(ARM.q0), np.zeros(ARM.nv)
     for k in range(round(seconds / DT)):
         state.update(k * DT, q, v)
-        law.fill(state, rows)
+        constraint.fill(state, rows)
         seen.append(float(rows.h.min()))
         command = controller.tick(k * DT, q, v)
         assert command.status is Status.SOLVED
@@ -85,17 +85,17 @@ def margins(law: Barrier, wish: Any, level: Any, seconds: float) -> Vec:
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 @pytest.mark.parametrize("case", CASES)
 def test_what_starts_inside_stays_inside_whatever_is_wished(case: str, level: Any):
-    law, wish, _ = CASES[case]
-    h = margins(law, wish, level, 1.5)
+    constraint, task, _ = CASES[case]
+    h = margins(constraint, task, level, 1.5)
     assert h.min() > -2e-4  # velocities are kept for a tick, in which curves bend away
-    assert h[-1] < 0.02, "the wish did not lead to the limit"
+    assert h[-1] < 0.02, "the task did not lead to the limit"
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 @pytest.mark.parametrize("case", CASES)
 def test_from_outside_it_comes_back_at_its_rate(case: str, level: Any):
-    _, _, law = CASES[case]
-    h = margins(law, Posture(ARM.q0, name="stay"), level, 1.0)
+    _, _, constraint = CASES[case]
+    h = margins(constraint, Posture(ARM.q0, name="stay"), level, 1.0)
     assert h[0] < -0.01
     assert (np.diff(h[h < -1e-3]) >= -1e-6).all()
     # At velocities h falls as exp(−γ t), at accelerations as (1 + γ t) exp(−γ t), γ = 10; weights cost a little.
@@ -103,11 +103,11 @@ def test_from_outside_it_comes_back_at_its_rate(case: str, level: Any):
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
-def test_a_law_that_may_give_way_stands_above_every_level_of_tasks(level: Any):
-    law, wish, _ = CASES["half space"]
-    strict = Stack([[wish], [Posture(ARM.q0)]], subject_to=[law])
-    names = [[wish.name for wish in level] for level in Controller(ARM, strict, level=level).plan.problem.levels]
-    assert names == [[law.name], [wish.name], ["Posture"]]
+def test_a_constraint_that_may_give_way_stands_above_every_level_of_tasks(level: Any):
+    constraint, task, _ = CASES["half space"]
+    strict = Stack([[task], [Posture(ARM.q0)]], subject_to=[constraint])
+    names = [[task.name for task in level] for level in Controller(ARM, strict, level=level).plan.problem.levels]
+    assert names == [[constraint.name], [task.name], ["Posture"]]
 
 
 @settings(max_examples=10)
@@ -115,26 +115,26 @@ def test_a_law_that_may_give_way_stands_above_every_level_of_tasks(level: Any):
 def test_one_barrier_and_one_wish_have_a_closed_form(seed: int):
     """min ½ |a − a₀|² subject to J a >= b: a₀ + Jᵀ max(0, b − J a₀) / (J Jᵀ)."""
     rng = np.random.default_rng(seed)
-    law = HalfSpaceLimit("tool", normal=rng.normal(size=3), offset=float(rng.normal()), slack=None)
-    wish = Posture(ARM.q0 + rng.normal(size=ARM.nj), kp=100.0)
-    controller = Controller(ARM, Stack([wish], subject_to=[law]), level=AccelerationLevel())
+    constraint = HalfSpaceLimit("tool", normal=rng.normal(size=3), offset=float(rng.normal()), slack=None)
+    task = Posture(ARM.q0 + rng.normal(size=ARM.nj), kp=100.0)
+    controller = Controller(ARM, Stack([task], subject_to=[constraint]), level=AccelerationLevel())
     q, v = ARM.random_configuration(rng), rng.normal(size=ARM.nv)
     command = controller.tick(0.0, q, v)
     state = ARM.state()
     state.update(0.0, q, v)
     frame = state.frame("tool")
-    J, h = law.normal @ frame.jacobian()[:3], law.normal @ frame.position - law.offset
-    b = -2 * law.rate * (J @ v) - law.rate**2 * h - law.normal @ frame.drift()[:3]
-    a = 100.0 * (wish.target - q) - 20.0 * v
+    J, h = constraint.normal @ frame.jacobian()[:3], constraint.normal @ frame.position - constraint.offset
+    b = -2 * constraint.rate * (J @ v) - constraint.rate**2 * h - constraint.normal @ frame.drift()[:3]
+    a = 100.0 * (task.target - q) - 20.0 * v
     a = a + J * max(0.0, b - J @ a) / (J @ J)
     np.testing.assert_allclose(command.a, a, rtol=1e-6, atol=1e-6 * np.abs(a).max())
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 def test_a_frame_keeps_its_speed_limits(level: Any):
-    law = FrameVelocityLimits("tool", linear=0.15, angular=0.5)
+    constraint = FrameVelocityLimits("tool", linear=0.15, angular=0.5)
     far = Position("tool", target=P + np.array([-0.2, 0.3, 0.1]), kp=400.0, rate=20.0)
-    controller = Controller(ARM, stack(far, law), level=level, dt=DT)
+    controller = Controller(ARM, stack(far, constraint), level=level, dt=DT)
     q, v, state, fastest = np.array(ARM.q0), np.zeros(ARM.nv), ARM.state(drifts=False), np.zeros(6)
     for k in range(600):
         command = controller.tick(k * DT, q, v)
@@ -151,11 +151,11 @@ def test_the_centre_of_mass_stays_above_the_feet():
     room = inside(polygon, state, QUADRUPED.q0)
     edge = int(np.argmin(polygon._normals @ state.com[:2] - polygon._offsets))
     over = (room + 0.025) * np.append(polygon._normals[edge], 0.0)  # all but over the feet's own edge
-    wishes = [CenterOfMass(target=state.com - over, kp=50.0, weight=1e3), Posture(QUADRUPED.q0, kp=10.0, weight=1e-2)]
+    tasks = [CenterOfMass(target=state.com - over, kp=50.0, weight=1e3), Posture(QUADRUPED.q0, kp=10.0, weight=1e-2)]
     nearest = []
-    for laws in ([polygon], []):
+    for constraints in ([polygon], []):
         q, v = np.array(QUADRUPED.q0), np.zeros(QUADRUPED.nv)
-        standing = Stack(wishes, subject_to=[JointLimits(), *laws], contacts=feet(QUADRUPED))
+        standing = Stack(tasks, subject_to=[JointLimits(), *constraints], contacts=feet(QUADRUPED))
         controller = Controller(QUADRUPED, standing, level=InverseDynamics())
         nearest.append(np.inf)
         for k in range(800):
@@ -174,9 +174,11 @@ def inside(polygon: SupportPolygon, state: RobotState, q: Vec) -> float:
 
 
 def test_a_polygon_is_the_hull_of_its_points_less_the_margin():
-    law = SupportPolygon([[0, 0], [1, 0], [0.5, 0.5], [1, 1], [0, 1]], margin=0.1)
-    assert law.dim == 4
-    middle, corner = ((law._normals @ np.array(point) - law._offsets).min() for point in ([0.5, 0.5], [0.05, 0.5]))
+    constraint = SupportPolygon([[0, 0], [1, 0], [0.5, 0.5], [1, 1], [0, 1]], margin=0.1)
+    assert constraint.dim == 4
+    middle, corner = (
+        (constraint._normals @ np.array(point) - constraint._offsets).min() for point in ([0.5, 0.5], [0.05, 0.5])
+    )
     assert (middle, corner) == (pytest.approx(0.4), pytest.approx(-0.05))
 
 

@@ -47,8 +47,8 @@ def worst_of_a_walk(robot: RobotModel, level: Any, ticks: int, seed: int = 0) ->
     """How far each limit was exceeded at worst, what the jerk was at most, and how many ticks were not solved."""
     low, high = bounded(robot)
     everything = JointLimits(lower=low, upper=high, a_max=A_MAX, j_max=J_MAX, without=["torque"])
-    wish = Posture(Restless(robot, seed), kp=400.0, rate=50.0)
-    controller = Controller(robot, Stack([wish], subject_to=[everything]), level=level, dt=DT)
+    task = Posture(Restless(robot, seed), kp=400.0, rate=50.0)
+    controller = Controller(robot, Stack([task], subject_to=[everything]), level=level, dt=DT)
     nb, nq = robot.nb, robot.nq - robot.nj
     q, v, last = np.array(robot.q0), np.zeros(robot.nv), np.zeros(robot.nj)
     q[nq:] = 0.5 * (low + high)
@@ -91,8 +91,8 @@ def test_from_outside_it_is_back_within_the_stated_time(level: Any, seed: int):
     rng = np.random.default_rng(seed)
     v_max = 2.0
     everything = JointLimits(lower=-1.0, upper=1.0, v_max=v_max, a_max=A_MAX, j_max=J_MAX, without=["torque"])
-    wish = Posture(np.sign(rng.normal(size=ARM.nj)) * 3.0, kp=100.0, rate=10.0)
-    controller = Controller(ARM, Stack([wish], subject_to=[everything]), level=level, dt=DT)
+    task = Posture(np.sign(rng.normal(size=ARM.nj)) * 3.0, kp=100.0, rate=10.0)
+    controller = Controller(ARM, Stack([task], subject_to=[everything]), level=level, dt=DT)
     q = rng.uniform(-2.0, 2.0, ARM.nj)
     v = rng.uniform(-v_max, v_max, ARM.nj)
     furthest = np.maximum(np.abs(q) - 1.0, 0.0) + v**2 / (2 * A_MAX)
@@ -133,7 +133,7 @@ def test_torque_limits_stand_above_the_interval_of_a_joint():
 
 def test_only_levels_that_decide_torques_limit_them():
     names = {
-        level.name: [law.name for law in JointLimits().laws(level.bounds)]
+        level.name: [constraint.name for constraint in JointLimits().constraints(level.bounds)]
         for level in (VelocityLevel(), InverseDynamics())
     }
     assert names["velocity level"] == ["JointLimits.position", "JointLimits.velocity"]
@@ -146,8 +146,10 @@ def test_only_levels_that_decide_torques_limit_them():
 def test_one_object_is_all_the_single_limits():
     single = [JointPositionLimits(braking=5.0), JointVelocityLimits(1.0), TorqueLimits(30.0)]
     stacks = [single, [JointLimits(v_max=1.0, tau_max=30.0, braking=5.0)]]
-    wish = Posture(lambda t: ARM.q0 + 0.5 * np.sin(9 * t), kp=900.0)
-    controllers = [Controller(ARM, Stack([wish], subject_to=laws), level=InverseDynamics()) for laws in stacks]
+    task = Posture(lambda t: ARM.q0 + 0.5 * np.sin(9 * t), kp=900.0)
+    controllers = [
+        Controller(ARM, Stack([task], subject_to=constraints), level=InverseDynamics()) for constraints in stacks
+    ]
     plants = [IntegratorPlant(ARM, level="acceleration") for _ in stacks]
     for plant in plants:
         plant.reset(np.array(ARM.q0))

@@ -82,10 +82,10 @@ def reaching(asked: list[float], level: Any, hierarchy: Any) -> wbc.Controller:
         return np.array([0.4, 0.3 * np.sin(3.0 * t), 0.5])
 
     ball = Obstacle("ball", Sphere(0.05), ARM.state().frame("tool").placement)
-    laws = [JointLimits(), CollisionAvoidance([ball]), *([TorqueLimits()] if level.dynamics else [])]
+    constraints = [JointLimits(), CollisionAvoidance([ball]), *([TorqueLimits()] if level.dynamics else [])]
     tasks = [[Position("tool", target=target)], [Posture(ARM.q0, weight=1e-2)]]
     return wbc.Controller(
-        ARM, wbc.Stack(tasks, subject_to=laws, components=[Learner()]), level=level, hierarchy=hierarchy
+        ARM, wbc.Stack(tasks, subject_to=constraints, components=[Learner()]), level=level, hierarchy=hierarchy
     )  # fmt: skip
 
 

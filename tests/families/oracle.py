@@ -81,8 +81,8 @@ def read(controller: wbc.Controller) -> Physical:
     p = controller.plan.problem
     n, n_u, m = p.n, p.n_u, p.n_rows
     G, right = p.G[:m, :n] / p.scale, p.G[:m, n]
-    E = np.concatenate([G[:n_u], G[p.law]])
-    e = -np.concatenate([right[:n_u], right[p.law]])
+    E = np.concatenate([G[:n_u], G[p.equal]])
+    e = -np.concatenate([right[:n_u], right[p.equal]])
     lower, upper = p.range_bounds()
     C = np.concatenate([G[p.range], np.eye(n)])
     cl = np.concatenate([lower - right[p.range], p.lb * p.scale])

@@ -223,14 +223,14 @@ def _stacks() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:
     yield "a task that is no list", lambda: wbc.Stack(posture), ("tasks must be a list",)  # type: ignore[arg-type]
     yield "a task's class", lambda: wbc.Stack([T.Posture]), ("tasks[0]", "the class Posture")  # type: ignore[list-item]
     yield "a limit among the tasks", lambda: wbc.Stack([posture, T.JointVelocityLimits()]), ("tasks[1]", "subject_to")  # type: ignore[list-item]
-    yield "a task among the laws", lambda: wbc.Stack([], subject_to=[posture]), ("subject_to[0]", "exactly()")
+    yield "a task among the constraints", lambda: wbc.Stack([], subject_to=[posture]), ("subject_to[0]", "exactly()")
     yield "a word among the tasks", lambda: wbc.Stack(["reach"]), ("tasks[0]", "reach")  # type: ignore[list-item]
     yield "levels and tasks mixed", lambda: wbc.Stack([[posture], T.Position("tool", target=here)]), ("mixture",)  # type: ignore[list-item]
     yield "two of one name", lambda: wbc.Stack([T.Posture(np.zeros(7)), T.Posture(np.ones(7))]), ("'Posture'", "name=")
-    yield "None among the laws", lambda: wbc.Stack([], subject_to=None), ("subject_to",)  # type: ignore[arg-type]
+    yield "None among the constraints", lambda: wbc.Stack([], subject_to=None), ("subject_to",)  # type: ignore[arg-type]
     fast = T.JointVelocity(np.full(7, 9.0)).exactly()
     yield (
-        "laws that contradict each other in every state",
+        "constraints that contradict each other in every state",
         lambda: control(subject_to=[fast, T.JointVelocityLimits(1.0)]),
         ("cannot hold together", "8 rad/s"),
     )
@@ -377,4 +377,4 @@ def _accepted() -> Iterator[tuple[str, Callable[[], object]]]:
     up, down = (T.Position("tool", target=[0.4, 0.2, z], weight=1e2, name=f"{z}") for z in (9.0, -9.0))
     yield "tasks against each other", lambda: ticks(up, down, subject_to=[T.JointVelocityLimits()])
     same = [T.Position("tool", target=[0.4, 0.2, 0.5], name=name).exactly() for name in ("one", "two")]
-    yield "the same law twice", lambda: ticks(T.Posture(np.zeros(7)), subject_to=same)
+    yield "the same constraint twice", lambda: ticks(T.Posture(np.zeros(7)), subject_to=same)

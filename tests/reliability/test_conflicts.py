@@ -80,7 +80,7 @@ def test_the_text_is_the_same_whichever_solver_failed(robot: str):
     assert len(online) >= 3 and len(texts) == 1, texts
     text = texts.pop()
     assert "demand" in text and "enough would be" in text
-    assert "joint limits" not in text, "a bound is called by the law that set it"
+    assert "joint limits" not in text, "a bound is called by the constraint that set it"
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

@@ -54,9 +54,14 @@ class Users(wbc.Component):
         self._call("after", state, command)
 
 
-def arm(level: Any, hierarchy: Any, *, tasks: tuple[Any, ...] = (), laws: tuple[Any, ...] = ()) -> Any:
+def arm(level: Any, hierarchy: Any, *, tasks: tuple[Any, ...] = (), constraints: tuple[Any, ...] = ()) -> Any:
     """A controller with limits on everything, and its component."""
-    limits: list[Any] = [JointPositionLimits(), JointVelocityLimits(V_MAX), JointAccelerationLimits(A_MAX), *laws]
+    limits: list[Any] = [
+        JointPositionLimits(),
+        JointVelocityLimits(V_MAX),
+        JointAccelerationLimits(A_MAX),
+        *constraints,
+    ]
     if level.dynamics:
         limits.append(TorqueLimits())
     users = Users()
@@ -246,7 +251,7 @@ def test_members_that_misbehave_in_mid_run(level: Any, hierarchy: Any, kind: Any
         member.dim = 1
     else:
         member = kind()
-    place: Any = {"tasks": (member,)} if kind in (Row, Prefer) else {"laws": (member,)}
+    place: Any = {"tasks": (member,)} if kind in (Row, Prefer) else {"constraints": (member,)}
     controller, _ = arm(level, hierarchy, **place)
     judged(controller, 0.0, "nothing")
     k = 0

@@ -43,15 +43,15 @@ def by_an_oracle(controller: Controller) -> list[tuple[Vec, Vec]]:
     method, where the levels above are as the controller has them."""
     p, v = controller.plan.problem, controller.state.v
     n, above, found = p.n, list[Any](), []
-    for wishes, damping in zip(p.levels, controller.plan.damping.of_levels, strict=False):
-        (wish,) = wishes
+    for tasks, damping in zip(p.levels, controller.plan.damping.of_levels, strict=False):
+        (task,) = tasks
         assert damping.is_on
-        rows = p.G[wish.rows]
+        rows = p.G[task.rows]
         J, t = rows[:, :n], -rows[:, n]
         D = damping.applied + 1e-8
         rate = damping.rate if controller.level.order > 1 else 0.0 * damping.rate
-        F = np.concatenate([np.sqrt(wish.weights)[:, None] * J, np.diag(np.sqrt(D))])
-        f = np.concatenate([np.sqrt(wish.weights) * t, -damping.applied / np.sqrt(D) * rate * v])
+        F = np.concatenate([np.sqrt(task.weights)[:, None] * J, np.diag(np.sqrt(D))])
+        f = np.concatenate([np.sqrt(task.weights) * t, -damping.applied / np.sqrt(D) * rate * v])
         A = np.concatenate([np.zeros((0, n)), *above])
         best = least_squares(F, f, Constraints(A, A @ p.x, np.eye(n), p.lb, p.ub), 1.0 + np.abs(p.x))
         assert best is not None and best.proved
@@ -92,16 +92,16 @@ def test_what_is_left_of_a_damped_level_is_told_of_what_was_asked(level: Any, hi
     controller = running(level(), hierarchy, [*reaching()[:1], [Damping()]], seconds=0.3, limits=[JointLimits()])
     p, (first, *_), last = controller.plan.problem, controller.levels, controller.last
     assert last is not None and controller.plan.damping.is_on
-    (wish,) = p.levels[0]
-    np.testing.assert_array_equal(p.G[wish.rows, p.n], -wish.wanted)
-    left = p.G[wish.rows] @ p.x1
-    np.testing.assert_allclose(p.value[p.item(wish.rows.start) : p.item(wish.rows.stop)], left, atol=1e-12)
+    (task,) = p.levels[0]
+    np.testing.assert_array_equal(p.G[task.rows, p.n], -task.wanted)
+    left = p.G[task.rows] @ p.x1
+    np.testing.assert_allclose(p.value[p.item(task.rows.start) : p.item(task.rows.stop)], left, atol=1e-12)
     assert np.abs(left).max() > 1e-2
     assert last.certificate.ok and all(outcome.certificate.ok for outcome in controller.levels)
     assert "damping of the joints" in controller.explain()
     if isinstance(hierarchy, wbc.Strict):
         assert first.how == "optimal"
-        assert first.residual == pytest.approx(float(np.sqrt(wish.weights @ left**2)))
+        assert first.residual == pytest.approx(float(np.sqrt(task.weights @ left**2)))
 
 
 def test_a_reset_ends_the_damping_of_every_level():

@@ -80,17 +80,17 @@ def on_points() -> Stack:
     )  # fmt: skip
 
 
-def as_law() -> Stack:
-    law = Position("tool", target=PATH, kp=50.0).exactly()
-    return Stack([Posture(ARM.q0, weight=1.0)], subject_to=[law, *LIMITS, TorqueLimits()])
+def as_constraint() -> Stack:
+    constraint = Position("tool", target=PATH, kp=50.0).exactly()
+    return Stack([Posture(ARM.q0, weight=1.0)], subject_to=[constraint, *LIMITS, TorqueLimits()])
 
 
 CASES: list[tuple[wbc.models.RobotModel, Callable[[], Stack], wbc.stack.formulation.Formulation]] = [
     (ARM, reaching, VelocityLevel()), (ARM, reaching, AccelerationLevel()), (ARM, reaching, InverseDynamics()),
     (HUMANOID, standing, InverseDynamics()), (QUADRUPED, on_points, InverseDynamics()),
-    (ARM, as_law, InverseDynamics()),
+    (ARM, as_constraint, InverseDynamics()),
 ]  # fmt: skip
-NAMES = ["arm velocity", "arm acceleration", "arm torque", "humanoid", "quadruped", "law"]
+NAMES = ["arm velocity", "arm acceleration", "arm torque", "humanoid", "quadruped", "constraint"]
 
 
 def moments(robot: wbc.models.RobotModel, count: int = 6):

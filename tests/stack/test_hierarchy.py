@@ -41,8 +41,8 @@ def tick(robot: PinocchioModel, stack: wbc.Stack, seed: int = 3, **settings: Any
 def residual(controller: wbc.Controller, name: str) -> np.ndarray:
     """Wanted − got of one task's rows, in the last tick."""
     problem = controller.plan.problem
-    wish = next(wish for level in problem.levels for wish in level if wish.name == name)
-    return problem.G[wish.rows] @ problem.x1
+    task = next(task for level in problem.levels for task in level if task.name == name)
+    return problem.G[task.rows] @ problem.x1
 
 
 def two_goals(seed: int, *, heavy: float = 1.0, levels: int = 3) -> wbc.Stack:
@@ -81,8 +81,8 @@ def test_a_stack_is_the_hierarchy_of_its_rows(seed: int) -> None:
     problem = controller.plan.problem
     levels = []
     for tasks in problem.levels[:-1]:
-        A = np.concatenate([problem.G[wish.rows, : problem.n] for wish in tasks])
-        b = np.concatenate([wish.wanted for wish in tasks])
+        A = np.concatenate([problem.G[task.rows, : problem.n] for task in tasks])
+        b = np.concatenate([task.wanted for task in tasks])
         levels.append((A, b, b))
     posture = problem.levels[-1][0].wanted
     levels.append((np.eye(ARM.nj), posture, posture))
@@ -160,11 +160,11 @@ def test_a_budget_that_ends_early_leaves_the_lower_levels_where_they_are() -> No
     np.testing.assert_allclose(exit_.v, weighted.v, rtol=0.0, atol=1e-12)
 
 
-def test_laws_that_contradict_each_other_are_infeasible_and_braked() -> None:
-    laws = [Position("tool", target=np.zeros(3)).exactly(name=name) for name in ("here", "there")]
-    laws[1].task.target = np.ones(3)
+def test_constraints_that_contradict_each_other_are_infeasible_and_braked() -> None:
+    constraints = [Position("tool", target=np.zeros(3)).exactly(name=name) for name in ("here", "there")]
+    constraints[1].task.target = np.ones(3)
     stack = wbc.Stack([[Position(ARM.frame_names[-3], target=np.ones(3))],
-                       [Posture(ARM.q0)]], subject_to=[*laws, JointVelocityLimits()])  # fmt: skip
+                       [Posture(ARM.q0)]], subject_to=[*constraints, JointVelocityLimits()])  # fmt: skip
     command, _ = tick(ARM, stack, hierarchy=wbc.Strict())
     assert command.status is wbc.Status.INFEASIBLE
     assert np.isfinite(command.v).all()
@@ -187,7 +187,7 @@ def test_a_task_on_torques_can_rank_above_one_on_motion() -> None:
     np.testing.assert_allclose(command.tau, tau, atol=1e-5)
 
 
-def test_a_soft_law_is_an_inequality_at_its_level() -> None:
+def test_a_soft_constraint_is_an_inequality_at_its_level() -> None:
     goal = Position("tool", target=np.array([2.0, 0.0, 0.0]), rate=5.0)
     slow = JointVelocityLimits(0.1).softly()
     above, _ = tick(ARM, wbc.Stack([[slow], [goal], [Posture(ARM.q0, weight=1e-4)]]), hierarchy=wbc.Strict())
@@ -212,7 +212,7 @@ def test_scaled_tasks_are_saturation_in_the_null_space_level_by_level(seed: int)
     stack = wbc.Stack([[first], [second]], subject_to=[JointVelocityLimits(speed)])
     command, controller = tick(ARM, stack, hierarchy=wbc.Scaled())
     problem = controller.plan.problem
-    rows = [(problem.G[wish.rows, : ARM.nv].copy(), wish.wanted.copy()) for (wish,) in problem.levels]
+    rows = [(problem.G[task.rows, : ARM.nv].copy(), task.wanted.copy()) for (task,) in problem.levels]
     known = NullSpaceSaturation.prioritised(rows, lower=-speed, upper=speed).solve("pdas")
     assert command.status.ok
     J, wanted = rows[0]
@@ -229,8 +229,8 @@ def test_a_scaled_task_keeps_its_direction_at_every_level_under_every_hierarchy(
     limits = [JointVelocityLimits(0.3), JointPositionLimits()]
     stack = wbc.Stack([goal, Posture(ARM.q0, weight=1e-4)], subject_to=limits)
     command, controller = tick(ARM, stack, hierarchy=hierarchy, level=level)
-    wish = controller.plan.problem.levels[0][0]
-    asked = wish.wanted + wish.drift
+    task = controller.plan.problem.levels[0][0]
+    asked = task.wanted + task.drift
     got = residual(controller, goal.name) + asked
     share = got @ asked / (asked @ asked)
     assert command.status.ok

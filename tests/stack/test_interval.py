@@ -173,10 +173,10 @@ def test_no_bound_ever_asks_for_more_than_full_braking(seed: int):
 @pytest.mark.parametrize("a_max", [None, 5.0, 80.0])
 @given(st.floats(1e-6, 1.0), st.floats(-2.0, 2.0), st.booleans())
 def test_from_outside_a_joint_is_back_in_the_time_that_braking_and_returning_take(a_max, distance, speed, above):
-    laws: list[Any] = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0)]
+    constraints: list[Any] = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0)]
     if a_max is not None:
-        laws.append(JointAccelerationLimits(a_max))
-    intervals = JointIntervals.compose(laws, ARM, dt=1e-3)
+        constraints.append(JointAccelerationLimits(a_max))
+    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
     side, B, v_max = (1.0 if above else -1.0), a_max or BRAKING, 2.0
     q, v = np.full(ARM.nj, side * (1.0 + distance)), np.full(ARM.nj, side * speed)
     furthest = distance + max(speed, 0.0) ** 2 / (2 * B)
@@ -219,8 +219,8 @@ def test_a_joint_of_equal_limits_stays_and_comes_to_stay():
 
 @pytest.mark.parametrize(("braking", "expected"), [(2.0, 2.0), (None, 50.0)])
 def test_braking_is_as_gentle_as_asked(braking: float | None, expected: float):
-    laws = [JointPositionLimits(lower=-1.0, upper=1.0, braking=braking), JointAccelerationLimits(50.0)]
-    intervals = JointIntervals.compose(laws, ARM, dt=1e-3)
+    constraints = [JointPositionLimits(lower=-1.0, upper=1.0, braking=braking), JointAccelerationLimits(50.0)]
+    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
     q, v, hardest = np.zeros(ARM.nj), np.zeros(ARM.nj), 0.0
     for _ in range(3000):
         q, v, a = step("acceleration", q, v, bounds(intervals, "acceleration", q, v)[1], 1e-3)
@@ -229,16 +229,16 @@ def test_braking_is_as_gentle_as_asked(braking: float | None, expected: float):
     np.testing.assert_allclose(q, 1.0, atol=1e-3)
 
 
-def test_laws_on_the_same_quantity_intersect():
+def test_constraints_on_the_same_quantity_intersect():
     intervals = JointIntervals.compose([JointVelocityLimits(1.0), JointVelocityLimits(0.5, name="slow")], ARM, dt=1e-3)
     lower, upper = bounds(intervals, "velocity", np.zeros(ARM.nj), np.zeros(ARM.nj))
     assert (lower == -0.5).all() and (upper == 0.5).all()
 
 
-def test_laws_that_leave_a_joint_nothing_are_refused_by_its_name():
-    laws = [JointPositionLimits(lower=-1.0, upper=0.0), JointPositionLimits(lower=0.5, upper=1.0, name="other")]
+def test_constraints_that_leave_a_joint_nothing_are_refused_by_its_name():
+    constraints = [JointPositionLimits(lower=-1.0, upper=0.0), JointPositionLimits(lower=0.5, upper=1.0, name="other")]
     with pytest.raises(InvalidInput, match=f"other: joint '{ARM.joint_names[0]}' is left no position"):
-        JointIntervals.compose(laws, ARM, dt=1e-3)
+        JointIntervals.compose(constraints, ARM, dt=1e-3)
 
 
 def test_bounds_may_be_replaced_between_ticks_and_come_back():
@@ -283,9 +283,9 @@ def test_bounds_that_make_no_sense_are_refused_and_change_nothing(arguments: Any
         (0.0, -2.0, False, "JointVelocityLimits"),
     ],
 )
-def test_a_bound_knows_the_law_it_comes_from(q: float, v: float, upper: bool, owner: str):
-    laws = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointAccelerationLimits(100.0)]
-    intervals = JointIntervals.compose(laws, ARM, dt=1e-3)
+def test_a_bound_knows_the_constraint_it_comes_from(q: float, v: float, upper: bool, owner: str):
+    constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointAccelerationLimits(100.0)]
+    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
     bounds(intervals, "acceleration", np.full(ARM.nj, q), np.full(ARM.nj, v))
     assert intervals.owner(3, upper=upper) == owner
 

@@ -12,12 +12,12 @@ from wbc.stack.interval import JointIntervals
 
 DT = 1e-3
 ARM = wbc.load("arm")
-LAWS = [JointPositionLimits(), JointVelocityLimits()]
+CONSTRAINTS = [JointPositionLimits(), JointVelocityLimits()]
 
 
 def bounds(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = np.empty(ARM.nj), np.empty(ARM.nj)
-    JointIntervals.compose(LAWS, ARM, DT).velocity(q, np.zeros(ARM.nj), lower, upper)
+    JointIntervals.compose(CONSTRAINTS, ARM, DT).velocity(q, np.zeros(ARM.nj), lower, upper)
     return lower, upper
 
 

@@ -62,8 +62,8 @@ def test_from_rest_whatever_is_chosen_keeps_jerk_and_all_other_limits(level: str
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_joint_still_gets_to_its_limits(level: str):
-    laws = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointJerkLimits(200.0)]
-    intervals = JointIntervals.compose(laws, ARM, dt=1e-3)
+    constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointJerkLimits(200.0)]
+    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
     q, v, fastest = np.zeros(ARM.nj), np.zeros(ARM.nj), 0.0
     for _ in range(4000):
         q, v, a = step(level, q, v, bounds(intervals, level, q, v)[1], 1e-3)
@@ -100,9 +100,9 @@ def test_bounds_are_never_wider_than_without_jerk_limits(seed: int, level: str):
 
 def test_joints_without_a_jerk_limit_are_as_they_were():
     first = ARM.joint_names[0]
-    laws = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0)]
-    free = JointIntervals.compose(laws, ARM, dt=1e-3)
-    one = JointIntervals.compose([*laws, JointJerkLimits({first: 100.0})], ARM, dt=1e-3)
+    constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0)]
+    free = JointIntervals.compose(constraints, ARM, dt=1e-3)
+    one = JointIntervals.compose([*constraints, JointJerkLimits({first: 100.0})], ARM, dt=1e-3)
     q, v = np.full(ARM.nj, 0.95), np.full(ARM.nj, 0.5)
     for with_one, without in zip(bounds(one, "acceleration", q, v), bounds(free, "acceleration", q, v), strict=True):
         np.testing.assert_array_equal(with_one[1:], without[1:])
@@ -127,10 +127,13 @@ def test_a_bound_that_keeps_jerk_says_so():
 @pytest.mark.parametrize("robot", robots(), ids=lambda robot: robot.name)
 def test_all_limits_in_one_object_are_the_single_ones(robot):
     all_in_one = JointLimits(lower=-0.5, upper=0.5, v_max=1.0, a_max=20.0, j_max=500.0, tau_max=10.0)
-    quantities = [law.quantity for law in all_in_one.laws(frozenset())]
+    quantities = [constraint.quantity for constraint in all_in_one.constraints(frozenset())]
     assert quantities == ["position", "velocity", "acceleration", "jerk", "torque"]
-    for law in all_in_one.laws(frozenset()):
-        assert law.bounds(robot)[1].tolist() == [getattr(law, "upper", None) or law.bounds(robot)[1][0]] * robot.nj
+    for constraint in all_in_one.constraints(frozenset()):
+        assert (
+            constraint.bounds(robot)[1].tolist()
+            == [getattr(constraint, "upper", None) or constraint.bounds(robot)[1][0]] * robot.nj
+        )
 
 
 def approach(room: float, u: float, B: float, v_max: float, j: float, dt: float) -> float:

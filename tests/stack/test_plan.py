@@ -126,8 +126,8 @@ def test_torque_limits_bind_and_are_kept(quadruped: PinocchioModel) -> None:
     assert "TorqueLimits" in control.explain()
 
 
-# ---- laws
-def test_a_task_as_a_law_holds_exactly_whatever_else_is_wanted(arm: PinocchioModel) -> None:
+# ---- constraints
+def test_a_task_as_a_constraint_holds_exactly_whatever_else_is_wanted(arm: PinocchioModel) -> None:
     q, v = moving(arm, 3)
     up = Orientation("tool", kp=100)
     pull = Position("tool", target=[0.9, 0.9, 0.9], kp=1000, weight=1e4)
@@ -141,7 +141,7 @@ def test_a_task_as_a_law_holds_exactly_whatever_else_is_wanted(arm: PinocchioMod
     np.testing.assert_allclose(J @ command.a + drift, wanted, atol=1e-8)
 
 
-def test_a_posture_as_a_law_holds_every_joint(arm: PinocchioModel) -> None:
+def test_a_posture_as_a_constraint_holds_every_joint(arm: PinocchioModel) -> None:
     q, v = moving(arm, 3)
     hold = Posture(arm.q0, kp=4.0)
     stack = wbc.Stack([Position("tool", target=[0.9, 0.9, 0.9])], subject_to=[hold.exactly()])
@@ -226,7 +226,7 @@ def test_acceleration_limits_at_the_velocity_level_bound_the_change_of_velocity(
 
 
 # ---- linear tasks
-def test_a_torque_task_as_a_law_is_met_exactly(arm: PinocchioModel) -> None:
+def test_a_torque_task_as_a_constraint_is_met_exactly(arm: PinocchioModel) -> None:
     tau_0 = np.linspace(-2.0, 3.0, arm.nj)
     stack = wbc.Stack([Posture(arm.q0, kp=1e4, weight=1e3)], subject_to=[Torque(tau_0).exactly()])
     command = controller(arm, stack).tick(0.0, *moving(arm, 1))
@@ -335,7 +335,7 @@ def test_what_is_wanted_has_a_gain_for_each_term_also_when_gains_change(arm: Pin
         assert control.tick(0.0, q, v).status.ok
         tool = control.state.frame("tool")
         e, Jv, drift = goal - tool.position, tool.jacobian()[:3] @ v, tool.linear_drift()
-        wanted = {wish.name: wish.wanted for wish in control.plan.problem.levels[0]}
+        wanted = {task.name: task.wanted for task in control.plan.problem.levels[0]}
         np.testing.assert_allclose(wanted[own.name], kp * e - kd * 0.5 * Jv - drift, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(
             wanted[moved.name], second + kd * (rate - Jv) + kp * e - drift, rtol=1e-12, atol=1e-12

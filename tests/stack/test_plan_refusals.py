@@ -97,10 +97,10 @@ class Clumsy(Task):
         out.J[:] = np.zeros((2, 2))
 
 
-@pytest.mark.parametrize("law", [HalfLaw(), HalfBarrier(), Nobody(), Nowhere()])
-def test_a_law_that_says_less_than_it_should_is_refused_by_name(arm: PinocchioModel, law: Any) -> None:
-    with pytest.raises((InvalidInput, NotSupported), match=type(law).__name__):
-        controller(arm, wbc.Stack([Posture(arm.q0)], subject_to=[law]))
+@pytest.mark.parametrize("constraint", [HalfLaw(), HalfBarrier(), Nobody(), Nowhere()])
+def test_a_constraint_that_says_less_than_it_should_is_refused_by_name(arm: PinocchioModel, constraint: Any) -> None:
+    with pytest.raises((InvalidInput, NotSupported), match=type(constraint).__name__):
+        controller(arm, wbc.Stack([Posture(arm.q0)], subject_to=[constraint]))
 
 
 @pytest.mark.parametrize("task", [Rowless(), Clumsy()])

@@ -45,8 +45,8 @@ class Named(wbc.Schedule):
 
 def stack_of(*components: wbc.Component, extra: tuple[Any, ...] = (), torques: bool = True) -> Stack:
     stack = standing(QUADRUPED, extra=extra)
-    laws = [law for law in stack.subject_to if torques or law.quantity != "torque"]
-    return Stack(stack.levels, subject_to=laws, contacts=stack.contacts, components=components)
+    constraints = [constraint for constraint in stack.subject_to if torques or constraint.quantity != "torque"]
+    return Stack(stack.levels, subject_to=constraints, contacts=stack.contacts, components=components)
 
 
 def scheduled(schedule: Named, extra: tuple[Any, ...] = (), level: Any = None) -> wbc.Controller:

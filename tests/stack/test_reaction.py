@@ -57,13 +57,13 @@ def test_a_gear_with_one_motor_costs_what_it_does_in_its_own_coordinates(state: 
 @given(states(ARM))
 def test_a_brake_carries_what_the_motor_would_have_to(state: RobotState):
     joints = [ARM.joint_names[1]]
-    wishes: list[Any] = [Posture(ARM.q0, kp=10)]
+    tasks: list[Any] = [Posture(ARM.q0, kp=10)]
     braked = wbc.Stack(
-        wishes,
+        tasks,
         contacts=[FrozenJoints(joints).with_reaction(name="brake")],
         subject_to=[Torque(0.0, joints=joints, name="released").exactly()],
     )
-    held = wbc.Stack(wishes, subject_to=[FrozenJoints(joints).exactly()])
+    held = wbc.Stack(tasks, subject_to=[FrozenJoints(joints).exactly()])
     with_brake, with_motor = (
         wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).tick(0.0, state.q, state.v) for stack in (braked, held)
     )

@@ -1,4 +1,4 @@
-"""A law among the wishes costs nothing while it holds, and gives way by its weight where it cannot."""
+"""A constraint among the tasks costs nothing while it holds, and has a slack at its weight where it cannot."""
 
 from __future__ import annotations
 
@@ -57,28 +57,32 @@ def decided(robot: PinocchioModel, stack: wbc.Stack, level: wbc.stack.formulatio
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
-def test_a_soft_law_that_holds_changes_nothing(arm: PinocchioModel, level) -> None:
-    laws = [Ceiling(9.0), SlowSum(1e3), JointVelocityLimits(90.0), JointPositionLimits()]
+def test_a_soft_constraint_that_holds_changes_nothing(arm: PinocchioModel, level) -> None:
+    constraints = [Ceiling(9.0), SlowSum(1e3), JointVelocityLimits(90.0), JointPositionLimits()]
     if level.dynamics:
-        laws.append(TorqueLimits(1e4))
+        constraints.append(TorqueLimits(1e4))
     bare = decided(arm, reach(arm), level)
-    soft = decided(arm, reach(arm, *(law.softly(weight=5.0) for law in laws)), level)
+    soft = decided(arm, reach(arm, *(constraint.softly(weight=5.0) for constraint in constraints)), level)
     assert soft.status.ok
     np.testing.assert_allclose(soft.v, bare.v, atol=1e-7)
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 @pytest.mark.parametrize(
-    "law", [Ceiling(0.3), SlowSum(0.01), JointVelocityLimits(0.02), TorqueLimits(2.0)], ids=lambda law: law.name
+    "constraint",
+    [Ceiling(0.3), SlowSum(0.01), JointVelocityLimits(0.02), TorqueLimits(2.0)],
+    ids=lambda constraint: constraint.name,
 )
-def test_a_very_heavy_soft_law_is_the_law_and_a_light_one_is_none(arm: PinocchioModel, level, law) -> None:
-    if isinstance(law, TorqueLimits) and not level.dynamics:
+def test_a_very_heavy_soft_constraint_is_the_constraint_and_a_light_one_is_none(
+    arm: PinocchioModel, level, constraint
+) -> None:
+    if isinstance(constraint, TorqueLimits) and not level.dynamics:
         with pytest.raises(NotSupported, match="torque"):
-            decided(arm, reach(arm, law.softly()), level)
+            decided(arm, reach(arm, constraint.softly()), level)
         return
-    hard = decided(arm, reach(arm, hard=(law,)), level)
-    heavy = decided(arm, reach(arm, law.softly(weight=1e7)), level)
-    light = decided(arm, reach(arm, law.softly(weight=1e-9)), level)
+    hard = decided(arm, reach(arm, hard=(constraint,)), level)
+    heavy = decided(arm, reach(arm, constraint.softly(weight=1e7)), level)
+    light = decided(arm, reach(arm, constraint.softly(weight=1e-9)), level)
     bare = decided(arm, reach(arm), level)
     away = np.abs(hard.v - bare.v).max()
     assert heavy.status.ok
@@ -106,11 +110,11 @@ def test_soft_torque_limits_keep_a_humanoid_standing_with_less_torque(humanoid: 
     assert set(soft.f) == set(bare.f)
 
 
-def test_a_soft_law_names_its_rows_and_what_gives_way(arm: PinocchioModel) -> None:
+def test_a_soft_constraint_names_its_rows_and_what_gives_way(arm: PinocchioModel) -> None:
     stack = reach(arm, JointVelocityLimits(0.02).softly(weight=2.0), Ceiling(0.3).softly())
     plan = wbc.VelocityLevel().compile(arm, stack, dt=0.01)
     names = [str(row) for row in plan.problem.rows]
     assert f"JointVelocityLimits softly: {arm.joint_names[0]}" in names
-    assert f"JointVelocityLimits softly: gives way: {arm.joint_names[0]}" in names
+    assert f"JointVelocityLimits softly: slack: {arm.joint_names[0]}" in names
     assert [row.unit for row in plan.problem.rows if row.owner == "Ceiling at 0.3 softly"] == ["m/s"]
     assert "JointVelocityLimits softly(weight=2.0)" in repr(stack)

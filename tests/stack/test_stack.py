@@ -42,7 +42,7 @@ def test_a_mixture_of_lists_and_tasks_is_refused():
     [
         (lambda: wbc.Stack([JointVelocityLimits()]), r"tasks\[0\] is JointVelocityLimits; it belongs in subject_to"),
         (lambda: wbc.Stack([hand(), Damping]), r"tasks\[1\] is the class Damping"),
-        (lambda: wbc.Stack([], subject_to=[Damping()]), r"belongs in tasks; task\.exactly\(\) makes a law"),
+        (lambda: wbc.Stack([], subject_to=[Damping()]), r"belongs in tasks; task\.exactly\(\) makes a constraint"),
         (lambda: wbc.Stack(Damping()), r"tasks must be a list, not Damping"),  # type: ignore[arg-type]
         (lambda: wbc.Stack([], contacts=3), r"contacts must be a list, not 3"),  # type: ignore[arg-type]
         (lambda: wbc.Stack([], contacts=["left_sole"]), r"contacts\[0\] is 'left_sole'"),
@@ -64,7 +64,7 @@ def test_two_members_of_one_name_are_refused():
     assert len(wbc.Stack([hand(), hand(name="again")]).tasks) == 2
 
 
-def test_a_task_may_also_be_a_law():
+def test_a_task_may_also_be_a_constraint():
     task = hand()
     stack = wbc.Stack([task], subject_to=[task.exactly()])
     assert stack.subject_to[0].name == "Position[hand] exactly"

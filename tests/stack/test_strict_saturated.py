@@ -20,8 +20,8 @@ from wbc.qp.rows import RowProblem
 
 #: How much more than the least may be left of a level above the last, and of the last, beside 1 and what is left.
 MORE, MORE_OF_THE_LAST = 1e-5, 1e-4
-#: Who keeps the laws and the levels above to no more than this is no witness: 1e-8 of them was seen to be worth a sixth
-#: of the last level.
+#: Who keeps the constraints and the levels above to no more than this is no witness: 1e-8 of them was seen to be worth
+#: a sixth of the last level.
 EXACT = 1e-9
 
 
@@ -47,8 +47,8 @@ def wild(robot: PinocchioModel, rng: np.random.Generator) -> wbc.Stack:
 def rows_of_levels(problem: RowProblem) -> list[tuple[np.ndarray, np.ndarray]]:
     """‖A x − b‖ of each level: soft rows, and for the last one its metric too."""
     levels = []
-    for wishes in problem.levels:
-        rows = [problem.G[wish.rows] * np.sqrt(wish.weights)[:, None] for wish in wishes if wish.rows is not None]
+    for tasks in problem.levels:
+        rows = [problem.G[task.rows] * np.sqrt(task.weights)[:, None] for task in tasks if task.rows is not None]
         levels.append(np.concatenate(rows) if rows else np.zeros((0, problem.n + 1)))
     metric = np.zeros((problem.n_y, problem.n + 1))
     metric[:, problem.n_u : problem.n] = np.diag(np.sqrt(problem.metric))
@@ -65,7 +65,7 @@ def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) ->
     were what the method itself finds, 3e-9 of it that rounding leaves open can be worth 1e-5 of the level below.
     """
     n, G = problem.n, problem.G
-    equal = np.concatenate([G[problem.base], G[problem.law]])
+    equal = np.concatenate([G[problem.base], G[problem.equal]])
     known, right, left = [equal[:, :n]], [-equal[:, n]], []
     low, high = problem.range_bounds()
     offset, unit = G[problem.range, n], 1.0 + np.abs(problem.x)

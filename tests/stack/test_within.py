@@ -1,4 +1,4 @@
-"""One task, three uses: a wish, an equality, an interval; with the same error in the same units."""
+"""One task, three uses: a task, an equality, an interval; with the same error in the same units."""
 
 from __future__ import annotations
 
@@ -62,33 +62,37 @@ def test_a_hand_follows_within_its_tolerance_and_no_nearer_than_it_must(level: A
 
 def test_an_interval_may_be_one_sided_and_may_be_a_wish():
     apart = Distance(TOOL, to=[0.0, 0.0, 0.3], target=0.4)
-    law = apart.within(-np.inf, 0.0)  # e = 0.4 - r <= 0: at least 0.4 m apart
-    law.prepare(ARM)
-    assert law.dim == 1 and law.label(0) == "<=" and law.unit(0) == "m"
-    stack = wbc.Stack([law.softly(weight=10.0), Posture(ARM.q0, weight=1e-3)])
+    constraint = apart.within(-np.inf, 0.0)  # e = 0.4 - r <= 0: at least 0.4 m apart
+    constraint.prepare(ARM)
+    assert constraint.dim == 1 and constraint.label(0) == "<=" and constraint.unit(0) == "m"
+    stack = wbc.Stack([constraint.softly(weight=10.0), Posture(ARM.q0, weight=1e-3)])
     assert wbc.Controller(ARM, stack, level=wbc.VelocityLevel()).tick(0.0, ARM.q0, np.zeros(7)).status.ok
 
 
 def test_bounds_are_said_in_the_units_and_by_the_rows_of_the_task():
-    law = Frame(TOOL, target=np.eye(4)).within([-0.1, -0.1, -0.1, -0.5, -np.inf, -0.5], 0.6)
-    law.prepare(ARM)
-    assert law.dim == 11
-    assert [(law.label(i), law.unit(i)) for i in (0, 4, 10)] == [("x >=", "m"), ("yaw >=", "rad"), ("yaw <=", "rad")]
+    constraint = Frame(TOOL, target=np.eye(4)).within([-0.1, -0.1, -0.1, -0.5, -np.inf, -0.5], 0.6)
+    constraint.prepare(ARM)
+    assert constraint.dim == 11
+    assert [(constraint.label(i), constraint.unit(i)) for i in (0, 4, 10)] == [
+        ("x >=", "m"),
+        ("yaw >=", "rad"),
+        ("yaw <=", "rad"),
+    ]
 
 
-def test_rows_that_wish_for_velocities_have_no_interval():
+def test_rows_that_ask_for_velocities_have_no_interval():
     wheel = Rolling(TOOL, radius=0.1, ground=0.0)
-    with pytest.raises(InvalidInput, match="row 0 has kp = 0, a wish for a velocity"):
+    with pytest.raises(InvalidInput, match="row 0 has kp = 0, which asks for a velocity"):
         wheel.within(0.1).prepare(ARM)
-    law = wheel.within([-np.inf, -np.inf, -0.1], np.inf)
-    law.prepare(ARM)
-    assert [law.label(i) for i in range(law.dim)] == ["height >="]
+    constraint = wheel.within([-np.inf, -np.inf, -0.1], np.inf)
+    constraint.prepare(ARM)
+    assert [constraint.label(i) for i in range(constraint.dim)] == ["height >="]
 
 
 def test_tolerances_count_on_both_sides():
-    law = CenterOfMass(target=[0.0, 0.0, 0.8]).within([0.1, 0.2, 0.3])
-    law.prepare(ROBOTS[2])
-    assert law.dim == 6 and law.name == "CenterOfMass within"
+    constraint = CenterOfMass(target=[0.0, 0.0, 0.8]).within([0.1, 0.2, 0.3])
+    constraint.prepare(ROBOTS[2])
+    assert constraint.dim == 6 and constraint.name == "CenterOfMass within"
 
 
 @pytest.mark.parametrize(

@@ -137,18 +137,18 @@ def test_a_weight_by_name_assigned_between_ticks_is_in_force_in_the_next(level: 
 
 
 @each_level
-@pytest.mark.parametrize("law", ["exactly", "within", "with_reaction"])
-def test_a_law_on_some_joints_has_rows_for_these_alone(level: Any, law: str):
-    if law == "with_reaction" and not level.dynamics:
+@pytest.mark.parametrize("constraint", ["exactly", "within", "with_reaction"])
+def test_a_constraint_on_some_joints_has_rows_for_these_alone(level: Any, constraint: str):
+    if constraint == "with_reaction" and not level.dynamics:
         pytest.skip("reactions are forces")
-    task = Posture(TARGET, joints=["wrist_.*"], kp=0.0 if law != "within" else 100.0)
-    place = {"contacts": [task.with_reaction()]} if law == "with_reaction" else {
-        "subject_to": [task.exactly() if law == "exactly" else task.within(1.0)]
+    task = Posture(TARGET, joints=["wrist_.*"], kp=0.0 if constraint != "within" else 100.0)
+    place = {"contacts": [task.with_reaction()]} if constraint == "with_reaction" else {
+        "subject_to": [task.exactly() if constraint == "exactly" else task.within(1.0)]
     }  # fmt: skip
     still = decided(JointVelocity(np.ones(7)), level, **place)
     free = decided(JointVelocity(np.ones(7)), level)
     others = ~np.array(WRISTS)
-    if law == "within":
+    if constraint == "within":
         np.testing.assert_allclose(still, free, atol=1e-6)
         name = place["subject_to"][0].name
         controller = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)], **place), level=level)

@@ -40,7 +40,7 @@ CALLED = {
     "Torque": "weighed by the inertia: a factor of the whole matrix, by LAPACK",
     "JointJerkLimits": "they remember what the last tick did",
     "JointLimits": "with limits on jerk, and torques that fall with speed",
-    "TorqueSpeedLimits": "users write laws of this kind",
+    "TorqueSpeedLimits": "users write constraints of this kind",
     "Edge": "not yet", "LoopClosure": "not yet", "Impedance": "a factor of the whole inertia matrix, by LAPACK",
 }  # fmt: skip
 

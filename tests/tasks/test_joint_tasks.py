@@ -36,7 +36,7 @@ each_level = pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.na
 @pytest.mark.parametrize("level", LEVELS[:2], ids=lambda level: level.name)
 @given(state=states(ARM))
 def test_geared_joints_do_what_the_robot_without_them_would(level: Any, state: RobotState):
-    """v = G s + v_0 on the coordinates that are left, s by least squares: the gear as a law gives the same."""
+    """v = G s + v_0 on the coordinates that are left, s by least squares: the gear as a constraint gives the same."""
     joint, other, ratio = 2, 0, -1.5
     gear = JointCoupling(ARM.joint_names[joint], to={ARM.joint_names[other]: ratio})
     tasks = [Frame(TOOL, target=np.eye(4), weight=2.0), Posture(ARM.q0, weight=0.1)]

@@ -27,7 +27,7 @@ def with_limit(field: str, value: float) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("law", "upper"),
+    ("constraint", "upper"),
     [
         (JointVelocityLimits(), ARM.limits.v_max),
         (TorqueLimits(), ARM.limits.tau_max),
@@ -39,11 +39,11 @@ def with_limit(field: str, value: float) -> Any:
         (TorqueLimits({FIRST: np.inf}), np.where(np.arange(7) == 0, np.inf, ARM.limits.tau_max)),
     ],
 )
-def test_bounds_come_from_the_model_unless_given(law: Any, upper: Any):
-    law.prepare(ARM)
-    np.testing.assert_array_equal(law.bounds(ARM)[1], upper)
-    if law.quantity != "position":
-        np.testing.assert_array_equal(law.bounds(ARM)[0], -upper)
+def test_bounds_come_from_the_model_unless_given(constraint: Any, upper: Any):
+    constraint.prepare(ARM)
+    np.testing.assert_array_equal(constraint.bounds(ARM)[1], upper)
+    if constraint.quantity != "position":
+        np.testing.assert_array_equal(constraint.bounds(ARM)[0], -upper)
 
 
 def test_the_limits_of_the_model_are_copied():
@@ -53,24 +53,24 @@ def test_the_limits_of_the_model_are_copied():
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 @pytest.mark.parametrize(
-    ("law", "field", "argument"),
+    ("constraint", "field", "argument"),
     [(JointVelocityLimits, "v_max", "v_max"), (TorqueLimits, "tau_max", "tau_max")],
 )
-def test_a_limit_of_the_model_that_makes_no_sense_is_refused_and_can_be_overruled(law, field, argument, value):
+def test_a_limit_of_the_model_that_makes_no_sense_is_refused_and_can_be_overruled(constraint, field, argument, value):
     robot = with_limit(field, value)
     with pytest.raises(InvalidInput, match=f"{argument} of joint '{FIRST}' is .*Pass {argument}=.* to overrule"):
-        law().prepare(robot)
-    law({FIRST: 3.0}).prepare(robot)
-    assert law({FIRST: 3.0}).bounds(robot)[1][0] == 3.0
+        constraint().prepare(robot)
+    constraint({FIRST: 3.0}).prepare(robot)
+    assert constraint({FIRST: 3.0}).bounds(robot)[1][0] == 3.0
 
 
 def test_all_joints_whose_limits_make_no_sense_are_named_at_once():
     names = ARM.joint_names[1:4]
     bad = np.isin(ARM.joint_names, names)
     slow = ARM.replace(limits=replace(ARM.limits, v_max=np.where(bad, 0.0, 1.0), q_max=np.where(bad, -9.0, 3.0)))
-    for law in (JointVelocityLimits(), JointPositionLimits()):
+    for constraint in (JointVelocityLimits(), JointPositionLimits()):
         with pytest.raises(InvalidInput) as refusal:
-            law.prepare(slow)
+            constraint.prepare(slow)
         assert all(f"joint {name!r}" in str(refusal.value) for name in names)
     JointVelocityLimits(dict.fromkeys(names, 1.0)).prepare(slow)
 
@@ -83,7 +83,7 @@ def test_crossed_position_limits_are_refused_by_joint_name():
 
 
 @pytest.mark.parametrize(
-    ("law", "said"),
+    ("constraint", "said"),
     [
         (JointVelocityLimits(0.0), "v_max of joint"),
         (JointAccelerationLimits(-5.0), "a_max of joint"),
@@ -95,9 +95,9 @@ def test_crossed_position_limits_are_refused_by_joint_name():
         (JointVelocityLimits({FIRST: np.nan}), "nan"),
     ],
 )
-def test_given_limits_that_make_no_sense_are_refused(law: Any, said: str):
+def test_given_limits_that_make_no_sense_are_refused(constraint: Any, said: str):
     with pytest.raises(InvalidInput, match=said):
-        law.prepare(ARM)
+        constraint.prepare(ARM)
 
 
 def test_an_unknown_joint_is_refused_with_near_ones():
@@ -105,10 +105,10 @@ def test_an_unknown_joint_is_refused_with_near_ones():
         JointVelocityLimits({FIRST + "x": 1.0}).prepare(ARM)
 
 
-@pytest.mark.parametrize("law", [JointPositionLimits, JointLimits])
-def test_position_limits_go_by_name_because_one_number_alone_would_lose_the_other_limit(law: Any):
+@pytest.mark.parametrize("constraint", [JointPositionLimits, JointLimits])
+def test_position_limits_go_by_name_because_one_number_alone_would_lose_the_other_limit(constraint: Any):
     with pytest.raises(TypeError):
-        law(2.0)
+        constraint(2.0)
 
 
 def test_equal_position_limits_are_allowed():

@@ -105,7 +105,7 @@ def test_an_obstacle_out_of_reach_is_not_felt_and_one_in_reach_repels():
 
 # ---- the task
 def solved(task: ProjectedGradient, velocity: Vec, q: Vec, *limits: Any) -> tuple[Any, Any]:
-    """The tool at ``velocity`` [m/s] as a law, the criterion below it; the command and the state."""
+    """The tool at ``velocity`` [m/s] as a constraint, the criterion below it; the command and the state."""
     state = at(ARM, q)
     here = np.array(state.frame("tool").position)
     along = Position("tool", target=lambda t: (here + t * velocity, velocity, np.zeros(3)), rate=0.0).exactly()

@@ -1,4 +1,4 @@
-"""A stack of a task that is a law and a preferred torque is the weighted torque method, on any robot."""
+"""A stack of a task that is a constraint and a preferred torque is the weighted torque method, on any robot."""
 
 from __future__ import annotations
 

@@ -20,10 +20,10 @@ ARM = robots()[0]
 FIRST = ARM.joint_names[0]
 
 
-def narrowed(law: TorqueSpeedLimits, v: Any) -> tuple[Vec, Vec]:
-    law.prepare(ARM)
-    lower, upper = law.bounds(ARM)
-    law.narrow(np.full(ARM.nj, v, dtype=np.float64), lower, upper)
+def narrowed(constraint: TorqueSpeedLimits, v: Any) -> tuple[Vec, Vec]:
+    constraint.prepare(ARM)
+    lower, upper = constraint.bounds(ARM)
+    constraint.narrow(np.full(ARM.nj, v, dtype=np.float64), lower, upper)
     return lower, upper
 
 
@@ -39,8 +39,8 @@ def test_full_up_to_the_corner_then_falling_to_nothing(v: float, lower: float, u
 
 @given(st.floats(-1e3, 1e3), st.floats(1e-2, 1e2), st.floats(0.0, 0.99))
 def test_zero_is_always_allowed_and_neither_side_jumps(v: float, free: float, corner: float):
-    law = TorqueSpeedLimits(free, 10.0, corner_speed=corner * free)
-    (lower, upper), (low, high) = narrowed(law, v), narrowed(law, v + 1e-9 * free)
+    constraint = TorqueSpeedLimits(free, 10.0, corner_speed=corner * free)
+    (lower, upper), (low, high) = narrowed(constraint, v), narrowed(constraint, v + 1e-9 * free)
     assert (lower <= 0.0).all() and (upper >= 0.0).all()
     np.testing.assert_allclose((low, high), (lower, upper), atol=1e-5)
 
@@ -55,11 +55,11 @@ def test_joints_left_out_keep_what_the_model_says():
 def test_a_controller_commands_no_more_than_the_speed_leaves(limits: Any):
     faster = JointVelocity(np.full(ARM.nj, 3.0), kd=200.0)
     controller = Controller(ARM, Stack([faster], subject_to=[*limits(), TorqueLimits()]), level=InverseDynamics())
-    law = TorqueSpeedLimits(2.0)
+    constraint = TorqueSpeedLimits(2.0)
     tight = 0
     for v in (0.0, 0.5, 1.5, 1.9):
         command = controller.tick(0.0, ARM.q0, np.full(ARM.nv, v))
-        lower, upper = narrowed(law, v)
+        lower, upper = narrowed(constraint, v)
         assert (command.tau <= upper + 1e-8).all() and (command.tau >= lower - 1e-8).all()
         tight += int((command.tau > upper - 1e-6).sum())
     assert tight > 0
@@ -77,7 +77,7 @@ def test_what_a_component_takes_away_stays_away():
 
 
 @pytest.mark.parametrize(
-    ("law", "said"),
+    ("constraint", "said"),
     [
         (TorqueSpeedLimits(0.0), f"no_load_speed of joint '{FIRST}' is 0"),
         (TorqueSpeedLimits(1.0, corner_speed=2.0), f"joint '{FIRST}' has the corner speed 2; it must be .* below"),
@@ -85,6 +85,6 @@ def test_what_a_component_takes_away_stays_away():
         (TorqueSpeedLimits(1.0, np.inf), f"joint '{FIRST}' has a no-load speed and no tau_max"),
     ],
 )
-def test_curves_that_make_no_sense_are_refused(law: TorqueSpeedLimits, said: str):
+def test_curves_that_make_no_sense_are_refused(constraint: TorqueSpeedLimits, said: str):
     with pytest.raises(InvalidInput, match=said):
-        law.prepare(ARM)
+        constraint.prepare(ARM)

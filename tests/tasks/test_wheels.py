@@ -1,4 +1,4 @@
-"""Wheels as laws turn a floating body into a driven one: its motion is that of the textbook."""
+"""Wheels as constraints turn a floating body into a driven one: its motion is that of the textbook."""
 
 from __future__ import annotations
 
@@ -37,10 +37,14 @@ def on_the_ground(robot: RobotModel, yaw: float = 0.0) -> np.ndarray:
     return q
 
 
-def driven(robot: RobotModel, laws: list[Any], wheels: np.ndarray, yaw: float, level: Any = LEVELS[0]) -> np.ndarray:
+def driven(
+    robot: RobotModel, constraints: list[Any], wheels: np.ndarray, yaw: float, level: Any = LEVELS[0]
+) -> np.ndarray:
     """Velocity (nv,) of the robot when its wheels turn as asked; its body stays level."""
     upright = [Orientation("body", weight=[1.0, 1.0, 0.0], kp=0.0), Position("body", target=[R], axes="z", kp=0.0)]
-    stack = wbc.Stack([JointVelocity(wheels, kd=50.0), *upright], subject_to=[law.exactly() for law in laws])
+    stack = wbc.Stack(
+        [JointVelocity(wheels, kd=50.0), *upright], subject_to=[constraint.exactly() for constraint in constraints]
+    )
     controller = wbc.Controller(robot, stack, level=level, dt=1e-3)
     q, v = on_the_ground(robot, yaw), np.zeros(robot.nv)
     for tick in range(1 if level.order == 1 else 400):
@@ -53,8 +57,8 @@ def driven(robot: RobotModel, laws: list[Any], wheels: np.ndarray, yaw: float, l
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 @pytest.mark.parametrize(("left", "right"), [(2.0, 2.0), (1.0, 3.0), (-1.0, 1.0)])
 def test_two_rolling_wheels_are_a_differential_drive(two_wheels: RobotModel, left: float, right: float, level: Any):
-    laws = [Rolling(f"{side}_wheel", radius=R) for side in ("left", "right")]  # both forbid going sideways
-    v = driven(two_wheels, laws, np.array([left, right]), 0.7, level)
+    constraints = [Rolling(f"{side}_wheel", radius=R) for side in ("left", "right")]  # both forbid going sideways
+    v = driven(two_wheels, constraints, np.array([left, right]), 0.7, level)
     np.testing.assert_allclose(v[:3], [R * (left + right) / 2, 0.0, 0.0], atol=1e-4)
     np.testing.assert_allclose(v[3:6], [0.0, 0.0, R * (right - left) / (2 * HALF_TRACK)], atol=1e-4)
 
@@ -70,14 +74,16 @@ def test_four_mecanum_wheels_go_every_way(four_wheels: RobotModel, twist: list[f
         x, y = (0.3 if "front" in name else -0.3), (0.2 if "left" in name else -0.2)
         hub = np.array([vx - wz * y, vy + wz * x])
         speeds.append((hub[0] + rollers[name] * hub[1]) / R)
-    laws = [OmniWheel(f"{n}_wheel", radius=R, roller=rollers[n] * np.pi / 4) for n in names]
-    v = driven(four_wheels, laws, np.array(speeds), yaw)
+    constraints = [OmniWheel(f"{n}_wheel", radius=R, roller=rollers[n] * np.pi / 4) for n in names]
+    v = driven(four_wheels, constraints, np.array(speeds), yaw)
     np.testing.assert_allclose(v[[0, 1, 5]], [vx, vy, wz], atol=1e-4)
 
 
 def test_a_wheel_in_the_air_comes_down_to_the_ground(two_wheels: RobotModel):
-    laws = [Rolling("left_wheel", radius=R, ground=0.0), OmniWheel("right_wheel", radius=R, ground=0.0)]
-    stack = wbc.Stack([Posture([0.0, 0.0], weight=1e-3)], subject_to=[law.exactly() for law in laws])
+    constraints = [Rolling("left_wheel", radius=R, ground=0.0), OmniWheel("right_wheel", radius=R, ground=0.0)]
+    stack = wbc.Stack(
+        [Posture([0.0, 0.0], weight=1e-3)], subject_to=[constraint.exactly() for constraint in constraints]
+    )
     controller = wbc.Controller(two_wheels, stack, level=wbc.AccelerationLevel(), dt=0.01)
     q, v = on_the_ground(two_wheels), np.zeros(two_wheels.nv)
     q[2] += 0.05

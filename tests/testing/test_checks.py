@@ -246,13 +246,13 @@ class NoSpeed(JointInterval):
         return np.full(model.nj, 0.5), np.ones(model.nj)
 
 
-@pytest.mark.parametrize("law", [Ceiling(), PowerLimit(), JointVelocityLimits(), Height().exactly()], ids=str)
-def test_a_right_law_passes(law: Any):
-    check_constraint(law, ARM)
+@pytest.mark.parametrize("constraint", [Ceiling(), PowerLimit(), JointVelocityLimits(), Height().exactly()], ids=str)
+def test_a_right_constraint_passes(constraint: Any):
+    check_constraint(constraint, ARM)
 
 
 @pytest.mark.parametrize(
-    ("law", "said"),
+    ("constraint", "said"),
     [
         (CeilingUpsideDown(), "dh/dq"),
         (CeilingWithoutDrift(), "drift is 0"),
@@ -263,9 +263,9 @@ def test_a_right_law_passes(law: Any):
     ],
     ids=str,
 )
-def test_a_wrong_law_is_caught(law: Any, said: str):
+def test_a_wrong_constraint_is_caught(constraint: Any, said: str):
     with pytest.raises(CheckFailed, match=said):
-        check_constraint(law, ARM)
+        check_constraint(constraint, ARM)
 
 
 def wrong(kind: type, **methods: Any) -> Any:

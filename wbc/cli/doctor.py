@@ -162,7 +162,7 @@ def robots() -> Iterator[Finding]:
 
 
 def senseless_limits(robot: RobotModel) -> list[str]:
-    """Limits of a model that a law which uses them refuses: 0, negative, NaN or crossed, by joint name."""
+    """Limits of a model that a constraint which uses them refuses: 0, negative, NaN or crossed, by joint name."""
     limits = robot.limits
     found = []
     for kind, good in (

@@ -218,7 +218,7 @@ class Controller(Solving):
         state = self.state
         state.update(t, q, v)
         try:
-            if self.mode.in_one_call and self._started:
+            if self.mode.in_one_call and self._started and not self.components:
                 observes, self._solved = self._solved is self.plan, None
                 self.answered_by(self._solver)
                 status = self.plan.answer(state, self._solver, observes=observes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import nan, sqrt
 
-from wbc.qp.rows import RowProblem, Wish
+from wbc.qp.rows import RowProblem, RowTask
 
 
 def distances(problem: RowProblem, bounds: Mapping[str, float]) -> dict[str, float]:
@@ -42,7 +42,7 @@ def units(problem: RowProblem) -> dict[str, str]:
     return found
 
 
-def _distance(task: Wish, bounds: Mapping[str, float]) -> float:
+def _distance(task: RowTask, bounds: Mapping[str, float]) -> float:
     if task.name in bounds:
         return bounds[task.name]
     direction, share = f"direction of {task.name}", f"share of {task.name}"

@@ -61,7 +61,7 @@ def _failure(controller: Solving) -> list[str]:
 
 
 def conflict_of(controller: Solving) -> Conflict | None:
-    """The rows of the last tick that cannot hold together, each bound called by the law that set it; None if none.
+    """The rows of the last tick that cannot hold together, each bound called by the constraint that set it.
 
     Looked for whatever the solver said of a problem that it did not solve: some stop at an iteration limit.
     """
@@ -115,7 +115,7 @@ def _tasks(controller: Solving) -> list[str]:
     for i, joint_task in enumerate(layout.on_joints):
         wanted = plan.motion.wanted[behind + i * nj : behind + (i + 1) * nj]
         found.append((joint_task, joints - wanted, joint_task.weights()))
-    for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
+    for soft, column in zip(layout.soft_constraints, layout.slack_columns, strict=True):
         gives = slice(column, column + soft.dim)
         found.append((soft, p.x[gives] * p.scale[gives], soft.weights()))
     costs = [0.5 * float((weights * residual**2).sum()) for _, residual, weights in found]

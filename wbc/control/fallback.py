@@ -48,9 +48,9 @@ class Fallback:
     def torque(self, state: RobotState, a: Vec, held: Vec | None, carrying: Vec | None) -> Vec:
         """(nj,): the held one, or what brakes, cut to the bounds of this tick.
 
-        Fixed base: τ = M a + h. On legs τ of the QP  minimise ½ ‖a + v / T‖² + ½ ε ‖f‖²  under the laws of the stack
-        (contacts, friction, torques), solved by the default solver, whatever solver failed. Where neither is a number:
-        ``carrying``, the torques that last carried the robot, less damping.
+        Fixed base: τ = M a + h. On legs τ of the QP  minimise ½ ‖a + v / T‖² + ½ ε ‖f‖²  under the constraints of the
+        stack (contacts, friction, torques), solved by the default solver, whatever solver failed. Where neither is a
+        number: ``carrying``, the torques that last carried the robot, less damping.
         """
         low, high = self._plan.torque_range
         if held is None:

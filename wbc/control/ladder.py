@@ -37,7 +37,7 @@ from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.problem import QP
 from wbc.qp.relax import relaxed
 from wbc.qp.rows import RowSolver
-from wbc.qp.rows.wish import NOT_OPTIMISED, WEIGHTED
+from wbc.qp.rows.row_task import NOT_OPTIMISED, WEIGHTED
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.stack.plan import Plan

@@ -85,7 +85,7 @@ def about(controller: Controller) -> dict[str, Any]:
     """Metadata that a controller's rows are read with: names, units, limits, what tasks and contacts there are."""
     model, stack = controller.model, controller.plans.whole.plan.stack
     objectives: dict[str, Objective] = {task.name: task for task in stack.tasks}
-    objectives |= {law.name: law.task for law in controller.plan.layout.exact}
+    objectives |= {constraint.name: constraint.task for constraint in controller.plan.layout.exact}
     return {
         "robot": model.name,
         "base": getattr(model, "base", "fixed"),

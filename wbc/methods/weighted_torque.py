@@ -97,7 +97,7 @@ class WeightedTorque(Method):
         weight: W by name, or an array: positive (n,) or symmetric positive definite (n, n).
         tau_min, tau_max: limits (n,), a number for all, ±inf or None where there is none.
         equalities: (E, e) with E a = e (k rows), met whatever happens to the task; contacts, for example.
-        damping: d ≥ 0. Positive: the task is a wish, ½ |A τ − b|² / d² is added to the cost, and the torque stays
+        damping: d ≥ 0. Positive: the task is an objective, ½ |A τ − b|² / d² is added to the cost, and the torque stays
             bounded through singularities; d → ∞ gives tau_0. In units of (A W⁻¹ Aᵀ)^½.
 
     Raises:

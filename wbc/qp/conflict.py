@@ -9,8 +9,8 @@ At the minimum of the first, Rᵀs = 0 and Σ sᵢ(Rᵢ x − bᵢ) = ‖s‖² 
 and they alone, contradict each other, which leaves few to be filtered. Of an irreducible set the proof is unique but
 for its length, so that it also says how far each row must be moved if the others stay: by ‖s‖² / sᵢ.
 
-The order in which rows are left out is laws (equalities) before contacts before limits, then row order, so that of
-several conflicts one about the limits of the robot is told rather than one between wishes.
+The order in which rows are left out is equalities before contacts before limits, then row order, so that of
+several conflicts one about the limits of the robot is told rather than one between tasks.
 
 Farkas, Theorie der einfachen Ungleichungen, 1902. Chinneck, Dravnieks: Locating minimal infeasible constraint sets in
 linear programs, ORSA Journal on Computing 3(2), 1991. Mangasarian: A finite Newton method for classification,
@@ -45,7 +45,7 @@ _TOLD = 6
 
 
 class Violation(NamedTuple):
-    """A row, or a bound of a variable, and by how much it gives way: positive beyond its upper side."""
+    """A row, or a bound of a variable, and the slack that it needs: positive beyond its upper side."""
 
     row: Row
     amount: float
@@ -254,7 +254,7 @@ def _without(N: Mat, row: int) -> Mat:
 
 
 def _rank(qp: QP, item: int) -> int:
-    """Laws 0, contacts 1, limits 2."""
+    """Equalities 0, contacts 1, limits 2."""
     if qp.rows[item].owner.startswith(_CONTACTS):
         return 1
     return 0 if item < len(qp.lower) and qp.lower[item] == qp.upper[item] else 2

@@ -1,4 +1,4 @@
-"""Relaxation: the QP in which some rows give way as little as they can."""
+"""Relaxation: the QP in which some rows have slacks, as small as can be."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def relaxed(qp: QP, items: Iterable[int], *, share: float) -> QP:
     """minimise ½ ‖s‖² + share (½ xᵀHx + gᵀx)  subject to  lower ≤ r x − s ≤ upper for the rows and bounds ``items``.
 
     All others hold. ``items`` are indices into ``qp.rows``; the unknowns are [x; s], s in the rows' own units. Feasible
-    whenever the others are. A small ``share`` lets the cost choose only among what gives way least.
+    whenever the others are. A small ``share`` lets the cost choose only among the least slacks.
 
     Example:
         >>> import wbc

@@ -1,4 +1,4 @@
-"""Soak: very many ticks of one controller, each command judged by laws written anew here.
+"""Soak: very many ticks of one controller, each command judged by constraints written anew here.
 
     valid    the robot does what it is told, targets change every 500 ticks, some of them out of reach
     fuzz     states, times, targets and weights with NaN, ±inf, 1e±300, denormals and plain nonsense among them; a
@@ -200,7 +200,7 @@ class _Run:
         return q, v
 
     def _judge(self, command: Command, v: Vec) -> None:
-        """Limits, from the laws of the stack; in a fuzz only what no state can excuse."""
+        """Limits, from the constraints of the stack; in a fuzz only what no state can excuse."""
         nb, nj, kind = self.model.nb, self.model.nj, self.found.kind
         values = {}
         if kind == "valid":
@@ -238,13 +238,13 @@ def _decided(command: Command, control: Controller) -> tuple[Vec, ...]:
 
 
 def _limits(control: Controller) -> dict[str, tuple[Vec, Vec]]:
-    """By quantity, what all laws of the stack together leave each joint."""
+    """By quantity, what all constraints of the stack together leave each joint."""
     limits: dict[str, tuple[Vec, Vec]] = {}
-    for law in control.stack.subject_to:
-        if isinstance(law, JointInterval):
-            low, high = law.bounds(control.model)
-            before = limits.get(law.quantity, (low, high))
-            limits[law.quantity] = (np.maximum(low, before[0]), np.minimum(high, before[1]))
+    for constraint in control.stack.subject_to:
+        if isinstance(constraint, JointInterval):
+            low, high = constraint.bounds(control.model)
+            before = limits.get(constraint.quantity, (low, high))
+            limits[constraint.quantity] = (np.maximum(low, before[0]), np.minimum(high, before[1]))
     return limits
 
 

@@ -1,4 +1,4 @@
-"""Constraint: a law. It holds above every weight and every level of the stack.
+"""Constraint: what holds above every weight and every level of the stack.
 
 Four kinds, told apart by what they are written about:
 
@@ -8,7 +8,7 @@ Four kinds, told apart by what they are written about:
 * :class:`LinearConstraint`  lo <= A y <= hi on velocities, accelerations, torques or one contact's wrench
 * ``task.exactly()``         any kinematic task as an equality (:class:`~wbc.stack.task.Exactly`)
 
-:class:`Laws` are several of them under one name. The first three may also be wishes: ``law.softly()``
+:class:`Constraints` are several of them under one name. The first three may also be objectives: ``constraint.softly()``
 (:class:`Softly`) stands among the tasks.
 """
 
@@ -31,10 +31,10 @@ Quantity = Literal["position", "velocity", "acceleration", "jerk", "torque"]
 
 
 class Constraint(Member):
-    """A law with a name. ``subject`` (a frame, a contact) makes the default name."""
+    """A constraint with a name. ``subject`` (a frame, a contact) makes the default name."""
 
     subject: str = ""
-    #: Weight of what the law may give way by, above every level; None: it holds exactly. See :class:`Barrier`.
+    #: Weight of the constraint's slack, above every level; None: it has none and holds exactly. See :class:`Barrier`.
     slack: float | None = None
     _name: str | None = None
 
@@ -50,10 +50,10 @@ class Constraint(Member):
         return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once on each plan's own copy of the law: check arguments against the model and fix sizes."""
+        """Called once on each plan's own copy of the constraint: check arguments against the model and fix sizes."""
 
     def softly(self, *, weight: Any = 1.0, name: str | None = None) -> Softly:
-        """The same law as a wish, to stand among the tasks of a stack: it may be broken, at a cost."""
+        """The same constraint as an objective, to stand among the tasks of a stack: it may be broken, at a cost."""
         return Softly(self, weight=weight, name=name)
 
     @classmethod
@@ -66,19 +66,19 @@ class Constraint(Member):
         return self.name
 
 
-class Laws(Constraint):
-    """Several laws that stand in a stack as one."""
+class Constraints(Constraint):
+    """Several constraints that stand in a stack as one."""
 
     @abstractmethod
-    def laws(self, carried: frozenset[str]) -> Sequence[Constraint]:
-        """The laws, on a level where the quantities ``carried`` of a joint may be limited."""
+    def constraints(self, carried: frozenset[str]) -> Sequence[Constraint]:
+        """The constraints, on a level where the quantities ``carried`` of a joint may be limited."""
 
 
 class JointInterval(Constraint):
     """Bounds on one quantity of every joint, (nj,) each; they belong to the settings, not to the state."""
 
     quantity: ClassVar[Quantity]
-    #: Deceleration [rad/s², m/s²] a law on positions counts on; None leaves it to the composition.
+    #: Deceleration [rad/s², m/s²] a constraint on positions counts on; None leaves it to the composition.
     braking: float | None = None
 
     @abstractmethod
@@ -144,7 +144,7 @@ class Barrier(Constraint):
     Acceleration level:  ḧ >= −2 γ ḣ − γ² h     ḧ = J a + drift   (relative degree 2, both poles at γ)
 
     Where h < 0 they ask for the way back, at the rate γ. That may be more than torques and contacts can give, so with a
-    ``slack`` weight the rows give way: s is taken off the right side, in 1/s or 1/s² of h's unit, at the cost
+    ``slack`` weight the rows have a slack: s is taken off the right side, in 1/s or 1/s² of h's unit, at the cost
     ½ slack s². It stands above every level and task; ``slack=None`` makes the rows exact.
 
     Subclasses set ``dim`` and ``units`` and write ``fill``. Source: Ames et al., ECC 2019; Nguyen, Sreenath, ACC 2016.
@@ -216,9 +216,10 @@ class LinearConstraint(Constraint):
 
 @final
 class Softly(Objective):
-    """A law that may be broken: ½ Σ wᵢ sᵢ² for the least s with lo <= A y + s <= hi; made by ``law.softly()``.
+    """A constraint that may be broken: ½ Σ wᵢ sᵢ² for the least s with lo <= A y + s <= hi; made by
+    ``softly()``.
 
-    It costs nothing where the law holds, so it leaves the tasks beside and below it alone. Under
+    It costs nothing where the constraint holds, so it leaves the tasks beside and below it alone. Under
     :class:`~wbc.stack.hierarchy.Strict` it is an inequality at its level: what it can be kept to is never given up for
     a level below. Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011.
 
@@ -233,18 +234,18 @@ class Softly(Objective):
           subject to: JointVelocityLimits
     """
 
-    def __init__(self, law: Constraint, *, weight: Any = 1.0, name: str | None = None) -> None:
-        self.law = law
-        super().__init__(name=name or f"{law.name} softly", weight=weight)
+    def __init__(self, constraint: Constraint, *, weight: Any = 1.0, name: str | None = None) -> None:
+        self.constraint = constraint
+        super().__init__(name=name or f"{constraint.name} softly", weight=weight)
 
     def prepare(self, model: RobotModel) -> None:
-        law = self.law
-        law.prepare(model)
-        if isinstance(law, JointInterval):
-            suffix = {"position": "", "velocity": "/s", "acceleration": "/s²", "torque": ""}[law.quantity]
+        constraint = self.constraint
+        constraint.prepare(model)
+        if isinstance(constraint, JointInterval):
+            suffix = {"position": "", "velocity": "/s", "acceleration": "/s²", "torque": ""}[constraint.quantity]
             effort = {"m": "N", "rad": "N m"}
-            names = [effort[unit] if law.quantity == "torque" else unit + suffix for unit in model.joint_units]
+            names = [effort[unit] if constraint.quantity == "torque" else unit + suffix for unit in model.joint_units]
             self.dim, self.units, self.labels = model.nj, tuple(names), model.joint_names
-        elif isinstance(law, Barrier | LinearConstraint):
-            self.dim, self.units = law.dim, law.units
-            self.labels = [law.label(i) for i in range(law.dim)]
+        elif isinstance(constraint, Barrier | LinearConstraint):
+            self.dim, self.units = constraint.dim, constraint.units
+            self.labels = [constraint.label(i) for i in range(constraint.dim)]

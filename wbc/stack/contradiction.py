@@ -30,7 +30,7 @@ def refuse_contradictions(plan: Plan) -> None:
     qp = _same(plan.qp, other)
     found = None if qp is None else conflict(qp)
     if found is not None:
-        raise Infeasible(f"these laws cannot hold together in any state: {found}", conflict=found, qp=qp)
+        raise Infeasible(f"these constraints cannot hold together in any state: {found}", conflict=found, qp=qp)
 
 
 def _same(qp: QP, other: QP) -> QP | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.compiled import Memory
 from wbc.qp.lexicographic import Pull
-from wbc.qp.rows import RowProblem, Wish
+from wbc.qp.rows import RowProblem, RowTask
 from wbc.stack.hierarchy import Rank
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
@@ -141,7 +141,7 @@ class Damping:
         #: Whether a level was damped in the last fill.
         self._follows = False
         #: Tasks on the joints at the levels that are damped.
-        self._on_joints: list[tuple[ResidualDamping, Wish]] = []
+        self._on_joints: list[tuple[ResidualDamping, RowTask]] = []
         #: What a task does in part it brakes with all of its kd: where it stands, kd and J.
         self._braking: list[tuple[ResidualDamping, Vec, Vec, Mat]] = []
 
@@ -151,27 +151,27 @@ class Damping:
         The tasks of the ranks are those of the plan, whoever solves it.
         """
         layout, motion, _, factor, _ = self._made_of
-        upper = [rank for rank in ranks[:-1] if any(wish.kinematic for wish in rank.wishes)]
+        upper = [rank for rank in ranks[:-1] if any(task.kinematic for task in rank.tasks)]
         last = ranks[-1]
-        if last.after and any(wish.kinematic for wish in last.wishes):
+        if last.after and any(task.kinematic for task in last.tasks):
             upper.append(last)
         if not upper or not factor:
             return []
         if not self.of_levels:
             first = layout.model.nb  # of the unknowns that the joints are
-            ends = np.cumsum([0, *(sum(wish.kinematic for wish in rank.wishes) for rank in upper)]).tolist()
+            ends = np.cumsum([0, *(sum(task.kinematic for task in rank.tasks) for rank in upper)]).tolist()
             base = self.in_metric.base
             self.in_metric = ResidualDamping(*self._made_of, tasks=slice(ends[-1], len(layout.kinematic)))
             self.in_metric.base[:] = base
             self.of_levels = [ResidualDamping(*self._made_of, tasks=slice(*pair)) for pair in pairwise(ends)]
             for rank, damping in zip(upper, self.of_levels, strict=True):
-                joints = (wish for wish in rank.wishes if wish.unknowns is not None and wish.unknowns.start == first)
-                self._on_joints += [(damping, wish) for wish in joints]
-                turned = (part.wish for stage in rank.directions for part in stage)
-                for wish in turned if motion.order > 1 else ():
-                    if wish.kinematic and wish.rows is not None:
-                        own = slice(wish.rows.start - layout.motion_row, wish.rows.stop - layout.motion_row)
-                        self._braking.append((damping, wish.drift, motion.kd[own], motion.J[own]))
+                joints = (task for task in rank.tasks if task.unknowns is not None and task.unknowns.start == first)
+                self._on_joints += [(damping, task) for task in joints]
+                turned = (part.task for stage in rank.directions for part in stage)
+                for task in turned if motion.order > 1 else ():
+                    if task.kinematic and task.rows is not None:
+                        own = slice(task.rows.start - layout.motion_row, task.rows.stop - layout.motion_row)
+                        self._braking.append((damping, task.drift, motion.kd[own], motion.J[own]))
             found_at = (damping.address for damping in (*self.of_levels, self.in_metric))
             self.addresses = np.array([*found_at], dtype=np.int64)
             self.read_weights()
@@ -191,8 +191,8 @@ class Damping:
         """The weights that the joints have from the tasks of their own levels, and the regularisation."""
         for damping in self.of_levels:
             damping.base[:] = self._least
-        for damping, wish in self._on_joints:
-            damping.base += wish.weights
+        for damping, task in self._on_joints:
+            damping.base += task.weights
 
     def follow(self, v: Vec) -> None:
         """After a fill for the velocities v (nv,): what the damping of each level wants, and brakes of its own."""

@@ -73,8 +73,8 @@ class Filled(PlanView):
         nj, behind = self.model.nj, layout.n_rows - first
         for i, task in enumerate(layout.on_joints):
             found[task.name] = task.own_rows(e[behind + i * nj : behind + (i + 1) * nj]).copy()
-        for law, row in zip(layout.exact, layout.exact_rows, strict=True):
-            found[law.name] = e[row - first : row - first + law.task.dim].copy()
+        for constraint, row in zip(layout.exact, layout.exact_rows, strict=True):
+            found[constraint.name] = e[row - first : row - first + constraint.task.dim].copy()
         return found
 
     def margins(self) -> Mapping[str, tuple[Barrier, Vec]]:
@@ -99,7 +99,7 @@ class Filled(PlanView):
         return [int(i) for i in self._normal] if self.level.dynamics else []
 
     def bound_owner(self, unknown: int, *, upper: bool) -> str:
-        """Which law gives an unknown the bound it has now."""
+        """Which constraint gives an unknown the bound it has now."""
         joint = unknown - self.model.nb
         if self.intervals is not None and 0 <= joint < self.model.nj:
             return self.intervals.owner(joint, upper=upper)

@@ -25,7 +25,7 @@ class Formulation(Level):
         ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares.
 
         Raises:
-            NotSupported: a task or law this level cannot carry, by name; dynamics of a robot that has none.
+            NotSupported: a task or constraint this level cannot carry, by name; dynamics of a robot that has none.
             UnknownFrame, InvalidInput: an argument the model contradicts.
             Infeasible: rows that contradict each other in every state, by name.
         """

@@ -9,7 +9,7 @@ from typing import NamedTuple, final
 
 from wbc import checks
 from wbc.qp.lexicographic import LexicographicSolver, Part, Pull, Stage
-from wbc.qp.rows import RowProblem, RowSolver, Wish, open_rows
+from wbc.qp.rows import RowProblem, RowSolver, RowTask, open_rows
 from wbc.qp.solver import Solver
 
 
@@ -26,10 +26,10 @@ class Rank(NamedTuple):
         return (*self.directions, self.own, *self.after)
 
     @property
-    def wishes(self) -> list[Wish]:
+    def tasks(self) -> list[RowTask]:
         """The tasks that are decided once ``own`` is."""
         parts = [part for stage in (*self.directions, self.own) for part in stage]
-        return list({id(part.wish): part.wish for part in parts}.values())
+        return list({id(part.task): part.task for part in parts}.values())
 
 
 #: Of each stage what damps it, or None.
@@ -43,7 +43,7 @@ class Hierarchy(ABC):
     budget: int | None = None
 
     @abstractmethod
-    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+    def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         """How the levels of a problem are decided, one above the other."""
 
     def open(self, problem: RowProblem, solver: Solver, pulls: Pulls | None = None) -> RowSolver:
@@ -66,7 +66,7 @@ class Weighted(Hierarchy):
     that may be done in part (``task.scaled()``) keep their directions above everything else.
     """
 
-    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+    def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         return [_keeping_directions([task for level in levels for task in level])]
 
 
@@ -108,7 +108,7 @@ class Strict(Hierarchy):
     def __post_init__(self) -> None:
         _check_budget(self.budget)
 
-    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+    def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         return [_keeping_directions(level) for level in levels]
 
 
@@ -137,7 +137,7 @@ class Scaled(Hierarchy):
     def __post_init__(self) -> None:
         _check_budget(self.budget)
 
-    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+    def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         ranks: list[Rank] = []
         for i, level in enumerate(levels):
             scaled = [task for task in level if task.kinematic or task.scaled]
@@ -156,7 +156,7 @@ def _check_budget(budget: int | None) -> None:
         checks.number("budget", budget, low=1)
 
 
-def _keeping_directions(tasks: Sequence[Wish]) -> Rank:
+def _keeping_directions(tasks: Sequence[RowTask]) -> Rank:
     """The directions of what may be done in part, where there is any, and then everything with its weights."""
     directions = [Part(task, "direction") for task in tasks if task.scaled]
     parts = [Part(task, "share" if task.scaled else "whole") for task in tasks]

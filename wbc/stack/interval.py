@@ -34,8 +34,8 @@ class JointIntervals:
     """What a joint may do next so that all its limits hold now and can hold for ever after.
 
     Position limits need room to brake. With d the distance to a limit and B the deceleration counted on (the
-    acceleration limit, at most ``braking`` of the law on positions; 20 where nothing is said), the velocity u towards
-    the limit at the end of the tick is bounded by
+    acceleration limit, at most ``braking`` of the constraint on positions; 20 where nothing is said), the velocity u
+    towards the limit at the end of the tick is bounded by
 
     ``acceleration``: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt
     ``velocity``:     q⁺ = q + v dt.   u <= d / dt; with an acceleration limit u <= −B dt + √((B dt)² + 2 B d)
@@ -56,7 +56,8 @@ class JointIntervals:
     With velocity limits alone the acceleration bounds are (±v_max − v) / dt as long as |v| <= v_max.
 
     Raises:
-        InvalidInput: two laws that leave a joint nothing, by joint name; velocity or acceleration bounds without 0.
+        InvalidInput: two constraints that leave a joint nothing, by joint name; velocity or acceleration bounds without
+        0.
 
     Source: Del Prete, IEEE RA-L 2018 (viability in continuous time; here stopping within a tick needs no reversal).
 
@@ -107,17 +108,17 @@ class JointIntervals:
         return (self._flags, *self._constants.values(), *self._work.values())
 
     @classmethod
-    def compose(cls, laws: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
-        """The intervals of laws on positions, velocities, accelerations and jerks; laws on one quantity intersect."""
-        laws = list(laws)
-        asked = [law.braking for law in laws if law.braking is not None]
+    def compose(cls, constraints: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
+        """The intervals of constraints on positions, velocities, accelerations and jerks; those on one intersect."""
+        constraints = list(constraints)
+        asked = [constraint.braking for constraint in constraints if constraint.braking is not None]
         intervals = cls(model.joint_names, dt, braking=min(asked, default=None))
-        for law in laws:
-            lower, upper = law.bounds(model)
-            limit = intervals._limits[law.quantity]
+        for constraint in constraints:
+            lower, upper = constraint.bounds(model)
+            limit = intervals._limits[constraint.quantity]
             np.minimum(limit, (upper, -lower), out=limit)
-            intervals._check(law.quantity, law.name)
-            intervals._owners[law.quantity] = law.name
+            intervals._check(constraint.quantity, constraint.name)
+            intervals._owners[constraint.quantity] = constraint.name
         intervals._composed = {quantity: limit.copy() for quantity, limit in intervals._limits.items()}
         intervals._derive()
         return intervals
@@ -160,7 +161,7 @@ class JointIntervals:
         return -lower, upper
 
     def reset(self) -> None:
-        """Back to the bounds of the laws; the last acceleration is zero again."""
+        """Back to the bounds of the constraints; the last acceleration is zero again."""
         for quantity, limit in self._composed.items():
             self._limits[quantity][:] = limit
         self._jerk = None
@@ -194,7 +195,7 @@ class JointIntervals:
                 raise InvalidInput(f"{who}: joint {joint!r} must be allowed a {quantity} of 0, not [{low:g}, {high:g}]")
 
     def owner(self, joint: int, *, upper: bool) -> str:
-        """Which law gave a bound that was computed last, for reports."""
+        """Which constraint gave a bound that was computed last, for reports."""
         if self._only_velocity:
             return self._owners["velocity"]
         at = joint if upper else joint + len(self.joint_names)

@@ -25,7 +25,7 @@ class JerkLimits:
         a <= ẇ − j' dt + √((j' dt)² + 2 j' r)         and         |a − a_last| <= j dt.
 
     Position, velocity and acceleration come first: where the last acceleration, or a state from outside, leaves no way
-    to keep both, jerk gives way. From rest it never does. Arrays (2, nj) as in
+    to keep both, the limit on jerk is relaxed. From rest it never does. Arrays (2, nj) as in
     :class:`~wbc.stack.interval.JointIntervals`, whose bounds these narrow and never cross.
     """
 

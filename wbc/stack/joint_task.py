@@ -22,9 +22,9 @@ class JointTask(Task):
 
     ``joints``: names or patterns (regular expressions that match a whole name), the order of the model for those that
     one pattern matches; None: all joints. Joints that are not named have no weight, no gains and no error; a task made
-    a law, by ``exactly``, ``within`` or ``with_reaction``, has no rows for them. Weights and gains: one number, (nj,),
-    one for each joint named, in that order, or {name or pattern: number}, of which the last that matches holds. Joints
-    that match none have the weight 1 and the gains that the task has by default.
+    a constraint, by ``exactly``, ``within`` or ``with_reaction``, has no rows for them. Weights and gains: one number,
+    (nj,), one for each joint named, in that order, or {name or pattern: number}, of which the last that matches holds.
+    Joints that match none have the weight 1 and the gains that the task has by default.
 
     Which joints are meant is found when a stack is compiled, or a weight assigned: ticks have numbers only.
 
@@ -81,7 +81,7 @@ class JointTask(Task):
         self.convert = joints_target(model, full, self._chosen, model.q0[-model.nj :])
         self.convert_rate = joints_target(model, model.nj, self._chosen)
 
-    def _as_law(self) -> Task:
+    def _as_constraint(self) -> Task:
         return self if self.joints is None else _Chosen(self)
 
 
@@ -98,7 +98,7 @@ class _Chosen(Task):
     def prepare(self, model: RobotModel) -> None:
         self.task.prepare(model)
         chosen = self.task._chosen
-        assert chosen is not None, "a task on all joints is a law as it is"
+        assert chosen is not None, "a task on all joints is a constraint as it is"
         self._of, self.dim = chosen, len(chosen)
         self.units = tuple(self.task.unit(int(i)) for i in chosen)
         self.labels = tuple(self.task.label(int(i)) for i in chosen)

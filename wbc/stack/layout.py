@@ -10,7 +10,7 @@ import numpy as np
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
-from wbc.stack.constraint import Barrier, JointInterval, Laws, LinearConstraint, Softly
+from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly
 from wbc.stack.contact import Contact
 from wbc.stack.level import Level
 from wbc.stack.stack import Stack
@@ -25,9 +25,9 @@ _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 class Layout:
     """Members of a stack sorted by what they write, with the row each starts at.
 
-    Rows of G: base (6 or none) | range: torques, cones, barriers, linear constraints, soft laws | soft: linear,
-    kinematic tasks | laws: exact tasks, contacts. Unknowns: base and joints (u first where it is eliminated), then
-    contact forces, then what soft laws give way by.
+    Rows of G: base (6 or none) | range: torques, cones, barriers, linear constraints, soft constraints | soft: linear,
+    kinematic tasks | constraints: exact tasks, contacts. Unknowns: base and joints (u first where it is eliminated),
+    then contact forces, then the slacks of soft constraints.
 
     Raises:
         NotSupported: a member the level cannot carry, by name.
@@ -36,23 +36,27 @@ class Layout:
     def __init__(self, model: RobotModel, stack: Stack, level: Level, *, prepared: bool = False) -> None:
         self.model, self.level = model, level
         self.contacts: list[Contact] = list(stack.contacts)
-        self.linear: list[LinearTask] = _of(stack.tasks, LinearTask)
-        self.kinematic: list[Task] = [t for t in _of(stack.tasks, Task) if not t.on_joints]
-        self.on_joints: list[Task] = [t for t in _of(stack.tasks, Task) if t.on_joints]
+        self.linear: list[LinearTask] = of_kind(stack.tasks, LinearTask)
+        self.kinematic: list[Task] = [t for t in of_kind(stack.tasks, Task) if not t.on_joints]
+        self.on_joints: list[Task] = [t for t in of_kind(stack.tasks, Task) if t.on_joints]
         for member in () if prepared else (*stack.tasks, *stack.subject_to, *stack.contacts):
             member.prepare(model)
-        laws = [one for law in stack.subject_to for one in self._each(law)]
-        #: Laws that may give way, above every level.
-        self.slack = [Softly(law, weight=law.slack, name=law.name) for law in laws if _gives_way(law)]
-        self.soft_laws: list[Softly] = [*self.slack, *_of(stack.tasks, Softly)]
-        exact = [law for law in laws if not _gives_way(law)]
-        self.exact: list[Exactly] = _of(exact, Exactly)
-        self.barriers: list[Barrier] = _of(exact, Barrier)
-        self.constraints: list[LinearConstraint] = _of(exact, LinearConstraint)
-        intervals: list[JointInterval] = _of(exact, JointInterval)
-        self.motion_limits = [law for law in intervals if law.quantity != "torque"]
-        self.torque_limits = [law for law in intervals if law.quantity == "torque"]
-        self._refuse_what_has_no_kind([*stack.tasks, *laws])
+        constraints = [one for constraint in stack.subject_to for one in self._each(constraint)]
+        #: Constraints with a slack, above every level.
+        self.slack = [
+            Softly(constraint, weight=constraint.slack, name=constraint.name)
+            for constraint in constraints
+            if _has_slack(constraint)
+        ]
+        self.soft_constraints: list[Softly] = [*self.slack, *of_kind(stack.tasks, Softly)]
+        exact = [constraint for constraint in constraints if not _has_slack(constraint)]
+        self.exact: list[Exactly] = of_kind(exact, Exactly)
+        self.barriers: list[Barrier] = of_kind(exact, Barrier)
+        self.constraints: list[LinearConstraint] = of_kind(exact, LinearConstraint)
+        intervals: list[JointInterval] = of_kind(exact, JointInterval)
+        self.motion_limits = [constraint for constraint in intervals if constraint.quantity != "torque"]
+        self.torque_limits = [constraint for constraint in intervals if constraint.quantity == "torque"]
+        self._refuse_what_has_no_kind([*stack.tasks, *constraints])
         for soft in self.slack:
             soft.prepare(model)
         self._refuse_what_the_level_cannot_carry()
@@ -60,7 +64,7 @@ class Layout:
         dynamics = level.dynamics
         self.n_u = model.nb if dynamics else 0
         self.nf = sum(c.dim for c in self.contacts) if dynamics else 0
-        self.n = model.nv + self.nf + sum(soft.dim for soft in self.soft_laws)
+        self.n = model.nv + self.nf + sum(soft.dim for soft in self.soft_constraints)
         self.n_torque = model.nj if dynamics else 0
         self.n_cone = sum(len(c.cone()) for c in self.contacts) if dynamics else 0
 
@@ -71,47 +75,47 @@ class Layout:
         row += self.n_cone
         self.barrier_rows, row = _starts(self.barriers, row)
         self.constraint_rows, row = _starts(self.constraints, row)
-        self.soft_law_rows, row = _starts(self.soft_laws, row)
+        self.soft_constraint_rows, row = _starts(self.soft_constraints, row)
         self.n_range = row - self.n_u
         self.linear_rows, row = _starts(self.linear, row)
         self.motion_row = row
         self.kinematic_rows, row = _starts(self.kinematic, row)
         self.n_soft = row - self.n_u - self.n_range
-        self.exact_rows, row = _starts([law.task for law in self.exact], row)
+        self.exact_rows, row = _starts([constraint.task for constraint in self.exact], row)
         self.contact_row = row
         self.contact_rows, row = _starts(self.contacts, row)
-        self.n_law = row - self.n_u - self.n_range - self.n_soft
+        self.n_equal = row - self.n_u - self.n_range - self.n_soft
         self.force_columns, _ = _starts(self.contacts, model.nv)
-        self.give_columns, _ = _starts(self.soft_laws, model.nv + self.nf)
+        self.slack_columns, _ = _starts(self.soft_constraints, model.nv + self.nf)
         self.n_rows = row
         # Where a command finds its parts in the problem's vector of values [x | 1 | rows].
         self.motion_items, self.force_items = slice(0, model.nv), slice(model.nv, model.nv + self.nf)
         self.torque_items = slice(self.n + 1 + self.torque_row, self.n + 1 + self.torque_row + self.n_torque)
 
-    def _each(self, law: Any) -> Sequence[Any]:
-        """A law, or those that it stands for at this level."""
-        if not isinstance(law, Laws):
-            return [law]
-        laws = law.laws(self.level.bounds)
-        for one in laws:
+    def _each(self, constraint: Any) -> Sequence[Any]:
+        """A constraint, or those that it stands for at this level."""
+        if not isinstance(constraint, Constraints):
+            return [constraint]
+        constraints = constraint.constraints(self.level.bounds)
+        for one in constraints:
             one.prepare(self.model)
-        return laws
+        return constraints
 
     def _refuse_what_has_no_kind(self, members: Sequence[Any]) -> None:
         sorted_members: list[object] = [*self.linear, *self.kinematic, *self.on_joints, *self.exact, *self.barriers]
-        sorted_members += [*self.constraints, *self.motion_limits, *self.torque_limits, *self.soft_laws]
-        sorted_members += [soft.law for soft in self.slack]
+        sorted_members += [*self.constraints, *self.motion_limits, *self.torque_limits, *self.soft_constraints]
+        sorted_members += [soft.constraint for soft in self.slack]
         for member in members:
             if not any(member is known for known in sorted_members):
                 raise NotSupported(
                     f"{member.name} is a {type(member).__name__}, neither a Task nor a LinearTask, Barrier, "
                     "LinearConstraint or JointInterval: nothing says what its rows are"
                 )
-        tasks = [*self.linear, *self.kinematic, *self.on_joints, *(law.task for law in self.exact)]
+        tasks = [*self.linear, *self.kinematic, *self.on_joints, *(constraint.task for constraint in self.exact)]
         sizes = [(task.name, getattr(task, "dim", None)) for task in tasks]
-        laws: list[Any] = [*self.barriers, *self.constraints, *_of(members, Softly)]
-        laws += [soft.law for soft in self.slack if not isinstance(soft.law, JointInterval)]
-        sizes += [(law.name, getattr(law, "dim", None)) for law in laws]
+        constraints: list[Any] = [*self.barriers, *self.constraints, *of_kind(members, Softly)]
+        constraints += [soft.constraint for soft in self.slack if not isinstance(soft.constraint, JointInterval)]
+        sizes += [(constraint.name, getattr(constraint, "dim", None)) for constraint in constraints]
         for name, dim in sizes:
             if dim is None or dim < 1:
                 raise InvalidInput(
@@ -120,12 +124,12 @@ class Layout:
 
     def _refuse_what_the_level_cannot_carry(self) -> None:
         level = self.level
-        soft = [member.law for member in self.soft_laws]
-        intervals: list[JointInterval] = [*self.motion_limits, *self.torque_limits, *_of(soft, JointInterval)]
-        limits = [(law.name, law.quantity, level.bounds) for law in intervals]
+        soft = [member.constraint for member in self.soft_constraints]
+        intervals: list[JointInterval] = [*self.motion_limits, *self.torque_limits, *of_kind(soft, JointInterval)]
+        limits = [(constraint.name, constraint.quantity, level.bounds) for constraint in intervals]
         rows = [(task.name, task.on, level.carries) for task in self.linear]
-        linear: list[LinearConstraint] = [*self.constraints, *_of(soft, LinearConstraint)]
-        rows += [(law.name, law.on, level.carries) for law in linear]
+        linear: list[LinearConstraint] = [*self.constraints, *of_kind(soft, LinearConstraint)]
+        rows += [(constraint.name, constraint.on, level.carries) for constraint in linear]
         for name, quantity, carried in [*limits, *rows]:
             if quantity not in carried:
                 raise NotSupported(
@@ -172,9 +176,9 @@ class Layout:
                 rows += [Row(f"friction[{contact.short_name}]", label, unit) for label, unit in contact.cone_labels()]
         for barrier in self.barriers:
             rows += [Row(barrier.name, barrier.label(i), barrier.unit(i) + suffix) for i in range(barrier.dim)]
-        for law in self.constraints:
-            rows += [Row(law.name, law.label(i), law.unit(i)) for i in range(law.dim)]
-        for soft in self.soft_laws:
+        for constraint in self.constraints:
+            rows += [Row(constraint.name, constraint.label(i), constraint.unit(i)) for i in range(constraint.dim)]
+        for soft in self.soft_constraints:
             rows += [Row(soft.name, soft.label(i), self._soft_unit(soft, i)) for i in range(soft.dim)]
         for linear in self.linear:
             rows += [Row(linear.name, linear.label(i), linear.unit(i)) for i in range(linear.dim)]
@@ -198,23 +202,24 @@ class Layout:
             for contact in self.contacts:
                 for label, unit in contact.force_labels():
                     yield Row(f"force[{contact.short_name}]", label, unit)
-        for soft in self.soft_laws:
+        for soft in self.soft_constraints:
             for i in range(soft.dim):
-                yield Row(f"{soft.name}: gives way", soft.label(i), self._soft_unit(soft, i))
+                yield Row(f"{soft.name}: slack", soft.label(i), self._soft_unit(soft, i))
 
     def _soft_unit(self, soft: Softly, i: int) -> str:
         """Limits on motion and barriers are kept in the unknown's unit, whatever they are about."""
-        law, suffix = soft.law, "/s" if self.level.order == 1 else "/s²"
-        if isinstance(law, JointInterval) and law.quantity != "torque":
+        constraint, suffix = soft.constraint, "/s" if self.level.order == 1 else "/s²"
+        if isinstance(constraint, JointInterval) and constraint.quantity != "torque":
             return self.model.joint_units[i] + suffix
-        return soft.unit(i) + (suffix if isinstance(law, Barrier) else "")
+        return soft.unit(i) + (suffix if isinstance(constraint, Barrier) else "")
 
 
-def _gives_way(law: Any) -> bool:
-    return not isinstance(law, Exactly) and law.slack is not None
+def _has_slack(constraint: Any) -> bool:
+    return not isinstance(constraint, Exactly) and constraint.slack is not None
 
 
-def _of(members: Any, kind: type[Any]) -> list[Any]:
+def of_kind(members: Any, kind: type[Any]) -> list[Any]:
+    """Those members that are of this kind, in their order."""
     return [m for m in members if isinstance(m, kind)]
 
 

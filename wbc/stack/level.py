@@ -36,7 +36,7 @@ class Level(ABC):
     @property
     @abstractmethod
     def carries(self) -> frozenset[str]:
-        """Quantities that laws and linear tasks may be written on at this level."""
+        """Quantities that constraints and linear tasks may be written on at this level."""
 
     @property
     def bounds(self) -> frozenset[str]:

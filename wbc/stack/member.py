@@ -8,7 +8,7 @@ What is assigned to the member later is assigned to every copy at the start of t
 from __future__ import annotations
 
 from abc import ABCMeta
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
 from enum import Enum
 from inspect import Signature, get_annotations, signature
@@ -310,3 +310,17 @@ def bound(member: M, model: RobotModel) -> M:
     own = binding.own(member)
     own.prepare(model)
     return cast(M, own)
+
+
+def explained(name: str, fill: Callable[..., None], *arguments: Any) -> None:
+    """Call a member's fill for the first time: what goes wrong there is said by its name.
+
+    Raises:
+        InvalidInput: wrong shapes or indices inside the member's fill.
+    """
+    try:
+        fill(*arguments)
+    except (IndexError, ValueError, TypeError, AttributeError) as cause:
+        if isinstance(cause, InvalidInput):
+            raise
+        raise InvalidInput(f"{name}.fill: {cause}") from cause

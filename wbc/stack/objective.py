@@ -80,7 +80,7 @@ class Objective(Member):
 
     @property
     def active(self) -> bool:
-        """Whether the task counts among the wishes; as a law (``exactly``) it holds whatever this says."""
+        """Whether the task counts in the cost; as a constraint (``exactly``) it holds whatever this says."""
         return self._active
 
     @active.setter

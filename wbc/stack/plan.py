@@ -16,7 +16,7 @@ from wbc.compiled import Memory
 from wbc.errors import InvalidInput, MemberFailed
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
-from wbc.qp.rows import RowProblem, RowSolver, Wish
+from wbc.qp.rows import RowProblem, RowSolver, RowTask
 from wbc.stack.applied import Applied
 from wbc.stack.compiled import fill_kernel
 from wbc.stack.compiled.damping_kernel import share
@@ -27,15 +27,22 @@ from wbc.stack.contact import Anchor
 from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
-from wbc.stack.layout import Layout
+from wbc.stack.layout import Layout, of_kind
 from wbc.stack.level import Level
-from wbc.stack.member import Binding
+from wbc.stack.member import Binding, explained
 from wbc.stack.motion import MotionRows
 from wbc.stack.overrides import Overrides
 from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
 from wbc.stack.task import Objective, Task
-from wbc.stack.writers import BarrierWriter, ConstraintWriter, LinearWriter, SoftLawWriter, TorqueSpeedWriter, Writer
+from wbc.stack.writers import (
+    BarrierWriter,
+    ConstraintWriter,
+    LinearWriter,
+    SoftConstraintWriter,
+    TorqueSpeedWriter,
+    Writer,
+)
 from wbc.types import Status, Vec
 
 
@@ -66,7 +73,7 @@ class Plan(Filled):
         if like is None:
             self.binding.close()
         self.problem = p = RowProblem(
-            layout.n_u, layout.n - layout.n_u, n_range=layout.n_range, n_soft=layout.n_soft, n_law=layout.n_law,
+            layout.n_u, layout.n - layout.n_u, n_range=layout.n_range, n_soft=layout.n_soft, n_equal=layout.n_equal,
             rows=layout.names(), regularisation=level.regularisation,
         )  # fmt: skip
         nv, nb = model.nv, model.nb
@@ -81,8 +88,8 @@ class Plan(Filled):
         if level.dynamics:
             self._prepare_dynamics()
         self._writers = self._make_writers()
-        soft = [writer.barrier for writer in _of(self._writers, SoftLawWriter)]
-        self.barriers: list[BarrierWriter] = [*_of(self._writers, BarrierWriter), *_of(soft, BarrierWriter)]
+        soft = [writer.barrier for writer in of_kind(self._writers, SoftConstraintWriter)]
+        self.barriers: list[BarrierWriter] = [*of_kind(self._writers, BarrierWriter), *of_kind(soft, BarrierWriter)]
         self.joint_bound_rows = p.lb[nb:nv], p.ub[nb:nv]
         joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
         #: Of each task on the joints, and of their damping: its share of each joint's cost, and what it wants there.
@@ -90,8 +97,8 @@ class Plan(Filled):
         self._joint_wanted = joint_wanted
         self.damping = Damping(layout, self.motion, p, level.lm_damping, dt, least=level.regularisation)
         self._joint_weights = np.zeros((len(layout.on_joints), model.nj))
-        #: Weights of what pulls on unknowns: of each task on the joints, and of each soft law.
-        self._pull_weights = [*self._joint_weights, *(np.zeros(member.dim) for member in layout.soft_laws)]
+        #: Weights of what pulls on unknowns: of each task on the joints, and of each soft constraint.
+        self._pull_weights = [*self._joint_weights, *(np.zeros(member.dim) for member in layout.soft_constraints)]
         self._connect()
         self._stamp = -1
         #: Why gains that were assigned between ticks cannot be used; until others are, no tick has an answer.
@@ -100,7 +107,7 @@ class Plan(Filled):
         self.force_scale = np.ones(layout.nf)
         self._read_weights()
         above = [layout.slack] if layout.slack else []
-        p.levels = [[self._wish(task) for task in tasks] for tasks in (*above, *stack.levels)]
+        p.levels = [[self._row_task(task) for task in tasks] for tasks in (*above, *stack.levels)]
         self._qp: QP | None = None
         self._filler: CompiledFill | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
@@ -129,11 +136,11 @@ class Plan(Filled):
         layout, motion, first = self.layout, self.motion, self.layout.motion_row
         for task, row in zip(layout.kinematic, layout.kinematic_rows, strict=True):
             self._fills.append((task.fill, (motion.task_rows(row - first, task),)))
-        for law, row in zip(layout.exact, layout.exact_rows, strict=True):
-            out = motion.task_rows(row - first, law.task)
-            if law.task.on_joints:
+        for constraint, row in zip(layout.exact, layout.exact_rows, strict=True):
+            out = motion.task_rows(row - first, constraint.task)
+            if constraint.task.on_joints:
                 out.J[:], out.drift[:] = np.eye(self.model.nv)[self.model.nb :], 0.0
-            self._fills.append((law.task.fill, (out,)))
+            self._fills.append((constraint.task.fill, (out,)))
         for contact, row, anchor in zip(layout.contacts, layout.contact_rows, self.anchors, strict=True):
             self._fills.append((contact.fill, (anchor, motion.contact_rows(row - first, contact))))
         behind = layout.n_rows - first
@@ -151,7 +158,7 @@ class Plan(Filled):
         lower, upper = p.range_bounds()
         self._torque_range = lower[: model.nj], upper[: model.nj]
         self._normal_version, self._own_normals = -1, np.zeros((2, len(presses)))
-        self._by_speed = _of(layout.torque_limits, TorqueBySpeed)
+        self._by_speed = of_kind(layout.torque_limits, TorqueBySpeed)
         self._take_torque_bounds()
         self._force_weights = np.concatenate(
             [np.full(c.dim, c.force_weight) for c in layout.contacts] or [np.zeros(0)]
@@ -197,37 +204,39 @@ class Plan(Filled):
         writers: list[Writer] = []
         for barrier, row in zip(layout.barriers, layout.barrier_rows, strict=True):
             writers.append(BarrierWriter(barrier, row, p, layout, self.dt))
-        for law, row in zip(layout.constraints, layout.constraint_rows, strict=True):
-            writers.append(ConstraintWriter(law, row, p, layout, self.dt))
+        for constraint, row in zip(layout.constraints, layout.constraint_rows, strict=True):
+            writers.append(ConstraintWriter(constraint, row, p, layout, self.dt))
         for task, row in zip(layout.linear, layout.linear_rows, strict=True):
             writers.append(LinearWriter(task, row, p, layout, self.dt))
-        for soft, row, column in zip(layout.soft_laws, layout.soft_law_rows, layout.give_columns, strict=True):
-            writers.append(SoftLawWriter(soft, (row, column), p, layout, self.dt))
+        for soft, row, column in zip(
+            layout.soft_constraints, layout.soft_constraint_rows, layout.slack_columns, strict=True
+        ):
+            writers.append(SoftConstraintWriter(soft, (row, column), p, layout, self.dt))
         if self.level.dynamics and self._by_speed:
             writers.append(TorqueSpeedWriter(self._by_speed, self.torque_bounds, self._torque_range))
         return writers
 
-    def _wish(self, task: Objective) -> Wish:
+    def _row_task(self, task: Objective) -> RowTask:
         """A task as its level knows it."""
         layout, p, dim = self.layout, self.problem, task.dim
-        pulling = [*layout.on_joints, *layout.soft_laws]
-        columns = [*[self.model.nb] * len(layout.on_joints), *layout.give_columns]
+        pulling = [*layout.on_joints, *layout.soft_constraints]
+        columns = [*[self.model.nb] * len(layout.on_joints), *layout.slack_columns]
         if task in pulling:
             i = pulling.index(task)
             unknowns, weights = slice(columns[i], columns[i] + dim), self._pull_weights[i]
             if isinstance(task, Task):
                 wanted = self._joint_wanted[i]
-                return Wish(task.name, None, unknowns, weights, wanted, np.zeros(dim), scaled=task.is_scaled)
-            return Wish(task.name, None, unknowns, weights, np.zeros(dim), np.zeros(dim))
+                return RowTask(task.name, None, unknowns, weights, wanted, np.zeros(dim), scaled=task.is_scaled)
+            return RowTask(task.name, None, unknowns, weights, np.zeros(dim), np.zeros(dim))
         starts = [*layout.linear_rows, *layout.kinematic_rows]
         row = starts[[*layout.linear, *layout.kinematic].index(task)]
         rows, weights = slice(row, row + dim), p.weights[row - p.soft.start :][:dim]
         if not isinstance(task, Task):
-            return Wish(task.name, rows, None, weights, np.zeros(dim), np.zeros(dim))
+            return RowTask(task.name, rows, None, weights, np.zeros(dim), np.zeros(dim))
         at = slice(row - layout.motion_row, row - layout.motion_row + dim)
         wanted = self.motion.wanted[at]
         drift = self.motion.drift[at] if self.level.order == 2 else np.zeros(dim)
-        return Wish(task.name, rows, None, weights, wanted, drift, kinematic=True, scaled=task.is_scaled)
+        return RowTask(task.name, rows, None, weights, wanted, drift, kinematic=True, scaled=task.is_scaled)
 
     def _first_fill(self, like: Plan | None) -> None:
         """Fill once at the model's reference, on poisoned memory: what nobody writes is found now, by name."""
@@ -236,20 +245,25 @@ class Plan(Filled):
             self.start(state)
         first = layout.motion_row
         for member, row, (fill, out) in self.members():
-            _explained(member.name, fill, state, *out)
+            explained(member.name, fill, state, *out)
             motion.check_written(row - first, member.dim, member.name)
         motion.freeze()
         self.bind(state)()
         self._run(FILL)  # rows about torques are made of these
         for writer in self._writers:
-            _explained(writer.name, writer.fill, state)
+            explained(writer.name, writer.fill, state)
             writer.check()
         self.fill(state)
 
     def members(self) -> Iterator[MotionMember]:
         """Who writes motion rows."""
         layout, nj = self.layout, self.model.nj
-        members = [*layout.kinematic, *(law.task for law in layout.exact), *layout.contacts, *layout.on_joints]
+        members = [
+            *layout.kinematic,
+            *(constraint.task for constraint in layout.exact),
+            *layout.contacts,
+            *layout.on_joints,
+        ]
         behind = range(layout.n_rows, layout.n_rows + len(layout.on_joints) * nj, nj)
         rows = [*layout.kinematic_rows, *layout.exact_rows, *layout.contact_rows, *behind]
         return zip(members, rows, self._fills, strict=True)
@@ -262,7 +276,7 @@ class Plan(Filled):
         p.weights[:] = np.concatenate([t.weights() for t in (*layout.linear, *layout.kinematic)] or [np.zeros(0)])
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
         joints = np.full(self.model.nj, eps)
-        for weights, task in zip(self._pull_weights, (*layout.on_joints, *layout.soft_laws), strict=True):
+        for weights, task in zip(self._pull_weights, (*layout.on_joints, *layout.soft_constraints), strict=True):
             weights[:] = task.weights()
         joints += self._joint_weights.sum(axis=0)
         p.unit = float(joints.max())
@@ -280,12 +294,12 @@ class Plan(Filled):
             most = [np.inf if contact.f_max is None else contact.f_max for contact in pressing]
             self._own_normals = np.array([least, most])
             self._bound_normals()
-        for soft, column in zip(layout.soft_laws, layout.give_columns, strict=True):
+        for soft, column in zip(layout.soft_constraints, layout.slack_columns, strict=True):
             p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
 
     def _read_gains(self) -> None:
         layout, first = self.layout, self.layout.motion_row
-        exact = [law.task for law in layout.exact]
+        exact = [constraint.task for constraint in layout.exact]
         for task, row in zip([*layout.kinematic, *exact], [*layout.kinematic_rows, *layout.exact_rows], strict=True):
             self.motion.set_gains(row - first, task)
         for i, task in enumerate(layout.on_joints):
@@ -480,21 +494,3 @@ class Plan(Filled):
             f"Plan({self.model.name}, {self.level.name}: {n} unknowns, {n_eq} equalities, {n_in} two-sided rows, "
             f"{self.problem.n_soft} soft rows)"
         )
-
-
-def _of(members: Any, kind: type[Any]) -> list[Any]:
-    return [member for member in members if isinstance(member, kind)]
-
-
-def _explained(name: str, fill: Callable[..., None], *arguments: Any) -> None:
-    """Call a member's fill for the first time: what goes wrong there is said by its name.
-
-    Raises:
-        InvalidInput: wrong shapes or indices inside the member's fill.
-    """
-    try:
-        fill(*arguments)
-    except (IndexError, ValueError, TypeError, AttributeError) as cause:
-        if isinstance(cause, InvalidInput):
-            raise
-        raise InvalidInput(f"{name}.fill: {cause}") from cause

@@ -29,7 +29,7 @@ class Members(Protocol):
 
     @property
     def subject_to(self) -> tuple[Any, ...]:
-        """Limits and other laws."""
+        """Limits and other constraints."""
 
     @property
     def contacts(self) -> tuple[Contact, ...]:

@@ -17,7 +17,7 @@ _FORCES = {"m": "N", "rad": "N m"}
 
 @final
 class Reaction(Contact):
-    """The rows of a task as laws that a force λ holds, M a + h = Sᵀ τ + Jᵀ λ; made by ``task.with_reaction()``.
+    """The rows of a task as constraints that a force λ holds, M a + h = Sᵀ τ + Jᵀ λ; made by ``task.with_reaction()``.
 
     It stands in ``contacts``. A wheel that rolls, a gear with one motor, a brake on a joint: what the mechanism or the
     ground forbids costs no torque, where ``task.exactly()`` makes motors do it. λ is ``command.f[name]``, one number a

@@ -17,15 +17,15 @@ from wbc.stack.task import Exactly, Objective, force_of
 @final
 @dataclass(frozen=True, init=False, eq=False)
 class Stack:
-    """Tasks in levels, laws, contacts and components.
+    """Tasks in levels, constraints, contacts and components.
 
-    A flat list of tasks is one level; a list of lists is levels. Laws and contacts stand above every level. What the
-    levels mean is the hierarchy's business: :class:`~wbc.stack.hierarchy.Weighted`, the default, knows no priorities
-    and adds all tasks of all levels up with their weights; :class:`~wbc.stack.hierarchy.Strict` decides level by level,
-    and :class:`~wbc.stack.hierarchy.Scaled` does every task as a whole or in part.
+    A flat list of tasks is one level; a list of lists is levels. Constraints and contacts stand above every level. What
+    the levels mean is the hierarchy's business: :class:`~wbc.stack.hierarchy.Weighted`, the default, knows no
+    priorities and adds all tasks of all levels up with their weights; :class:`~wbc.stack.hierarchy.Strict` decides
+    level by level, and :class:`~wbc.stack.hierarchy.Scaled` does every task as a whole or in part.
 
     Raises:
-        InvalidInput: something that is not a task, law, contact or component in its place; two equal names.
+        InvalidInput: something that is not a task, constraint, contact or component in its place; two equal names.
 
     Example:
         >>> import wbc
@@ -84,7 +84,7 @@ class Stack:
         levels = [[task for task in level if holds(task)] for level in self.levels]
         return Stack(
             [level for level in levels if level],
-            subject_to=[law for law in self.subject_to if holds(law)],
+            subject_to=[constraint for constraint in self.subject_to if holds(constraint)],
             contacts=contacts,
             components=self.components,
         )
@@ -127,7 +127,7 @@ def _listed(where: str, members: Any) -> list[Any]:
 
 #: Where a member that stands in the wrong place belongs.
 _PLACES = (
-    (Objective, "tasks; task.exactly() makes a law of it"),
+    (Objective, "tasks; task.exactly() makes a constraint of it"),
     (Constraint, "subject_to"),
     (Exactly, "subject_to"),
     (Contact, "contacts"),

@@ -255,7 +255,7 @@ class Stopping:
         wanted = plan.problem.value[plan.layout.motion_items].copy()
         self.is_safe(state.t, state.q, state.v)
         brake = self._along_the_way(state)
-        if self._intervals.remembers and not self._intervals.recovering:  # limits on jerk give way
+        if self._intervals.remembers and not self._intervals.recovering:  # limits on jerk are relaxed
             low, high = np.minimum(low, brake), np.maximum(high, brake)
         brake = np.clip(brake, low, high)
         B, _ = self._intervals.ahead(state.q_joints, state.v_joints)

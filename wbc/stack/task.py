@@ -1,4 +1,4 @@
-"""Task: a wish. It says where it is, not what to do about it; the level it is used at lowers it."""
+"""Task: an objective. It says where it is, not what to do about it; the level it is used at lowers it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["Exactly", "LinearExactly", "LinearRows", "LinearTask", "Objective", 
 
 
 class LinearRows:
-    """Where a linear task writes: A (dim, size of its quantity) and b (dim,), wished A y = b."""
+    """Where a linear task writes: A (dim, size of its quantity) and b (dim,), for A y = b."""
 
     __slots__ = ("A", "b")
 
@@ -105,18 +105,18 @@ class Task(Objective):
         """What compiled code may write in the place of ``fill``; None: it calls ``fill``."""
         return None
 
-    def _as_law(self) -> Task:
-        """The rows that hold where the task is a law."""
+    def _as_constraint(self) -> Task:
+        """The rows that hold where the task is a constraint."""
         return self
 
     def exactly(self, *, name: str | None = None) -> Exactly:
-        """The same task as a law: its rows hold exactly, above every weight."""
-        return Exactly(self._as_law(), name=name)
+        """The same task as a constraint: its rows hold exactly, above every weight."""
+        return Exactly(self._as_constraint(), name=name)
 
     def with_reaction(self, *, force_weight: float = 0.0, name: str | None = None) -> Reaction:
         """The same task as a part of the mechanism, for ``contacts``: its rows hold exactly, by a force that the
         dynamics know and ``command.f`` gives. See :class:`~wbc.stack.reaction.Reaction`."""
-        return Reaction(self._as_law(), force_weight=force_weight, name=name)
+        return Reaction(self._as_constraint(), force_weight=force_weight, name=name)
 
     def within(
         self, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None, name: str | None = None
@@ -127,14 +127,14 @@ class Task(Objective):
         :class:`~wbc.stack.constraint.Barrier` has them, infinite bounds are none. See
         :class:`~wbc.stack.within.Within`.
         """
-        return Within(self._as_law(), lower, upper, rate=rate, slack=slack, name=name)
+        return Within(self._as_constraint(), lower, upper, rate=rate, slack=slack, name=name)
 
     def scaled(self) -> Self:
         """The same task done as a whole or in part, never sideways: a copy with ``is_scaled``.
 
         With t what the gains ask for, J x + drift = s t for one s in [0, 1] as near to 1 as can be: where limits bite
-        the direction is kept and the size gives way. The drift J̇ v is never scaled, it is there whatever is asked.
-        Keeping the direction stands above the wishes of its level, (1 − s) t is weighed as any residual. Source:
+        the direction is kept and the size is reduced. The drift J̇ v is never scaled, it is there whatever is asked.
+        Keeping the direction stands above the other tasks of its level, (1 − s) t is weighed as any residual. Source:
         Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015.
         """
         same = copy(self)
@@ -143,7 +143,7 @@ class Task(Objective):
 
 
 class Exactly(Member):
-    """A task turned into a law (an equality); made by ``task.exactly()``, used in ``subject_to``."""
+    """A task turned into a constraint (an equality); made by ``task.exactly()``, used in ``subject_to``."""
 
     def __init__(self, task: Task, *, name: str | None = None) -> None:
         if task.on_joints and name is None:
@@ -153,7 +153,7 @@ class Exactly(Member):
 
     @property
     def name(self) -> str:
-        """Name of the law."""
+        """Name of the constraint."""
         return self._name or f"{self.task.name} exactly"
 
     def prepare(self, model: RobotModel) -> None:
@@ -164,7 +164,7 @@ class Exactly(Member):
 
 
 class LinearTask(Objective):
-    """A wish A y = b on a quantity y: joint torques (``"torque"``, nj), accelerations (``"acceleration"``, nv) or the
+    """A task A y = b on a quantity y: joint torques (``"torque"``, nj), accelerations (``"acceleration"``, nv) or the
     wrench of one contact (``"force"``, its ``dim``), or of several, one behind the other. ``fill`` writes out.A, out.b.
 
     A weighted norm ½ |y − y₀|²_Q is one, with A = Lᵀ, b = Lᵀ y₀, Q = L Lᵀ.
@@ -175,7 +175,7 @@ class LinearTask(Objective):
     contact: str | tuple[str, ...] = ""
 
     def exactly(self, *, name: str | None = None) -> LinearConstraint:
-        """The same task as a law: A y = b holds exactly, above every weight."""
+        """The same task as a constraint: A y = b holds exactly, above every weight."""
         return LinearExactly(self, name or f"{self.name} exactly")
 
     @abstractmethod
@@ -185,7 +185,7 @@ class LinearTask(Objective):
 
 @final
 class LinearExactly(LinearConstraint):
-    """A linear task turned into a law: lo = hi = b."""
+    """A linear task turned into a constraint: lo = hi = b."""
 
     def __init__(self, task: LinearTask, name: str) -> None:
         super().__init__(name=name)
@@ -209,8 +209,8 @@ class LinearExactly(LinearConstraint):
 
 
 def force_of(member: Any) -> tuple[str, ...]:
-    """Names or frames of the contacts whose force a task or law is about; none for most."""
-    member = getattr(member, "law", member)  # a soft law is about what its law is about
+    """Names or frames of the contacts whose force a task or constraint is about; none for most."""
+    member = getattr(member, "constraint", member)  # a soft constraint is about what its constraint is about
     if getattr(member, "on", None) != "force":
         return ()
     contact: str | tuple[str, ...] = member.contact

@@ -42,7 +42,7 @@ class TaskRows:
 
 
 class Kinematic(Protocol):
-    """What laws and contacts that are made of a task know of it; :class:`~wbc.stack.task.Task` is one."""
+    """What constraints and contacts that are made of a task know of it; :class:`~wbc.stack.task.Task` is one."""
 
     dim: int
     on_joints: ClassVar[bool]

@@ -20,11 +20,12 @@ class Within(Barrier):
 
     h = e − lower and upper − e, a row for each bound that is finite, with ḣ = ±(ẏ_ref − J v) and
     ḧ = ±(ÿ_ref − J a − J̇ v): a moving target moves the interval. For rows that are a rotation vector this is exact up
-    to first order in the error. ``law.softly()`` makes it a wish again: a task that is content within a tolerance.
+    to first order in the error. ``constraint.softly()`` makes it an objective again: a task that is content within a
+    tolerance.
 
     Raises:
         InvalidInput: when a stack is compiled: bounds of another size, an empty interval, no finite bound, or one on a
-            row with kp = 0, which wishes for a velocity and has no error.
+            row with kp = 0, which asks for a velocity and has no error.
 
     Example:
         >>> import wbc
@@ -68,7 +69,9 @@ class Within(Barrier):
         velocities = np.flatnonzero(task.gains()[0][self._row] == 0.0)
         if velocities.size:
             i = int(self._row[velocities[0]])
-            raise InvalidInput(f"{self.name}: row {i} has kp = 0, a wish for a velocity; its bounds must be infinite")
+            raise InvalidInput(
+                f"{self.name}: row {i} has kp = 0, which asks for a velocity; its bounds must be infinite"
+            )
         self.units = tuple(task.unit(int(i)) for i in self._row)
         self._out = out = TaskRows()
         for array in ("e", "ed", "drift", "rate_ref", "acc_ref"):

@@ -104,7 +104,7 @@ class RowWriter(Writer):
     def own(self) -> RowWriter:
         return self
 
-    def gives_by(self, column: int) -> None:
+    def has_slack_in(self, column: int) -> None:
         """Rows may be broken, by as much as unknowns from ``column`` on say."""
         self._sizes[7] = column
 
@@ -179,20 +179,22 @@ class ConstraintWriter(RowWriter):
 
     _kind = -1
 
-    def __init__(self, law: LinearConstraint, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
-        super().__init__(law.task if isinstance(law, LinearExactly) else law, row, problem, layout, dt)
-        self.name = law.name
-        self._sizes[6] = 1 if isinstance(law, LinearExactly) else -1
-        self._law, self._out, self._equal = law, ConstraintRows(), LinearRows()
+    def __init__(self, constraint: LinearConstraint, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
+        super().__init__(
+            constraint.task if isinstance(constraint, LinearExactly) else constraint, row, problem, layout, dt
+        )
+        self.name = constraint.name
+        self._sizes[6] = 1 if isinstance(constraint, LinearExactly) else -1
+        self._constraint, self._out, self._equal = constraint, ConstraintRows(), LinearRows()
         self._equal.A, self._equal.b = self.A, self.b
         self._out.A, self._out.lo, self._out.hi = self.A, problem.lower[self._items], problem.upper[self._items]
         self._out.lo[:], self._out.hi[:] = np.nan, np.nan
 
     def _call(self, state: RobotState) -> None:
-        if isinstance(self._law, LinearExactly):
-            self._law.task.fill(state, self._equal)
+        if isinstance(self._constraint, LinearExactly):
+            self._constraint.task.fill(state, self._equal)
         else:
-            self._law.fill(state, self._out)
+            self._constraint.fill(state, self._out)
 
     def written(self) -> dict[str, Vec]:
         return {"A": self.A, "lo": self._out.lo, "hi": self._out.hi}
@@ -200,30 +202,30 @@ class ConstraintWriter(RowWriter):
 
 @final
 class JointIntervalWriter(Writer):
-    """Bounds on each joint's motion or torque as rows, for a law that may be broken."""
+    """Bounds on each joint's motion or torque as rows, for a constraint that may be broken."""
 
-    def __init__(self, law: JointInterval, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
-        self.name = law.name
+    def __init__(self, constraint: JointInterval, row: int, problem: RowProblem, layout: Layout, dt: float) -> None:
+        self.name = constraint.name
         model, nj, nb = layout.model, layout.model.nj, layout.model.nb
         self._rows = problem.G[row : row + nj]
         items = slice(problem.item(row), problem.item(row + nj))
         self._lower, self._upper = problem.lower[items], problem.upper[items]
         self._torques, self._intervals = None, None
-        self._law, self._model = law, model
-        if law.quantity == "torque":
+        self._constraint, self._model = constraint, model
+        if constraint.quantity == "torque":
             self._torques = problem.G[nb : nb + nj]
-            self._lower[:], self._upper[:] = law.bounds(model)
+            self._lower[:], self._upper[:] = constraint.bounds(model)
         else:
-            self._intervals = JointIntervals.compose([law], model, dt)
+            self._intervals = JointIntervals.compose([constraint], model, dt)
             self._rows[:, nb : nb + nj] = np.eye(nj)
             self._bound = self._intervals.velocity if layout.level.order == 1 else self._intervals.acceleration
 
     def fill(self, state: RobotState) -> None:
         if self._torques is not None:
             self._rows[:] = self._torques
-            if isinstance(self._law, TorqueBySpeed):
-                self._lower[:], self._upper[:] = self._law.bounds(self._model)
-                self._law.narrow(state.v_joints, self._lower, self._upper)
+            if isinstance(self._constraint, TorqueBySpeed):
+                self._lower[:], self._upper[:] = self._constraint.bounds(self._model)
+                self._constraint.narrow(state.v_joints, self._lower, self._upper)
         else:
             self._bound(state.q_joints, state.v_joints, self._lower, self._upper)
 
@@ -235,15 +237,15 @@ class JointIntervalWriter(Writer):
 class TorqueSpeedWriter(Writer):
     """Bounds on torques that move with speed, from those that components may write into."""
 
-    def __init__(self, laws: Sequence[TorqueBySpeed], bounds: tuple[Vec, Vec], now: tuple[Vec, Vec]) -> None:
-        self.name = laws[0].name
-        self._laws, self._bounds, self._now = laws, bounds, now
+    def __init__(self, constraints: Sequence[TorqueBySpeed], bounds: tuple[Vec, Vec], now: tuple[Vec, Vec]) -> None:
+        self.name = constraints[0].name
+        self._constraints, self._bounds, self._now = constraints, bounds, now
 
     def fill(self, state: RobotState) -> None:
         (lower, upper), (low, high) = self._now, self._bounds
         lower[:], upper[:] = low, high
-        for law in self._laws:
-            law.narrow(state.v_joints, lower, upper)
+        for constraint in self._constraints:
+            constraint.narrow(state.v_joints, lower, upper)
         np.minimum(lower, upper, out=lower)  # a component may have left less than the speed leaves
 
     def written(self) -> dict[str, Vec]:
@@ -251,38 +253,38 @@ class TorqueSpeedWriter(Writer):
 
 
 @final
-class SoftLawWriter(Writer):
-    """lo <= A y + s <= hi: the law's own rows, and what each of them gives way by."""
+class SoftConstraintWriter(Writer):
+    """lo <= A y + s <= hi: the constraint's own rows, each with its slack s."""
 
     def __init__(self, soft: Softly, at: tuple[int, int], problem: RowProblem, layout: Layout, dt: float) -> None:
-        law, (row, column) = soft.law, at
+        constraint, (row, column) = soft.constraint, at
         self.name = soft.name
-        self._law: RowWriter | JointIntervalWriter
-        if isinstance(law, Barrier):
-            self._law = BarrierWriter(law, row, problem, layout, dt)
-        elif isinstance(law, LinearConstraint):
-            self._law = ConstraintWriter(law, row, problem, layout, dt)
+        self._constraint: RowWriter | JointIntervalWriter
+        if isinstance(constraint, Barrier):
+            self._constraint = BarrierWriter(constraint, row, problem, layout, dt)
+        elif isinstance(constraint, LinearConstraint):
+            self._constraint = ConstraintWriter(constraint, row, problem, layout, dt)
         else:
-            assert isinstance(law, JointInterval)
-            self._law = JointIntervalWriter(law, row, problem, layout, dt)
-        #: What writes the law's own rows, where it is a barrier.
-        self.barrier = self._law if isinstance(self._law, BarrierWriter) else None
-        self._gives = np.einsum("ii->i", problem.G[row : row + soft.dim, column : column + soft.dim])
+            assert isinstance(constraint, JointInterval)
+            self._constraint = JointIntervalWriter(constraint, row, problem, layout, dt)
+        #: What writes the constraint's own rows, where it is a barrier.
+        self.barrier = self._constraint if isinstance(self._constraint, BarrierWriter) else None
+        self._slacks = np.einsum("ii->i", problem.G[row : row + soft.dim, column : column + soft.dim])
         self._scale = problem.scale[column : column + soft.dim]
-        if isinstance(self._law, RowWriter):
-            self._law.gives_by(column)
+        if isinstance(self._constraint, RowWriter):
+            self._constraint.has_slack_in(column)
 
     @property
     def own(self) -> RowWriter | None:
-        return self._law.own
+        return self._constraint.own
 
     def fill(self, state: RobotState) -> None:
-        self._law.fill(state)
+        self._constraint.fill(state)
         if self.own is None:
-            self._gives[:] = self._scale
+            self._slacks[:] = self._scale
 
     def written(self) -> dict[str, Vec]:
-        return self._law.written()
+        return self._constraint.written()
 
 
 @final

@@ -1,4 +1,4 @@
-"""What users need to test their own members: checks that hold for every task, law, contact and method; strategies.
+"""Checks that hold for every task, constraint, contact and method, for those of users too; strategies.
 
 ``check_task``, ``check_constraint``, ``check_contact`` and ``check_method`` raise :class:`CheckFailed` with the member,
 the row or quantity and what differs. ``wbc.testing.strategies`` (for hypothesis) draws states, boxes and matrices.

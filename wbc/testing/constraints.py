@@ -1,4 +1,4 @@
-"""check_constraint: what holds for every law."""
+"""check_constraint: what holds for every constraint."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, JointInterval, Laws, LinearConstraint
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, Constraints, JointInterval, LinearConstraint
 from wbc.stack.task import Exactly
 from wbc.testing.differences import along, in_time, velocity_names
 from wbc.testing.failure import differs, require, worst
@@ -22,14 +22,14 @@ _QUANTITIES = {"position", "velocity", "acceleration", "jerk", "torque"}
 
 
 def check_constraint(
-    law: Any, model: RobotModel | None = None, states: Iterable[Moment] | None = None, *, contact_dim: int = 6
+    constraint: Any, model: RobotModel | None = None, states: Iterable[Moment] | None = None, *, contact_dim: int = 6
 ) -> None:
-    """Check a law on ``model``, or on those of our arm, quadruped and humanoid that it can be prepared for.
+    """Check a constraint on ``model``, or on those of our arm, quadruped and humanoid that it can be prepared for.
 
     Joint intervals: (nj,), no NaN, lower <= upper, zero inside but for positions. Barriers, by differences: J = ∂h/∂q,
     rate = ∂h/∂t and drift = d(J v + rate)/dt. Linear constraints: lo <= hi. All: filled twice, same bits, nothing left
-    unwritten, nothing beside. Several laws in one: each of them.
-    ``contact_dim``: size of the wrench a law on "force" writes on.
+    unwritten, nothing beside. Several constraints in one: each of them.
+    ``contact_dim``: size of the wrench a constraint on "force" writes on.
 
     Raises:
         CheckFailed: which rule, which row, and the two numbers that differ.
@@ -39,14 +39,14 @@ def check_constraint(
         >>> from wbc.testing import check_constraint
         >>> check_constraint(JointPositionLimits())
     """
-    if isinstance(law, Exactly):
-        check_task(law.task, model, states)
+    if isinstance(constraint, Exactly):
+        check_task(constraint.task, model, states)
         return
     given = None if states is None else list(states)
-    for own, robot in robots_for(law, model):
+    for own, robot in robots_for(constraint, model):
         when = moments(robot) if given is None else given
-        if isinstance(own, Laws):
-            for one in own.laws(frozenset(_QUANTITIES)):
+        if isinstance(own, Constraints):
+            for one in own.constraints(frozenset(_QUANTITIES)):
                 check_constraint(one, robot, when, contact_dim=contact_dim)
         elif isinstance(own, JointInterval):
             _check_interval(own, robot)
@@ -55,34 +55,40 @@ def check_constraint(
         elif isinstance(own, LinearConstraint):
             _check_linear(own, robot, when, contact_dim)
         else:
-            require(False, f"{law!r} is no JointInterval, Barrier, LinearConstraint, Laws or task.exactly()")
+            require(
+                False, f"{constraint!r} is no JointInterval, Barrier, LinearConstraint, Constraints or task.exactly()"
+            )
 
 
-def _check_interval(law: JointInterval, model: RobotModel) -> None:
-    name = law.name
-    require(law.quantity in _QUANTITIES, f"{name}.quantity is {law.quantity!r}; it must be one of {_QUANTITIES}")
-    lower, upper = law.bounds(model)
-    for what, bound, again in zip(("lower", "upper"), (lower, upper), law.bounds(model), strict=True):
+def _check_interval(constraint: JointInterval, model: RobotModel) -> None:
+    name = constraint.name
+    require(
+        constraint.quantity in _QUANTITIES,
+        f"{name}.quantity is {constraint.quantity!r}; it must be one of {_QUANTITIES}",
+    )
+    lower, upper = constraint.bounds(model)
+    for what, bound, again in zip(("lower", "upper"), (lower, upper), constraint.bounds(model), strict=True):
         require(bound.shape == (model.nj,), f"{name}: {what} bounds must have shape ({model.nj},), not {bound.shape}")
         require(bound.tobytes() == again.tobytes(), f"{name}.bounds is not pure: {what} differs when asked twice")
     for joint, low, high in zip(model.joint_names, lower, upper, strict=True):
         require(low <= high, f"{name} on {model.name}: joint {joint!r} has lower {low:g}, upper {high:g}")
         require(
-            law.quantity == "position" or low <= 0.0 <= high,
-            f"{name} on {model.name}: joint {joint!r} must be allowed a {law.quantity} of 0, not [{low:g}, {high:g}]",
+            constraint.quantity == "position" or low <= 0.0 <= high,
+            f"{name} on {model.name}: joint {joint!r} must be allowed a {constraint.quantity} of 0, "
+            f"not [{low:g}, {high:g}]",
         )
 
 
-def _check_barrier(law: Barrier, model: RobotModel, when: list[Moment]) -> None:
-    dim = law.dim
+def _check_barrier(constraint: Barrier, model: RobotModel, when: list[Moment]) -> None:
+    dim = constraint.dim
     filling = Filling(
-        law.name, model, law.fill, BarrierRows,
+        constraint.name, model, constraint.fill, BarrierRows,
         {"J": (dim, model.nv), "h": (dim,), "drift": (dim,), "rate": (dim,)}, zero=frozenset({"rate"}),
     )  # fmt: skip
     for first, second in zip(when, [*when[1:], when[0]], strict=True):
         filling.check_purity(first, second)
         rows, v = filling.at(first), first[2]
-        where = f"{law.name} on {model.name}, row "
+        where = f"{constraint.name} on {model.name}, row "
         J, drift, rate = rows["J"], rows["drift"], rows["rate"]
         found = np.column_stack([along(lambda m: filling.at(m)["h"], model, first, axis) for axis in np.eye(model.nv)])
         at = worst(found, J, _TOLERANCE)
@@ -105,14 +111,14 @@ def _check_barrier(law: Barrier, model: RobotModel, when: list[Moment]) -> None:
             raise differs(where + str(at[0]), what="drift", wrote=drift[at], by=by, found=found[at])
 
 
-def _check_linear(law: LinearConstraint, model: RobotModel, when: list[Moment], contact_dim: int) -> None:
-    size = {"torque": model.nj, "force": contact_dim}.get(law.on, model.nv)
+def _check_linear(constraint: LinearConstraint, model: RobotModel, when: list[Moment], contact_dim: int) -> None:
+    size = {"torque": model.nj, "force": contact_dim}.get(constraint.on, model.nv)
     filling = Filling(
-        law.name, model, law.fill, ConstraintRows, {"A": (law.dim, size), "lo": (law.dim,), "hi": (law.dim,)},
-        may_be_infinite=frozenset({"lo", "hi"}),
+        constraint.name, model, constraint.fill, ConstraintRows, {"A": (constraint.dim, size), "lo": (constraint.dim,),
+        "hi": (constraint.dim,)}, may_be_infinite=frozenset({"lo", "hi"}),
     )  # fmt: skip
     for first, second in zip(when, [*when[1:], when[0]], strict=True):
         filling.check_purity(first, second)
         rows = filling.at(first)
         crossed = np.flatnonzero(~(rows["lo"] <= rows["hi"]))
-        require(crossed.size == 0, f"{law.name} on {model.name}, row {crossed[:1]}: lo is above hi")
+        require(crossed.size == 0, f"{constraint.name} on {model.name}, row {crossed[:1]}: lo is above hi")

@@ -25,7 +25,7 @@ def stack_with(member: Any, contacts: Iterable[Contact] = ()) -> Stack:
 
 
 def levels_of(member: Any, model: RobotModel, *, contacts: Iterable[Contact] = ()) -> tuple[Formulation, ...]:
-    """The levels that carry a task, law, contact or component on ``model``.
+    """The levels that carry a task, constraint, contact or component on ``model``.
 
     ``contacts``: those that the member speaks of, if it does.
 

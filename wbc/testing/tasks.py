@@ -41,7 +41,7 @@ def check_task(
     nothing written beside. Of a kinematic task, by differences: J = −∂e/∂q, drift = J̇ v, rate_ref = ∂e/∂t,
     acc_ref = its derivative, and ed = rate_ref − J v if written. Where a moving target and a moving robot do not simply
     add up (a target seen from the robot), acc_ref − drift = d(rate_ref − J v)/dt while both move. Rows in "rad" in
-    threes may be rotation vectors log(R_target Rᵀ); rows whose e is always zero and whose kp is zero wish for
+    threes may be rotation vectors log(R_target Rᵀ); rows whose e is always zero and whose kp is zero ask for
     velocities only.
 
     ``states``: moments (t, q, v), by default random ones. ``contact_dim``: size of the wrench of a task on "force".

@@ -23,13 +23,13 @@ ROOT = Path(__file__).parents[3]
 
 
 def drawn_problem(seed: int) -> RowProblem:
-    """Integers, ties, rows of zeros, rows given twice, scaled rows, crossed wishes; feasible or not."""
+    """Integers, ties, rows of zeros, rows given twice, scaled rows, crossed tasks; feasible or not."""
     rng = np.random.default_rng(seed)
     n_u, n_y = int(rng.choice([0, 0, 2])), int(rng.integers(1, 9))
-    n_range, n_soft, n_law = int(rng.integers(0, 9)), int(rng.integers(0, 9)), int(rng.integers(0, 3))
-    m, n = n_u + n_range + n_soft + n_law, n_u + n_y
+    n_range, n_soft, n_equal = int(rng.integers(0, 9)), int(rng.integers(0, 9)), int(rng.integers(0, 3))
+    m, n = n_u + n_range + n_soft + n_equal, n_u + n_y
     p = RowProblem(
-        n_u, n_y, n_range=n_range, n_soft=n_soft, n_law=n_law,
+        n_u, n_y, n_range=n_range, n_soft=n_soft, n_equal=n_equal,
         rows=[Row(f"row {i}") for i in range(m)] + [Row(f"x{i}") for i in range(n)], regularisation=1e-9,
     )  # fmt: skip
     p.G[:m] = rng.integers(-2, 3, size=(m, n + 1))
@@ -41,7 +41,7 @@ def drawn_problem(seed: int) -> RowProblem:
             p.G[row] = p.G[row - 1]
         elif kind == 2:
             p.G[row] *= 10.0 ** rng.integers(-4, 5)
-    p.G[p.law, n] *= rng.integers(0, 2)
+    p.G[p.equal, n] *= rng.integers(0, 2)
     if n_u:
         root = rng.normal(size=(n_u, n_u))
         p.G[:n_u, :n_u] = root @ root.T + np.eye(n_u)
@@ -122,7 +122,7 @@ def test_weights_that_are_raised_after_the_form_was_chosen_are_certified(weight:
     """Rows of the same weight, two of them contradicting each other, far above the metric."""
     for seed in range(40):
         rng = np.random.default_rng(seed)
-        p = RowProblem(0, 6, n_range=0, n_soft=4, n_law=0, rows=[Row(f"{i}") for i in range(10)], regularisation=1e-9)
+        p = RowProblem(0, 6, n_range=0, n_soft=4, n_equal=0, rows=[Row(f"{i}") for i in range(10)], regularisation=1e-9)
         p.G[:] = rng.normal(size=p.G.shape)
         p.G[p.soft.stop - 1, :6] = 2.0 * p.G[p.soft.stop - 2, :6]
         solver = CoreSolver(p)

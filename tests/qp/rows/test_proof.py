@@ -25,8 +25,8 @@ def move_to(p: RowProblem, y: Vec) -> None:
 
 
 def free_problem(seed: int, decades: float) -> RowProblem:
-    """Tasks without limits or laws, weights over some decades: the optimum is one linear system."""
-    p = row_problem(seed, n_range=0, n_law=0, weights=(10.0**-decades, 10.0**decades))
+    """Tasks without limits or equalities, weights over some decades: the optimum is one linear system."""
+    p = row_problem(seed, n_range=0, n_equal=0, weights=(10.0**-decades, 10.0**decades))
     p.lb[:], p.ub[:] = -np.inf, np.inf
     p.regularisation = 0.0
     return p

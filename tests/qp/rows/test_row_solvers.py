@@ -15,13 +15,13 @@ from wbc.qp.solvers import by_name
 from wbc.types import Status
 
 
-def row_problem(seed: int, *, n_u: int = 3, n_y: int = 12, n_range: int = 8, n_soft: int = 4, n_law: int = 3,
+def row_problem(seed: int, *, n_u: int = 3, n_y: int = 12, n_range: int = 8, n_soft: int = 4, n_equal: int = 3,
                 tight: float = 1.0, weights: tuple[float, float] = (1e-2, 1e2)) -> RowProblem:  # fmt: skip
     """A feasible random problem: bounds and ranges hold at a random point, more tightly the smaller ``tight``."""
     rng = np.random.default_rng(seed)
-    n, m = n_u + n_y, n_u + n_range + n_soft + n_law
+    n, m = n_u + n_y, n_u + n_range + n_soft + n_equal
     p = RowProblem(
-        n_u, n_y, n_range=n_range, n_soft=n_soft, n_law=n_law,
+        n_u, n_y, n_range=n_range, n_soft=n_soft, n_equal=n_equal,
         rows=[Row(f"row {i}") for i in range(m)] + [Row(f"x{i}") for i in range(n)], regularisation=1e-9,
     )  # fmt: skip
     p.G[:m] = rng.normal(size=(m, n + 1))
@@ -33,11 +33,11 @@ def row_problem(seed: int, *, n_u: int = 3, n_y: int = 12, n_range: int = 8, n_s
     p.weights[:] = np.exp(rng.uniform(*np.log(weights), n_soft))
     p.centre[:] = rng.normal(size=n_y)
     p.unit = 0.1
-    # A point that satisfies everything: u from the base rows, the laws shifted to hold there.
+    # A point that satisfies everything: u from the base rows, the equalities shifted to hold there.
     y = rng.normal(size=n_y)
     u = -np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:n] @ y + p.G[:n_u, n]) if n_u else np.zeros(0)
     x = np.concatenate([u, y])
-    p.G[p.law, n] = -p.G[p.law, :n] @ x
+    p.G[p.equal, n] = -p.G[p.equal, :n] @ x
     lower, upper = p.range_bounds()
     at = p.G[p.range] @ np.r_[x, 1.0]
     lower[:] = np.where(rng.random(n_range) < 0.3, -np.inf, at - tight * rng.random(n_range))
@@ -98,7 +98,7 @@ def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits
 
 @given(seed=st.integers(0, 10**6), n_soft=st.sampled_from([0, 1, 4]), even=st.booleans())
 def test_bounds_alone_are_answered_by_the_core(seed: int, n_soft: int, even: bool) -> None:
-    p = row_problem(seed, n_u=0, n_range=0, n_law=0, n_soft=n_soft, tight=0.3)
+    p = row_problem(seed, n_u=0, n_range=0, n_equal=0, n_soft=n_soft, tight=0.3)
     if even:
         p.weights[:], p.metric[:] = 3.0, 1.0
     core = CoreSolver(p)
@@ -112,7 +112,7 @@ def test_bounds_alone_are_answered_by_the_core(seed: int, n_soft: int, even: boo
 
 @given(seed=st.integers(0, 10**6))
 def test_bounds_that_come_and_go_are_found_and_forgotten(seed: int) -> None:
-    p = row_problem(seed, n_u=0, n_range=0, n_law=0, tight=0.3)
+    p = row_problem(seed, n_u=0, n_range=0, n_equal=0, tight=0.3)
     lower, upper = p.lb.copy(), p.ub.copy()
     core = CoreSolver(p)
     for width in (100.0, 1.0, 100.0):
@@ -124,13 +124,13 @@ def test_bounds_that_come_and_go_are_found_and_forgotten(seed: int) -> None:
 
 
 def test_a_box_problem_without_any_soft_row_is_its_centre_within_the_bounds() -> None:
-    p = row_problem(1, n_u=0, n_range=0, n_law=0, n_soft=0, tight=0.3)
+    p = row_problem(1, n_u=0, n_range=0, n_equal=0, n_soft=0, tight=0.3)
     assert CoreSolver(p).solve() is Status.SOLVED
     np.testing.assert_allclose(p.x, np.clip(p.centre, p.lb, p.ub), atol=1e-9)
 
 
 def bounds_only(seed: int) -> RowProblem:
-    return row_problem(seed, n_u=0, n_range=0, n_law=0, tight=0.1)
+    return row_problem(seed, n_u=0, n_range=0, n_equal=0, tight=0.1)
 
 
 def test_unknowns_whose_bounds_are_one_may_be_pulled_either_way_and_are_guessed() -> None:
@@ -162,7 +162,7 @@ def test_nan_in_a_box_problem_is_a_failure_and_never_an_answer(what: str) -> Non
 @pytest.mark.parametrize("n_u", [0, 3])
 @pytest.mark.parametrize("tight", [10.0, 0.3, 0.05])
 def test_without_any_task_or_law_only_bounds_and_ranges_move_the_answer_from_the_centre(n_u: int, tight: float) -> None:
-    p = row_problem(2, n_u=n_u, n_soft=0, n_law=0, tight=tight)
+    p = row_problem(2, n_u=n_u, n_soft=0, n_equal=0, tight=tight)
     core = CoreSolver(p)
     assert core.solve() is Status.SOLVED
     qp = p.empty_qp()
@@ -174,8 +174,8 @@ def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved()
     p = row_problem(3)
     good = p.G.copy()
     solver = CoreSolver(p)
-    p.G[p.law.start] = p.G[p.law.start + 1]
-    p.G[p.law.start, -1] += 1.0
+    p.G[p.equal.start] = p.G[p.equal.start + 1]
+    p.G[p.equal.start, -1] += 1.0
     assert solver.solve() is Status.INFEASIBLE
     p.G[:] = good
     assert solver.solve() is Status.SOLVED
@@ -183,12 +183,12 @@ def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved()
 
 def test_a_law_given_twice_is_met_all_the_same() -> None:
     p = row_problem(4)
-    p.G[p.law.start] = p.G[p.law.start + 1]
+    p.G[p.equal.start] = p.G[p.equal.start + 1]
     assert CoreSolver(p).solve() is Status.SOLVED
 
 
 def test_nan_in_a_row_is_a_failure_and_never_an_answer() -> None:
-    for row in ("soft", "law", "range"):
+    for row in ("soft", "equal", "range"):
         p = row_problem(6)
         p.G[getattr(p, row).start, 4] = np.nan
         assert not CoreSolver(p).solve().ok

@@ -16,7 +16,7 @@ from wbc.qp.certificate import Certificate, certificate
 from wbc.qp.lexicographic.parts import Part, Stage
 from wbc.qp.lexicographic.solver import LexicographicSolver
 from wbc.qp.problem import QP, Row, Shape
-from wbc.qp.rows import RowProblem, Wish
+from wbc.qp.rows import RowProblem, RowTask
 from wbc.qp.solver import Answer, Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.types import Index, Mat, Status, Vec
@@ -143,12 +143,12 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
 
 
 def _row_problem(A: Mat, lo: Vec, hi: Vec, ends: Index) -> tuple[RowProblem, list[Stage]]:
-    """Equations as soft rows, the others as ranges that give way by a slack each: unknowns [x | slacks]."""
+    """Equations as soft rows, the others as ranges with a slack each: unknowns [x | slacks]."""
     equal, n = lo == hi, A.shape[1]
     n_range = int((~equal).sum())
     names = [Row(f"row {i}") for i in (*np.flatnonzero(~equal), *np.flatnonzero(equal))]
     names += [Row(f"x[{i}]") for i in range(n)] + [Row(f"slack {i}") for i in np.flatnonzero(~equal)]
-    p = RowProblem(0, n + n_range, n_range=n_range, n_soft=len(lo) - n_range, n_law=0, rows=names, regularisation=1.0)
+    p = RowProblem(0, n + n_range, n_range=n_range, n_soft=len(lo) - n_range, n_equal=0, rows=names, regularisation=1.0)
     p.G[p.range, :n], p.G[p.soft, :n], p.G[p.soft, p.n] = A[~equal], A[equal], -lo[equal]
     p.G[p.range, n : p.n] = np.eye(n_range)
     lower, upper = p.range_bounds()
@@ -159,8 +159,8 @@ def _row_problem(A: Mat, lo: Vec, hi: Vec, ends: Index) -> tuple[RowProblem, lis
         own = int(equal[first:last].sum())
         give = last - first - own
         name, none = f"level {len(stages) + 1}", np.zeros(last - first)
-        rows = Wish(name, slice(row, row + own), None, np.ones(own), none[:own], none[:own])
-        gives = Wish(name, None, slice(slack, slack + give), np.ones(give), none[:give], none[:give])
-        stages.append([Part(wish) for wish in (rows, gives) if wish.dim])
+        rows = RowTask(name, slice(row, row + own), None, np.ones(own), none[:own], none[:own])
+        gives = RowTask(name, None, slice(slack, slack + give), np.ones(give), none[:give], none[:give])
+        stages.append([Part(task) for task in (rows, gives) if task.dim])
         row, slack = row + own, slack + give
     return p, stages

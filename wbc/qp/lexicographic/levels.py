@@ -32,7 +32,7 @@ from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, SOLVED
 from wbc.qp.rows.core import CoreSolver
-from wbc.qp.rows.wish import NOT_OPTIMISED, Outcome
+from wbc.qp.rows.row_task import NOT_OPTIMISED, Outcome
 from wbc.types import Index, Mat, Status, Vec
 
 _STATUS = {SOLVED: Status.SOLVED, INFEASIBLE: Status.INFEASIBLE, INACCURATE: Status.INACCURATE}
@@ -53,10 +53,10 @@ class Levels:
         items = n + p.n_range
         rows = max(place.stop - place.start for place in staged.rows)
         rows += max(p.n_u, *(len(pull.weights) for pull in self._pulls if pull is not None), 0)
-        long = max(items, rows, p.n_soft + p.n_law, n)
+        long = max(items, rows, p.n_soft + p.n_equal, n)
         names = [*p.rows[p.n_rows + p.n_u :], *p.rows[p.range]]
         names = [*names, *[names[0]] * rows, *names[:n]]
-        finder = RowProblem(0, n, n_range=items, n_soft=rows, n_law=0, rows=names, regularisation=0.0)
+        finder = RowProblem(0, n, n_range=items, n_soft=rows, n_equal=0, rows=names, regularisation=0.0)
         self._finder = CoreSolver(finder)
         self._sizes = np.zeros(16, dtype=np.int64)
         self._sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long

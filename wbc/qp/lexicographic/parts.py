@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, final
 
-from wbc.qp.rows import Wish
+from wbc.qp.rows import RowTask
 from wbc.types import Vec
 
 
@@ -15,11 +15,11 @@ from wbc.types import Vec
 class Part:
     """What a stage says about one task: all of it, the direction alone, or the share alone."""
 
-    wish: Wish
+    task: RowTask
     kind: Literal["whole", "direction", "share"] = "whole"
 
     def __str__(self) -> str:
-        return self.wish.name if self.kind == "whole" else f"{self.kind} of {self.wish.name}"
+        return self.task.name if self.kind == "whole" else f"{self.kind} of {self.task.name}"
 
 
 Stage = Sequence[Part]

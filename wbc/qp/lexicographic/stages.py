@@ -26,7 +26,7 @@ from wbc.compiled import Memory
 from wbc.qp.lexicographic.compiled.stage import FIRST, HOPE
 from wbc.qp.lexicographic.parts import Part, Stage
 from wbc.qp.problem import Row
-from wbc.qp.rows import RowProblem, Wish
+from wbc.qp.rows import RowProblem, RowTask
 from wbc.types import Vec
 
 
@@ -41,24 +41,24 @@ class StagedProblem:
 
     def __init__(self, source: RowProblem, stages: Sequence[Stage]) -> None:
         self.source, self.stages = source, stages
-        scaled = list({id(part.wish): part.wish for stage in stages for part in stage if part.kind != "whole"}.values())
-        self._shares = {id(wish): source.n + i for i, wish in enumerate(scaled)}
+        scaled = list({id(part.task): part.task for stage in stages for part in stage if part.kind != "whole"}.values())
+        self._shares = {id(task): source.n + i for i, task in enumerate(scaled)}
         upper = list(stages[:-1])
         # The unknowns that the last stage pulls on are in its metric and need no rows.
-        last = [part for part in stages[-1] if part.kind == "share" or part.wish.rows is not None]
+        last = [part for part in stages[-1] if part.kind == "share" or part.task.rows is not None]
         every = [*upper, last]
         sizes = [sum(_size(part) for part in stage) for stage in every]
         self.problem = p = RowProblem(
             source.n_u, source.n_y + len(scaled), n_range=source.n_range, n_soft=sizes[-1],
-            n_law=sum(sizes[:-1]) + source.n_law, rows=self._names([last, *reversed(upper)]),
+            n_equal=sum(sizes[:-1]) + source.n_equal, rows=self._names([last, *reversed(upper)]),
             regularisation=source.regularisation,
         )  # fmt: skip
         p.units = source.units
-        stops = p.law.start + np.cumsum([0, *sizes[-2::-1]])
+        stops = p.equal.start + np.cumsum([0, *sizes[-2::-1]])
         self.rows = [*[slice(a, b) for a, b in pairwise(stops.tolist())][::-1], p.soft]
         #: Rows of each task within its stage.
         self.parts = [_places(stage) for stage in every]
-        p.levels = [self._last_wishes(last)]
+        p.levels = [self._last_tasks(last)]
         start = source.item(source.soft.start), p.item(p.soft.start)
         for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
             mine[p.n + 1 : start[1]] = side[source.n + 1 : start[0]]
@@ -69,49 +69,49 @@ class StagedProblem:
         names, found = source.rows, list[Row]()
         for stage in stages:
             for part in stage:
-                wish = part.wish
+                task = part.task
                 if part.kind == "share":
-                    found.append(Row(f"{wish.name}: share"))
-                elif wish.rows is not None:
-                    found += names[wish.rows]
+                    found.append(Row(f"{task.name}: share"))
+                elif task.rows is not None:
+                    found += names[task.rows]
                 else:
-                    assert wish.unknowns is not None
-                    first = source.n_rows + wish.unknowns.start
-                    found += [row._replace(owner=wish.name) for row in names[first : first + wish.dim]]
-        first, last = names[: source.soft.start], names[source.law.start : source.n_rows]
+                    assert task.unknowns is not None
+                    first = source.n_rows + task.unknowns.start
+                    found += [row._replace(owner=task.name) for row in names[first : first + task.dim]]
+        first, last = names[: source.soft.start], names[source.equal.start : source.n_rows]
         given_up = [Row("given up", stage_name(self._shares, key, stages)) for key in self._shares]
         return [*first, *found, *last, *names[source.n_rows :], *given_up]
 
-    def _place(self, stages: Sequence[Stage], scaled: Sequence[Wish]) -> None:
+    def _place(self, stages: Sequence[Stage], scaled: Sequence[RowTask]) -> None:
         """Where each row comes from: a row of the source, an unknown, or what a task asks that is done in part."""
         p, source = self.problem, self.source
         row_of, weight = np.full(p.n_rows, -1), np.zeros(p.n_rows, dtype=np.int64)
         row_of[: p.soft.start] = np.arange(source.soft.start)
-        row_of[p.n_rows - source.n_law :] = np.arange(source.law.start, source.law.stop)
+        row_of[p.n_rows - source.n_equal :] = np.arange(source.equal.start, source.equal.stop)
         divided = np.array(
-            [[-1, wish.dim, self._shares[id(wish)], *map(_address, (wish.wanted, wish.drift, wish.weights)), -1]
-             for wish in scaled], dtype=np.int64,
+            [[-1, task.dim, self._shares[id(task)], *map(_address, (task.wanted, task.drift, task.weights)), -1]
+             for task in scaled], dtype=np.int64,
         ).reshape(-1, 7)  # fmt: skip
         pulls: list[tuple[int, int, int]] = []
         for stage, place in zip(stages, self.rows, strict=True):
             row = place.start
             for part in stage:
-                wish, at = part.wish, slice(row, row + _size(part))
+                task, at = part.task, slice(row, row + _size(part))
                 row = at.stop
-                of = divided[self._shares[id(wish)] - source.n] if part.kind != "whole" else None
+                of = divided[self._shares[id(task)] - source.n] if part.kind != "whole" else None
                 if part.kind == "share":
                     assert of is not None
                     of[-1] = at.start
                     continue
                 if of is not None:
                     of[0] = at.start
-                weight[at] = _address(wish.weights) + 8 * np.arange(wish.dim)
-                if wish.rows is not None:
-                    row_of[at] = np.arange(wish.rows.start, wish.rows.stop)
+                weight[at] = _address(task.weights) + 8 * np.arange(task.dim)
+                if task.rows is not None:
+                    row_of[at] = np.arange(task.rows.start, task.rows.stop)
                 else:
-                    assert wish.unknowns is not None
-                    wanted = _address(wish.wanted) + 8 * np.arange(wish.dim)
-                    pulls += zip(range(at.start, at.stop), range(source.n)[wish.unknowns], wanted.tolist(), strict=True)
+                    assert task.unknowns is not None
+                    wanted = _address(task.wanted) + 8 * np.arange(task.dim)
+                    pulls += zip(range(at.start, at.stop), range(source.n)[task.unknowns], wanted.tolist(), strict=True)
         self.links = np.zeros(4, dtype=np.int64)
         sizes = [
             p.n, p.n_y, p.n_rows, p.n_soft, p.soft.start, source.n, source.n_y, source.n_rows, len(pulls), len(divided)
@@ -123,16 +123,16 @@ class StagedProblem:
             np.array(sizes, dtype=np.int64),
         )  # fmt: skip
         self.address = self._memory.address
-        self._asked = [part.wish for stage in stages for part in stage]  # whose memory is read
+        self._asked = [part.task for stage in stages for part in stage]  # whose memory is read
 
-    def _last_wishes(self, last: Stage) -> list[Wish]:
+    def _last_tasks(self, last: Stage) -> list[RowTask]:
         """The tasks of the last stage, where they stand here: in its rows, or in the metric."""
-        p, found = self.problem, list[Wish]()
+        p, found = self.problem, list[RowTask]()
         for part, place in zip(last, self.parts[-1].values(), strict=True):
             rows = slice(p.soft.start + place.start, p.soft.start + place.stop)
             one = np.ones(place.stop - place.start)
-            found.append(Wish(str(part), rows, None, one, one, one))
-        pulling = [part.wish for part in self.stages[-1] if part.kind != "share" and part.wish.rows is None]
+            found.append(RowTask(str(part), rows, None, one, one, one))
+        pulling = [part.task for part in self.stages[-1] if part.kind != "share" and part.task.rows is None]
         return found + pulling
 
     @property
@@ -172,9 +172,9 @@ def _places(stage: Stage) -> dict[str, slice]:
 
 
 def _size(part: Part) -> int:
-    return 1 if part.kind == "share" else part.wish.dim
+    return 1 if part.kind == "share" else part.task.dim
 
 
 def stage_name(shares: dict[int, int], key: int, stages: Sequence[Stage]) -> str:
     """Name of the task that an unknown share belongs to."""
-    return next(part.wish.name for stage in stages for part in stage if id(part.wish) == key)
+    return next(part.task.name for stage in stages for part in stage if id(part.task) == key)

@@ -6,12 +6,12 @@ from wbc.qp.answer import Answer, Counts, Solution
 from wbc.qp.certificate import certificate
 from wbc.qp.problem import QP
 from wbc.qp.rows.problem import RowProblem
+from wbc.qp.rows.row_task import Outcome, RowTask
 from wbc.qp.rows.solver import RowSolver
-from wbc.qp.rows.wish import Outcome, Wish
 from wbc.qp.solver import Solver
 from wbc.types import Status
 
-__all__ = ["Counts", "Outcome", "RowProblem", "RowSolver", "Wish", "open_rows", "solution_of"]
+__all__ = ["Counts", "Outcome", "RowProblem", "RowSolver", "RowTask", "open_rows", "solution_of"]
 
 
 def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:

@@ -44,10 +44,10 @@ class CoreSolver(RowSolver):
         self.push, self.z, self.left = np.zeros(p.n_rows), np.zeros(p.n), np.zeros(p.n_y)
         self._owners = owners_of(p)
         self.form = "rows" if fits_rows(p) else "variables"
-        items = p.n_y + p.n_range + p.n_law
-        most = p.n_soft + p.n_u + min(items, p.n_y + p.n_law) + 1
+        items = p.n_y + p.n_range + p.n_equal
+        most = p.n_soft + p.n_u + min(items, p.n_y + p.n_equal) + 1
         form = ROWS if self.form == "rows" else VARIABLES
-        self._sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_law, form, 0, 0, 0], dtype=np.int64)
+        self._sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_equal, form, 0, 0, 0], dtype=np.int64)
         self._report, numbers = np.zeros(NUMBERS + p.n_soft + p.n_y), np.array([1.0, p.regularisation, 0.0, 0.0])
         proof, reach = np.split(self._report, (NUMBERS,))
         self._side, self._best, self._wrong = np.zeros(items), np.zeros(items), np.zeros(items)
@@ -67,7 +67,7 @@ class CoreSolver(RowSolver):
         first = p.first_row
         self.places = np.concatenate([
             np.arange(p.n_u, p.n), np.arange(first + p.range.start, first + p.range.stop),
-            np.arange(first + p.law.start, first + p.law.stop),
+            np.arange(first + p.equal.start, first + p.equal.stop),
         ]).astype(np.intp)  # fmt: skip
         self._bounded = p.n_y + p.n_range
 
@@ -106,7 +106,7 @@ class CoreSolver(RowSolver):
     def certify(self, push: Vec) -> Certificate:
         """The certificate of the answer in ``problem.value``, with the rows' values, whoever found it.
 
-        ``push`` (n_rows,) holds the pushes of range rows, tasks and laws.
+        ``push`` (n_rows,) holds the pushes of range rows, tasks and equalities.
         """
         self.push[:] = push
         return Proof(self._report.copy(), self._owners)() if judge(self.address) else Certificate.none()
@@ -130,7 +130,7 @@ class CoreSolver(RowSolver):
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         p, push = self.problem, self.problem.unit * self.push
-        return np.concatenate([push[p.base], push[p.law]]), push[p.range], p.unit * self.z / p.scale
+        return np.concatenate([push[p.base], push[p.equal]]), push[p.range], p.unit * self.z / p.scale
 
     @property
     def active_count(self) -> int:
@@ -143,7 +143,7 @@ def fits_rows(problem: RowProblem) -> bool:
     It pays with fewer rows than unknowns, and as long as its products stay few. It is right while no row weighs so much
     more than the metric that rounding of K hides the metric.
     """
-    p, rows = problem, problem.n_u + problem.n_soft + problem.n_law
+    p, rows = problem, problem.n_u + problem.n_soft + problem.n_equal
     pays = rows < p.n_y or rows**2 * (rows / 3.0 + p.n_y) < _PAYS
     heavy = float(p.weights.max(initial=0.0)) > _LIGHT * p.unit * float(p.metric.min(initial=np.inf))
     return pays and not heavy

@@ -54,7 +54,7 @@ class DenseSteps:
     def __init__(self, shape: Shape) -> None:
         n, n_eq, n_in = shape
         names = [Row("z")] * (n_in + n + n_eq + n)
-        self._problem = RowProblem(0, n, n_range=n_in + n, n_soft=0, n_law=n_eq, rows=names, regularisation=0.0)
+        self._problem = RowProblem(0, n, n_range=n_in + n, n_soft=0, n_equal=n_eq, rows=names, regularisation=0.0)
         self._core = CoreSolver(self._problem)
         self._identity, self._curved = np.eye(n), n
 

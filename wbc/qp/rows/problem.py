@@ -5,7 +5,7 @@ Unknowns x = [u | y], and a trailing 1 so that every affine map is one row times
     minimise   ½ (y − c)ᵀ D (y − c) + ½ Σ wᵢ (Sᵢ x̂)²        D diagonal, c the centre
     subject to B x̂ = 0          n_u rows, B_u symmetric positive definite: they determine u (the base's dynamics)
                lower ≤ R x̂ ≤ upper
-               L x̂ = 0          laws
+               L x̂ = 0          equalities
                lb ≤ y ≤ ub
 
 All rows live in one C-ordered array G = [B; R; S; L], so that one product G x̂ gives torques, residuals
@@ -24,7 +24,7 @@ from typing import final
 import numpy as np
 
 from wbc.qp.problem import QP, Objective, Row, Shape
-from wbc.qp.rows.wish import Wish
+from wbc.qp.rows.row_task import RowTask
 from wbc.types import Mat, Vec
 
 
@@ -33,11 +33,11 @@ class RowProblem:
     """Memory of one row problem. Sizes are fixed; whoever owns it writes rows, bounds, weights and centre."""
 
     def __init__(
-        self, n_u: int, n_y: int, *, n_range: int, n_soft: int, n_law: int, rows: list[Row], regularisation: float
+        self, n_u: int, n_y: int, *, n_range: int, n_soft: int, n_equal: int, rows: list[Row], regularisation: float
     ) -> None:
         self.n_u, self.n_y, self.n = n_u, n_y, n_u + n_y
-        self.n_range, self.n_soft, self.n_law = n_range, n_soft, n_law
-        self.n_rows = n_u + n_range + n_soft + n_law
+        self.n_range, self.n_soft, self.n_equal = n_range, n_soft, n_equal
+        self.n_rows = n_u + n_range + n_soft + n_equal
         #: Names of [B; R; S; L], then of the variables.
         self.rows = rows
         self.regularisation = regularisation
@@ -47,7 +47,7 @@ class RowProblem:
         self.base = slice(0, n_u)
         self.range = slice(n_u, n_u + n_range)
         self.soft = slice(n_u + n_range, n_u + n_range + n_soft)
-        self.law = slice(n_u + n_range + n_soft, m)
+        self.equal = slice(n_u + n_range + n_soft, m)
 
         # Items: the unknowns, the constant 1, the rows.
         self.first_row = n + 1
@@ -58,7 +58,7 @@ class RowProblem:
         self.bounds = np.full((2, items), -np.inf)
         self.lower, self.upper = self.bounds
         self.upper.fill(np.inf)
-        for fixed in (self.base, self.soft, self.law):
+        for fixed in (self.base, self.soft, self.equal):
             self.lower[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
             self.upper[n + 1 + fixed.start : n + 1 + fixed.stop] = 0.0
         self.x = self.value[:n]
@@ -71,7 +71,7 @@ class RowProblem:
         self.units = np.ones(1)
         self.scale = np.ones(n)
         #: What the soft rows, the metric and the centre are made of, level by level; set by whoever writes them.
-        self.levels: Sequence[Sequence[Wish]] = ()
+        self.levels: Sequence[Sequence[RowTask]] = ()
 
     @property
     def unit(self) -> float:
@@ -112,16 +112,16 @@ class RowProblem:
     @property
     def qp_shape(self) -> Shape:
         """Shape of the standard form: u and y are variables, B and L equalities."""
-        return Shape(self.n, self.n_u + self.n_law, self.n_range)
+        return Shape(self.n, self.n_u + self.n_equal, self.n_range)
 
     def empty_qp(self) -> QP:
         """Memory for :meth:`write_qp`."""
-        order = [*range(self.n_u), *range(self.law.start, self.law.stop), *range(self.range.start, self.range.stop)]
+        order = [*range(self.n_u), *range(self.equal.start, self.equal.stop), *range(self.range.start, self.range.stop)]
         names = [self.rows[i] for i in order] + self.rows[self.n_rows :]
         return QP.empty(self.qp_shape, names)
 
     def write_qp(self, qp: QP) -> None:
-        """Write the standard form, in physical units: forces unscaled, cost not divided. Its tasks are the wishes."""
+        """Write the standard form, in physical units: forces unscaled, cost not divided. Its tasks are the tasks."""
         n, n_u = self.n, self.n_u
         unscale = 1.0 / self.scale
         rows, right = self.G[: self.n_rows, :n] * unscale, self.G[: self.n_rows, n]
@@ -136,9 +136,9 @@ class RowProblem:
         qp.g[n_u:] -= diagonal[n_u:] * self.centre * self.scale[n_u:]
         qp.H[:] = 0.5 * (qp.H + qp.H.T)
         equal = qp.matrix[: qp.n_eq]
-        equal[:n_u], equal[n_u:] = rows[self.base], rows[self.law]
+        equal[:n_u], equal[n_u:] = rows[self.base], rows[self.equal]
         qp.lower[:n_u] = qp.upper[:n_u] = -right[self.base]
-        qp.lower[n_u : qp.n_eq] = qp.upper[n_u : qp.n_eq] = -right[self.law]
+        qp.lower[n_u : qp.n_eq] = qp.upper[n_u : qp.n_eq] = -right[self.equal]
         qp.matrix[qp.n_eq :] = rows[self.range]
         low, high = self.range_bounds()
         np.subtract(low, right[self.range], out=qp.lower[qp.n_eq :])
@@ -148,19 +148,19 @@ class RowProblem:
         qp.name_tasks(self._tasks(rows, right, unscale))
 
     def _tasks(self, rows: Mat, right: Vec, unscale: Vec) -> list[Objective]:
-        """What counts in the cost, in physical units: the wishes, or all soft rows where nobody named them."""
-        wishes = [wish for level in self.levels for wish in level]
-        if not wishes:
-            wishes = [Wish("rows", self.soft, None, self.weights, self.weights, self.weights)] if self.n_soft else []
+        """What counts in the cost, in physical units: the tasks, or all soft rows where nobody named them."""
+        tasks = [task for level in self.levels for task in level]
+        if not tasks:
+            tasks = [RowTask("rows", self.soft, None, self.weights, self.weights, self.weights)] if self.n_soft else []
         found = []
-        for wish in wishes:
-            counts = np.flatnonzero(wish.weights)
-            if wish.rows is not None:
-                own = counts + wish.rows.start
-                found.append(Objective(wish.name, rows[own], -right[own], self.rows[wish.rows.start].unit))
-            elif wish.unknowns is not None:
-                own = counts + wish.unknowns.start
+        for task in tasks:
+            counts = np.flatnonzero(task.weights)
+            if task.rows is not None:
+                own = counts + task.rows.start
+                found.append(Objective(task.name, rows[own], -right[own], self.rows[task.rows.start].unit))
+            elif task.unknowns is not None:
+                own = counts + task.unknowns.start
                 target = self.centre[own - self.n_u] * self.scale[own]
-                unit = self.rows[self.n_rows + wish.unknowns.start].unit
-                found.append(Objective(wish.name, np.eye(self.n)[own], target, unit))
+                unit = self.rows[self.n_rows + task.unknowns.start].unit
+                found.append(Objective(task.name, np.eye(self.n)[own], target, unit))
         return found

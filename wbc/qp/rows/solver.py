@@ -13,7 +13,7 @@ from wbc.qp.answer import Counts
 from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Row
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.wish import Outcome
+from wbc.qp.rows.row_task import Outcome
 from wbc.types import Index, Status, Vec
 
 
@@ -98,7 +98,7 @@ class RowSolver(ABC):
     @property
     @abstractmethod
     def active_count(self) -> int:
-        """How many rows and bounds hold with equality, laws apart."""
+        """How many rows and bounds hold with equality, equalities apart."""
 
     @property
     def answered(self) -> RowProblem:

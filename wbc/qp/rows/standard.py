@@ -60,7 +60,7 @@ class StandardSolver(RowSolver):
         value = p.value[p.first_row : p.first_row + p.n_rows]
         np.dot(p.G[: p.n_rows], p.x1, out=value)
         push[p.range] = solution.z / p.unit
-        push[p.law] = solution.y[p.n_u :] / p.unit
+        push[p.equal] = solution.y[p.n_u :] / p.unit
         np.multiply(p.weights / p.unit, value[p.soft], out=push[p.soft])
         self.certificate = self._judge.certify(push)
         if not self.certificate.ok and p.n_soft and np.isfinite(self.certificate.distance):

@@ -15,7 +15,7 @@ from wbc import checks
 from wbc.control.controller import Controller
 from wbc.errors import UnknownName
 from wbc.plugins import registered
-from wbc.qp.rows import RowProblem, RowSolver, Wish
+from wbc.qp.rows import RowProblem, RowSolver, RowTask
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
 from wbc.report.scaling.axis import Axis, Problem
@@ -39,7 +39,7 @@ class UnknownAxis(UnknownName):
 class InStandardForm(Hierarchy):
     """The weighted QP with its products made, whatever form would be chosen: what the chosen form is measured by."""
 
-    def ranks(self, levels: Sequence[Sequence[Wish]]) -> list[Rank]:
+    def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         return Weighted().ranks(levels)
 
     def open(self, problem: RowProblem, solver: Solver, pulls: Pulls | None = None) -> RowSolver:

@@ -154,7 +154,7 @@ def _residuals(controller: Controller) -> list[float]:
     sizes = []
     for level in p.levels:
         parts = [
-            rows[wish.rows] if wish.rows is not None else p.x[wish.unknowns] - wish.wanted for wish in level
+            rows[task.rows] if task.rows is not None else p.x[task.unknowns] - task.wanted for task in level
         ]  # fmt: skip
         sizes.append(float(np.linalg.norm(np.concatenate(parts))) if parts else 0.0)
     return sizes

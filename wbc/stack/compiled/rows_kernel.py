@@ -136,9 +136,9 @@ def fill_rows(memory: Index, n_items: int, nv: int, q: Vec, second: bool, G: Mat
         item, table = items[k], tables[k]
         where, turn, offset = item[3:], table[12:21], table[21:24]
         if item[0] == JOINTS:
-            wish, row = carray(floats(addresses[k, 4]), nj), item[3]
+            target, row = carray(floats(addresses[k, 4]), nj), item[3]
             for j in range(nj):
-                e[row + j] = wish[j] - q[j]
+                e[row + j] = target[j] - q[j]
             continue
         place = carray(floats(addresses[k, 5]), 3)
         if item[0] == CENTRE:

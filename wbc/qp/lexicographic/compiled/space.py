@@ -29,7 +29,7 @@ _DOUBTFUL = 1e-8
 class Space(NamedTuple):
     """Views of the memory of the levels: n unknowns y, m items with bounds, k rows of a level at most.
 
-    *Items* are those of the core without its laws: the unknowns y, then the range rows.
+    *Items* are those of the core without its equalities: the unknowns y, then the range rows.
     """
 
     V: Mat  # (n, n): columns from ``free`` on are a basis of what is free

@@ -101,7 +101,7 @@ def known_spread(s: Work) -> float:
 
 @part
 def certify(at: int) -> bool:
-    """Whether the answer in ``value`` with the pushes ``push`` of range rows, tasks and laws is certified.
+    """Whether the answer in ``value`` with the pushes ``push`` of range rows, tasks and equalities is certified.
 
     ``push`` gets those of the rows of u, ``z`` the multipliers of the bounds, ``left`` what is left of the gradient and
     ``proof`` primal, dual, gap, the scales of these two, distance and spread.
@@ -109,7 +109,7 @@ def certify(at: int) -> bool:
     s = views(at)
     n_u, n_y, n_range, n_soft = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
     n, first_soft, rows = n_u + n_y, n_u + n_range, len(s.G)
-    items, first_law, unit, regular = n + 1, first_soft + n_soft, s.numbers[0], s.numbers[1] / s.numbers[0]
+    items, first_equal, unit, regular = n + 1, first_soft + n_soft, s.numbers[0], s.numbers[1] / s.numbers[0]
     push, value, z = s.push, s.value, s.z
     primal, gap, largest, cost = 0.0, 0.0, 0.0, 0.0
     for i in range(n_u):
@@ -120,7 +120,7 @@ def certify(at: int) -> bool:
         primal = primal if worst <= primal else worst
         push[i] = 0.0
     for i in range(n_u, rows):
-        if first_soft <= i < first_law:
+        if first_soft <= i < first_equal:
             continue
         over, under = value[items + i] - s.upper[items + i], s.lower[items + i] - value[items + i]
         worst = max(over, under)
@@ -285,7 +285,7 @@ def exchange(at: int) -> None:
 
 @part
 def disproved(at: int) -> bool:
-    """Whether the multipliers in ``push`` (range rows, laws) and bounds of y prove that no point meets them all.
+    """Whether the multipliers in ``push`` (range rows, equalities) and bounds of y prove that no point meets them all.
 
     Farkas: their sum cancels in every unknown, and what the bounds allow of it is less than its constant; what does not
     cancel must be too little for every y within a radius.

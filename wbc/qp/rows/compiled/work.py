@@ -20,7 +20,7 @@ SOLVED, INFEASIBLE, FAILED, INACCURATE = 0, 1, 2, 3
 class Work(NamedTuple):
     """Views of the problem's memory, then of the core's own; k rows of E at most, m items that have bounds.
 
-    *Items* are the unknowns y, then the range rows, then the laws, whose bounds are equal.
+    *Items* are the unknowns y, then the range rows, then the equalities, whose bounds are equal.
     """
 
     G: Mat  # (n_rows, n + 1): [B; R; S; L]
@@ -39,7 +39,7 @@ class Work(NamedTuple):
     left: Vec  # (n_y): what they leave of the gradient
     proof: Vec  # (7): primal, dual, gap, scales of the two, distance, spread
     numbers: Vec  # unit | regularisation | what is near enough | held rows, beside what counts
-    sizes: Index  # n_u, n_y, n_range, n_soft, n_law, form | rows of E, guesses, steps
+    sizes: Index  # n_u, n_y, n_range, n_soft, n_equal, form | rows of E, guesses, steps
     side: Vec  # (m): +1 held at the upper bound, −1 at the lower, 0 free
     best: Vec  # (m): the best guess
     wrong: Vec  # (m): 1 where the working set is wrong

@@ -1,4 +1,4 @@
-"""Wish: what one task asks, told apart from the sum of all costs, for those who rank tasks; and what came of it."""
+"""RowTask: what one task asks, told apart from the sum of all costs, for those who rank tasks; and what came of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wbc.types import Vec
 
 @final
 @dataclass(frozen=True, eq=False)
-class Wish:
+class RowTask:
     """½ Σ wᵢ (Jᵢ x − wantedᵢ)²: soft rows of G, or unknowns that are wanted at a value (J the identity there).
 
     ``rows`` is where it stands in G, or ``unknowns`` which part of x it is about; the other one is None. ``weights``,
@@ -46,11 +46,11 @@ class Outcome(NamedTuple):
     and one weighted sum of all levels was minimised instead.
     """
 
-    wishes: tuple[str, ...]
+    tasks: tuple[str, ...]
     how: str
     residual: float
     certificate: Certificate
 
     def __str__(self) -> str:
         left = "" if self.how == "met" or self.residual != self.residual else f", residual {self.residual:.3g}"
-        return f"{' + '.join(self.wishes) or 'regularisation'}: {self.how}{left}"
+        return f"{' + '.join(self.tasks) or 'regularisation'}: {self.how}{left}"
