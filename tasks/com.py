@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.frame_rows import FrameRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import CENTRE, KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class CenterOfMass(Tracking, Task):
+class CenterOfMass(Tracking, KernelTask):
     """e = c_target − c [m]: three rows, world axes.
 
     ``target``: (3,), or a function of time giving it or (position, velocity, acceleration).
@@ -40,17 +38,8 @@ class CenterOfMass(Tracking, Task):
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.target = target
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target = self.reference(state.t)
-        out.J[:] = state.com_jacobian
-        np.subtract(target.value, state.com, out.e)
-        if state.drifts:
-            out.drift[:] = state.com_drift
-        if target.has_rates:
-            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def compiled_rows(self) -> FrameRows:
-        return FrameRows("", rows=(0, 1, 2))
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "frame.position", CENTRE, numbers=range(3))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -11,12 +11,14 @@ import pinocchio
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.contact import Anchor
+from wbc.stack.kernel_members import KernelContact
+from wbc.stack.kernel_rows import KernelRows
 from wbc.types import Mat, Vec
 
 
 @final
-class Edge(Contact):
+class Edge(KernelContact):
     """Five rows and a wrench f = (fx, fy, fz, my, mz) [N, N m] about the middle of a straight edge: it turns about
     itself freely, so it gives no moment mx. Axes stay as they were when the contact was made: x along the edge, z the
     ``normal`` of the surface (world, away from the ground), as nearly as it is square to the edge.
@@ -57,7 +59,6 @@ class Edge(Contact):
         self.origin = checks.array(f"{self.name}.origin", origin, (3,))
         self.direction, self.normal = self._unit("direction", direction), self._unit("normal", normal)
         self._origin = pinocchio.SE3(np.eye(3), self.origin)
-        self._twist = self._origin.actionInverse
 
     def _unit(self, what: str, value: Any) -> Vec:
         vector = checks.array(f"{self.name}.{what}", value, (3,))
@@ -80,17 +81,8 @@ class Edge(Contact):
         y /= np.linalg.norm(y)
         return Anchor(np.column_stack([x, y, np.cross(x, y)]), pose.translation)
 
-    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
-        frame, to_surface = state.frame(self.frame), anchor.rotation.T
-        turn = np.dot(to_surface, frame.rotation)
-        J = np.dot(self._twist, frame.jacobian_local())
-        out.J[:3], out.J[3:] = np.dot(turn, J[:3]), np.dot(turn[1:], J[3:])
-        twist, drift = np.dot(J, state.v), np.dot(self._twist, frame.drift_local())
-        drift[:3] += np.cross(twist[3:], twist[:3])  # from the frame's axes, which turn, to those of the surface
-        out.drift[:3], out.drift[3:] = np.dot(turn, drift[:3]), np.dot(turn[1:], drift[3:])
-        out.e[:3] = np.dot(to_surface, anchor.position - frame.placement.act(self.origin))
-        _, y, z = np.dot(turn, self.direction)
-        out.e[3:] = z, -y  # d × x in the axes of the surface is (0, z, −y)
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("frame.edge", (self.frame,), [*self.origin, *self.direction])
 
     def cone(self) -> Mat:
         mu, L = self.mu, self.half_length

@@ -6,17 +6,17 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.frame_rows import FrameRows
-from wbc.stack.task import Task, TaskRows
-from wbc.stack.tracking import Tracking, pose_target, rotation_error
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
+from wbc.stack.tracking import Tracking, pose_target
 
 from .motions import pose_motion, swing
 from .trajectories import Sinusoid
 
 
 @final
-class Frame(Tracking, Task):
+class Frame(Tracking, KernelTask):
     """e = (p_target − p, log(R_target Rᵀ)): six rows, position [m] then orientation [rad], world axes.
 
     ``target``: pinocchio.SE3 or 4x4 matrix; its rate and acceleration (6,) are linear before angular, world axes.
@@ -48,19 +48,8 @@ class Frame(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
-        rotation, position = target.value
-        np.subtract(position, frame.position, out.linear)
-        out.angular[:] = rotation_error(rotation, frame.rotation)
-        out.J[:] = frame.jacobian()
-        if state.drifts:
-            out.drift[:] = frame.drift()
-        if target.has_rates:
-            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def compiled_rows(self) -> FrameRows:
-        return FrameRows(self.frame)
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "frame.pose", self.frame)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -9,8 +9,9 @@ import numpy as np
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.contact import Anchor, Contact, ContactRows
-from wbc.stack.tracking import rotation_error
+from wbc.stack.contact import Anchor
+from wbc.stack.kernel_members import KernelContact
+from wbc.stack.kernel_rows import KernelRows
 from wbc.types import Mat
 
 from .criteria.manipulability import ROWS
@@ -18,7 +19,7 @@ from .relative import check_frames, relative_motion
 
 
 @final
-class LoopClosure(Contact):
+class LoopClosure(KernelContact):
     """A joint that the tree of the robot has not: ``frame`` keeps its place in ``to``, held by a force between the two.
 
     Rows of the pose (p, R) of ``frame`` in the axes of ``to``: J a + J̇ v = kp e − kd J v (Baumgarte's term: what has
@@ -52,7 +53,6 @@ class LoopClosure(Contact):
         rows = checks.names("LoopClosure.rows", rows, ROWS)
         self.carrier = to
         self._axes = tuple(ROWS.index(row) for row in rows)
-        self._index = list(self._axes)
         self.dim = len(self._axes)
         if checks.ndim(target) == 1 and len(target) == 3 and max(self._axes) < 3:
             target = Anchor(np.eye(3), target)
@@ -71,10 +71,8 @@ class LoopClosure(Contact):
         motion = relative_motion(state, self.frame, str(self.carrier))
         return Anchor(motion.rotation, motion.position)
 
-    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
-        motion, index = relative_motion(state, self.frame, str(self.carrier)), self._index
-        opened = np.concatenate([anchor.position - motion.position, rotation_error(anchor.rotation, motion.rotation)])
-        out.e[:], out.J[:], out.drift[:] = opened[index], motion.J[index], motion.drift[index]
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("relative.closure", (self.frame, str(self.carrier)), self._axes)
 
     def cone(self) -> Mat:
         return np.zeros((0, self.dim))

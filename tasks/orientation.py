@@ -6,16 +6,16 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.frame_rows import FrameRows
-from wbc.stack.task import Task, TaskRows
-from wbc.stack.tracking import Tracking, rotation_error, rotation_target
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
+from wbc.stack.tracking import Tracking, rotation_target
 
 from .motions import swing
 
 
 @final
-class Orientation(Tracking, Task):
+class Orientation(Tracking, KernelTask):
     """e = log(R_target Rᵀ) [rad]: three rows, world axes.
 
     ``target``: rotation (3, 3), by default the identity (the frame's axes along the world's: upright), or a function
@@ -43,16 +43,8 @@ class Orientation(Tracking, Task):
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target = state.frame(self.frame), self.reference(state.t)
-        out.J[:] = frame.jacobian()[3:]
-        out.e[:] = rotation_error(target.value, frame.rotation)
-        out.drift[:] = frame.angular_drift()
-        if target.has_rates:
-            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def compiled_rows(self) -> FrameRows:
-        return FrameRows(self.frame, rows=(3, 4, 5))
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "frame.orientation", self.frame)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -8,14 +8,15 @@ import numpy as np
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.contact import Anchor, Contact, ContactRows
-from wbc.stack.frame_rows import FrameRows
+from wbc.stack.contact import Anchor
+from wbc.stack.kernel_members import KernelContact
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.tracking import rotation_target
 from wbc.types import Mat
 
 
 @final
-class Point(Contact):
+class Point(KernelContact):
     """Three rows and a force f = (fx, fy, fz) [N] in the axes of a surface that stays where it is, z its normal.
 
     J v is the velocity of the material point p − radius·n, where p is the frame's origin and n the normal:
@@ -50,38 +51,19 @@ class Point(Contact):
         self.radius = checks.number(f"{self.name}.radius", radius, low=0.0)
         self.axes = np.eye(3) if axes is None else rotation_target(f"{self.name}.axes", axes, True)
         self._offset = -self.radius * self.axes[:, 2]
-        x, y, z = self._offset
-        arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        self._rows = np.hstack([self.axes.T, -self.axes.T @ arm])
-        self._held = self.axes.T * [[0.0], [0.0], [1.0]] if self.radius > 0.0 else self.axes.T
-        self._plain = axes is None and self.radius == 0.0
 
     def anchor(self, state: RobotState) -> Anchor:
         return Anchor(self.axes, state.frame(self.frame).position + self._offset)
 
-    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
-        frame = state.frame(self.frame)
-        if self._plain:
-            out.J[:] = frame.jacobian()[:3]
-            out.drift[:] = frame.linear_drift()
-            np.subtract(anchor.position, frame.position, out.e)
-            return
-        out.J[:] = np.dot(self._rows, frame.jacobian())
-        out.drift[:] = np.dot(self._rows, frame.drift())
-        out.e[:] = np.dot(self._held, anchor.position - frame.position)
-        out.e[2] += self.radius
+    def kernel_rows(self) -> KernelRows:
+        held = [self.radius == 0.0, self.radius == 0.0, True]
+        return KernelRows("frame.point", (self.frame,), [*self.axes.T.ravel(), *self._offset, *held])
 
     def cone(self) -> Mat:
         return self.pyramid.rows
 
     def cone_labels(self) -> list[tuple[str, str]]:
         return [(f"{force} <= mu fz", "N") for force in self.pyramid.names]
-
-    def compiled_rows(self) -> FrameRows:
-        return FrameRows(
-            self.frame, rows=(0, 1, 2), offset=self._offset, turn=None if self._plain else self.axes.T,
-            held=(self.radius == 0.0, self.radius == 0.0, True),
-        )  # fmt: skip
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

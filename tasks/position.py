@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from typing import Any, Self, final
 
-import numpy as np
-
 from wbc import checks
 from wbc.models import plausible
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.frame_rows import FrameRows
+from wbc.models.model import RobotModel
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
-from wbc.stack.task import Task, TaskRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
-#: Rows of a frame's Jacobian by axes; slices, so that views of the state are taken and not copies.
-_ROWS = {
-    "xyz": slice(0, 3), "xy": slice(0, 2), "yz": slice(1, 3), "xz": slice(0, 3, 2),
-    "x": slice(0, 1), "y": slice(1, 2), "z": slice(2, 3),
-}  # fmt: skip
+_AXES = ("xyz", "xy", "yz", "xz", "x", "y", "z")
 
 
 @final
-class Position(Tracking, Task):
+class Position(Tracking, KernelTask):
     """e = p_target − p [m]: one row for each of ``axes``, by default all three, world axes.
 
     ``target``: as many numbers as there are axes, or a function of time giving them or (position, velocity,
@@ -47,8 +41,8 @@ class Position(Tracking, Task):
         weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
-        checks.one_of(f"{self.name}.axes", axes, _ROWS)
-        self._rows_of_frame, self.dim, self.labels = _ROWS[axes], len(axes), axes
+        checks.one_of(f"{self.name}.axes", axes, _AXES)
+        self.dim, self.labels = len(axes), axes
         self.convert = vector_target(self.dim)
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.target = target
@@ -57,16 +51,9 @@ class Position(Tracking, Task):
         model.check_frame(self.frame)
         plausible.position(model, f"{self.name}.target", self.reference(0.0).value)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        frame, target, rows = state.frame(self.frame), self.reference(state.t), self._rows_of_frame
-        out.J[:] = frame.jacobian()[rows]
-        np.subtract(target.value, frame.position[rows], out.e)
-        out.drift[:] = frame.drift()[rows]
-        if target.has_rates:
-            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def compiled_rows(self) -> FrameRows:
-        return FrameRows(self.frame, rows=tuple("xyz".index(axis) for axis in self.labels))
+    def kernel_rows(self) -> KernelRows:
+        axes = ["xyz".index(axis) for axis in self.labels]
+        return KernelRows.tracking(self, "frame.position", self.frame, numbers=axes)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Self, final
 
-import numpy as np
-
 from wbc.models import plausible
-from wbc.models.model import RobotModel, RobotState
-from wbc.stack.frame_rows import JointRows
+from wbc.models.model import RobotModel
 from wbc.stack.joint_task import JointTask
-from wbc.stack.task import TaskRows
+from wbc.stack.kernel_members import KernelTask
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
 
 @final
-class Posture(Tracking, JointTask):
+class Posture(Tracking, JointTask, KernelTask):
     """e = q_target − q: one row a joint [rad, m].
 
     ``target``: joint positions (nj,), or of the joints named alone, or a configuration (nq,) whose base is not read, or
@@ -51,14 +49,8 @@ class Posture(Tracking, JointTask):
         self.target = self.target
         plausible.joints(model, f"{self.name}.target", self.reference(0.0).value)
 
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        target = self.reference(state.t)
-        np.subtract(target.value, state.q_joints, out.e)
-        if target.has_rates:
-            out.rate_ref[:], out.acc_ref[:] = target.rate, target.second
-
-    def compiled_rows(self) -> JointRows:
-        return JointRows()
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows.tracking(self, "joint.position")
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -11,24 +11,19 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.types import Mat, Vec
 
-_NO_DRIFT = np.full(6, np.nan)
-
 
 class RelativeMotion(NamedTuple):
     """A frame in the axes and from the origin of another: position (3,), rotation (3, 3), Jacobian (6, nv), linear
-    rows first, and drift J̇ v (6,), NaN in a state without drifts."""
+    rows first."""
 
     position: Vec
     rotation: Mat
     J: Mat
-    drift: Vec
 
 
 def relative_motion(state: RobotState, frame: str, reference: str) -> RelativeMotion:
     """``frame`` seen from ``reference``. With d = p − p_ref, ω_ref the reference's angular velocity and R its axes:
-
-    ẋ = Rᵀ (ḋ − ω_ref × d)                                       ω_rel = Rᵀ (ω − ω_ref)
-    ẍ = Rᵀ (d̈ − ω̇_ref × d − 2 ω_ref × ḋ + ω_ref × (ω_ref × d))    ω̇_rel = Rᵀ (ω̇ − ω̇_ref − ω_ref × ω)
+    ẋ = Rᵀ (ḋ − ω_ref × d), ω_rel = Rᵀ (ω − ω_ref).
 
     Example:
         >>> import wbc
@@ -38,31 +33,11 @@ def relative_motion(state: RobotState, frame: str, reference: str) -> RelativeMo
         array([0.  , 0.18, 0.  ])
     """
     moving, fixed = state.frame(frame), state.frame(reference)
-    J, J_ref = moving.jacobian(), fixed.jacobian()
-    to_reference = fixed.rotation.T
+    rows, J_ref, to_reference = moving.jacobian() - fixed.jacobian(), fixed.jacobian(), fixed.rotation.T
     d = moving.position - fixed.position
-    arm = pinocchio.skew(d)
-    rows = J - J_ref
-    rows[:3] += np.dot(arm, J_ref[3:])
-    return RelativeMotion(
-        np.dot(to_reference, d),
-        np.dot(to_reference, moving.rotation),
-        np.concatenate([np.dot(to_reference, rows[:3]), np.dot(to_reference, rows[3:])]),
-        _drift(state, frame, reference, d) if state.drifts else _NO_DRIFT,
-    )
-
-
-def _drift(state: RobotState, frame: str, reference: str, d: Vec) -> Vec:
-    moving, fixed = state.frame(frame), state.frame(reference)
-    twist, twist_ref = np.dot(moving.jacobian(), state.v), np.dot(fixed.jacobian(), state.v)
-    drift_ref = fixed.drift()
-    change = moving.drift() - drift_ref
-    spin = pinocchio.skew(twist_ref[3:])
-    change[:3] -= np.dot(pinocchio.skew(drift_ref[3:]), d)
-    change[:3] -= np.dot(spin, 2.0 * (twist[:3] - twist_ref[:3]) - np.dot(spin, d))
-    change[3:] -= np.dot(spin, twist[3:])
-    seen: Vec = np.dot(change.reshape(2, 3), fixed.rotation).reshape(6)  # Rᵀ x as rows: xᵀ R
-    return seen
+    rows[:3] += np.dot(pinocchio.skew(d), J_ref[3:])
+    J = np.concatenate([np.dot(to_reference, rows[:3]), np.dot(to_reference, rows[3:])])
+    return RelativeMotion(np.dot(to_reference, d), np.dot(to_reference, moving.rotation), J)
 
 
 def check_frames(model: RobotModel, name: str, frame: str, reference: str) -> None:

@@ -12,13 +12,14 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.friction import wrench_facets
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.contact import Anchor, Contact, ContactRows
-from wbc.stack.frame_rows import FrameRows
+from wbc.stack.contact import Anchor
+from wbc.stack.kernel_members import KernelContact
+from wbc.stack.kernel_rows import KernelRows
 from wbc.types import Mat
 
 
 @final
-class Sole(Contact):
+class Sole(KernelContact):
     """Six rows and a wrench f = (fx, fy, fz, mx, my, mz) [N, N m] about the rectangle's centre, in the frame's axes.
 
     ``half_size`` = (X, Y) [m] along the frame's x and y; its z is the normal, away from the ground. ``origin`` (3,) is
@@ -56,24 +57,13 @@ class Sole(Contact):
             raise InvalidInput(f"{self.name}.half_size is {tuple(self.half_size.tolist())}; both must be > 0 [m]")
         self.origin = checks.array(f"{self.name}.origin", origin, (3,))
         self._origin = pinocchio.SE3(np.eye(3), self.origin)
-        self._twist = self._origin.actionInverse
-        self._moved = bool(self.origin.any())
 
     def anchor(self, state: RobotState) -> Anchor:
         pose = state.frame(self.frame).placement * self._origin
         return Anchor(pose.rotation, pose.translation)
 
-    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
-        frame = state.frame(self.frame)
-        ahead = frame.placement.actInv(anchor.pose)
-        if self._moved:
-            out.J[:] = np.dot(self._twist, frame.jacobian_local())
-            out.drift[:] = np.dot(self._twist, frame.drift_local())
-            ahead = self._origin.actInv(ahead)
-        else:
-            out.J[:] = frame.jacobian_local()
-            out.drift[:] = frame.drift_local()
-        out.e[:] = pinocchio.log6(ahead).vector
+    def kernel_rows(self) -> KernelRows:
+        return KernelRows("frame.sole", (self.frame,), self.origin)
 
     @cached_property
     def _facets(self) -> Mat:
@@ -105,9 +95,6 @@ class Sole(Contact):
 
     def motion_units(self) -> tuple[str, ...]:
         return ("m", "m", "m", "rad", "rad", "rad")
-
-    def compiled_rows(self) -> FrameRows:
-        return FrameRows(self.frame, axes="local", offset=self.origin)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

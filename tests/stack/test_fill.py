@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-import wbc.stack.compiled.fill as fill_module
 from tasks import (
     CenterOfMass,
     ContactForce,
@@ -108,32 +107,6 @@ def filled(robot, stack, level, moment, state=None):
     plan.start(state)
     plan.fill(state)
     return plan
-
-
-@pytest.mark.parametrize(("robot", "stack", "level"), CASES, ids=NAMES)
-def test_compiled_rows_are_what_the_members_themselves_write(robot, stack, level, monkeypatch):
-    """The oracle is each member's ``fill``, which is what a reader of a task reads, called for every member."""
-    plan, state = level.compile(robot, stack(), dt=1e-3), robot.state()
-    for moment in moments(robot):
-        state.update(*moment)
-        if moment[0] == 0.0:
-            plan.start(state)
-        plan.fill(state)
-        assert plan._filler._followers, "members of these stacks have compiled rows"
-        p = plan.problem
-        rows, bounds, centre = p.G[: p.n_rows].copy(), p.bounds.copy(), p.centre.copy()
-        p.G[plan.layout.motion_row : p.n_rows, : robot.nv] = 7.0
-        with monkeypatch.context() as patch:
-            patch.setattr(fill_module, "_rows_of", lambda member: None)
-            for array in (plan.motion.J, plan.motion.e):
-                array[:] = 7.0
-            plan.bind(state)
-            plan.fill(state)
-        size = 1.0 + np.abs(p.G[: p.n_rows]).max()
-        np.testing.assert_allclose(rows, p.G[: p.n_rows], rtol=0, atol=1e-9 * size)
-        np.testing.assert_allclose(bounds, p.bounds, rtol=1e-12, atol=1e-9)
-        np.testing.assert_allclose(centre, p.centre, rtol=0, atol=1e-9 * (1.0 + np.abs(p.centre).max()))
-        plan.bind(state)
 
 
 @pytest.mark.parametrize(("robot", "stack", "level"), CASES, ids=NAMES)
@@ -273,7 +246,7 @@ def assert_evaluated_as_called(motion, make, times):
 
     stacks = [Stack([make(target)]) for target in (motion, other)]
     state, plans = ARM.state(), [AccelerationLevel().compile(ARM, stack, dt=1e-3) for stack in stacks]
-    assert not plans[0]._filler._moving, "the motion is evaluated by compiled code"
+    assert not plans[0]._filler._tasks._moving, "the motion is evaluated by compiled code"
     for t in times:
         state.update(t, ARM.q0, np.ones(ARM.nv))
         for plan in plans:

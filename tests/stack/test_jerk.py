@@ -137,7 +137,7 @@ def test_all_limits_in_one_object_are_the_single_ones(robot):
 
 
 def approach(room: float, u: float, B: float, v_max: float, j: float, dt: float) -> float:
-    """The acceleration towards a limit as the docstring of JerkLimits has it, for one joint and in scalars."""
+    """The acceleration towards a limit as the docstring of the kernel has it, for one joint and in scalars."""
     T = dt + B / j
     w = -B * T + np.sqrt((B * T) ** 2 + 2.0 * B * room)
     slope = 0.0 if w >= v_max else -u * B / (w + B * T)  # the bound falls while the limit comes nearer

@@ -12,7 +12,19 @@ import pytest
 import tasks
 import wbc
 import wbc.stack.compiled.fill as fill_module
-from tasks import Point, Posture, Sole
+from tasks import (
+    Admittance,
+    CapturePoint,
+    FrameVelocityLimits,
+    FrozenJoints,
+    GravityCompensation,
+    HalfSpaceLimit,
+    JointImpedance,
+    Point,
+    Posture,
+    Sole,
+    Yaw,
+)
 from wbc import AccelerationLevel, InverseDynamics, Stack, VelocityLevel
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
@@ -23,6 +35,7 @@ from wbc.stack.task import LinearTask, Objective
 from wbc.testing import moments
 
 ROBOTS = {name: wbc.load(name) for name in ("arm", "humanoid", "quadruped")}
+UP = (0.0, 0.0, 1.0)
 LEVELS = [VelocityLevel(), AccelerationLevel(), InverseDynamics()]
 MEMBERS = [
     value
@@ -38,10 +51,9 @@ CALLED = {
     "CollisionAvoidance": "distances come from a compiled search with memory of its own",
     "InternalForce": "contacts say where they are",
     "Torque": "weighed by the inertia: a factor of the whole matrix, by LAPACK",
-    "JointJerkLimits": "they remember what the last tick did",
-    "JointLimits": "with limits on jerk, and torques that fall with speed",
+    "JointLimits": "with torques that fall with speed",
     "TorqueSpeedLimits": "users write constraints of this kind",
-    "Edge": "not yet", "LoopClosure": "not yet", "Impedance": "a factor of the whole inertia matrix, by LAPACK",
+    "Impedance": "a factor of the whole inertia matrix, by LAPACK",
 }  # fmt: skip
 
 
@@ -91,25 +103,29 @@ def test_a_tick_writes_what_members_write_when_they_are_called(member: Any, robo
     The plan that is called is another one: nothing that compiled code wrote is left in its memory.
     """
     for plan, other in zip(plans(member, robot), plans(member, robot), strict=True):
-        second = plan.level.order == 2
-        state, same = robot.state(drifts=second), robot.state(drifts=second)
-        for k, moment in enumerate(moments(robot)):
-            for one in (state, same):
-                one.update(*moment)
-            if k == 0:
-                plan.start(state)
-                other.start(same)
-            plan.fill(state)
-            with monkeypatch.context() as patch:
-                patch.setattr(fill_module, "_rows_of", lambda member: None)
-                for module in (fill_module, writers):
-                    patch.setattr(module, "kernel_rows_of", lambda member: None)
-                other.bind(same)
-                other.fill(same)
-            found, expected = rows_of(plan), rows_of(other)
-            for what, values in expected.items():
-                tolerance = 1e-9 * (1.0 + np.abs(values).max(initial=0.0))
-                np.testing.assert_allclose(found[what], values, rtol=0, atol=tolerance, err_msg=f"{what} of {plan}")
+        assert_same(plan, other, robot, monkeypatch)
+
+
+def assert_same(plan: Any, other: Any, robot: RobotModel, monkeypatch: Any) -> None:
+    """The rows of a plan that is compiled, and of one whose members are called."""
+    second = plan.level.order == 2
+    state, same = robot.state(drifts=second), robot.state(drifts=second)
+    for k, moment in enumerate(moments(robot)):
+        for one in (state, same):
+            one.update(*moment)
+        if k == 0:
+            plan.start(state)
+            other.start(same)
+        plan.fill(state)
+        with monkeypatch.context() as patch:
+            for module in (fill_module, writers):
+                patch.setattr(module, "kernel_rows_of", lambda member: None)
+            other.bind(same)
+            other.fill(same)
+        found, expected = rows_of(plan), rows_of(other)
+        for what, values in expected.items():
+            tolerance = 1e-9 * (1.0 + np.abs(values).max(initial=0.0))
+            np.testing.assert_allclose(found[what], values, rtol=0, atol=tolerance, err_msg=f"{what} of {plan}")
 
 
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
@@ -120,6 +136,46 @@ def test_a_stack_of_library_members_calls_no_python_between_pinocchio_and_the_co
         assert called, f"{member.__name__} has compiled rows: it need not be listed"
     else:
         assert not called
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda robot: Stack([Posture(robot.q0)], subject_to=[Yaw("head", target=0.1).exactly()]),
+        lambda robot: Stack([Posture(robot.q0)], subject_to=[CapturePoint(target=[0.0, 0.0], height=0.8).exactly()]),
+        lambda robot: Stack([Posture(robot.q0)], subject_to=[HalfSpaceLimit("head", normal=UP, offset=0, slack=None)]),
+        lambda robot: Stack([Posture(robot.q0), FrameVelocityLimits("head", linear=0.1, slack=None).softly()]),
+        lambda robot: Stack([Posture(robot.q0)], contacts=[FrozenJoints([robot.joint_names[0]]).with_reaction()]),
+        lambda robot: Stack([Posture(robot.q0)], contacts=[Yaw("head", target=0.1).with_reaction()]),
+    ],
+    ids=["equality", "linear equality", "hard limit", "soft limit", "brake", "reaction"],
+)  # fmt: skip
+def test_what_is_made_of_a_task_is_compiled_as_the_task_is(make: Any, monkeypatch: Any):
+    robot = ROBOTS["humanoid"]
+    for level in LEVELS[1:]:
+        plan, other = (level.compile(robot, make(robot), dt=1e-3) for _ in range(2))
+        assert plan.is_compiled
+        assert_same(plan, other, robot, monkeypatch)
+
+
+def test_settings_that_are_assigned_between_ticks_are_read_again():
+    robot = ROBOTS["humanoid"]
+    limit, push = HalfSpaceLimit("head", normal=UP, offset=0.1), GravityCompensation()
+    guided = Admittance("head", target=np.eye(4), inertia=2.0, damping=20.0, stiffness=0.0)
+    spring = JointImpedance(robot.q0, stiffness=20.0, damping=2.0)
+    plan = InverseDynamics().compile(robot, Stack([guided, spring, push], subject_to=[limit]), dt=1e-3)
+    state = robot.state()
+    plan.fill(state)
+    before = rows_of(plan)
+    guided.wrench, limit.offset, limit.rate, spring.stiffness = [5.0, 0.0, 0.0], 0.2, 20.0, 40.0
+    spring.target = 0.9 * robot.q0
+    plan.fill(state)
+    after = rows_of(plan)
+    expected = InverseDynamics().compile(robot, Stack([guided, spring, push], subject_to=[limit]), dt=1e-3)
+    expected.fill(state)
+    for what, values in rows_of(expected).items():
+        np.testing.assert_array_equal(after[what], values, err_msg=what)
+    assert np.abs(after["rows"] - before["rows"]).max() > 1.0
 
 
 def along(plan: Any, state: Any, moment: Any, read: Any, step: float = 1e-6) -> np.ndarray:

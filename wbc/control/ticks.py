@@ -11,9 +11,8 @@ from wbc.control.distance import distances, units
 from wbc.control.explain import reproducer
 from wbc.qp.problem import QP
 from wbc.stack.contact import Contact
-from wbc.stack.frame_rows import FrameRows
+from wbc.stack.kernel_rows import CENTRE, kernel_rows_of
 from wbc.stack.objective import Objective
-from wbc.stack.task import Task
 from wbc.types import Status, Vec
 
 if TYPE_CHECKING:
@@ -107,9 +106,10 @@ def about(controller: Controller) -> dict[str, Any]:
 def _task(task: Objective) -> dict[str, Any]:
     rows = range(task.dim)
     found: dict[str, Any] = {"units": [task.unit(k) for k in rows], "labels": [task.label(k) for k in rows]}
-    compiled = task.compiled_rows() if isinstance(task, Task) else None
-    if isinstance(compiled, FrameRows) and compiled.axes == "world" and compiled.turn is None:
-        found["point"] = compiled.frame  # whose place its rows in metres are about; "": the centre of mass
+    said = kernel_rows_of(task)
+    if said is not None and said().kernel.startswith("frame."):
+        (thing,) = said().of
+        found["point"] = "" if thing == CENTRE else thing  # whose place its rows in metres are about
     return found
 
 

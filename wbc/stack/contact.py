@@ -14,7 +14,6 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.friction import Pyramid
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.frame_rows import FrameRows
 from wbc.stack.member import Member
 from wbc.stack.task_rows import TaskRows
 from wbc.stack.tracking import pose_target
@@ -193,10 +192,6 @@ class Contact(Member):
     @abstractmethod
     def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
         """Write J, drift and e for this state. Pure."""
-
-    def compiled_rows(self) -> FrameRows | None:
-        """What compiled code may write in the place of ``fill``; None: it calls ``fill``."""
-        return None
 
     @abstractmethod
     def cone(self) -> Mat:

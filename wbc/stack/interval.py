@@ -13,7 +13,6 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.compiled.interval_kernel import bound_joints
 from wbc.stack.constraint import JointInterval
-from wbc.stack.jerk import JerkLimits
 from wbc.types import Vec
 
 #: Deceleration counted on where no acceleration limit says otherwise [rad/s², m/s²]: a joint at 2 rad/s stops within
@@ -25,8 +24,8 @@ RETURN_SPEED = 1.0
 _ROUNDING = 1e-9
 _QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 # What the compiled formulas are made of, and what they leave, in the order in which they take it.
-_CONSTANTS = ("position", "velocity", "acceleration", "−B", "2 B", "B dt", "(B dt)²", "return speed", "a dt")
-_WORK = ("room", "reach", "wanted", "free", "bound")
+_CONSTANTS = ("position", "velocity", "acceleration", "−B", "2 B", "B dt", "(B dt)²", "return speed", "a dt", "jerk")
+_WORK = ("room", "reach", "wanted", "free", "bound", "narrowed")
 
 
 @final
@@ -51,7 +50,8 @@ class JointIntervals:
     ``recovering`` is then true, and ``recovery`` says which joint is outside by how much.
 
     With jerk limits the interval of accelerations is narrowed to what keeps them too, from the acceleration
-    commanded last, which is ``remember``-ed; see :class:`~wbc.stack.jerk.JerkLimits`.
+    commanded last, which is ``remember``-ed; see :mod:`wbc.stack.compiled.interval_kernel`. From rest an acceleration
+    never has to jump; where the last one, or a state from outside, leaves no other way, the limit on jerk is relaxed.
 
     With velocity limits alone the acceleration bounds are (±v_max − v) / dt as long as |v| <= v_max.
 
@@ -87,14 +87,14 @@ class JointIntervals:
         self._constants = {name: np.zeros(2 * shape[1]) for name in _CONSTANTS}
         self._work = {name: np.zeros(2 * shape[1]) for name in _WORK}
         self._v, self._minus_B = self._constants["velocity"], self._constants["−B"]
-        self._room, _, self._wanted, self._free, self._bound = self._work.values()
+        _, _, self._wanted, self._free, self._bound, self._narrowed = self._work.values()
         nj = shape[1]
-        # Whether only velocities are limited, whether accelerations are, whether a joint is outside.
-        self._flags = np.zeros(3, dtype=np.int64)
+        # Whether only velocities are limited, whether accelerations are, whether a joint is outside, whether jerks are
+        # limited; and the acceleration commanded last.
+        self._flags, self._last = np.zeros(4, dtype=np.int64), np.zeros(nj)
         self._order = np.array([nj, 0], dtype=np.int64)
         self._now = [np.zeros(nj) for _ in range(4)]
         self._memory = Memory(self._order, np.array([self.dt]), *self._now, *self.memory())
-        self._jerk: JerkLimits | None = None
         self._is_sealed = False
         self._derive()
 
@@ -105,7 +105,7 @@ class JointIntervals:
 
     def memory(self) -> tuple[Any, ...]:
         """Flags, constants and work of the formulas, for compiled code."""
-        return (self._flags, *self._constants.values(), *self._work.values())
+        return (self._flags, *self._constants.values(), *self._work.values(), self._last)
 
     @classmethod
     def compose(cls, constraints: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
@@ -164,18 +164,17 @@ class JointIntervals:
         """Back to the bounds of the constraints; the last acceleration is zero again."""
         for quantity, limit in self._composed.items():
             self._limits[quantity][:] = limit
-        self._jerk = None
+        self._last[:] = 0.0
         self._derive()
 
     @property
     def remembers(self) -> bool:
         """Whether bounds depend on the acceleration commanded last."""
-        return self._jerk is not None
+        return self._flags.item(3) > 0
 
     def remember(self, acceleration: Vec) -> None:
         """The joint accelerations (nj,) that were commanded for the tick that ends now."""
-        if self._jerk is not None:
-            self._jerk.last[:] = acceleration
+        self._last[:] = acceleration
 
     def recovery(self, q: Vec) -> str:
         """Which joint is furthest outside its position limits, and by how much; or nothing."""
@@ -199,7 +198,7 @@ class JointIntervals:
         if self._only_velocity:
             return self._owners["velocity"]
         at = joint if upper else joint + len(self.joint_names)
-        if self._narrowed.reshape(-1)[at]:
+        if self._narrowed[at]:
             return self._owners["jerk"]
         if self._has_acceleration and self._bound[at] < self._free[at]:
             return self._owners["acceleration"]
@@ -236,20 +235,17 @@ class JointIntervals:
         unlimited = ~np.isfinite(opposite)
         self._has_acceleration = not unlimited.all()
         self._only_velocity = not (self._has_acceleration or np.isfinite(q).any() or np.isfinite(jerk).any())
-        self._flags[:2] = self._only_velocity, self._has_acceleration
+        self._flags[[0, 1, 3]] = self._only_velocity, self._has_acceleration, np.isfinite(jerk).any()
         B = np.where(unlimited, BRAKING, opposite) if self._braking is None else opposite
         B = np.minimum(B, np.inf if self._braking is None else self._braking)
         # No limit to brake for times no brakes is still no bound: inf · tiny = inf, where inf · 0 is NaN.
         two_B, return_speed = np.maximum(2.0 * B, np.finfo(float).tiny), np.where(np.isfinite(v), v, RETURN_SPEED)
-        constants = (q, v, a, -B, two_B, B * dt, (B * dt) ** 2, return_speed, a * dt)
+        constants = (q, v, a, -B, two_B, B * dt, (B * dt) ** 2, return_speed, a * dt, jerk)
         for constant, values in zip(self._constants.values(), constants, strict=True):
             constant[:] = values.reshape(-1)
-        self._narrowed = np.zeros(B.shape, dtype=bool)
-        if not np.isfinite(jerk).any():
-            self._jerk = None
-        else:
-            self._jerk = self._jerk or JerkLimits(len(self.joint_names))
-            self._jerk.derive(jerk, B, v, a, dt)
+        self._narrowed[:] = 0.0
+        if not self.remembers:
+            self._last[:] = 0.0
 
     def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
         """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
@@ -263,14 +259,3 @@ class JointIntervals:
         self._order[1], self._now[0][:], self._now[1][:] = order, q, v
         bound_joints(self._memory.address)
         lower[:], upper[:] = self._now[2], self._now[3]
-        self.narrow_by_jerk(order, v, lower, upper)
-
-    def narrow_by_jerk(self, order: int, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Narrow bounds that were just written to what jerk limits allow; at order 1 by way of accelerations."""
-        if self._jerk is None:
-            return
-        bounds, towards = np.stack([upper, lower]), np.stack([v, -v])
-        narrowed = bounds.copy() if order == 2 else (bounds - v) / self.dt
-        self._jerk.narrow(self._room.reshape(2, -1), towards, narrowed[1], narrowed[0])
-        upper[:], lower[:] = narrowed if order == 2 else narrowed * self.dt + v
-        self._narrowed[0], self._narrowed[1] = upper < bounds[0], lower > bounds[1]

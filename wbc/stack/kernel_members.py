@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from wbc.models.model import RobotState
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
 from wbc.types import Mat, Vec
@@ -41,6 +42,18 @@ class KernelBarrier(Barrier):
         out.h[:], out.J[:], out.drift[:], out.rate[:] = rows.e, rows.J, rows.drift, rows.rate_ref
 
 
+class KernelContact(Contact):
+    """A contact whose motion rows a kernel writes."""
+
+    @abstractmethod
+    def kernel_rows(self) -> KernelRows:
+        """Which kernel writes the rows, and what it reads."""
+
+    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+        rows = _called(self.kernel_rows(), self.dim, state, anchor=anchor)
+        out.e[:], out.J[:], out.drift[:] = rows.e, rows.J, rows.drift
+
+
 class KernelConstraint(LinearConstraint):
     """A linear constraint whose A a kernel writes, with A = J, and whose bounds stand."""
 
@@ -73,8 +86,10 @@ class KernelLinearTask(LinearTask):
             out.A[:] = rows.J
 
 
-def _called(said: KernelRows, dim: int, state: RobotState, A: Mat | None = None) -> Written:
+def _called(
+    said: KernelRows, dim: int, state: RobotState, A: Mat | None = None, anchor: Anchor | None = None
+) -> Written:
     # Compiled code is loaded where rows are written, and not before.
     from wbc.stack.compiled.row_memory import called
 
-    return called(said, dim, state, A=A if said.writes_A else None)
+    return called(said, dim, state, anchor, A if said.writes_A else None)

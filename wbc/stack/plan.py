@@ -412,8 +412,6 @@ class Plan(Filled):
     def _fill(self, state: RobotState) -> None:
         """All rows, and whether they are finite."""
         self._run(FILL)
-        if self.intervals is not None and self.intervals.remembers:
-            self.intervals.narrow_by_jerk(self.level.order, state.v_joints, *self.joint_bound_rows)
         self.damping.follow(state.v)
         for writer in self._bound.writers:
             try:
@@ -465,8 +463,7 @@ class Plan(Filled):
         """Whether a fill is compiled code, but for targets that users write, and nobody changes it in a tick."""
         filler = self._filler
         compiled = filler is not None and filler.is_compiled
-        remembers = self.intervals is not None and self.intervals.remembers
-        return compiled and not (self._has_components or self.stopping or remembers)
+        return compiled and not (self._has_components or self.stopping)
 
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.

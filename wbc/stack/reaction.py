@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
 from wbc.stack.task_rows import Kinematic
 from wbc.types import Mat
 
@@ -49,6 +50,11 @@ class Reaction(Contact):
     def anchor(self, state: RobotState) -> Anchor:
         del state  # the target of the task says where
         return Anchor(np.eye(3), np.zeros(3))
+
+    def kernel_rows(self) -> KernelRows | None:
+        """Those of the task, where it has some."""
+        said = kernel_rows_of(self.task)
+        return None if said is None else said()
 
     def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
         del anchor

@@ -11,7 +11,6 @@ import numpy as np
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.by_name import ByName
 from wbc.stack.constraint import ConstraintRows, LinearConstraint
-from wbc.stack.frame_rows import FrameRows, JointRows
 from wbc.stack.member import Member
 from wbc.stack.objective import Objective
 from wbc.stack.reaction import Reaction
@@ -100,10 +99,6 @@ class Task(Objective):
     @abstractmethod
     def fill(self, state: RobotState, out: TaskRows) -> None:
         """Write e and J (and drift, rate_ref, acc_ref) for this state. Pure: filled twice, same bits."""
-
-    def compiled_rows(self) -> FrameRows | JointRows | None:
-        """What compiled code may write in the place of ``fill``; None: it calls ``fill``."""
-        return None
 
     def _as_constraint(self) -> Task:
         """The rows that hold where the task is a constraint."""

@@ -8,8 +8,6 @@ from wbc.compiled import call_at, carray, entry, floats, integers, part
 from wbc.stack.compiled.damping_kernel import CHANGED, UNCHANGED, is_damped, observe, share
 from wbc.stack.compiled.finish_kernel import write_all
 from wbc.stack.compiled.interval_kernel import joint_bounds
-from wbc.stack.compiled.reference_kernel import refer
-from wbc.stack.compiled.rows_kernel import fill_rows
 
 
 @part
@@ -17,12 +15,12 @@ def fill(at: int) -> None:
     """What tasks that are followed, the gains of :class:`~wbc.stack.motion.MotionRows` and the plan itself write.
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
-    contact row, columns of u, whether there are dynamics, items, whether joints have intervals, whether inertia is
-    added, references, what ``write_all`` reads of tasks, and of others), what the code below reads by name, from place
-    26 on what ``fill_rows`` reads, from 35 on what ``joint_bounds`` does.
+    contact row, columns of u, whether there are dynamics, whether joints have intervals, whether inertia is added, what
+    ``write_all`` reads of tasks, and of others), what the code below reads by name, from place 24 on what
+    ``joint_bounds`` does.
     """
-    memory = carray(integers(at), 50)
-    sizes = carray(integers(memory[0]), 17)
+    memory = carray(integers(at), 42)
+    sizes = carray(integers(memory[0]), 15)
     order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
@@ -45,10 +43,8 @@ def fill(at: int) -> None:
     v = carray(floats(memory[14]), nv)
     q = carray(floats(memory[23]), nj)
 
-    refer(carray(integers(memory[24]), (sizes[14], 7)), carray(floats(memory[25]), 1)[0])
-    fill_rows(memory[26:], sizes[11], nv, q, order == 2, G[first:], e, drift)
-    if sizes[15] > 0:
-        write_all(sizes[15])
+    if sizes[13] > 0:
+        write_all(sizes[13])
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]
@@ -78,7 +74,7 @@ def fill(at: int) -> None:
         for i in range(nv):
             for c in range(nv):
                 G[i, c] = M[i, c]
-            if sizes[13] > 0:
+            if sizes[12] > 0:
                 for c in range(nv):
                     G[i, c] += more_inertia[i, c]
             G[i, columns - 1] = h[i] + extra[i]
@@ -86,12 +82,12 @@ def fill(at: int) -> None:
             J, scale = G[contact + f], -force_scale[f]
             for i in range(nv):
                 G[i, nv + f] = scale * J[i]
-    if sizes[12] > 0:
+    if sizes[11] > 0:
         dt = carray(floats(memory[20]), 1)[0]
         lower, upper = carray(floats(memory[21]), nj), carray(floats(memory[22]), nj)
-        joint_bounds(memory[35:], nj, order, dt, q, v[nb:], lower, upper)
-    if sizes[16] > 0:
-        write_all(sizes[16])
+        joint_bounds(memory[24:], nj, order, dt, q, v[nb:], lower, upper)
+    if sizes[14] > 0:
+        write_all(sizes[14])
 
 
 #: What :func:`spoilt` finds.

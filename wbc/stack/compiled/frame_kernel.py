@@ -1,10 +1,119 @@
-"""Rows about one frame whose target gives way to what is measured."""
+"""Rows about one frame: where it is, and what holds it."""
 
 from __future__ import annotations
 
-from wbc.compiled import callee
-from wbc.stack.compiled.geometry import log3, turn_by
-from wbc.stack.compiled.row_kernel import rows
+from wbc.compiled import callee, kernel
+from wbc.stack.compiled.geometry import Three, back, cross, dot, log3, log6, plus, three, times, turn_by
+from wbc.stack.compiled.row_kernel import Rows, rows
+from wbc.types import Vec
+
+
+@kernel
+def _turn_error(target: Vec, R: Vec, work: Vec) -> Vec:
+    """log(R_target Rᵀ), of matrices (9,) by rows; ``work`` (12,) is memory."""
+    S, w = work[:9].reshape((3, 3)), work[9:12]
+    for i in range(3):
+        for j in range(3):
+            S[i, j] = target[3 * i] * R[3 * j] + target[3 * i + 1] * R[3 * j + 1] + target[3 * i + 2] * R[3 * j + 2]
+    log3(S, w)
+    return w
+
+
+@kernel
+def _follow(k: Rows) -> int:
+    for r in range(len(k.e)):
+        k.rate_ref[r], k.acc_ref[r] = k.rate[r], k.second[r]
+    return 1
+
+
+@callee
+def position(at: int) -> int:
+    """Position of a frame, or of the centre of mass; ``numbers``: which axes."""
+    k = rows(at)
+    for r in range(len(k.e)):
+        axis = int(k.numbers[r])
+        k.e[r] = k.value[r] - k.place[0, 9 + axis]
+        k.C[r, axis] = 1.0
+    return _follow(k)
+
+
+@callee
+def orientation(at: int) -> int:
+    """Orientation."""
+    k = rows(at)
+    w = _turn_error(k.value, k.place[0], k.work)
+    for r in range(3):
+        k.e[r] = w[r]
+        k.C[r, 3 + r] = 1.0
+    return _follow(k)
+
+
+@callee
+def pose(at: int) -> int:
+    """Position, then orientation."""
+    k = rows(at)
+    w = _turn_error(k.value, k.place[0], k.work)
+    for r in range(3):
+        k.e[r], k.e[3 + r] = k.value[9 + r] - k.place[0, 9 + r], w[r]
+        k.C[r, r] = k.C[3 + r, 3 + r] = 1.0
+    return _follow(k)
+
+
+@kernel
+def _hold(k: Rows, r: int, axis: Three, arm: Three) -> float:
+    """A row along an axis, of the point that is ``arm`` away; how far that is from the anchor."""
+    turn = cross(arm, axis)
+    for c in range(3):
+        k.C[r, c], k.C[r, 3 + c] = axis[c], turn[c]
+    point = plus(three(k.place[0], 9), 1.0, arm)
+    return dot(axis, plus(three(k.origin, 0), -1.0, point))
+
+
+@callee
+def point(at: int) -> int:
+    """A point is held; ``numbers``: axes of the surface, where it is from the frame, both in the world, the rows whose
+    error counts."""
+    k = rows(at)
+    for r in range(3):
+        k.e[r] = k.numbers[12 + r] * _hold(k, r, three(k.numbers, 3 * r), three(k.numbers, 9))
+    return 1
+
+
+@callee
+def sole(at: int) -> int:
+    """A body is held, in its own axes: twist of the point ``numbers``, and log6(actual⁻¹ anchor)."""
+    k = rows(at)
+    R, w = k.place[0], three(k.motion[0], 3)
+    arm, turning = times(R, k.numbers), back(R, cross(w, three(k.motion[0], 0)))
+    S, way, memory = k.work[:9].reshape((3, 3)), k.work[9:12], k.work[12:15]
+    for r in range(3):
+        axis = R[r], R[3 + r], R[6 + r]
+        way[r] = _hold(k, r, axis, arm)
+        for j in range(3):
+            k.C[3 + r, 3 + j] = axis[j]
+            S[r, j] = axis[0] * k.other[j, 0] + axis[1] * k.other[j, 1] + axis[2] * k.other[j, 2]
+        k.bent[r] = -turning[r]  # axes that turn with the body: the spatial acceleration, not the classical one
+    log6(S, way, memory, k.e)
+    return 1
+
+
+@callee
+def edge(at: int) -> int:
+    """An edge is held, in the axes of its anchor; ``numbers``: a point of it and its direction, in the frame."""
+    k = rows(at)
+    R, w = k.place[0], three(k.motion[0], 3)
+    arm, along = times(R, k.numbers), times(R, k.numbers[3:])
+    bent = cross(w, cross(w, arm))
+    for r in range(3):
+        axis = three(k.other[r], 0)
+        k.e[r] = _hold(k, r, axis, arm)
+        k.bent[r] = dot(axis, bent)
+    for r in range(3, 5):
+        axis = three(k.other[r - 2], 0)
+        k.C[r, 3], k.C[r, 4], k.C[r, 5] = axis[0], axis[1], axis[2]
+    # d × x in the axes of the surface is (0, z, −y)
+    k.e[3], k.e[4] = dot(three(k.other[2], 0), along), -dot(three(k.other[1], 0), along)
+    return 1
 
 
 @callee
@@ -12,16 +121,12 @@ def admittance(at: int) -> int:
     """A pose that a wrench moves; ``numbers``: which rows are held, compliances, mobilities, six each."""
     k = rows(at)
     held, compliance, mobility, wrench = k.numbers[:6], k.numbers[6:12], k.numbers[12:18], k.value[12:18]
-    turn, target, S, w = k.work[:3], k.work[3:12], k.work[12:21].reshape((3, 3)), k.work[21:24]
+    turn, target = k.work[:3], k.work[3:12]
     for i in range(3):
         k.e[i] = k.value[9 + i] + compliance[i] * wrench[i] - k.place[0, 9 + i]
         turn[i] = compliance[3 + i] * wrench[3 + i]
     turn_by(1.0, turn, k.value[:9], target)
-    R = k.place[0]
-    for i in range(3):
-        for j in range(3):
-            S[i, j] = target[3 * i] * R[3 * j] + target[3 * i + 1] * R[3 * j + 1] + target[3 * i + 2] * R[3 * j + 2]
-    log3(S, w)
+    w = _turn_error(target, k.place[0], k.work[12:])
     for i in range(3):
         k.e[3 + i] = w[i]
     for r in range(6):

@@ -2,23 +2,59 @@
 
 from __future__ import annotations
 
+import sys
 from math import inf, isinf, sqrt
 
 from wbc.compiled import carray, entry, floats, integers, kernel
 from wbc.types import Index, Vec
 
+#: Share of the jerk that the approach to a bound on velocity may use; the bound itself, which falls while a position
+#: limit comes nearer, uses less than a sixth of the rest.
+_SHARE = 0.5
+#: The smallest number that one may divide by.
+_TINY = sys.float_info.min
+
+
+@kernel
+def _approach(
+    jerk: float, opposite: float, B: float, fastest: float, strongest: float, room: float, towards: float, dt: float
+) -> float:
+    """The largest acceleration towards a limit with which accelerations need not jump later.
+
+    The velocity u towards the limit is bounded as without jerk, but with room for the time B/j that braking takes to
+    set in: u <= w(s) = −B T + √((B T)² + 2 B s), T = dt + B/j. Along that bound the acceleration −u B / (w + B T) ends
+    at zero and changes by 0.15 j at most. It is approached as a position is, one derivative higher: with the room
+    r = min(w, v_max) − u left, and j' = j / 2, a <= ẇ − j' dt + √((j' dt)² + 2 j' r).
+    """
+    if isinf(jerk):
+        return inf
+    # Upwards towards a limit a joint brakes with the jerk that it has downwards.
+    least = max(min(jerk, 1.0 if isinf(opposite) else opposite), _TINY)
+    delay = B * (dt + B / least)
+    reach = sqrt(max(room, 0.0) * max(2.0 * B, _TINY) + delay * delay)  # w + B T
+    slope = max(towards, 0.0) * B / max(reach, _TINY)
+    reach -= delay
+    if reach >= fastest:
+        reach, slope = fastest, 0.0
+    left, share = reach - towards, _SHARE * least
+    soft = sqrt(max(left, 0.0) * 2.0 * share + (share * dt) ** 2) - share * dt
+    # Beyond the bound on velocity: back to it within the tick.
+    return min(max(soft + min(left, 0.0) / dt - slope, -B), strongest)
+
 
 @kernel
 def joint_bounds(memory: Index, nj: int, order: int, dt: float, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
     """Bounds (nj,) on velocities (order 1) or accelerations (2) of the joints; ``memory`` is the intervals' own."""
-    flags = carray(integers(memory[0]), 3)
+    flags = carray(integers(memory[0]), 4)
     position, fastest = carray(floats(memory[1]), 2 * nj), carray(floats(memory[2]), 2 * nj)
     strongest, minus_B = carray(floats(memory[3]), 2 * nj), carray(floats(memory[4]), 2 * nj)
     two_B, B_dt = carray(floats(memory[5]), 2 * nj), carray(floats(memory[6]), 2 * nj)
     B_dt_squared, return_speed = carray(floats(memory[7]), 2 * nj), carray(floats(memory[8]), 2 * nj)
-    faster, room = carray(floats(memory[9]), 2 * nj), carray(floats(memory[10]), 2 * nj)
-    reach, wanted = carray(floats(memory[11]), 2 * nj), carray(floats(memory[12]), 2 * nj)
-    free, bound = carray(floats(memory[13]), 2 * nj), carray(floats(memory[14]), 2 * nj)
+    faster, jerk = carray(floats(memory[9]), 2 * nj), carray(floats(memory[10]), 2 * nj)
+    room, reach = carray(floats(memory[11]), 2 * nj), carray(floats(memory[12]), 2 * nj)
+    wanted, free = carray(floats(memory[13]), 2 * nj), carray(floats(memory[14]), 2 * nj)
+    bound, narrowed = carray(floats(memory[15]), 2 * nj), carray(floats(memory[16]), 2 * nj)
+    last = carray(floats(memory[17]), nj)
     if flags[0] > 0 and order == 2:  # nothing but velocities
         for j in range(nj):
             upper[j] = max((fastest[j] - v[j]) / dt, minus_B[j])
@@ -56,12 +92,28 @@ def joint_bounds(memory: Index, nj: int, order: int, dt: float, q: Vec, v: Vec, 
             bound[i] = wanted[i]
     for j in range(nj):
         upper[j], lower[j] = bound[j], -bound[nj + j]
+        if flags[3] == 0:
+            continue
+        above, below, speed = upper[j], lower[j], v[j]
+        if order == 1:  # by way of accelerations
+            above, below = (above - speed) / dt, (below - speed) / dt
+        k, limits = nj + j, (jerk[j], jerk[nj + j])
+        most = _approach(limits[0], limits[1], -minus_B[j], fastest[j], strongest[j], room[j], speed, dt)
+        least = -_approach(limits[1], limits[0], -minus_B[k], fastest[k], strongest[k], room[k], -speed, dt)
+        # From outside both sides may ask for the way back at once. Jerk comes after them, the other limits last.
+        least, most = min(least, most), max(least, most)
+        least = min(max(min(max(least, last[j] - limits[1] * dt), last[j] + limits[0] * dt), below), above)
+        most = min(max(min(max(most, last[j] - limits[1] * dt), last[j] + limits[0] * dt), below), above)
+        if order == 1:
+            least, most = least * dt + speed, most * dt + speed
+        narrowed[j], narrowed[k] = most < upper[j], least > lower[j]
+        lower[j], upper[j] = least, most
 
 
 @entry
 def bound_joints(at: int) -> int:
     """``joint_bounds`` by itself; at ``at``: nj and the order; dt; q, v, lower and upper (nj,) each; the intervals'."""
-    memory = carray(integers(at), 20)
+    memory = carray(integers(at), 24)
     sizes, dt = carray(integers(memory[0]), 2), carray(floats(memory[1]), 1)[0]
     nj = sizes[0]
     q, v = carray(floats(memory[2]), nj), carray(floats(memory[3]), nj)

@@ -25,6 +25,15 @@ def steady(at: int) -> int:
 
 
 @callee
+def position(at: int) -> int:
+    """The target is a position."""
+    k = rows(at)
+    for r in range(len(k.e)):
+        k.e[r], k.rate_ref[r], k.acc_ref[r] = k.value[r] - k.q[r], k.rate[r], k.second[r]
+    return 1
+
+
+@callee
 def velocity(at: int) -> int:
     """The target is a velocity."""
     k = rows(at)
@@ -55,14 +64,4 @@ def linear(at: int) -> int:
         k.e[r] = k.numbers[r]
         for j in range(nj):
             k.e[r] -= k.numbers[n + (r + 1) * width - nj + j] * k.q[j]
-    return 1
-
-
-@callee
-def mid_range(at: int) -> int:
-    """Towards the middle of each joint's range; ``numbers``: gains, middles (nj,) each."""
-    k = rows(at)
-    n = len(k.e)
-    for r in range(n):
-        k.e[r], k.rate_ref[r] = 0.0, k.numbers[r] * (k.numbers[n + r] - k.q[r])
     return 1

@@ -83,11 +83,11 @@ def _see_frame(thing: Index, placement: Vec, second: bool, place: Vec, motion: V
 
 
 @kernel
-def _add_columns(C: Mat, thing: Index, place: Vec, nv: int, J: Mat) -> None:
-    """J += C times what each velocity makes of one thing."""
+def _write_columns(C: Mat, thing: Index, place: Vec, nv: int, adds: bool, J: Mat) -> None:
+    """C times what each velocity makes of one thing, in J or added to it. Columns that do not move it stay."""
     frame, width = thing[0] == FRAME, 3 if thing[0] == CENTRE else 6
     columns = carray(floats(thing[6]), (nv, width))
-    x, y, z = place[9], place[10], place[11]
+    px, py, pz = place[9], place[10], place[11]
     for k in range(thing[1]):
         c = thing[THING + k]
         column = columns[c]
@@ -95,10 +95,11 @@ def _add_columns(C: Mat, thing: Index, place: Vec, nv: int, J: Mat) -> None:
         if width == 6:
             w0, w1, w2 = column[3], column[4], column[5]
         if frame:  # Pinocchio's columns are about the world's origin
-            u0, u1, u2 = u0 + w1 * z - w2 * y, u1 + w2 * x - w0 * z, u2 + w0 * y - w1 * x
+            u0, u1, u2 = u0 + w1 * pz - w2 * py, u1 + w2 * px - w0 * pz, u2 + w0 * py - w1 * px
         for r in range(len(J)):
             row = C[r]
-            J[r, c] += row[0] * u0 + row[1] * u1 + row[2] * u2 + row[3] * w0 + row[4] * w1 + row[5] * w2
+            x = row[0] * u0 + row[1] * u1 + row[2] * u2 + row[3] * w0 + row[4] * w1 + row[5] * w2
+            J[r, c] = J[r, c] + x if adds else x
 
 
 @kernel
@@ -146,10 +147,12 @@ def write(at: int) -> int:
         return 0
     if columns == 0:
         return 1
-    J, drift = carray(floats(m[7]), (dim, columns))[:, :nv], carray(floats(m[9]), dim)
-    J[:] = 0.0
+    J, drift = carray(floats(m[7]), (dim, columns)), carray(floats(m[9]), dim)
+    for r in range(dim if n > 1 else 0):
+        for c in range(nv):
+            J[r, c] = 0.0
     for k in range(n):
-        _add_columns(C[:, 6 * k : 6 * k + 6], things[k], places[k], nv, J)
+        _write_columns(C[:, 6 * k : 6 * k + 6], things[k], places[k], nv, n > 1, J)
     if second:
         for r in range(dim):
             drift[r] = bent[r]

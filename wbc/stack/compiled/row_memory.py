@@ -14,6 +14,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_state import JointMemory, PinocchioState
 from wbc.stack.compiled import row_kernel
+from wbc.stack.contact import Anchor
 from wbc.stack.kernel_rows import CENTRE, MOMENTUM, Followed, KernelRows
 from wbc.stack.known_motion import NONE, KnownMotion
 from wbc.stack.target import Target
@@ -24,25 +25,25 @@ from wbc.types import Mat, Vec
 @final
 @dataclass(frozen=True, eq=False)
 class Written:
-    """Where the rows of one member go. J is None where it is not written; ``origin`` and ``rotation`` of an anchor."""
+    """Where the rows of one member go. J is None where it is not written."""
 
     e: Vec
     drift: Vec
     rate_ref: Vec
     acc_ref: Vec
     J: Mat | None = None
-    anchor: tuple[Mat, Vec] | None = None
+    anchor: Anchor | None = None
     #: Where C goes, of a member on a force.
     A: Mat | None = None
 
     @classmethod
-    def into(cls, out: TaskRows) -> Written:
-        """What a task writes into."""
-        return cls(out.e, out.drift, out.rate_ref, out.acc_ref, getattr(out, "J", None))
+    def into(cls, out: TaskRows, anchor: Anchor | None = None) -> Written:
+        """What a task, or a contact made at ``anchor``, writes into."""
+        return cls(out.e, out.drift, out.rate_ref, out.acc_ref, getattr(out, "J", None), anchor)
 
 
 def called(
-    said: KernelRows, dim: int, state: RobotState, anchor: tuple[Mat, Vec] | None = None, A: Mat | None = None
+    said: KernelRows, dim: int, state: RobotState, anchor: Anchor | None = None, A: Mat | None = None
 ) -> Written:
     """The rows of a member in a state of any robot.
 
@@ -86,16 +87,16 @@ def _seen(thing: str, state: RobotState) -> tuple[Vec, Mat, Vec]:
 class KernelItems:
     """The members of a plan whose rows kernels write from one state of Pinocchio: all of them in one call."""
 
-    def __init__(self, state: PinocchioState, *, second: bool, failed: Callable[[str, Exception], None]) -> None:
-        self._state, self._second, self._failed = state, second, failed
+    def __init__(
+        self, state: PinocchioState, now: Vec, *, second: bool, failed: Callable[[str, Exception], None]
+    ) -> None:  # fmt: skip
+        self._state, self._now, self._second, self._failed = state, now, second, failed
         self._items: list[_Item] = []
         self._names: list[str] = []
         self._finishes: list[int] = []
         self._said: list[Callable[[], KernelRows]] = []
         self._moving: list[tuple[str, _Following]] = []
-        self._now = np.zeros(1)
         self._memory = Memory()
-        self._version = -1
 
     def add(self, name: str, said: Callable[[], KernelRows], rows: Written, finish: int = 0) -> None:
         """One member more; ``finish`` is where the memory of :func:`wbc.stack.compiled.finish_kernel.finish` is."""
@@ -104,24 +105,13 @@ class KernelItems:
         self._said.append(said)
         self._finishes.append(finish)
 
-    def __call__(self, t: float, version: int) -> int:
-        """Follow what moves; what :func:`wbc.stack.compiled.finish_kernel.write_all` reads, 0 where there is nothing.
+    def follow(self, t: float) -> None:
+        """Follow the targets that users write."""
+        for name, target in self._moving:
+            self._follow(name, target, t)
 
-        Another ``version`` says that settings or targets were assigned.
-        """
-        if not self._items:
-            return 0
-        if version != self._version:
-            self._version = version
-            self._read(t)
-        else:
-            for name, target in self._moving:
-                self._follow(name, target, t)
-        self._now[0] = t
-        return self._memory.address
-
-    def _read(self, t: float) -> None:
-        """Settings again, and which targets move."""
+    def read(self, t: float) -> int:
+        """Settings again, and which targets move; what :func:`~wbc.stack.compiled.finish_kernel.write_all` reads."""
         known: list[list[int]] = []
         self._moving = []
         for name, said, item in zip(self._names, self._said, self._items, strict=True):
@@ -141,6 +131,7 @@ class KernelItems:
         references = np.array(known or [[NONE] * 7], dtype=np.int64)
         addresses = np.array([item.memory.address for item in self._items], dtype=np.int64)
         self._memory = Memory(sizes, references, self._now, addresses, np.array(self._finishes, dtype=np.int64))
+        return self._memory.address if self._items else 0
 
     def _follow(self, name: str, target: _Following, t: float) -> None:
         try:
@@ -177,19 +168,21 @@ class _Item:
             assert isinstance(state, PinocchioState)
             owners = [_placed(things[k], placements[k], thing, state) for k, thing in enumerate(said.of)]
         J = rows.J
+        if J is not None and said.of and second is not None:
+            J[:] = 0.0  # kernels write the columns that move something
         width = J.strides[0] // J.itemsize if J is not None and said.of else 0
         sizes = [
             self.kernel.place, dim, n, model.nv, width, bool(second), len(self.numbers), len(value), len(rate),
             model.nj, self.C.shape[1],
         ]  # fmt: skip
-        rotation, origin = rows.anchor or (np.eye(3), np.zeros(3))
+        anchor = Anchor(np.eye(3), np.zeros(3)) if rows.anchor is None else rows.anchor
         self.memory = Memory(
             np.array(sizes, dtype=np.int64), things, placements, self.places, self.motions, self.C, self.bent,
             np.zeros(1) if J is None else J, rows.e, rows.drift, rows.rate_ref, rows.acc_ref, self.numbers, value, rate,
-            moved, np.asarray(state.q_joints), np.asarray(state.v_joints), rotation, origin, np.asarray(state.v),
-            np.zeros(row_kernel.WORK), np.asarray(getattr(state, said.bias)),
+            moved, np.asarray(state.q_joints), np.asarray(state.v_joints), anchor.rotation, anchor.position,
+            np.asarray(state.v), np.zeros(row_kernel.WORK), np.asarray(getattr(state, said.bias)),
         )  # fmt: skip
-        self._kept = owners
+        self._kept = owners, anchor
 
 
 def _placed(thing: Any, placement: Vec, name: str, state: PinocchioState) -> Any:
