@@ -18,8 +18,8 @@ class JointJerkLimits(JointInterval):
     """|a − a_last| <= j_max dt [rad/s³, m/s³], a_last the acceleration commanded last, zero before the first tick.
 
     ``j_max``: scalar, (nj,), or {joint: value}, inf for the joints left out. Other limits are approached so that it can
-    be kept, and stand above it: see :class:`~wbc.stack.interval.JointIntervals`. Where velocities are decided, an acceleration
-    is the change from the measured one over the tick.
+    be kept, and stand above it: see :class:`~wbc.stack.interval.JointIntervals`. Where velocities are decided, an
+    acceleration is the change from the measured one over the tick.
 
     Raises:
         InvalidInput: zero, negative or NaN, by joint name. UnknownJoint.
