@@ -1,16 +1,17 @@
-"""What may change between ticks: targets, gains, weights, which tasks count, limits of contacts. Nothing is rebuilt."""
+"""What may change between ticks: targets, gains, weights, which tasks count, limits of contacts, the stack itself."""
 
 import numpy as np
 
 import wbc
-from wbc.tasks import CenterOfMass, JointLimits, Position, Posture, feet
+from wbc.tasks import CenterOfMass, Damping, JointLimits, Position, Posture, feet
 
 robot, dt = wbc.load("humanoid"), 2e-3
 state = robot.state()
 balance, posture = CenterOfMass(target=state.com), Posture(robot.q0, weight=1e-2)
 hand = Position("left_hand", target=state.frame("left_hand").position, kp=50.0)
 left, right = feet(robot)
-stack = wbc.Stack([balance, hand, posture], contacts=[left, right], subject_to=[JointLimits()])
+around = {"contacts": [left, right], "subject_to": [JointLimits()]}
+stack = wbc.Stack([balance, hand, posture], **around)
 controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=dt)
 changes = {
     100: lambda: setattr(hand, "target", hand.target + [0.1, 0.05, 0.1]),
@@ -19,6 +20,7 @@ changes = {
     800: lambda: setattr(hand, "active", False),
     1000: lambda: setattr(balance, "target", balance.target + [0.0, 0.03, 0.0]),
     1200: lambda: setattr(right, "f_max", 200.0),  # N
+    1300: lambda: controller.replace(wbc.Stack([balance, hand, posture, Damping(weight=0.1)], **around)),
 }
 q, v = robot.q0, np.zeros(robot.nv)
 for tick in range(1500):

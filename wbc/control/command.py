@@ -58,8 +58,9 @@ class Owner(Protocol):
     def report(self) -> Callable[[], tuple[Outcome, ...]]:
         """Says how the levels of a strict hierarchy came out."""
 
-    def split_forces(self, forces: Vec | None) -> Forces:
-        """Contact forces (nf,) as wrenches by contact name."""
+    @property
+    def split_forces(self) -> Callable[[Vec | None], Forces]:
+        """Makes contact forces (nf,) wrenches by contact name."""
 
     def solution(self) -> Solution:
         """Of the last tick's QP."""
@@ -80,7 +81,7 @@ class Command:
 
     __slots__ = (
         "_a", "_certificate", "_controller", "_f", "_forces", "_levels", "_q", "_q_before", "_serial", "_solution",
-        "_tau", "_v", "_v_before", "rung", "status",
+        "_split_forces", "_tau", "_v", "_v_before", "rung", "status",
     )  # fmt: skip
 
     def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
@@ -97,6 +98,7 @@ class Command:
         forces: Vec | tuple[Callable[[Vec, Vec], Vec], Vec, Vec] | None = None,
     ) -> None:
         self._controller: Owner | None = controller
+        self._split_forces = controller.split_forces
         self._serial = controller.serial
         self.status, self.rung, self._certificate = status, rung, certificate
         without = rung in _WITHOUT_LEVELS
@@ -186,7 +188,7 @@ class Command:
     def f(self) -> Forces:
         """Wrench of each contact, by its name or frame; NaN where none was decided."""
         if self._f is None:
-            self._f = self._owner.split_forces(self.forces)
+            self._f = self._split_forces(self.forces)
         return self._f
 
     @property

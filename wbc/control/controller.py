@@ -8,6 +8,7 @@ a bounded command all the same, from the next rung of the ladder (:mod:`wbc.cont
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -32,6 +33,7 @@ from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy, Weighted
 from wbc.stack.overrides import Overrides
 from wbc.stack.plan import Plan
+from wbc.stack.plans import Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec
 
@@ -69,6 +71,13 @@ class Controller(Solving):
         >>> command.status.name
         'SOLVED'
     """
+
+    #: The plan that the tick before was solved with.
+    _solved: Plan | None
+    #: The plans and components of the stack that the last tick was made with, until the first tick with another.
+    _former: Plans | None
+    _started: bool
+    _kept: Sequence[Component]
 
     def __init__(
         self,
@@ -123,17 +132,56 @@ class Controller(Solving):
         }  # fmt: skip
         return partial(Controller, **settings), (self.model, self.stack)
 
+    def replace(self, stack: Stack) -> None:
+        """Decide with another stack from the next tick on; to be called between ticks.
+
+        The stack is compiled here: some milliseconds on a humanoid, so call it where there is time. What both stacks
+        have goes on: components that are the same objects keep what they remember, contacts of the same name and frame
+        stay where they were made, limits on jerk count from the last acceleration, tasks of the same names that were
+        not met damp the joints on, and the active set is guessed from rows of the same names. All else starts as in a
+        first tick. The command changes from one tick to the next by no more than the limits of the new stack allow:
+        limits on acceleration, or on jerk, make it continuous. A tick that fails before one was solved holds no command
+        of the stack before, it brakes.
+
+        Raises:
+            InvalidInput, NotSupported, UnknownFrame, Infeasible: as when a controller is made; then this one goes on
+                with the stack that it has.
+
+        Example:
+            >>> import numpy as np, wbc
+            >>> from wbc.tasks import JointAccelerationLimits, JointVelocityLimits, Position, Posture
+            >>> robot = wbc.load("arm")
+            >>> limits = [JointVelocityLimits(), JointAccelerationLimits(10.0)]
+            >>> controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)], subject_to=limits),
+            ...                             level=wbc.VelocityLevel())
+            >>> command = controller.tick(0.0, robot.q0, np.zeros(robot.nv))
+            >>> controller.replace(wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=limits))
+            >>> command = controller.tick(1e-3, command.q, command.v)
+            >>> command.status.name, bool(np.abs(command.v).max() <= 10.0 * controller.dt + 1e-9)
+            ('SOLVED', True)
+        """
+        if not isinstance(stack, Stack):
+            raise InvalidInput(f"stack is {checks.shown(stack)}; it must be a wbc.Stack")
+        if self._started:  # else no tick was made with the stack that is replaced now
+            self._former, self._kept = self.plans, self.components
+        self.compile(stack, prepared=self._kept)
+        if self._solved is self.plan:
+            self.plan.observe()
+        self.components = stack.components
+        self._started, self._solved, self.ladder.good = False, None, None
+        self.use(self.plans.whole)
+
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
         self.ticks = 0
         self.why = ""
         self.last = None
         self.status = Status.FAILED
-        #: The plan that the tick before was solved with.
-        self._solved: Plan | None = None
+        self._solved = None
         self.ladder.reset()
         self.watch.reset()
         self._started = False
+        self._former, self._kept = None, ()
         self.plans.reset()
         self.use(self.plans.whole)
 
@@ -305,14 +353,18 @@ class Controller(Solving):
         with suppress(plausible.ImplausibleUnit):  # where warnings are errors: a tick raises none
             plausible.joints(self.model, "q", self.state.q_joints)
         for component in self.components:
+            if any(component is one for one in self._kept):
+                continue
             try:
                 component.reset(self.state)
             except Exception as cause:
                 raise MemberFailed(f"{component.name}.reset", cause) from cause
         if self.plans.schedule is not None:
-            self._choose_contacts(None)
+            self._choose_contacts(self.last if any(self.plans.schedule is one for one in self._kept) else None)
         self.plan.start(self.state)
-        self._started = True
+        if self._former is not None:
+            self.plans.go_on_from(self._former)
+        self._former, self._kept, self._started = None, (), True
 
     def compile_waiting(self) -> int:
         """Compile plans for sets of contacts that the stack's schedule asked for without having announced them.

@@ -252,7 +252,8 @@ class Recorder:
     def tick(self, controller: Controller | Setpoint, t: float, q: Vec, v: Vec, **more: float | Vec) -> Command:
         """``controller.tick(t, q, v)``, timed, and a row of what it was told and decided; the command is handed on.
 
-        The first tick decides which controller this is a record of. ``more`` are columns of one's own.
+        The first tick decides which controller this is a record of, and, with its stack, which columns there are: of a
+        stack that replaced it, only the columns of these names. ``more`` are columns of one's own.
 
         Raises:
             InvalidInput: another controller than before, or q or v of another shape.
@@ -285,7 +286,10 @@ class Recorder:
         start = perf_counter_ns()
         command = controller.tick(t, q, v)
         microseconds = (perf_counter_ns() - start) * 1e-3
-        self.append(self._ticks.row(float(t), np.asarray(q), np.asarray(v), command, microseconds) | more)
+        row = self._ticks.row(float(t), np.asarray(q), np.asarray(v), command, microseconds)
+        if self.rows and decides.stack is not self._ticks.stack:
+            row = {name: value for name, value in row.items() if name in self._place}
+        self.append(row | more)
         self._ticks.watch(float(t))
         return command
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
+from wbc.stack.component import Component
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy
 from wbc.stack.plan import Plan
@@ -37,12 +39,24 @@ class Solving:
     def __init__(
         self, robot: RobotModel, stack: Stack, level: Formulation, *, hierarchy: Hierarchy, solver: Solver, dt: float
     ) -> None:
-        self.model, self.stack, self.level, self._dt = robot, stack, level, dt
+        self.model, self.level, self._dt = robot, level, dt
         self.hierarchy, self.solver = hierarchy, solver
         self.state = robot.state(drifts=level.order > 1)
-        self.plans = Plans(self.state, stack, level, dt=dt, open_solver=self._open)
+        self.compile(stack)
         #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
         self.serial = 0
+
+    def compile(self, stack: Stack, prepared: Sequence[Component] = ()) -> None:
+        """Make plans and solvers of a stack; where that raises, those before stay. Components ``prepared`` go on.
+
+        Raises:
+            WbcError: something in the stack makes no sense for this robot and level.
+        """
+        plans = Plans(self.state, stack, self.level, dt=self._dt, open_solver=self._open, prepared=prepared)
+        self.plans, self.stack = plans, stack
+        contacts = plans.whole.plan.layout.contacts
+        #: Makes contact forces (nf,) wrenches by contact name.
+        self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, {c.frame: c.name for c in contacts})
 
     def _open(self, plan: Plan) -> RowSolver:
         return self.hierarchy.open(plan.problem, self.solver, plan.damping.pulls)
@@ -154,12 +168,10 @@ class Solving:
         """Solution of :attr:`qp` with its multipliers and the certificate recomputed from the data."""
         return solution_of(self._answered, self._answered.standard_form(), self.status)
 
-    def split_forces(self, forces: Vec | None) -> Forces:
-        """Contact forces (nf,) as wrenches by contact name."""
-        contacts = self.plans.whole.plan.layout.contacts
-        wrenches, start = {}, 0
-        for contact in contacts:
-            part = slice(start, start + contact.dim)
-            wrenches[contact.name] = np.full(contact.dim, np.nan) if forces is None else forces[part]
-            start += contact.dim
-        return Forces(wrenches, {c.frame: c.name for c in contacts})
+
+def _split(sizes: Mapping[str, int], frames: dict[str, str], forces: Vec | None) -> Forces:
+    wrenches, start = {}, 0
+    for name, dim in sizes.items():
+        wrenches[name] = np.full(dim, np.nan) if forces is None else forces[start : start + dim]
+        start += dim
+    return Forces(wrenches, frames)

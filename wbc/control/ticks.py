@@ -34,7 +34,7 @@ class Ticks:
     """
 
     def __init__(self, controller: Controller) -> None:
-        self.controller = controller
+        self.controller, self.stack = controller, controller.stack
         self.failure: dict[str, Any] | None = None
         self.failed: QP | None = None
         self._order, self._dynamics = controller.level.order, controller.level.dynamics

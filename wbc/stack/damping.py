@@ -47,7 +47,9 @@ class ResidualDamping:
         self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, tasks: slice
     ) -> None:
         nb, nv, nj = layout.model.nb, layout.model.nv, layout.model.nj
-        dims = [task.dim for task in layout.kinematic[tasks]] if factor > 0.0 else []
+        own_tasks = layout.kinematic[tasks] if factor > 0.0 else []
+        #: The tasks whose residuals damp the joints.
+        self.names, dims = [task.name for task in own_tasks], [task.dim for task in own_tasks]
         rows, before = sum(dims), sum(task.dim for task in layout.kinematic[: tasks.start])
         first, own = layout.motion_row + before, slice(before, before + rows)
         starts = np.cumsum([0, *dims])
@@ -81,6 +83,11 @@ class ResidualDamping:
         """No damping, as before the first tick."""
         self.applied[:] = 0.0
         self._numbers[2:] = 0.0
+
+    def go_on_from(self, former: ResidualDamping) -> None:
+        """Damp as another did whose tasks have the same names."""
+        if self.names == former.names:
+            self.applied[:], self.rate[:], self._numbers[2:] = former.applied, former.rate, former._numbers[2:]
 
     @property
     def is_on(self) -> bool:
@@ -225,6 +232,12 @@ class Damping:
     def largest(self) -> float:
         """The largest weight of the damping of a joint."""
         return max(float(damping.applied.max(initial=0.0)) for damping in (self.in_metric, *self.of_levels))
+
+    def go_on_from(self, former: Damping) -> None:
+        """Damp as another did, level by level, where the tasks have the same names."""
+        own, other = [*self.of_levels, self.in_metric], [*former.of_levels, former.in_metric]
+        for mine, theirs in zip(own, other, strict=False) if len(own) == len(other) else ():
+            mine.go_on_from(theirs)
 
     @property
     def follows(self) -> bool:

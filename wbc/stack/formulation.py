@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, final
 
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
+from wbc.stack.component import Component
 from wbc.stack.level import Level
 from wbc.stack.stack import Stack
 
@@ -19,10 +21,14 @@ class Formulation(Level):
     """A level that makes plans of stacks."""
 
     @final
-    def compile(self, model: RobotModel, stack: Stack, *, dt: float, like: Plan | None = None) -> Plan:
+    def compile(
+        self, model: RobotModel, stack: Stack, *, dt: float, like: Plan | None = None,
+        prepared: Sequence[Component] = (),
+    ) -> Plan:  # fmt: skip
         """Decide names, sizes, views and constant rows; see :class:`~wbc.stack.plan.Plan`.
 
-        ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares.
+        ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares. Components that are
+        ``prepared`` go on as they are.
 
         Raises:
             NotSupported: a task or constraint this level cannot carry, by name; dynamics of a robot that has none.
@@ -36,6 +42,9 @@ class Formulation(Level):
             raise NotSupported(
                 f"{model.name}: {model.weightless} moves no inertia, so there are no torques to find; use VelocityLevel"
             )
+        for component in stack.components if like is None else ():
+            if not any(component is one for one in prepared):
+                component.prepare(model)
         plan = Plan(model, stack, self, dt, like)
         if like is None:  # fewer contacts contradict no more, and share memory with a plan that may be at work
             refuse_contradictions(plan)

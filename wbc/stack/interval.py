@@ -176,6 +176,11 @@ class JointIntervals:
         """The joint accelerations (nj,) that were commanded for the tick that ends now."""
         self._last[:] = acceleration
 
+    def go_on_from(self, former: JointIntervals) -> None:
+        """Remember what others do."""
+        if former._jerk is not None:
+            self.remember(former._jerk.last)
+
     def recovery(self, q: Vec) -> str:
         """Which joint is furthest outside its position limits, and by how much; or nothing."""
         upper, mirrored = self._limits["position"]

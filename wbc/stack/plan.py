@@ -64,8 +64,6 @@ class Plan(Filled):
 
     def __init__(self, model: RobotModel, stack: Stack, level: Level, dt: float, like: Plan | None = None) -> None:
         self.model, self.level, self.dt = model, level, dt
-        for component in () if like else stack.components:
-            component.prepare(model)
         # The members of a plan like another are copies already.
         self.binding = Binding() if like is None else like.binding
         self.stack = stack = stack.bound(self.binding) if like is None else stack
@@ -327,6 +325,13 @@ class Plan(Filled):
             if not any(contact is held for held in former.layout.contacts):
                 anchor.move(contact.target or contact.anchor(state))
 
+    def go_on_from(self, former: Plan) -> None:
+        """Take over the last acceleration and the damping of another stack's plan."""
+        if self.intervals is not None and former.intervals is not None:
+            self.intervals.go_on_from(former.intervals)
+        self.damping.go_on_from(former.damping)
+        share(self._shares.address)
+
     def apply(self, said: Sequence[tuple[str, Overrides]]) -> None:
         """From the next ``fill`` on these overrides hold, by the names of those who said them, and no others.
 
@@ -457,7 +462,6 @@ class Plan(Filled):
         self._filler = filler if filler.is_complete else None
         return filler
 
-    # ---- what others read
     @property
     def is_compiled(self) -> bool:
         """Whether a fill is compiled code, but for targets that users write, and nobody changes it in a tick."""

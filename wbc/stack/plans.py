@@ -8,7 +8,7 @@ both have a row of the same name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import final
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from wbc.errors import InvalidInput, UnknownName
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowSolver
+from wbc.stack.component import Component
 from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.plan import Plan
@@ -59,7 +60,8 @@ class Mode:
 class Plans:
     """The modes of a stack, whose plans are filled from ``state``.
 
-    ``whole`` has all contacts; the others are compiled for the sets of the stack's schedule.
+    ``whole`` has all contacts; the others are compiled for the sets of the stack's schedule. Components that are
+    ``prepared`` go on as they are.
 
     ``unplanned`` counts the sets that were asked for without having been announced.
 
@@ -70,7 +72,7 @@ class Plans:
 
     def __init__(
         self, state: RobotState, stack: Stack, level: Formulation, *, dt: float,
-        open_solver: Callable[[Plan], RowSolver],
+        open_solver: Callable[[Plan], RowSolver], prepared: Sequence[Component] = (),
     ) -> None:  # fmt: skip
         schedules = [component for component in stack.components if isinstance(component, Schedule)]
         if len(schedules) > 1:
@@ -79,7 +81,7 @@ class Plans:
         self._state, self._level, self._open_solver = state, level, open_solver
         self._named = dict(keys(stack.contacts))
         self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
-        plan = level.compile(state.model, stack, dt=dt)
+        plan = level.compile(state.model, stack, dt=dt, prepared=prepared)
         plan.bind(state)
         self.whole = self.present = Mode(plan, open_solver(plan), plan)
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
@@ -127,6 +129,17 @@ class Plans:
             mode.solver.start_from(self.present.solver)
             self.present = mode
         return mode
+
+    def go_on_from(self, former: Plans) -> None:
+        """Take over what the plans of another stack remember, where this one has the same: contacts where they were
+        made, the last acceleration, damping, the active set row by row."""
+        plan, other = self.present.plan, former.present.plan
+        for contact, anchor in zip(plan.layout.contacts, plan.anchors, strict=True):
+            for one, made in zip(other.layout.contacts, other.anchors, strict=True):
+                if contact.target is None and contact.name == one.name and contact.frame == one.frame:
+                    anchor.move(made)
+        plan.go_on_from(other)
+        self.present.solver.start_from(former.present.solver)
 
     def compile_waiting(self) -> int:
         """Compile the sets that were asked for without a plan; how many there were."""
