@@ -178,8 +178,7 @@ class JointIntervals:
 
     def go_on_from(self, former: JointIntervals) -> None:
         """Remember what others do."""
-        if former._jerk is not None:
-            self.remember(former._jerk.last)
+        self.remember(former._last)
 
     def recovery(self, q: Vec) -> str:
         """Which joint is furthest outside its position limits, and by how much; or nothing."""
