@@ -111,6 +111,16 @@ def test_a_stack_that_replaces_itself_changes_nothing(level: Any):
         q, v = command.q, command.v
 
 
+def test_limits_on_jerk_that_come_with_the_new_stack_count_from_the_last_acceleration():
+    tasks, limits = [Posture(ARM.q0 + 0.3, kp=100.0)], [JointVelocityLimits(1.0)]
+    controller = wbc.Controller(ARM, wbc.Stack(tasks, subject_to=limits), level=LEVELS[1], dt=DT)
+    first = run(controller, ARM.q0, np.zeros(ARM.nv), 0, 5)[-1]
+    assert np.abs(first.a).max() > 10.0
+    controller.replace(wbc.Stack(tasks, subject_to=[*limits, JointJerkLimits(1000.0)]))
+    then = run(controller, first.q, first.v, 5, 1)[-1]
+    assert np.abs(then.a - first.a).max() <= 1000.0 * DT * (1.0 + 1e-9)
+
+
 def test_the_active_set_is_guessed_from_rows_of_the_same_names():
     """A stack at its limits needs no more guesses after the change than before."""
     limits = [JointVelocityLimits(0.05), JointPositionLimits()]

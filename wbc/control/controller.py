@@ -76,6 +76,8 @@ class Controller(Solving):
     _solved: Plan | None
     #: The plans and components of the stack that the last tick was made with, until the first tick with another.
     _former: Plans | None
+    #: The last acceleration (nj,) with that stack.
+    _acceleration: Vec
     _started: bool
     _kept: Sequence[Component]
 
@@ -165,6 +167,8 @@ class Controller(Solving):
         if self._started:  # else no tick was made with the stack that is replaced now
             self._former, self._kept = self.plans, self.components
         self.compile(stack, prepared=self._kept)
+        if self._started and self.last is not None:
+            self._acceleration = self._accelerated(self.last)
         if self._solved is self.plan:
             self.plan.observe()
         self.components = stack.components
@@ -204,7 +208,7 @@ class Controller(Solving):
             command = self._decide(t, q, v) if self.mode.is_compiled else self._decide_in_silence(t, q, v)
         intervals = self.plan.intervals
         if intervals is not None and intervals.remembers:
-            intervals.remember((command.v - self.state.v)[self.model.nb :] / self.dt)
+            intervals.remember(self._accelerated(command))
         for component in self.components:
             self._tell(component, command)
         self.last = command
@@ -213,6 +217,11 @@ class Controller(Solving):
             if watch.broken:
                 self._spoil(command, watch.broken)
         return command
+
+    def _accelerated(self, command: Command) -> Vec:
+        """The joint accelerations (nj,) of a command that was decided in the present state."""
+        joints: Vec = (command.v - self.state.v)[self.model.nb :] / self.dt
+        return joints
 
     def _tell(self, component: Component, command: Command) -> None:
         """Show a component what was decided. If it raises, what was decided stands, and the status says that it did."""
@@ -364,6 +373,8 @@ class Controller(Solving):
         self.plan.start(self.state)
         if self._former is not None:
             self.plans.go_on_from(self._former)
+            if self.plan.intervals is not None:
+                self.plan.intervals.remember(self._acceleration)
         self._former, self._kept, self._started = None, (), True
 
     def compile_waiting(self) -> int:

@@ -176,10 +176,6 @@ class JointIntervals:
         """The joint accelerations (nj,) that were commanded for the tick that ends now."""
         self._last[:] = acceleration
 
-    def go_on_from(self, former: JointIntervals) -> None:
-        """Remember what others do."""
-        self.remember(former._last)
-
     def recovery(self, q: Vec) -> str:
         """Which joint is furthest outside its position limits, and by how much; or nothing."""
         upper, mirrored = self._limits["position"]

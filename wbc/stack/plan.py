@@ -326,9 +326,7 @@ class Plan(Filled):
                 anchor.move(contact.target or contact.anchor(state))
 
     def go_on_from(self, former: Plan) -> None:
-        """Take over the last acceleration and the damping of another stack's plan."""
-        if self.intervals is not None and former.intervals is not None:
-            self.intervals.go_on_from(former.intervals)
+        """Damp as the plan of another stack did."""
         self.damping.go_on_from(former.damping)
         share(self._shares.address)
 

@@ -132,7 +132,7 @@ class Plans:
 
     def go_on_from(self, former: Plans) -> None:
         """Take over what the plans of another stack remember, where this one has the same: contacts where they were
-        made, the last acceleration, damping, the active set row by row."""
+        made, damping, the active set row by row."""
         plan, other = self.present.plan, former.present.plan
         for contact, anchor in zip(plan.layout.contacts, plan.anchors, strict=True):
             for one, made in zip(other.layout.contacts, other.anchors, strict=True):
