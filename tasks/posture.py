@@ -56,5 +56,7 @@ class Posture(Tracking, JointTask, KernelTask):
     def samples(cls, model: RobotModel) -> list[Self]:
         joints = model.q0[-model.nj :]
         first, *_, last = model.joint_names
-        some = cls([0.2, -0.1], joints=[last, first], kp={first: 30.0}, weight={last: 0.0})
+        # Of a robot of two joints that would be all of them in another order, which is refused.
+        named = [last, first] if model.nj > 2 else [first, last]
+        some = cls([0.2, -0.1], joints=named, kp={first: 30.0}, weight={last: 0.0})
         return [cls(model.q0), cls(joints), cls(Sinusoid(joints, amplitude=0.1, frequency=0.5)), some]
