@@ -169,7 +169,7 @@ def test_a_component_that_stays_keeps_its_memory_and_others_begin(order: list[st
         return wbc.Stack([posture], components=[members[name] for name in names])
 
     controller = wbc.Controller(ARM, stack("old"), level=LEVELS[1], dt=DT)
-    present, running, resets, tick = {"old"}, set[str](), {"old": 0, "new": 0}, 0
+    present, running, resets, prepared, tick = {"old"}, set[str](), {"old": 0, "new": 0}, {"old": 1, "new": 0}, 0
     for what in [*order, "tick"]:
         if what == "tick":
             controller.tick(tick * DT, ARM.q0, np.zeros(ARM.nv))
@@ -180,6 +180,9 @@ def test_a_component_that_stays_keeps_its_memory_and_others_begin(order: list[st
         else:
             controller.replace(stack(what))
             present = {"both": {"old", "new"}, "none": set()}.get(what, {what})
+            for name in present - running:
+                prepared[name] += 1
+    assert {name: member.prepared for name, member in members.items()} == prepared
     assert {name: member.resets for name, member in members.items()} == resets
     assert controller.status.ok
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wbc.compiled import callee, kernel
 from wbc.stack.compiled.geometry import Three, back, cross, dot, log3, log6, plus, three, times, turn_by
-from wbc.stack.compiled.row_kernel import Rows, rows
+from wbc.stack.compiled.row_kernel import Rows, follow, rows
 from wbc.types import Vec
 
 
@@ -19,13 +19,6 @@ def _turn_error(target: Vec, R: Vec, work: Vec) -> Vec:
     return w
 
 
-@kernel
-def _follow(k: Rows) -> int:
-    for r in range(len(k.e)):
-        k.rate_ref[r], k.acc_ref[r] = k.rate[r], k.second[r]
-    return 1
-
-
 @callee
 def position(at: int) -> int:
     """Position of a frame, or of the centre of mass; ``numbers``: which axes."""
@@ -34,7 +27,7 @@ def position(at: int) -> int:
         axis = int(k.numbers[r])
         k.e[r] = k.value[r] - k.place[0, 9 + axis]
         k.C[r, axis] = 1.0
-    return _follow(k)
+    return follow(k)
 
 
 @callee
@@ -45,7 +38,7 @@ def orientation(at: int) -> int:
     for r in range(3):
         k.e[r] = w[r]
         k.C[r, 3 + r] = 1.0
-    return _follow(k)
+    return follow(k)
 
 
 @callee
@@ -56,7 +49,7 @@ def pose(at: int) -> int:
     for r in range(3):
         k.e[r], k.e[3 + r] = k.value[9 + r] - k.place[0, 9 + r], w[r]
         k.C[r, r] = k.C[3 + r, 3 + r] = 1.0
-    return _follow(k)
+    return follow(k)
 
 
 @kernel

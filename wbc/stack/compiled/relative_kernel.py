@@ -6,7 +6,7 @@ from math import sqrt
 
 from wbc.compiled import callee, kernel
 from wbc.stack.compiled.geometry import Three, back, cross, dot, log3, plus, three
-from wbc.stack.compiled.row_kernel import Rows, rows
+from wbc.stack.compiled.row_kernel import Rows, follow, rows
 from wbc.types import Mat, Vec
 
 #: Nearer than this [m] two points count as this far apart where one divides by their distance.
@@ -64,13 +64,6 @@ def _error(k: Rows, target: Mat, place: Vec, at: Vec, R: Mat) -> None:
         k.e[r] = place[row] - at[row] if row < 3 else w[row - 3]
 
 
-@kernel
-def _follow(k: Rows) -> int:
-    for r in range(len(k.e)):
-        k.rate_ref[r], k.acc_ref[r] = k.rate[r], k.second[r]
-    return 1
-
-
 @callee
 def pose(at: int) -> int:
     """Position and orientation."""
@@ -78,7 +71,7 @@ def pose(at: int) -> int:
     p, R = k.work[:3], k.work[3:12].reshape((3, 3))
     _seen(k, p, R)
     _error(k, k.value[:9].reshape((3, 3)), k.value[9:], p, R)
-    return _follow(k)
+    return follow(k)
 
 
 @callee
@@ -89,7 +82,7 @@ def position(at: int) -> int:
     _seen(k, p, k.work[3:12].reshape((3, 3)))
     for i in range(3):
         k.e[i] = k.value[i] - p[i]
-    return _follow(k)
+    return follow(k)
 
 
 @callee

@@ -58,6 +58,14 @@ def rows(at: int) -> Rows:
 
 
 @kernel
+def follow(k: Rows) -> int:
+    """The rows move as their target does."""
+    for r in range(len(k.e)):
+        k.rate_ref[r], k.acc_ref[r] = k.rate[r], k.second[r]
+    return 1
+
+
+@kernel
 def _see_frame(thing: Index, placement: Vec, second: bool, place: Vec, motion: Vec) -> None:
     """Where a frame is and how it moves, from its joint and its ``placement`` (12,) there."""
     R, p = carray(floats(thing[2]), (3, 3)), carray(floats(thing[3]), 3)
