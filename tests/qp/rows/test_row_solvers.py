@@ -96,6 +96,39 @@ def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits
     np.testing.assert_array_equal(once, p.x)
 
 
+def unloaded_feet(seed: int) -> RowProblem:
+    """Feet some of which are not pressed: all four sides of their pyramid meet in its apex, one more than needed."""
+    rng = np.random.default_rng(seed)
+    feet, n_soft = int(rng.integers(2, 5)), 6
+    n, n_range = 3 * feet, 4 * feet
+    rows = [Row(f"row {i}") for i in range(n_range + n_soft)] + [Row(f"x{i}") for i in range(n)]
+    p = RowProblem(0, n, n_range=n_range, n_soft=n_soft, n_equal=0, rows=rows, regularisation=1e-9)
+    friction = rng.uniform(0.2, 1.0)
+    sides = np.array([[1.0, 0.0, -friction], [-1.0, 0.0, -friction], [0.0, 1.0, -friction], [0.0, -1.0, -friction]])
+    for i in range(feet):
+        p.G[4 * i : 4 * i + 4, 3 * i : 3 * i + 3] = sides @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    p.range_bounds()[0][:], p.range_bounds()[1][:] = -np.inf, 0.0
+    p.G[p.soft, :n], p.G[p.soft, n] = rng.normal(size=(n_soft, n)), 30.0 * rng.normal(size=n_soft)
+    p.weights[:], p.metric[:] = 1.0, 10.0 ** -rng.uniform(2.0, 6.0)
+    return p
+
+
+def test_a_right_guess_is_not_given_up_for_rounding_of_a_row_that_others_imply() -> None:
+    kept = 0
+    for seed in range(300):
+        p = unloaded_feet(seed)
+        solver, rng = CoreSolver(p), np.random.default_rng(seed)
+        solver.solve()
+        for _ in range(5):
+            guess = solver.working_set()[0].tolist()
+            p.G[p.soft, p.n] *= 1.0 + 1e-3 * rng.normal()
+            assert solver.solve() is Status.SOLVED
+            if solver.working_set()[0].tolist() == guess:
+                kept += 1
+                assert solver.work == (1, 0), seed
+    assert kept > 1000
+
+
 @given(seed=st.integers(0, 10**6), n_soft=st.sampled_from([0, 1, 4]), even=st.booleans())
 def test_bounds_alone_are_answered_by_the_core(seed: int, n_soft: int, even: bool) -> None:
     p = row_problem(seed, n_u=0, n_range=0, n_equal=0, n_soft=n_soft, tight=0.3)

@@ -23,7 +23,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from wbc.compiled import entry, kernel, part, small_kernel
-from wbc.qp.rows.compiled.equality import first_row, reduce_base
+from wbc.qp.rows.compiled.equality import first_row, reduce_base, reduced
 from wbc.qp.rows.compiled.linear import add, backward, forward
 from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
 
@@ -195,14 +195,21 @@ def judge(at: int) -> int:
 
 
 @small_kernel
+def what_counts(s: Work, item: int) -> float:
+    """By how much an item has to be beyond its nearest bound to be broken."""
+    place = place_of(s, item)
+    return float(_BROKEN * (1.0 + abs(s.upper[place] if s.value[place] > s.upper[place] else s.lower[place])))
+
+
+@small_kernel
 def beyond(s: Work, item: int) -> float:
     """By how much an item breaks its bounds, beside what counts: more than 1 is broken, and NaN is."""
     place = place_of(s, item)
     v, low, high = s.value[place], s.lower[place], s.upper[place]
     if v > high:
-        return float((v - high) / (_BROKEN * (1.0 + abs(high))))
+        return float((v - high) / what_counts(s, item))
     if v < low:
-        return float((low - v) / (_BROKEN * (1.0 + abs(low))))
+        return float((low - v) / what_counts(s, item))
     return 0.0 if low <= v <= high else inf
 
 
@@ -225,11 +232,26 @@ def pushes_wrong(s: Work, push: float, side: float, length: float, largest: floa
     return bool(push * side * length > max(_ROUNDING * largest, _WORTHLESS * s.numbers[2]))
 
 
+@small_kernel
+def doubt(s: Work, item: int) -> float:
+    """How far the certificate lets an item be from where the optimum of the working set has it: ‖row‖_{D⁻¹} spread."""
+    nu, ny = s.sizes[0], s.sizes[1]
+    square = 0.0
+    if item < ny:
+        square = 1.0 / s.metric[item]
+    else:
+        reduced(s, s.G[place_of(s, item) - nu - ny - 1], s.t)
+        for c in range(ny):
+            square += s.t[c] * s.t[c] / s.metric[c]
+    return float(sqrt(square / s.numbers[0]) * s.proof[6])
+
+
 @part
 def verify(at: int) -> int:
     """Certify the answer with the pushes of the working set that have the right sign; how many items are wrong.
 
-    These are marked in ``wrong``; ``numbers[3]`` is what held rows are off by, beside what counts.
+    These are marked in ``wrong``; ``numbers[3]`` is what held rows are off by, beside what counts. While all pushes
+    have the right sign, an item that is broken by less than the answer is uncertain is not wrong: a refinement is to tell.
     """
     s = views(at)
     nu, ny, nr, ns, m = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3], s.sizes[6]
@@ -260,12 +282,12 @@ def verify(at: int) -> int:
             if pushes_wrong(s, s.left[c], s.side[c], 1.0 / sqrt(s.metric[c]), largest):
                 count += 1
                 s.wrong[c] = 1.0
-    s.numbers[3] = 0.0
+    s.numbers[3], push_right = 0.0, count == 0
     for item in range(len(s.side)):
         by = beyond(s, item)
         if s.side[item] != 0.0:
             s.numbers[3] = max(s.numbers[3], by)
-        elif not by <= 1.0:
+        elif not by <= 1.0 and not (push_right and by * what_counts(s, item) <= doubt(s, item)):
             count += 1
             s.wrong[item] = 1.0
     return count
