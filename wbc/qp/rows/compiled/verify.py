@@ -251,7 +251,7 @@ def verify(at: int) -> int:
     """Certify the answer with the pushes of the working set that have the right sign; how many items are wrong.
 
     These are marked in ``wrong``; ``numbers[3]`` is what held rows are off by, beside what counts. While all pushes
-    have the right sign, an item that is broken by less than the answer is uncertain is not wrong: a refinement is to tell.
+    have the right sign, an item that is broken by less than the answer is uncertain is not wrong: refining tells.
     """
     s = views(at)
     nu, ny, nr, ns, m = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3], s.sizes[6]
