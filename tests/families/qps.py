@@ -353,9 +353,7 @@ def judge(p: dict[str, Any], answer: Solution, true: Truth) -> str:
         return "not finite"
     violation = float(np.maximum(rows @ x - high, low - rows @ x).max(initial=0.0))
     if violation > MET * 1.001:
-        return "a row is not met"
-    if true.violation > 2 * MET:
-        return "infeasible"
+        return "a row is not met"  # a point that meets them all is its own proof that there is one
     if true.unbounded and true.violation <= MET:
         return "unbounded"
     if true.x is None:
