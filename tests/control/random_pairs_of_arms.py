@@ -13,9 +13,11 @@ import wbc
 from tasks import CollisionAvoidance, JointLimits, Position, Posture
 from wbc.models.collision import Distances
 from wbc.models.model import RobotModel
+from wbc.stack.formulation import Formulation
 from wbc.types import Vec
 
 MARGIN, DT = 0.03, 2e-3
+VELOCITIES = wbc.VelocityLevel()
 _AXES = (1, 2, 0, 1, 0, 1, 2)
 
 
@@ -97,8 +99,10 @@ def _text(vector: Any) -> str:
     return " ".join(repr(float(entry)) for entry in vector)
 
 
-def meet(robot: RobotModel, seed: int, seconds: float, **settings: Any) -> Meeting:
-    """Send both hands to one point, or each to where the other would be; velocities are decided."""
+def meet(
+    robot: RobotModel, seed: int, seconds: float, *, level: Formulation = VELOCITIES, **settings: Any
+) -> Meeting:  # fmt: skip
+    """Send both hands to one point, or each to where the other would be."""
     rng = np.random.default_rng(seed)
     bent = {name: s for side in ("left", "right") for name, s in ((f"{side}_joint_1", 0.3), (f"{side}_joint_3", 1.0))}
     q, v, state = robot.configuration(bent), np.zeros(robot.nv), robot.state(drifts=False)
@@ -110,7 +114,7 @@ def meet(robot: RobotModel, seed: int, seconds: float, **settings: Any) -> Meeti
     tasks = [*(Position(f"{s}_hand", target=x) for s, x in zip(("left", "right"), targets, strict=True))]
     constraint = CollisionAvoidance(margin=MARGIN, **settings)
     stack = wbc.Stack([*tasks, Posture(q, weight=1e-3)], subject_to=[JointLimits(), constraint])
-    controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=DT)
+    controller = wbc.Controller(robot, stack, level=level, dt=DT)
     everything = Distances(robot, margin=MARGIN, reach=0.2, count=10_000)
     nearest, seen, ok = np.inf, [v], True
     for k in range(round(seconds / DT)):

@@ -86,8 +86,9 @@ class Distances:
     drift (count,)         d²d/dt² at a = 0: second difference along q ⊕ s v at t + s; NaN in states without drifts
 
     A pair nearer than ``close`` [m] has rows also for up to six points of each shape that would be nearest if the
-    shapes were turned against each other by what they turn in ``ahead`` / 2, 0.005 rad at least: d is the distance of
-    these, n its direction. Balls have none.
+    shapes were turned against each other by what they turn in ``ahead``, 0.005 rad at least: d is how far these points
+    are apart along the normal of the nearest. In states with drifts it has them also while one of them could be nearer
+    than ``margin`` after ``ahead``. Balls have none.
 
     A pair keeps its rows from reading to reading: it has the first row that is free when it comes within reach, and
     gives it back only where another needs it. Where there are too few rows, those are kept that would be nearest after
@@ -351,9 +352,8 @@ class Distances:
         rates = np.zeros(len(lines))
         for row, number in enumerate(lines.tolist()):
             line = self._near.line[number]
-            for shape, sign, point in zip(
-                self._shapes[number // self._lines], (-1.0, 1.0), (line[4:7], line[7:10]), strict=True
-            ):
+            point = 0.5 * (line[4:7] + line[7:10])
+            for shape, sign in zip(self._shapes[number // self._lines], (-1.0, 1.0), strict=True):
                 if shape in self._moving:
                     obstacle = self._moving[shape][0]
                     inside = obstacle.at(t).actInv(point)

@@ -12,12 +12,12 @@ see :mod:`wbc.models.compiled.turned`. Line j of pair k has the number k ``LINES
 
 from __future__ import annotations
 
-from math import inf, nan, sqrt
+from math import inf, isnan, nan, sqrt
 from typing import NamedTuple
 
 from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
 from wbc.models.compiled.gjk import Bodies, bodies, distance
-from wbc.models.compiled.turned import TURNS, lift_of, separation, turned
+from wbc.models.compiled.turned import TURNS, turned
 from wbc.types import Index, Mat, Vec
 
 #: Rounding of sums of ways [m].
@@ -165,14 +165,29 @@ def _note(s: Pairs, k: int) -> None:
 
 @kernel
 def _lines(s: Pairs, b: Bodies, k: int) -> int:
-    """How many lines pair k has; those behind the first are found here."""
+    """How many lines pair k has; those behind the first are found here.
+
+    Points to the side come nearer faster than the nearest, by what the shapes turn. While accelerations are decided, a
+    pair is close as soon as one of them could be that has to slow down.
+    """
     first, second, at, spare = s.pair[k, 0], s.pair[k, 1], k * LINES, len(s.pair)
-    if s.line[at, 0] >= s.numbers[3] or b.round[first] > 0.0 or b.round[second] > 0.0:
+    if b.round[first] > 0.0 or b.round[second] > 0.0:
         return 1
-    A, B = s.twist[first], s.twist[second]
-    turning = sqrt((B[3] - A[3]) ** 2 + (B[4] - A[4]) ** 2 + (B[5] - A[5]) ** 2)
-    lines, angle = s.line[at : at + LINES], 0.5 * s.numbers[2] * turning
-    return turned(b, first, second, lines, s.simplex[k], s.simplex[spare], s.corners[k], angle)
+    A, B, lines, ahead, close = s.twist[first], s.twist[second], s.line[at : at + LINES], s.numbers[2], s.numbers[3]
+    x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
+    turning, main = sqrt(x * x + y * y + z * z), lines[0]
+    if s.sizes[8]:
+        about = main[1] * x + main[2] * y + main[3] * z
+        nearing = sqrt(max(turning * turning - about * about, 0.0)) * 2.0 * min(s.radius[first], s.radius[second])
+        for i in range(3):
+            nearing -= main[1 + i] * (B[i] - A[i])
+        nearing -= (main[5] * main[3] - main[6] * main[2]) * x
+        nearing -= (main[6] * main[1] - main[4] * main[3]) * y
+        nearing -= (main[4] * main[2] - main[5] * main[1]) * z
+        close = max(close, s.numbers[1] + ahead * nearing)
+    if main[0] >= close:
+        return 1
+    return turned(b, first, second, lines, s.simplex[k], s.simplex[spare], s.corners[k], ahead * turning)
 
 
 @kernel
@@ -184,9 +199,12 @@ def _collect(s: Pairs, b: Bodies) -> None:
             for i in range(k * LINES, k * LINES + _lines(s, b, k)):
                 line, force = s.line[i], s.force[count]
                 force[0], force[1], force[2] = line[1], line[2], line[3]
-                force[3] = line[5] * line[3] - line[6] * line[2]
-                force[4] = line[6] * line[1] - line[4] * line[3]
-                force[5] = line[4] * line[2] - line[5] * line[1]
+                x, y, z = 0.5 * (line[4] + line[7]), 0.5 * (line[5] + line[8]), 0.5 * (line[6] + line[9])
+                force[3], force[4], force[5] = (
+                    y * line[3] - z * line[2],
+                    z * line[1] - x * line[3],
+                    x * line[2] - y * line[1],
+                )
                 s.found[count] = i
                 count += 1
     s.sizes[7] = count
@@ -206,27 +224,46 @@ def _carried(old: Vec, new: Vec, x: float, y: float, z: float) -> tuple[float, f
     )
 
 
+@small_kernel
+def _turned_with(old: Vec, new: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A direction that turns with a placement."""
+    p, q, r = _carried(old, new, x + old[9], y + old[10], z + old[11])
+    return p - new[9], q - new[10], r - new[11]
+
+
+@small_kernel
+def _along(s: Pairs, b: Bodies, first: int, second: int, line: Vec) -> float:
+    """How far the points of a line are apart in its direction, which turns with both shapes by half, as placed now."""
+    old, new, last, here = s.last[first], b.placement[first], s.last[second], b.placement[second]
+    x, y, z = _carried(old, new, line[4], line[5], line[6])
+    u, v, w = _carried(last, here, line[7], line[8], line[9])
+    a0, a1, a2 = _turned_with(old, new, line[1], line[2], line[3])
+    b0, b1, b2 = _turned_with(last, here, line[1], line[2], line[3])
+    a0, a1, a2 = a0 + b0, a1 + b1, a2 + b2
+    return ((u - x) * a0 + (v - y) * a1 + (w - z) * a2) / sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+
+
 @kernel
 def _again(s: Pairs, b: Bodies) -> int:
     """Measure the first ``sizes[7]`` of ``found`` as the shapes are placed now: the distances to ``least``.
 
     Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN; how many are.
     """
-    spare, left = len(s.pair), 0
-    here = s.line[spare * LINES]
+    spare, left, measured, slip = len(s.pair), 0, -1, 0.0
+    here, d = s.line[spare * LINES], 0.0
     for i in range(s.sizes[7]):
         k, own = s.found[i] // LINES, s.found[i] % LINES
-        first, second = s.pair[k, 0], s.pair[k, 1]
+        first, second, main = s.pair[k, 0], s.pair[k, 1], s.line[k * LINES]
+        if measured != k:
+            _copy(s.simplex[k], s.simplex[spare])
+            done = distance(b, first, second, here, s.simplex[spare], s.corners[k])
+            d, measured = here[0] if done else nan, k
+            slip = d - _along(s, b, first, second, main) if done else 0.0
         if own:
-            line, main = s.line[s.found[i]], s.line[k * LINES]
-            here[4], here[5], here[6] = _carried(s.last[first], b.placement[first], line[4], line[5], line[6])
-            here[7], here[8], here[9] = _carried(s.last[second], b.placement[second], line[7], line[8], line[9])
-            s.least[i] = separation(here, main, lift_of(main[0]))
-            continue
-        _copy(s.simplex[k], s.simplex[spare])
-        done = distance(b, first, second, here, s.simplex[spare], s.corners[k])
-        s.least[i] = here[0] if done else nan
-        left += done == 0
+            s.least[i] = _along(s, b, first, second, s.line[s.found[i]]) + slip
+        else:
+            s.least[i] = d
+            left += isnan(d)
     return left
 
 

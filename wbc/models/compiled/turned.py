@@ -4,13 +4,14 @@ Where a face is near a face, or an edge along one, the nearest points jump acros
 on these alone lets others come as near as they like. So the second shape is turned by an angle φ about axes square to
 the normal n, through the middle between the nearest points, and what is nearest then is bounded as well:
 
-    f = |b − a + l n| − l >= d      l >= 0 lifts along n what is about to touch; it is 0 for what is apart
+    f = n·(b − a) >= d          with the points a and b where the shapes have them that are not turned
 
-with the points a and b where the shapes have them that are not turned. As they are points of the shapes, f >= margin
-asks for nothing that d >= margin does not ask for.
+The shapes are apart by d along n, so that f >= margin asks for nothing that d >= margin does not ask for. n turns with
+both shapes by half, at (ω₁ + ω₂) / 2, for which ∂f/∂q is one line of force along n through the middle between a and b.
 
-Points x to the side of the nearest that come into question at φ are further by x φ at most, so a barrier of rate γ lets
-the shapes turn at γ φ. With φ what they turn in 1 / 2γ, half of a turn from side to side is left in the next tick.
+Points x to the side of the nearest that come into question at φ are further by x φ, and approach by x ω faster. With
+φ what the shapes turn in 1 / γ, ω = γ φ, a barrier of rate γ that holds for the nearest holds for those that are not
+bounded yet.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from wbc.types import Mat, Vec
 #: Axes about which the second shape is turned. Of five, each corner of a rectangle is brought near by one at least.
 TURNS = 6
 #: By how much at least, and at most [rad].
-_LEAST, _MOST = 0.005, 0.1
-#: Up to this distance [m] shapes are lifted.
+_LEAST, _MOST = 0.005, 0.3
+#: Shapes that are nearer [m] are lifted to this distance along n before they are turned.
 _APART = 0.01
 #: How sharp the search is, and points that are as near as this to others say the same [m].
 _SHARP, _SAME = 1e-7, 2e-4
@@ -58,23 +59,6 @@ def _turned(
 
 
 @small_kernel
-def lift_of(d: float) -> float:
-    """l for shapes that are d apart."""
-    return max(0.0, _APART - d)
-
-
-@small_kernel
-def separation(line: Vec, normal: Vec, lift: float) -> float:
-    """f for the points in ``line``, whose direction becomes that of b − a + l n."""
-    x = line[7] - line[4] + lift * normal[1]
-    y = line[8] - line[5] + lift * normal[2]
-    z = line[9] - line[6] + lift * normal[3]
-    size = sqrt(x * x + y * y + z * z)
-    line[1], line[2], line[3] = x / size, y / size, z / size
-    return size - lift
-
-
-@small_kernel
 def _is_new(lines: Mat, own: int) -> bool:
     """Whether the points of the last of ``own + 1`` lines are others than those before."""
     for i in range(own):
@@ -96,7 +80,7 @@ def turned(s: Bodies, first: int, second: int, lines: Mat, simplex: Mat, start: 
     angle = max(_LEAST, min(angle, _MOST))
     co, si = cos(angle), sin(angle)
     A, B, line = s.placement[first], s.placement[second], lines[0]
-    lift, count = lift_of(line[0]), 1
+    lift, count = max(0.0, _APART - line[0]), 1
     n0, n1, n2 = line[1], line[2], line[3]
     u0, u1, u2 = _basis(A, n0, n1, n2)
     c0, c1, c2 = 0.5 * (line[4] + line[7]), 0.5 * (line[5] + line[8]), 0.5 * (line[6] + line[9])
@@ -119,7 +103,8 @@ def turned(s: Bodies, first: int, second: int, lines: Mat, simplex: Mat, start: 
             p, q, r = _turned(x, y, z, p, q, r, co, -si)
             new[7], new[8], new[9] = p + c0, q + c1, r + c2
             if _is_new(lines, count):
-                new[0] = separation(new, line, lift)
+                new[1], new[2], new[3] = n0, n1, n2
+                new[0] = n0 * (new[7] - new[4]) + n1 * (new[8] - new[5]) + n2 * (new[9] - new[6])
                 count += 1
     for i in range(12):
         B[i] = held[i]
