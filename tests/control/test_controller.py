@@ -72,6 +72,19 @@ def test_what_a_level_does_not_decide_is_nan(arm: Any) -> None:
 
 
 # ---- programming errors raise, numbers do not
+def test_an_attribute_that_does_not_exist_is_refused_and_so_is_another_setting(arm: Any) -> None:
+    control, recorder = reaching(arm), wbc.Recorder(2)
+    command = recorder.tick(control, 0.0, arm.q0, np.zeros(arm.nv))
+    for thing in (control, command, recorder, recorder.run(), wbc.Setpoint(control), control.stack):
+        with pytest.raises(AttributeError, match="stak"):
+            thing.stak = 3  # type: ignore[union-attr]
+    for fixed in ("level", "hierarchy", "solver"):
+        with pytest.raises(AttributeError, match=fixed):
+            setattr(control, fixed, getattr(control, fixed))
+    with pytest.raises(NotSupported, match=r"controller\.replace\(stack\)"):
+        control.stack = wbc.Stack([Posture(arm.q0)])
+
+
 def test_wrong_shapes_and_types_raise(arm: Any) -> None:
     control = reaching(arm)
     with pytest.raises(InvalidInput, match=r"q must have shape \(7,\)"):

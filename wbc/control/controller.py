@@ -72,6 +72,11 @@ class Controller(Solving):
         'SOLVED'
     """
 
+    __slots__ = (
+        "_acceleration", "_former", "_has_quaternion", "_kept", "_q_shape", "_solved", "_started", "_v_shape",
+        "components", "ladder", "watch",
+    )  # fmt: skip
+
     #: The plan that the tick before was solved with.
     _solved: Plan | None
     #: The plans and components of the stack that the last tick was made with, until the first tick with another.

@@ -69,6 +69,8 @@ class Run(Mapping[str, Column]):
         (3, (3, 7), ['q', 't'])
     """
 
+    __slots__ = ("columns", "failed", "meta", "rows")
+
     def __init__(self, columns: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> None:
         for what, given in (("columns", columns), ("meta", {} if meta is None else meta)):
             if not isinstance(given, Mapping):
@@ -230,6 +232,11 @@ class Recorder:
         >>> recorder.run({})["q"].tolist()
         [[1.0, 2.0], [nan, nan]]
     """
+
+    __slots__ = (
+        "_integers", "_number_names", "_numbers", "_pick_numbers", "_pick_vectors", "_place", "_sizes", "_ticks",
+        "_vector_names", "_vectors", "capacity", "grown", "rows",
+    )  # fmt: skip
 
     def __init__(self, capacity: int) -> None:
         self.capacity = int(checks.number("capacity", capacity, low=1, high=MOST_ROWS))

@@ -70,6 +70,8 @@ class Setpoint:
         (True, True)
     """
 
+    __slots__ = ("_begun", "controller", "dragged", "drift", "feedback", "max_drift", "q", "v")
+
     def __init__(self, controller: Controller, *, feedback: str = "commanded", max_drift: Any = 0.1) -> None:
         if not isinstance(controller, Controller):
             raise InvalidInput(f"controller is {controller!r}; it must be a wbc.Controller")

@@ -26,8 +26,14 @@ from wbc.types import Status, Vec
 class Solving:
     """The plans of a stack, the plan and the solver of this tick, and the command that their answer means.
 
-    A controller is one that ticks; its fallback levels ask further solvers here.
+    A controller is one that ticks; its fallback levels ask further solvers here. There are no attributes but these, so
+    that a slip in an assignment is told; what is settled when a controller is made cannot be assigned.
     """
+
+    __slots__ = (
+        "_answered", "_asked", "_dt", "_hierarchy", "_level", "_solver", "_stack", "last", "mode", "model", "plan",
+        "plans", "serial", "split_forces", "state", "status", "ticks", "why",
+    )  # fmt: skip
 
     #: How the last tick ended, why it is not simply solved, and its command.
     status: Status
@@ -35,15 +41,18 @@ class Solving:
     last: Command | None
     #: Since the last reset.
     ticks: int
+    #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
+    serial: int
+    #: Makes contact forces (nf,) wrenches by contact name.
+    split_forces: Callable[[Vec | None], Forces]
 
     def __init__(
         self, robot: RobotModel, stack: Stack, level: Formulation, *, hierarchy: Hierarchy, solver: Solver, dt: float
     ) -> None:
-        self.model, self.level, self._dt = robot, level, dt
-        self.hierarchy, self.solver = hierarchy, solver
+        self.model, self._level, self._dt = robot, level, dt
+        self._hierarchy, self._asked = hierarchy, solver
         self.state = robot.state(drifts=level.order > 1)
         self.compile(stack)
-        #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
         self.serial = 0
 
     def compile(self, stack: Stack, prepared: Sequence[Component] = ()) -> None:
@@ -52,14 +61,13 @@ class Solving:
         Raises:
             WbcError: something in the stack makes no sense for this robot and level.
         """
-        plans = Plans(self.state, stack, self.level, dt=self._dt, open_solver=self._open, prepared=prepared)
-        self.plans, self.stack = plans, stack
+        plans = Plans(self.state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
+        self.plans, self._stack = plans, stack
         contacts = plans.whole.plan.layout.contacts
-        #: Makes contact forces (nf,) wrenches by contact name.
         self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, {c.frame: c.name for c in contacts})
 
     def _open(self, plan: Plan) -> RowSolver:
-        return self.hierarchy.open(plan.problem, self.solver, plan.damping.pulls)
+        return self._hierarchy.open(plan.problem, self._asked, plan.damping.pulls)
 
     @property
     def dt(self) -> float:
@@ -74,6 +82,34 @@ class Solving:
     def dt(self, value: Any) -> None:
         raise NotSupported(f"controller.dt is fixed at {self._dt:g} s, as plans depend on it; make another controller")
 
+    @property
+    def stack(self) -> Stack:
+        """What to do.
+
+        Raises:
+            NotSupported: an assignment.
+        """
+        return self._stack
+
+    @stack.setter
+    def stack(self, value: Any) -> None:
+        raise NotSupported("controller.stack is compiled; write controller.replace(stack)")
+
+    @property
+    def level(self) -> Formulation:
+        """What is decided: velocities, accelerations or torques; it is fixed when a controller is made."""
+        return self._level
+
+    @property
+    def hierarchy(self) -> Hierarchy:
+        """What the levels of the stack mean; it is fixed when a controller is made."""
+        return self._hierarchy
+
+    @property
+    def solver(self) -> Solver:
+        """Who is asked; it is fixed when a controller is made."""
+        return self._asked
+
     def use(self, mode: Mode) -> None:
         """Decide with the plan and the solver of this set of contacts from now on."""
         self.mode, self.plan, self._solver = mode, mode.plan, mode.solver
@@ -85,7 +121,7 @@ class Solving:
         try:
             return solver.solve()
         except Exception as cause:  # a back end may raise anything, and a robot still needs a command
-            self.why = f"solver {self.solver.name!r} raised {type(cause).__name__}: {cause}"
+            self.why = f"solver {self._asked.name!r} raised {type(cause).__name__}: {cause}"
             return Status.FAILED
 
     @property
@@ -105,9 +141,9 @@ class Solving:
         parts, value = plan.layout, plan.problem.value.copy()
         value.setflags(write=False)
         motion = value[parts.motion_items]
-        if self.level.order == 1:
+        if self._level.order == 1:
             return Command(self, status, rung, proof, q, v, motion)
-        if not self.level.dynamics:
+        if not self._level.dynamics:
             return Command(self, status, rung, proof, q, v, None, motion)
         tau = plan.actuators.command(value[parts.torque_items])
         forces = self.mode.all_forces, value, plan.force_scale
