@@ -167,9 +167,20 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_run(wbc, waving):
     assert "chatters" not in answer.err
 
 
-def test_a_file_without_a_scenario_name_is_answered_with_its_names(wbc, waving):
-    answer = wbc("run", waving.removesuffix(":wave"))
-    assert answer.code == 2 and "waving.py:wave" in answer.err
+def test_the_scenarios_of_a_file_are_listed_as_all_are_and_nothing_runs(wbc, waving, tmp_path):
+    (tmp_path / "own.py").write_text(INTERRUPTED + "\nclass Bow(Reach):\n    name, summary = 'bow', 'an arm bows'\n")
+    answer = wbc("run", "own.py")
+    assert answer.code == 0 and not answer.err
+    lines = [line.split() for line in answer.out.splitlines()]
+    assert ["own.py:Reach", *"an arm reaches until Ctrl-C".split()] in lines
+    assert ["own.py:Bow", *"an arm bows".split()] in lines
+    assert lines[0] == "Scenarios (wbc run NAME)".split() and lines[1][0] == "name"
+    assert sorted(path.name for path in tmp_path.iterdir() if path.suffix) == ["own.py"]
+    answer = wbc("run", "own.py", "--json")
+    assert answer.code == 2 and "name the scenario to run; wbc run own.py" in answer.err and not answer.out
+    (tmp_path / "none.py").write_text("x = 1\n")
+    answer = wbc("run", "none.py")
+    assert answer.code == 2 and "'none.py' has no scenario" in answer.err
 
 
 def test_the_package_of_the_command_line_runs_as_the_command_does(tmp_path):

@@ -101,7 +101,7 @@ def test_a_file_without_a_name_says_what_it_has(tmp_path):
     with pytest.raises(InvalidInput, match=r"name a scenario in it: .*own\.py:wave$"):
         find(str(tmp_path / "own.py"))
     (tmp_path / "empty.py").write_text("x = 1")
-    with pytest.raises(InvalidInput, match="it has none"):
+    with pytest.raises(InvalidInput, match="has no scenario"):
         find(str(tmp_path / "empty.py"))
 
 

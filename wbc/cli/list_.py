@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -12,6 +13,9 @@ from rich.text import Text
 
 from wbc.cli import bench
 from wbc.cli.console import one_sentence, table
+
+if TYPE_CHECKING:
+    from wbc.sim.scenario import Scenario
 
 
 @one_sentence
@@ -33,20 +37,10 @@ def members() -> dict[str, Any]:
     """Everything that commands find by name, as JSON values."""
     from wbc.models.catalogue import EXAMPLES, OWN
     from wbc.qp.solvers import SOLVERS
-    from wbc.report.record import plain
     from wbc.sim.scenario import scenarios
 
     return {
-        "scenarios": {
-            name: {
-                "summary": scenario.summary,
-                "parameters": plain(scenario.parameters),
-                "plants": list(scenario.plants),
-                "hierarchies": list(scenario.hierarchies),
-                "duration_s": scenario.duration,
-            }
-            for name, scenario in scenarios().items()
-        },
+        "scenarios": described(scenarios()),
         "solvers": {
             solver.name: {"usable": solver.available(), "package": solver.package, "offline": solver.offline}
             for solver in SOLVERS
@@ -56,8 +50,24 @@ def members() -> dict[str, Any]:
     }
 
 
-def listed(scenarios: dict[str, Any]) -> Table:
-    """The scenarios of :func:`members` with what happens in them and their parameters."""
+def described(scenarios: Mapping[str, Scenario]) -> dict[str, Any]:
+    """Scenarios by name, as JSON values."""
+    from wbc.report.record import plain
+
+    return {
+        name: {
+            "summary": scenario.summary,
+            "parameters": plain(scenario.parameters),
+            "plants": list(scenario.plants),
+            "hierarchies": list(scenario.hierarchies),
+            "duration_s": scenario.duration,
+        }
+        for name, scenario in scenarios.items()
+    }
+
+
+def listed(scenarios: Mapping[str, Any]) -> Table:
+    """A table of what :func:`described` says, with what happens in each and its parameters."""
     made = table("Scenarios (wbc run NAME)", "name", "what happens", "--set")
     for name, scenario in scenarios.items():
         parameters = ", ".join(f"{key}={_typed(value)}" for key, value in scenario["parameters"].items())

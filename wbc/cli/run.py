@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 @one_sentence
 def run(
     scenario: Annotated[
-        str | None, typer.Argument(help="A name, module:name or file.py:name; without one, what there is is listed.")
+        str | None,
+        typer.Argument(
+            help="A name, module:name or file.py:name; without one, those there are, or those of file.py, are listed."
+        ),
     ] = None,
     *,
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
@@ -35,19 +38,21 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
-    from wbc.cli.list_ import listed, members
+    from wbc.cli.list_ import described, listed
     from wbc.errors import InvalidInput
     from wbc.qp.solvers import by_name
     from wbc.report.build import require_extras, run_report
     from wbc.report.folder import replaced, write
     from wbc.report.record import judgement
-    from wbc.sim.scenario import find
+    from wbc.sim.scenario import find, is_file, scenarios, scenarios_of
     from wbc.sim.simulate import Interrupted
 
-    if scenario is None:
+    if scenario is None or is_file(scenario):
+        there = scenarios() if scenario is None else scenarios_of(scenario)
         if (hierarchy, duration, plant, settings, out, as_json) != (None, None, None, None, None, False):
-            raise InvalidInput("name the scenario to run; wbc run without anything lists them")
-        Console(highlight=False).print(listed(members()["scenarios"]))
+            here = "" if scenario is None else f" {scenario}"
+            raise InvalidInput(f"name the scenario to run; wbc run{here} without anything else lists them")
+        Console(highlight=False).print(listed(described(there)))
         return
     chosen = find(scenario)
     parameters = chosen.parse(settings or ())

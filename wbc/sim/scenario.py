@@ -176,6 +176,26 @@ def scenarios() -> dict[str, Scenario]:
     return registered(GROUP)
 
 
+def is_file(text: str) -> bool:
+    """Whether a file is named, and no scenario in it."""
+    return text.endswith(".py") and ":" not in text
+
+
+def scenarios_of(file: str) -> dict[str, Scenario]:
+    """The scenarios of a file by what :func:`find` takes: ``file.py:name``.
+
+    Raises:
+        InvalidInput: the file cannot be imported, or has no scenario.
+    """
+    module = imported(file)
+    found = {
+        f"{file}:{name}": scenario for name in _scenarios_in(module) if (scenario := _as_scenario(vars(module)[name]))
+    }
+    if not found:
+        raise InvalidInput(f"{file!r} has no scenario: no subclass of wbc.sim.scenario.Scenario")
+    return found
+
+
 def find(text: str) -> Scenario:
     """The scenario of that name, or ``module:name``, or ``file.py:name``.
 
@@ -184,9 +204,8 @@ def find(text: str) -> Scenario:
         InvalidInput: the module or file cannot be imported, the name in it is no scenario, or a file without a name.
     """
     place, colon, name = text.rpartition(":")
-    if not colon and text.endswith(".py"):
-        members = ", ".join(f"{text}:{member}" for member in _scenarios_in(imported(text)))
-        raise InvalidInput(f"{text!r} is a file; name a scenario in it: {members or 'it has none'}")
+    if is_file(text):
+        raise InvalidInput(f"{text!r} is a file; name a scenario in it: {', '.join(scenarios_of(text))}")
     if not colon:
         known = scenarios()
         if text not in known:
