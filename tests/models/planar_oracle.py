@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 import pytest
+import sympy as sp
 
 from wbc.models import Chain, Planar4P, PlanarPR
 from wbc.models.lagrange import derive
@@ -36,6 +40,30 @@ def in_pinocchio(chain: Chain, parameters: dict[str, float], gravity: float) -> 
         tip = length * along
     model.addFrame(pin.Frame("end_effector", parent, pin.SE3(np.eye(3), tip), pin.FrameType.OP_FRAME))
     return model
+
+
+@cache
+def derived_formulas(word: str) -> dict[str, Any]:
+    """Each formula of a derivation as a function of q, v, w, a, parameters and g0."""
+    d = derive(word)
+    p = d.parametrisation
+    expressions = {name: getattr(d, name) for name in ("M", "c", "S", "g", "J", "Jdot_v", "momentum", "beta")}
+    expressions |= {"energy": sp.Matrix([d.T + d.U]), "regressor": p.Y, "coefficients": p.coefficients}
+    symbols = [d.q, d.v, p.v_reference, d.a, list(d.parameters.values()), d.g0]
+    return {name: sp.lambdify(symbols, value, "numpy") for name, value in expressions.items()}
+
+
+def check_against_derivation(robot: Any, q: Any, v: Any, w: Any, a: Any, *, rtol: float, atol: float) -> None:
+    """That a robot answers what is derived in symbols for its chain."""
+    numbers = (q, v, w, a, list(robot.parameters.values()), robot.g0)
+    answers = {
+        "M": robot.M(q), "c": robot.c(q, v), "S": robot.S(q, v), "g": robot.g(q), "J": robot.J(q),
+        "Jdot_v": robot.Jdot_v(q, v), "momentum": robot.momentum(q, v), "beta": robot.beta(q, v),
+        "energy": robot.energy(q, v), "regressor": robot.regressor(q, v, w, a), "coefficients": robot.coefficients,
+    }  # fmt: skip
+    for name, formula in derived_formulas(str(robot.chain)).items():
+        expected = np.reshape(formula(*numbers), np.shape(answers[name]))
+        assert np.allclose(answers[name], expected, rtol=rtol, atol=atol), name
 
 
 PR = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1)

@@ -15,7 +15,7 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.models.planar_oracle import CHAINS, in_pinocchio, some_parameters
+from tests.models.planar_oracle import CHAINS, check_against_derivation, in_pinocchio, some_parameters
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models import Chain
 from wbc.models.lagrange import derive
@@ -287,6 +287,7 @@ def test_the_forces_are_those_of_recursive_newton_euler(word: str, seed: int):
     model = in_pinocchio(robot.chain, robot.parameters, robot.g0)
     data, (q, v, a) = model.createData(), moment(robot.nv, seed, 3)
     forces = pin.rnea(model, data, q, v, a)
+    check_against_derivation(robot, q, v, v, a, rtol=1e-10, atol=1e-9)
     assert np.allclose(robot.M(q) @ a + robot.c(q, v) + robot.g(q), forces, rtol=1e-10, atol=1e-9)
     assert np.allclose(robot.regressor(q, v, v, a) @ robot.coefficients, forces, rtol=1e-9, atol=1e-9)
     assert np.allclose(robot.g(q), pin.computeGeneralizedGravity(model, data, q), rtol=1e-10, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Robots: what they must answer (model), Pinocchio behind it and ``load``, and planar robots by formula.
+"""Robots: what they must answer (model), Pinocchio behind it and ``load``, and planar robots.
 
 Importing this loads no robot library; the first robot does. It loads no sympy; the first derivation does.
 """

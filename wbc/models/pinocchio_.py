@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Any, Literal, final
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from wbc import checks
 from wbc.errors import ModelError
 from wbc.models.feet import Foot
 from wbc.models.model import Limits
-from wbc.models.pinocchio_state import PinocchioRobot, PinocchioState
+from wbc.models.pinocchio_state import PinocchioRobot, finite_interval, frozen
 from wbc.models.urdf import Joint, Urdf
 from wbc.types import Vec
 
 Base = Literal["fixed", "floating", "planar"]
 BASES = ("fixed", "floating", "planar")
-
-#: Frames that Pinocchio adds and no URDF has.
-_INTERNAL = {"universe", "root_joint"}
 
 
 @final
@@ -72,50 +68,19 @@ class PinocchioModel(PinocchioRobot):
         self.name = name or urdf.name
         self.visuals, self.collisions = urdf.visuals, urdf.collisions
         self.feet: Mapping[str, Foot] = {foot.frame: foot for foot in feet}
-        self.pinocchio = model = _build(urdf, base) if model is None else model
-        self.nq, self.nv = model.nq, model.nv
-        self.nb = 6 if base == "floating" else 0
-        self.nj = self.nv - self.nb
-        self.joint_names = tuple(model.names)[-self.nj :]
+        model = _build(urdf, base) if model is None else model
+        self._take(model, 6 if base == "floating" else 0)
         by_name = {joint.name: joint for joint in urdf.joints}
         joints = [by_name[joint] for joint in self.joint_names]
         self.joint_units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
         self._endless = [joint.kind == "continuous" for joint in joints]
         self.limits = _limits(joints)
-        self.armature = _frozen(np.array([joint.armature for joint in joints]))
+        self.armature = frozen(np.array([joint.armature for joint in joints]))
         model.armature[self.nb :] = self.armature
-        self.mass = float(pin.computeTotalMass(model))
-        self.gravity = _frozen(model.gravity.linear.copy())
-        self.frames = _frames(model)
-        self.frame_names = tuple(self.frames)
         for foot in self.feet:
             self.check_frame(foot)
         self.configurations: Mapping[str, Vec] = {}
-        self.q0 = _frozen(pin.neutral(model))
-        self.q0 = _frozen(self.configuration({}))
-
-    def state(self, *, drifts: bool = True) -> PinocchioState:
-        """A new state at q0, at rest; without ``drifts`` those of frames and of the centre of mass are NaN."""
-        return PinocchioState(self, drifts=drifts)
-
-    def integrate(self, q: Vec, dq: Vec) -> Vec:
-        """q ⊕ dq: the configuration reached by the tangent step dq (nv,)."""
-        return _vector(pin.integrate(self.pinocchio, q, dq))
-
-    def difference(self, q_from: Vec, q_to: Vec) -> Vec:
-        """The step (nv,) with q_from ⊕ step = q_to."""
-        return _vector(pin.difference(self.pinocchio, q_from, q_to))
-
-    @cached_property
-    def weightless(self) -> str:
-        """What moves no inertia in q0."""
-        M = self.state().M
-        scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
-        values, directions = np.linalg.eigh(M / np.outer(scale, scale))
-        if values[0] > 1e-10:
-            return ""
-        i = int(np.abs(directions[:, 0]).argmax()) - self.nb
-        return "the base" if i < 0 else f"joint {self.joint_names[i]!r}"
+        self.q0 = frozen(self.configuration({}))
 
     def to_pinocchio(self, q: Vec) -> Vec:
         """``q`` (nq,) as Pinocchio's own reading of the robot has it: a joint without end is its cosine and its sine.
@@ -146,17 +111,6 @@ class PinocchioModel(PinocchioRobot):
         rest = iter(q[first:].tolist())
         pairs = [(next(rest), next(rest) if turns else None) for turns in self._endless]
         return np.array([*q[:first], *(x if sine is None else np.arctan2(sine, x) for x, sine in pairs)])
-
-    def random_configuration(self, rng: np.random.Generator) -> Vec:
-        """A configuration inside the joint limits (±π or ±1 m where there are none); floating base: any orientation,
-        position within 1 m."""
-        low, high = _finite_interval(self.limits, np.array([np.pi if u == "rad" else 1.0 for u in self.joint_units]))
-        q = np.concatenate([np.zeros(self.nq - self.nj), rng.uniform(low, high)])
-        if self.nb:
-            quaternion = rng.normal(size=4)
-            q[:3] = rng.uniform(-1.0, 1.0, 3) / 3**0.5
-            q[3:7] = quaternion / np.linalg.norm(quaternion)
-        return q
 
     def configuration(self, joints: Mapping[str, float]) -> Vec:
         """A configuration (nq,) from joint positions by name [rad, m]; the other joints at rest.
@@ -190,8 +144,9 @@ class PinocchioModel(PinocchioRobot):
         return q
 
     def replace(
-        self, *, q0: Vec | None = None, limits: Limits | None = None, configurations: Mapping[str, Vec] | None = None
-    ) -> PinocchioModel:
+        self, *, q0: ArrayLike | None = None, limits: Limits | None = None,
+        configurations: Mapping[str, Vec] | None = None,
+    ) -> PinocchioModel:  # fmt: skip
         """The same robot with another reference configuration, other limits or other named configurations.
 
         Raises:
@@ -205,21 +160,12 @@ class PinocchioModel(PinocchioRobot):
             >>> float(slow.limits.v_max[0] / robot.limits.v_max[0])
             0.1
         """
-        other = copy.copy(self)
-        if q0 is not None:
-            other.q0 = _frozen(checks.array("q0", q0, (self.nq,)))
+        other = super().replace(q0=q0, limits=limits)
         if configurations is not None:
             other.configurations = {
-                name: _frozen(checks.array(f"configurations[{name!r}]", q, (self.nq,)))
+                name: frozen(checks.array(f"configurations[{name!r}]", q, (self.nq,)))
                 for name, q in configurations.items()
             }
-        if limits is not None:
-            other.limits = Limits(
-                *(
-                    _frozen(checks.array(f"limits.{key}", getattr(limits, key), (self.nj,), finite=False))
-                    for key in ("q_min", "q_max", "v_max", "tau_max")
-                )
-            )
         return other
 
     def with_masses(self, factors: Any) -> PinocchioModel:
@@ -258,9 +204,6 @@ class PinocchioModel(PinocchioRobot):
             )
         )
 
-    def __deepcopy__(self, memo: object) -> PinocchioModel:
-        return self  # a value: all parts of a program may share it
-
     def __repr__(self) -> str:
         base = f", {self.base} base" if self.base != "fixed" else ""
         loops = f", {len(self.urdf.loops)} loops" if self.urdf.loops else ""
@@ -281,40 +224,12 @@ def _build(urdf: Urdf, base: str) -> Any:
     return model
 
 
-def _frames(model: Any) -> dict[str, int]:
-    """Index of each frame by name: links, then joints that no link is called like."""
-    found: dict[str, int] = {}
-    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
-    for kind in kinds:
-        for index, frame in enumerate(model.frames):
-            if frame.type == kind and frame.name not in _INTERNAL:
-                found.setdefault(frame.name, index)
-    return found
-
-
 def _limits(joints: Sequence[Joint]) -> Limits:
     fields = ("lower", "upper", "velocity", "effort")
-    return Limits(*(_frozen(np.array([getattr(joint, key) for joint in joints])) for key in fields))
-
-
-def _finite_interval(limits: Limits, span: Vec) -> tuple[Vec, Vec]:
-    """Position limits, up to 2 span wide where one of them is infinite; ±span where they make no sense."""
-    low, high, sane = limits.q_min, limits.q_max, limits.q_min < limits.q_max
-    low = np.where(np.isfinite(low), low, np.minimum(-span, high - 2 * span))
-    high = np.where(np.isfinite(high), high, np.maximum(span, low + 2 * span))
-    return np.where(sane, low, -span), np.where(sane, high, span)
+    return Limits(*(frozen(np.array([getattr(joint, key) for joint in joints])) for key in fields))
 
 
 def _rest(limits: Limits) -> Vec:
     """Zero inside the limits, else the middle of the limits."""
-    low, high = _finite_interval(limits, np.ones_like(limits.q_min))
+    low, high = finite_interval(limits, np.ones_like(limits.q_min))
     return np.where((low < 0) & (high > 0), 0.0, (low + high) / 2)
-
-
-def _vector(value: Any) -> Vec:
-    return np.asarray(value, dtype=np.float64)
-
-
-def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    array.flags.writeable = False
-    return array

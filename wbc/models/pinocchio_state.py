@@ -1,4 +1,4 @@
-"""A moment of a robot through Pinocchio: what is read from a state is computed, in as few calls as can be.
+"""Robots through Pinocchio and their moments: what is read from a state is computed, in as few calls as can be.
 
 Everything in a ``pinocchio.Data`` is a live view: it is taken once and follows the computation. What an ``update``
 calls is learnt: a quantity that is read for the first time is added to the calls of this and of every later update,
@@ -7,19 +7,21 @@ so that a velocity controller never computes an inertia matrix.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import SimpleNamespace
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.blas import dgemv
 
+from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import FrameState, RobotModel, RobotState
+from wbc.models.model import FrameState, Limits, RobotModel, RobotState
 from wbc.types import Mat, Vec
 
 _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -28,13 +30,81 @@ _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_A
 _NO_DRIFT = np.full(6, np.nan)
 _NO_DRIFT.flags.writeable = False
 _NO_MOTION = SimpleNamespace(vector=_NO_DRIFT, linear=_NO_DRIFT[:3], angular=_NO_DRIFT[3:])
+#: Frames that Pinocchio adds and no description has.
+_INTERNAL = {"universe", "root_joint"}
 
 
 class PinocchioRobot(RobotModel):
-    """What a state reads of its robot: ``pinocchio``, the model of that library, and the index of each frame in it."""
+    """A robot that is a ``pinocchio.Model``: ``pinocchio`` (to be read only: states keep copies), and ``frames``, the
+    index of each frame in it. Each joint has one position."""
 
     pinocchio: Any
     frames: Mapping[str, int]
+
+    def _take(self, model: Any, nb: int) -> None:
+        """What the model says: sizes, names, mass, gravity."""
+        self.pinocchio = model
+        self.nq, self.nv, self.nb, self.nj = model.nq, model.nv, nb, model.nv - nb
+        self.joint_names = tuple(model.names)[-self.nj :]
+        self.mass = float(pin.computeTotalMass(model))
+        self.gravity = frozen(model.gravity.linear.copy())
+        self.frames = _frames(model)
+        self.frame_names = tuple(self.frames)
+        self.q0 = frozen(pin.neutral(model))
+
+    def state(self, *, drifts: bool = True) -> PinocchioState:
+        """A new state at q0, at rest; without ``drifts`` those of frames and of the centre of mass are NaN."""
+        return PinocchioState(self, drifts=drifts)
+
+    def integrate(self, q: Vec, dq: Vec) -> Vec:
+        """q ⊕ dq: the configuration reached by the tangent step dq (nv,)."""
+        return np.asarray(pin.integrate(self.pinocchio, q, dq), dtype=np.float64)
+
+    def difference(self, q_from: Vec, q_to: Vec) -> Vec:
+        """The step (nv,) with q_from ⊕ step = q_to."""
+        return np.asarray(pin.difference(self.pinocchio, q_from, q_to), dtype=np.float64)
+
+    @cached_property
+    def weightless(self) -> str:
+        """What moves no inertia in q0."""
+        M = self.state().M
+        scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
+        values, directions = np.linalg.eigh(M / np.outer(scale, scale))
+        if values[0] > 1e-10:
+            return ""
+        i = int(np.abs(directions[:, 0]).argmax()) - self.nb
+        return "the base" if i < 0 else f"joint {self.joint_names[i]!r}"
+
+    def random_configuration(self, rng: np.random.Generator) -> Vec:
+        """A configuration inside the joint limits (±π or ±1 m where there are none); floating base: any orientation,
+        position within 1 m."""
+        low, high = finite_interval(self.limits, np.array([np.pi if u == "rad" else 1.0 for u in self.joint_units]))
+        q = np.concatenate([np.zeros(self.nq - self.nj), rng.uniform(low, high)])
+        if self.nb:
+            quaternion = rng.normal(size=4)
+            q[:3] = rng.uniform(-1.0, 1.0, 3) / 3**0.5
+            q[3:7] = quaternion / np.linalg.norm(quaternion)
+        return q
+
+    def replace(self, *, q0: ArrayLike | None = None, limits: Limits | None = None) -> Self:
+        """The same robot with another reference configuration (nq,) or other limits.
+
+        Raises:
+            InvalidInput: a wrong size, NaN in ``q0``.
+        """
+        other = copy.copy(self)
+        if q0 is not None:
+            other.q0 = frozen(checks.array("q0", q0, (self.nq,)))
+            other.__dict__.pop("weightless", None)
+        if limits is not None:
+            given = ((key, getattr(limits, key)) for key in ("q_min", "q_max", "v_max", "tau_max"))
+            other.limits = Limits(
+                *(frozen(checks.array(f"limits.{key}", value, (self.nj,), finite=False)) for key, value in given)
+            )
+        return other
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self  # a value: all parts of a program may share it
 
 
 @final
@@ -393,3 +463,28 @@ def _view(array: NDArray[np.float64], owner: object, *shape: int) -> NDArray[np.
 def _matrix(call: Callable[[], Any], columns: int) -> Callable[[], Mat]:
     """A Jacobian; for a robot of one joint Pinocchio gives a vector."""
     return call if columns > 1 else lambda: call().reshape(6, 1)
+
+
+def _frames(model: Any) -> dict[str, int]:
+    """Index of each frame by name: links, then joints that no link is called like."""
+    found: dict[str, int] = {}
+    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
+    for kind in kinds:
+        for index, frame in enumerate(model.frames):
+            if frame.type == kind and frame.name not in _INTERNAL:
+                found.setdefault(frame.name, index)
+    return found
+
+
+def finite_interval(limits: Limits, span: Vec) -> tuple[Vec, Vec]:
+    """Position limits, up to 2 span wide where one of them is infinite; ±span where they make no sense."""
+    low, high, sane = limits.q_min, limits.q_max, limits.q_min < limits.q_max
+    low = np.where(np.isfinite(low), low, np.minimum(-span, high - 2 * span))
+    high = np.where(np.isfinite(high), high, np.maximum(span, low + 2 * span))
+    return np.where(sane, low, -span), np.where(sane, high, span)
+
+
+def frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same array, read only from now on."""
+    array.flags.writeable = False
+    return array

@@ -1,4 +1,4 @@
-"""PlanarPR: a prismatic joint along x that carries a revolute one, by hand formulas."""
+"""PlanarPR: a prismatic joint along x that carries a revolute one."""
 
 from __future__ import annotations
 
@@ -62,51 +62,11 @@ class PlanarPR(PlanarRobot):
         parameters = {"m1": m1, "m2": m2, "l2": l2, "d2": d2, "I2": I2}
         super().__init__("planar_pr", Chain.parse("PR"), parameters, gravity=gravity, limits=limits)
         p = self.parameters
-        self._l = p["l2"]
         self._mass = p["m1"] + p["m2"]
         self._first = p["m2"] * p["d2"]
         self._second = p["I2"] + p["m2"] * p["d2"] ** 2
         # s2 = 1 is where the determinant is smallest.
         self.replace(q0=[0.0, np.pi / 2]).check_inertia()
-
-    def M(self, q: ArrayLike) -> Mat:
-        coupling = -self._first * np.sin(self.vector("q", q)[1])
-        return np.array([[self._mass, coupling], [coupling, self._second]])
-
-    def c(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        q, v = self.vector("q", q), self.vector("v", v)
-        return np.array([-self._first * np.cos(q[1]) * v[1] ** 2, 0.0])
-
-    def S(self, q: ArrayLike, v: ArrayLike) -> Mat:
-        q, v = self.vector("q", q), self.vector("v", v)
-        return np.array([[0.0, -self._first * np.cos(q[1]) * v[1]], [0.0, 0.0]])
-
-    def g(self, q: ArrayLike) -> Vec:
-        return np.array([0.0, self._first * self.g0 * np.cos(self.vector("q", q)[1])])
-
-    def J(self, q: ArrayLike) -> Mat:
-        angle = self.vector("q", q)[1]
-        return np.array([[1.0, -self._l * np.sin(angle)], [0.0, self._l * np.cos(angle)]])
-
-    def Jdot_v(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        q, v = self.vector("q", q), self.vector("v", v)
-        towards_joint = -self._l * v[1] ** 2
-        return np.array([towards_joint * np.cos(q[1]), towards_joint * np.sin(q[1])])
-
-    def momentum(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        q, v = self.vector("q", q), self.vector("v", v)
-        coupling = -self._first * np.sin(q[1])
-        return np.array([self._mass * v[0] + coupling * v[1], coupling * v[0] + self._second * v[1]])
-
-    def beta(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        q, v = self.vector("q", q), self.vector("v", v)
-        return np.array([0.0, self._first * np.cos(q[1]) * (v[0] * v[1] + self.g0)])
-
-    def energy(self, q: ArrayLike, v: ArrayLike) -> float:
-        q, v = self.vector("q", q), self.vector("v", v)
-        height = self._first * np.sin(q[1])
-        kinetic = 0.5 * self._mass * v[0] ** 2 - height * v[0] * v[1] + 0.5 * self._second * v[1] ** 2
-        return float(kinetic + self.g0 * height)
 
     @property
     def coefficients(self) -> Vec:
@@ -120,7 +80,7 @@ class PlanarPR(PlanarRobot):
         return np.array([[a[0], 0.0, -sin * a[1] - centrifugal], [0.0, a[1], -sin * a[0] + self.g0 * cos]])
 
     def symbolic(self) -> Derivation:
-        """The same formulas, derived: sympy expressions, and ``latex()``."""
+        """The dynamics derived: sympy expressions, and ``latex()``."""
         from wbc.models.lagrange import derive
 
         return derive(self.chain)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Any, Unpack, final
 
 import numpy as np
@@ -16,10 +17,8 @@ from wbc.types import Mat, Vec
 
 @final
 class DerivedRobot(PlanarRobot):
-    """A planar chain whose formulas are derived and compiled; see :class:`~wbc.models.planar.PlanarRobot`.
-
-    A formula is compiled at its first use, common subexpressions taken out. Made by
-    :meth:`~wbc.models.lagrange.derivation.Derivation.robot`.
+    """A planar chain whose regressor is derived, and compiled at its first use; see
+    :class:`~wbc.models.planar.PlanarRobot`. Made by :meth:`~wbc.models.lagrange.derivation.Derivation.robot`.
 
     Raises:
         InvalidInput: a parameter that is missing, too many or makes no sense; an M that is singular at q0.
@@ -41,66 +40,29 @@ class DerivedRobot(PlanarRobot):
     ) -> None:
         self._equations, chain = equations, equations.chain
         super().__init__(str(chain).replace("Px", "P"), chain, parameters, gravity=gravity, limits=limits)
-        self._compiled: dict[str, Callable[..., Any]] = {}
-        self.check_inertia()
-
-    def M(self, q: ArrayLike) -> Mat:
-        return self._evaluate("M", q=q)
-
-    def c(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        return self._evaluate("c", q=q, v=v)[:, 0]
-
-    def S(self, q: ArrayLike, v: ArrayLike) -> Mat:
-        return self._evaluate("S", q=q, v=v)
-
-    def g(self, q: ArrayLike) -> Vec:
-        return self._evaluate("g", q=q)[:, 0]
-
-    def J(self, q: ArrayLike) -> Mat:
-        return self._evaluate("J", q=q)
-
-    def Jdot_v(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        return self._evaluate("Jdot_v", q=q, v=v)[:, 0]
-
-    def momentum(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        return self._evaluate("momentum", q=q, v=v)[:, 0]
-
-    def beta(self, q: ArrayLike, v: ArrayLike) -> Vec:
-        return self._evaluate("beta", q=q, v=v)[:, 0]
-
-    def energy(self, q: ArrayLike, v: ArrayLike) -> float:
-        return float(self._evaluate("energy", q=q, v=v)[0, 0])
 
     @property
     def coefficients(self) -> Vec:
-        return self._evaluate("coefficients")[:, 0]
+        return np.array(self._compiled[0](), dtype=np.float64)[:, 0]
 
     def regressor(self, q: ArrayLike, v: ArrayLike, v_reference: ArrayLike, a: ArrayLike) -> Mat:
-        return self._evaluate("regressor", q=q, v=v, v_reference=v_reference, a=a)
+        given = {"q": q, "v": v, "v_reference": v_reference, "a": a}
+        vectors = [self.vector(name, value) for name, value in given.items()]
+        return np.array(self._compiled[1](*vectors), dtype=np.float64)
 
-    def _evaluate(self, formula: str, **arguments: ArrayLike) -> Mat:
-        """The matrix of a formula, with these arguments in the order it wants them."""
-        if formula not in self._compiled:
-            self._compiled[formula] = self._compile(formula, tuple(arguments))
-        vectors = (self.vector(name, value) for name, value in arguments.items())
-        return np.asarray(self._compiled[formula](*vectors), dtype=np.float64)
-
-    def _compile(self, formula: str, arguments: tuple[str, ...]) -> Callable[..., Any]:
-        derivation = self._equations
-        symbols = {"q": derivation.q, "v": derivation.v, "a": derivation.a}
-        if formula == "energy":
-            expression = sp.Matrix([derivation.T + derivation.U])
-        elif formula == "regressor":
-            parametrisation = derivation.parametrisation
-            symbols["v_reference"] = parametrisation.v_reference
-            expression = parametrisation.Y
-        else:
-            expression = getattr(derivation, formula)
-        numbers = {derivation.parameters[name]: sp.Float(value) for name, value in self.parameters.items()}
-        expression = expression.xreplace(numbers | {derivation.g0: sp.Float(self.g0)})
-        compiled: Callable[..., Any] = sp.lambdify([symbols[name] for name in arguments], expression, "numpy", cse=True)
-        return compiled
+    @cached_property
+    def _compiled(self) -> list[Callable[..., Any]]:
+        """Coefficients, and the regressor as a function of q, v, v_reference and a."""
+        d = self._equations
+        found = d.parametrisation
+        numbers = {d.parameters[name]: sp.Float(value) for name, value in self.parameters.items()}
+        numbers[d.g0] = sp.Float(self.g0)
+        motion = [d.q, d.v, found.v_reference, d.a]
+        return [
+            sp.lambdify(symbols, expression.xreplace(numbers), "numpy", cse=True)
+            for symbols, expression in (([], found.coefficients), (motion, found.Y))
+        ]
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled functions cannot be pickled: a copy compiles its own.
-        return {**self.__dict__, "_compiled": {}}
+        return {key: value for key, value in self.__dict__.items() if key != "_compiled"}
