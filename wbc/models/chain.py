@@ -67,17 +67,13 @@ class Chain:
         """
         if not isinstance(word, str):
             raise InvalidInput(f"a chain is spelled by a word, not by {type(word).__name__}")
-        joints: list[Joint] = []
-        place = 0
-        while place < len(word):
-            found = re.compile("(R)|(P)([XY]?)", re.IGNORECASE).match(word, place)
-            if found is None:
-                raise InvalidInput(f"chain {word[:40]!r} makes no sense at {word[place : place + 10]!r}; {_GRAMMAR}")
-            joints.append("R" if found[1] else "Py" if found[3].lower() == "y" else "Px")
-            place = found.end()
-        if not joints:
+        rest = re.sub("^(R|P[XY]?)*", "", word, flags=re.IGNORECASE)
+        if rest:
+            raise InvalidInput(f"chain {word[:40]!r} makes no sense at {rest[:10]!r}; {_GRAMMAR}")
+        if not word:
             raise InvalidInput(f"the chain has no joint; {_GRAMMAR}")
-        return cls(tuple(joints))
+        spelled: dict[str, Joint] = {"R": "R", "P": "Px", "PX": "Px", "PY": "Py"}
+        return cls(tuple(spelled[joint] for joint in re.findall("R|P[XY]?", word.upper())))
 
     @property
     def units(self) -> tuple[str, ...]:

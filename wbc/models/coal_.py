@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from wbc.errors import InvalidInput, ModelError
 from wbc.models.geometry import Box, Cylinder, Mesh, Shape, Sphere
+from wbc.models.pinocchio_state import Shared
 from wbc.types import Mat
 
 #: The largest mesh file that is read [bytes].
@@ -101,21 +102,11 @@ def placements(data: Any) -> Mat:
     """Placements of all shapes (n, 12), a live view: columns of the rotation, then the position."""
     rotations = [_address(placement.rotation) for placement in data.oMg]
     positions = [_address(placement.translation) for placement in data.oMg]
-    first, n = rotations[0], len(rotations)
-    expected = [first + 96 * i for i in range(n)]
+    n = len(rotations)
+    expected = [rotations[0] + 96 * i for i in range(n)]
     assert rotations == expected and positions == [at + 72 for at in expected], "one behind the other"
-    return np.asarray(_Memory(first, (n, 12), (96, 8), data))
+    return np.asarray(Shared(data.oMg[0].rotation, data, shape=(n, 12), strides=(96, 8)))
 
 
 def _address(array: Any) -> int:
     return int(array.__array_interface__["data"][0])
-
-
-class _Memory:
-    """A strided view of memory that keeps its owner alive."""
-
-    def __init__(self, start: int, shape: tuple[int, ...], strides: tuple[int, ...], owner: object) -> None:
-        self.__array_interface__ = {
-            "data": (start, True), "shape": shape, "strides": strides, "typestr": "<f8", "version": 3,
-        }  # fmt: skip
-        self._owner = owner

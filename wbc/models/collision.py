@@ -279,9 +279,8 @@ class Distances:
         """1 for each velocity that moves ``joint``."""
         model = self.model.pinocchio
         moved = np.zeros(model.nv)
-        while joint:
-            moved[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
-            joint = model.parents[joint]
+        for carrier in list(model.supports[joint])[1:]:
+            moved[model.idx_vs[carrier] :][: model.nvs[carrier]] = 1.0
         return moved
 
     # ---- the tick

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, sin
 from pathlib import Path
 from typing import Any, final
 
@@ -32,22 +31,16 @@ class Origin:
     @classmethod
     def of(cls, position: Any, R: Mat) -> Origin:
         """The pose of a rotation R = Rz Ry Rx (3, 3): roll is what is left without yaw, at a pitch of ±π/2 too."""
-        yaw = atan2(R[1, 0], R[0, 0])
-        pitch = atan2(-R[2, 0], hypot(R[0, 0], R[1, 0]))
-        roll = atan2(sin(yaw) * R[0, 2] - cos(yaw) * R[1, 2], cos(yaw) * R[1, 1] - sin(yaw) * R[0, 1])
-        return cls(triple(position), (roll, pitch, yaw))
+        import pinocchio as pin
+
+        return cls(triple(position), triple(pin.rpy.matrixToRpy(R)))
 
     @property
     def rotation(self) -> Mat:
         """Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
-        (cr, cp, cy), (sr, sp, sy) = map(cos, self.rpy), map(sin, self.rpy)
-        return np.array(
-            [
-                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                [-sp, cp * sr, cp * cr],
-            ]
-        )
+        import pinocchio as pin
+
+        return np.asarray(pin.rpy.rpyToMatrix(np.array(self.rpy)), dtype=np.float64)
 
     @property
     def matrix(self) -> Mat:
@@ -56,13 +49,6 @@ class Origin:
         result[:3, :3] = self.rotation
         result[:3, 3] = self.xyz
         return result
-
-    @property
-    def xyz_quaternion(self) -> Vec:
-        """Position and quaternion (x y z w), (7,)."""
-        import pinocchio as pin
-
-        return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(self.matrix)), dtype=np.float64)
 
 
 #: No offset.

@@ -290,12 +290,14 @@ def _with_frames(model: Any, mounts: Iterable[Joint]) -> Any:
 
 def _posed(robot: PinocchioModel, pose: NamedPose) -> Vec:
     """A configuration, standing on the feet that are known; joints that the robot has not are passed over."""
+    import pinocchio as pin
+
     positions = {joint: values for joint, values in pose.items() if joint in robot.joint_names and len(values)}
     q = robot.configuration(
         {joint: v[0] if len(v) == 1 else float(np.arctan2(v[1], v[0])) for joint, v in positions.items()}
     )
     if robot.nb and robot.urdf.base is not None:
-        q[:7] = robot.urdf.base.xyz_quaternion
+        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(robot.urdf.base.matrix))
     base = np.array(pose.get(BASE, ()))
     if robot.nb and base.shape == (7,) and base[3:].any():
         q[:7] = base

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 
 from wbc.errors import ModelError, PathRefused
 from wbc.models.folders import Folders
-from wbc.models.safe_xml import MAX_DEPTH, MAX_ELEMENTS, read_xml
+from wbc.models.safe_xml import read_xml, refuse_large
 
 
 def write_out(root: Element, main: Path, folders: Folders) -> None:
@@ -33,13 +33,10 @@ class _Writing:
 
     def insert_into(self, parent: Element, file: Path, depth: int) -> None:
         """Below ``parent``, which stands in ``file``, no include is left."""
-        if depth > MAX_DEPTH:
-            raise ModelError(f"elements are nested more than {MAX_DEPTH} deep")
+        refuse_large(depth, self._elements)
         children: list[Element] = []
         for child in list(parent):
             self._elements += 1
-            if self._elements > MAX_ELEMENTS:
-                raise ModelError(f"there are more than {MAX_ELEMENTS} elements")
             if child.tag != "include":
                 self.insert_into(child, file, depth + 1)
                 children.append(child)

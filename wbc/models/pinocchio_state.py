@@ -443,11 +443,14 @@ def _restore(model: PinocchioRobot, t: float, q: Vec, v: Vec, drifts: bool) -> P
     return state
 
 
-class _Shared:
-    """Memory of an owner, offered to numpy: an array made of it keeps the owner alive, and cannot be written."""
+class Shared:
+    """Memory of an owner, offered to numpy: an array made of it keeps the owner alive, and cannot be written.
 
-    def __init__(self, array: NDArray[np.float64], owner: object) -> None:
-        interface = dict(array.__array_interface__)
+    ``layout``: another shape and strides [bytes] than the array's.
+    """
+
+    def __init__(self, array: NDArray[np.float64], owner: object, **layout: tuple[int, ...]) -> None:
+        interface = dict(array.__array_interface__) | layout
         interface["data"] = (interface["data"][0], True)
         self.__array_interface__ = interface
         self._owner = owner
@@ -456,7 +459,7 @@ class _Shared:
 def _view(array: NDArray[np.float64], owner: object, *shape: int) -> NDArray[np.float64]:
     """The same memory, read only. What Pinocchio hands out does not always keep its Data alive, and drops an axis
     of length one; this does not."""
-    view = np.asarray(_Shared(array, owner))
+    view = np.asarray(Shared(array, owner))
     return view.reshape(shape) if shape else view
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -13,7 +12,6 @@ from wbc.errors import ModelError
 MAX_BYTES = 50_000_000
 MAX_ELEMENTS = 500_000
 MAX_DEPTH = 50
-_CHUNK = 1 << 16
 
 
 def read_xml(path: Path, *roots: str) -> Element:
@@ -52,29 +50,38 @@ def parse_xml(text: str) -> Element:
     # Entities are declared in a document type and nowhere else: without it, nothing expands and nothing is fetched.
     if "<!DOCTYPE" in text:
         raise ModelError("the file declares a document type (<!DOCTYPE); none is accepted")
-    parser: ElementTree.XMLPullParser[Element] = ElementTree.XMLPullParser(("start", "end"))
-    root: Element | None = None
-    elements = depth = 0
     try:
-        for start in range(0, len(text), _CHUNK):
-            parser.feed(text[start : start + _CHUNK])
-            for event, element in cast("Iterator[tuple[str, Element]]", parser.read_events()):
-                if event == "end":
-                    depth -= 1
-                    continue
-                root = element if root is None else root
-                depth += 1
-                elements += 1
-                if depth > MAX_DEPTH:
-                    raise ModelError(f"elements are nested more than {MAX_DEPTH} deep")
-                if elements > MAX_ELEMENTS:
-                    raise ModelError(f"there are more than {MAX_ELEMENTS} elements")
-        parser.close()
+        return ElementTree.fromstring(text, ElementTree.XMLParser(target=_Bounded()))
     except ElementTree.ParseError as cause:
         raise ModelError(f"not well-formed XML: {cause}") from None
-    if root is None:
-        raise ModelError("the file is empty")
-    return root
+
+
+class _Bounded(ElementTree.TreeBuilder):
+    """A tree of elements that ends with an error where it gets too large."""
+
+    depth = elements = 0
+
+    def start(self, tag: Any, attrs: Any) -> Any:
+        self.depth += 1
+        self.elements += 1
+        refuse_large(self.depth, self.elements)
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> Element:
+        self.depth -= 1
+        return super().end(tag)
+
+
+def refuse_large(depth: int, elements: int) -> None:
+    """Bounds on a tree of elements.
+
+    Raises:
+        ModelError: it is nested too deep, or has too many elements.
+    """
+    if depth > MAX_DEPTH:
+        raise ModelError(f"elements are nested more than {MAX_DEPTH} deep")
+    if elements > MAX_ELEMENTS:
+        raise ModelError(f"there are more than {MAX_ELEMENTS} elements")
 
 
 def _advice(tag: str) -> str:

@@ -50,7 +50,8 @@ class _Between:
         self._kinematics, self._data = memory
         pair = geometry.collisionPairs[index]
         self._shapes = pair.first, pair.second
-        self._moved_by = [_supports(model, geometry.geometryObjects[shape].parentJoint) for shape in self._shapes]
+        carriers = [geometry.geometryObjects[shape].parentJoint for shape in self._shapes]
+        self._moved_by = [set(model.supports[joint]) - {0} for joint in carriers]
         self.joints = sorted(self._moved_by[0] ^ self._moved_by[1])
         self._q = pin.neutral(model)
 
@@ -95,12 +96,3 @@ class _Between:
                     reach = max(reach, float(np.linalg.norm(away)) + radius)
             levers[k] = reach + half[k + 1 :] @ levers[k + 1 :]
         return levers
-
-
-def _supports(model: Any, joint: int) -> set[int]:
-    """The joint and all between it and the world."""
-    joints = set()
-    while joint:
-        joints.add(joint)
-        joint = model.parents[joint]
-    return joints
