@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted(p.relative_to(ROOT) for package in ("wbc", "tasks") for p in (ROOT / package).rglob("*.py"))
 
-BASE = {"errors", "types", "checks", "compiled", "npz", "plugins", "friction"}
+BASE = {"errors", "types", "checks", "compiled", "tolerances", "npz", "plugins", "friction"}
 OPTIMISATION_AND_ROBOTS = BASE | {"qp", "models"}
 LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 
@@ -26,6 +26,7 @@ ARROWS = {
     "types": {"errors"},
     "checks": {"errors", "types"},
     "compiled": {"errors"},
+    "tolerances": set(),
     "friction": {"errors", "types", "checks"},
     "npz": {"errors"},
     "plugins": set(),

@@ -35,6 +35,7 @@ from wbc.stack.overrides import Overrides
 from wbc.stack.plan import Plan
 from wbc.stack.plans import Plans
 from wbc.stack.stack import Stack
+from wbc.tolerances import ROUNDING
 from wbc.types import Status, Vec
 
 #: Squares of numbers beyond which no state can be: 1e8 m, rad, m/s or rad/s.
@@ -270,7 +271,7 @@ class Controller(Solving):
             return f"the base's quaternion q[3:7] has norm {np.linalg.norm(q[3:7] / 1e200) * 1e200:g}"
         if self._has_quaternion:
             square = ddot(q, q, 4, 3, 1, 3)  # of q[3:7]
-            if not -1e-12 < square - 1.0 < 1e-12:
+            if not -ROUNDING < square - 1.0 < ROUNDING:
                 if abs(square - 1.0) > 2e-3:
                     return f"the base's quaternion q[3:7] has norm {square**0.5:g}"
                 q[3:7] /= square**0.5

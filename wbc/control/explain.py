@@ -13,6 +13,7 @@ from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
 from wbc.qp.problem import QP
 from wbc.stack.task import Objective
+from wbc.tolerances import NEAR
 from wbc.types import Status, Vec
 
 _SAID = {
@@ -24,7 +25,6 @@ _SAID = {
     "hold": "the last certified command is held",
     "damped": "the robot brakes",
 }
-_SHOWN = 1e-7  # multipliers below this, relative to the largest, are rounding
 
 
 def explain(controller: Solving) -> str:
@@ -142,7 +142,7 @@ def _active_rows(controller: Solving) -> list[str]:
     pushing = np.concatenate([solution.z, solution.z_box])
     names = qp.rows[qp.n_eq :]
     value, lower, upper = _bounded(controller)
-    active = np.flatnonzero(np.abs(pushing) > _SHOWN * max(1e-3, np.abs(pushing).max(initial=0.0)))
+    active = np.flatnonzero(np.abs(pushing) > NEAR * max(1e-3, np.abs(pushing).max(initial=0.0)))
     if not len(active):
         return ["active rows: none"]
     lines = ["active rows:"]

@@ -41,6 +41,7 @@ from wbc.qp.rows.row_task import NOT_OPTIMISED, WEIGHTED
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.stack.plan import Plan
+from wbc.tolerances import MET
 from wbc.types import Status, Vec
 
 #: What may be relaxed, in the order in which it is.
@@ -54,8 +55,6 @@ WEAKER = (NOT_CERTIFIED, NOT_OPTIMISED, WEIGHTED)
 _HUGE = 1e12
 #: How well a closed form meets its rows, in their units.
 _PRECISE = 1e-4
-#: Less than this relaxed [in a row's own unit] is none.
-_SHOWN = 1e-6
 #: What the largest curvature of the cost counts beside a unit of violation.
 _SHARE = 1e-3
 _OF_RELAXED = ("pdas", "clarabel")
@@ -351,7 +350,7 @@ def _said_relaxed(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:
     for k in np.argsort(-np.abs(slack), kind="stable")[:3]:
         row, unknown = qp.rows[items[k]], items[k] - m
         owner = row.owner if unknown < 0 else plan.bound_owner(unknown, upper=slack[k] > 0.0)
-        if abs(slack[k]) > _SHOWN:
+        if abs(slack[k]) > MET:
             said.append(f"{owner} {row.label}".strip() + f" by {abs(slack[k]):.3g} {row.unit}")
     return "relaxed: " + ", ".join(said) if said else ""
 

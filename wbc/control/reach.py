@@ -18,6 +18,7 @@ from wbc.stack.formulation import VelocityLevel
 from wbc.stack.hierarchy import Strict, Weighted
 from wbc.stack.stack import Stack
 from wbc.stack.task import Objective, Task
+from wbc.tolerances import MET
 from wbc.types import Vec
 
 #: A step is a tick of this length [s] in which tasks are asked for all of their error.
@@ -26,8 +27,6 @@ _DT = 1e-2
 _STEP = 0.5
 #: Steps shorter than this [rad, m] lead nowhere any more.
 _SHORT = 1e-5
-#: How much of a constraint may be missed [its unit].
-_MISSED = 1e-6
 
 
 @final
@@ -211,10 +210,10 @@ class _Search:
                 )
         for name, (_, margins) in plan.margins().items():
             short = -float(margins.min(initial=0.0))
-            if short / _MISSED > max(missed, 1.0):
-                missed, says = short / _MISSED, f"{name} is missed by {short:.3g}"
+            if short / MET > max(missed, 1.0):
+                missed, says = short / MET, f"{name} is missed by {short:.3g}"
         if plan.intervals is not None:
             short = -float(plan.intervals.nearest(positions).min(initial=0.0))
-            if short / _MISSED > max(missed, 1.0):
-                missed, says = short / _MISSED, plan.intervals.recovery(positions)
+            if short / MET > max(missed, 1.0):
+                missed, says = short / MET, plan.intervals.recovery(positions)
         return _Found(q, errors, missed, says, steps)

@@ -26,12 +26,11 @@ from wbc.methods.method import Method
 from wbc.methods.metric import inverse_root, metric
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
+from wbc.tolerances import ROUNDING, SAME, TINY
 from wbc.types import Mat, Vec
 
 #: Directions that no joint feels are given this share of the largest curvature, so that their force is 0.
 UNFELT = 1e-9
-#: Axes that are across the normal by as much, up to rounding: the first is taken.
-TIE = 1e-9
 
 
 @final
@@ -81,7 +80,7 @@ class ContactEstimate(Method):
             raise InvalidInput("normal and friction come together: one of them is missing")
         axis = np.zeros(3) if normal is None else checks.array("normal", normal, (3,))
         length = float(np.linalg.norm(axis))
-        if normal is not None and length < 1e-12:
+        if normal is not None and length < ROUNDING:
             raise InvalidInput("normal has length 0")
         fields = {
             "J": J, "residual": checks.array("residual", residual, (n,)),
@@ -95,7 +94,7 @@ class ContactEstimate(Method):
     @property
     def _curvature(self) -> Mat:
         H = self.J @ self.weight @ self.J.T
-        result: Mat = 0.5 * (H + H.T) + UNFELT * max(float(np.trace(H)), 1e-300) * np.eye(3)
+        result: Mat = 0.5 * (H + H.T) + UNFELT * max(float(np.trace(H)), TINY) * np.eye(3)
         return result
 
     @property
@@ -141,7 +140,7 @@ class ContactEstimate(Method):
         if not self.friction:
             return np.zeros((0, 3))
         inward = -self.normal
-        across = np.abs(inward) <= np.abs(inward).min() + TIE
+        across = np.abs(inward) <= np.abs(inward).min() + SAME
         tangent = np.cross(inward, np.eye(3)[int(across.argmax())])
         tangent /= np.linalg.norm(tangent)
         other = np.cross(inward, tangent)

@@ -37,14 +37,11 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from wbc.methods.shared import factors
+from wbc.tolerances import NOISE, ROUNDING
 from wbc.types import Mat, Vec
 
-#: What is left of a unit vector beside others that it depends on: far above rounding, far below any real rest.
-DEPENDENT = 1e-12
-#: A violation that is rounding, beside the lengths of the point and of the limit.
-MET_EXACTLY = 1e-14
 #: The part of their size by which limits may give way where together they leave no point.
-MET = 5e-9
+WIDENED = 5e-9
 
 
 @final
@@ -110,7 +107,7 @@ class _Search:
     """The method on rows z = start + F u and the cost ½ |u|² − μ slope · u; rows of F are no longer than one."""
 
     def __init__(self, start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec) -> None:
-        F = np.where(np.linalg.norm(F, axis=1)[:, None] > DEPENDENT, F, 0.0)
+        F = np.where(np.linalg.norm(F, axis=1)[:, None] > ROUNDING, F, 0.0)
         self.start, self.F, self.slope = start, F, slope
         self.G = np.concatenate([F, -F])
         self.limit = np.concatenate([upper, -lower])
@@ -156,7 +153,7 @@ class _Search:
         """d = n − G_Aᵀ r, zero where it is rounding, and r."""
         r, d = self._coefficients(n), n - self.Q @ (self.Q.T @ n)
         d -= self.Q @ (self.Q.T @ d)
-        if np.linalg.norm(d) <= DEPENDENT * (1.0 + np.abs(r).sum()):
+        if np.linalg.norm(d) <= ROUNDING * (1.0 + np.abs(r).sum()):
             d = np.zeros_like(d)
         return d, r
 
@@ -169,7 +166,7 @@ class _Search:
         if self.u[:, 0].any():
             return int(np.where(finite, growth, -np.inf).argmax())
         limit = np.where(finite, self.limit, 0.0)
-        beyond = np.where(finite, at - limit - MET_EXACTLY * (self.length + np.abs(limit)), -1.0)
+        beyond = np.where(finite, at - limit - NOISE * (self.length + np.abs(limit)), -1.0)
         row = int(beyond.argmax()) if len(beyond) else 0
         return row if len(beyond) and beyond[row] > 0.0 else None
 
@@ -193,7 +190,7 @@ class _Search:
 
     def _first(self, r: Vec, violation: Vec, square: float) -> _Event | None:
         """The first event as the multiplier of the new row grows; ``None`` where there is none."""
-        shrinks = (r > DEPENDENT * (1.0 + np.abs(r).sum())).nonzero()[0]
+        shrinks = (r > ROUNDING * (1.0 + np.abs(r).sum())).nonzero()[0]
         places: list[int | None] = [*(int(i) for i in shrinks)]
         steps, rates = self.y[shrinks], r[shrinks]
         if square:
@@ -201,8 +198,8 @@ class _Search:
         if not places:
             return None
         ends = steps / rates[:, None]
-        known = ends[:, 0] + DEPENDENT * (1.0 + np.abs(self.y[:, 0]).sum()) / rates
-        ties = ends[:, 0] - DEPENDENT * (1.0 + np.abs(self.y[:, 0]).sum()) / rates <= known.min()
+        known = ends[:, 0] + ROUNDING * (1.0 + np.abs(self.y[:, 0]).sum()) / rates
+        ties = ends[:, 0] - ROUNDING * (1.0 + np.abs(self.y[:, 0]).sum()) / rates <= known.min()
         first = int(np.where(ties, ends[:, 1], np.inf).argmin())
         return _Event(ends[first], places[first])
 
@@ -217,7 +214,7 @@ class _Search:
         known = np.where(np.isfinite(self.limit), np.abs(self.limit), 0.0).reshape(2, n).max(axis=0)
         size = np.maximum(np.tile(known, 2)[rows], 1e-2 * self.length)
         part = violation / float(weight @ size) if size.any() else np.inf
-        if part > MET:
+        if part > WIDENED:
             return False
         self.limit[rows] += part * size * (weight > 0.0) + np.spacing(self.length + np.abs(self.limit[rows]))
         self.held = before
@@ -227,5 +224,5 @@ class _Search:
 
 def _settled(y: Mat) -> Mat:
     """Multipliers as pairs, zero where what depends on μ is rounding, and not negative."""
-    fixed = np.abs(y[:, 0]) <= DEPENDENT * (1.0 + np.abs(y[:, 0]).sum())
+    fixed = np.abs(y[:, 0]) <= ROUNDING * (1.0 + np.abs(y[:, 0]).sum())
     return np.column_stack([np.where(fixed, 0.0, y[:, 0]), np.where(fixed, np.maximum(y[:, 1], 0.0), y[:, 1])])

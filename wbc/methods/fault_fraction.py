@@ -24,10 +24,8 @@ from wbc.methods.method import Method
 from wbc.methods.metric import inverse_root, metric
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
-
-#: A torque is asked for where it is more than this part of the largest number in τ and r.
-ASKED = 1e-9
 
 
 @final
@@ -75,7 +73,7 @@ class FaultFraction(Method):
     def identifiable(self) -> NDArray[np.bool_]:
         """Joints (n,) that are asked for a torque."""
         largest = np.abs(np.concatenate([self.tau, self.residual])).max(initial=0.0)
-        result: NDArray[np.bool_] = np.abs(self.tau) > ASKED * largest
+        result: NDArray[np.bool_] = np.abs(self.tau) > SAME * largest
         return result
 
     def closed_form(self) -> Fraction:

@@ -30,10 +30,8 @@ from wbc.methods.metric import inverse_root, metric
 from wbc.methods.shared import box, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
-
-#: Part of a wrench, relative to the whole, that may be out of the range of G.
-REACHED = 1e-9
 
 
 @final
@@ -119,7 +117,7 @@ class ForceDistribution(Method):
         found = factors(self.G @ root)
         u = found.inverse(self.wrench)
         missing = found.rest.T @ self.wrench
-        if np.linalg.norm(missing) > REACHED * np.linalg.norm(self.wrench):
+        if np.linalg.norm(missing) > SAME * np.linalg.norm(self.wrench):
             return self._infeasible()
         return self._result(root @ u, found.U @ (found.solve(self.wrench) / found.values))
 

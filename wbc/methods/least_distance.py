@@ -25,26 +25,22 @@ import numpy as np
 
 from wbc.errors import SolverFailed
 from wbc.methods.farthest import shortest
-from wbc.methods.shared import RANK
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
+from wbc.tolerances import ROUNDING, SAME, SHARP
 from wbc.types import Mat, Status, Vec
 
 #: A row whose part that is independent of the others is smaller than this (of its length) depends on them.
 DEPENDENT = 1e-11
-#: Rows that depend on others contradict them where their right sides differ by more than this (of their size).
-CONSISTENT = 1e-9
 #: An answer of a solver counts as the shortest point where it is this near to it, in sizes of the problem.
 CLOSE = 1e-2
 #: Limits of a second question give way by this, in sizes of the problem.
 GIVE = 1e-10
-#: A row that the equations leave less freedom than this (of its length) is settled by them.
-FIXED = 1e-8
 #: Slopes along the scale that are tried; when one was steep enough, the scale gains no more than this in a step of that
 #: length. Steps are long, so that a gain is more than what rounding leaves of the scale, and the last one is short.
 SLOPES = (1e1, 1e3, 1e5, 1e7)
-SETTLED, LONG, SHORT = 1e-9, 1e5, 1e-3
+LONG, SHORT = 1e5, 1e-3
 
 
 @final
@@ -145,16 +141,16 @@ def nearest_at_largest_scale(
     onwards = np.append(np.zeros(n), 1.0)
     found = nearest(scaled, np.append(centre, 1.0 + SLOPES[0]), wide, solver, terms=terms)
     for slope in SLOPES[1:]:
-        if not found.status.ok or found.x[n] >= 1.0 - SETTLED:
+        if not found.status.ok or found.x[n] >= 1.0 - SAME:
             break
         further = nearest(scaled, found.x + LONG * onwards, wide, None, terms=terms)
-        if not further.status.ok or further.x[n] <= found.x[n] + SETTLED:
+        if not further.status.ok or further.x[n] <= found.x[n] + SAME:
             break
         steeper = nearest(scaled, np.append(centre, 1.0 + slope), wide, solver, terms=terms)
         if steeper.status is Status.FAILED:
             found = steeper
             break
-        if not steeper.status.ok or steeper.x[n] <= found.x[n] + SETTLED:
+        if not steeper.status.ok or steeper.x[n] <= found.x[n] + SAME:
             break  # what the step gained was rounding, and more of it comes with steeper slopes
         exact = nearest(scaled, steeper.x + SHORT * onwards, wide, None, terms=terms)
         found = replace(steeper, x=exact.x) if exact.status.ok else steeper
@@ -176,7 +172,7 @@ class _Equations:
         rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         right = right / self._length
         beside = right @ left[:, rank:]
-        self.consistent = bool(np.linalg.norm(beside) <= CONSISTENT * np.linalg.norm(magnitude / self._length))
+        self.consistent = bool(np.linalg.norm(beside) <= SAME * np.linalg.norm(magnitude / self._length))
         self._from_rows: Mat = left[:, :rank] / values[:rank]
         self.E: Mat = basis[:rank]
         self.e: Vec = right @ self._from_rows
@@ -231,9 +227,9 @@ class _NormalForm:
         """
         start, rows = self.e @ self.E, self.F @ self.free.T
         length = np.linalg.norm(rows, axis=1)
-        settled = length <= FIXED
+        settled = length <= SHARP
         rows[settled], length[settled] = 0.0, 1.0
-        at, width = self.F @ start, np.where(settled, CONSISTENT * self.size, 0.0)
+        at, width = self.F @ start, np.where(settled, SAME * self.size, 0.0)
         k = len(self.free)
         rest = _NormalForm(
             np.zeros((0, k)), np.zeros(0), np.eye(k),
@@ -259,4 +255,4 @@ def unit_lengths(rows: Mat) -> Vec:
     """Lengths of the rows (m,); that of the longest for rows that are zero beside it."""
     length: Vec = np.sqrt(np.einsum("ij,ij->i", rows, rows))
     longest = float(length.max(initial=0.0))
-    return np.where(length > RANK * longest, length, longest or 1.0)
+    return np.where(length > ROUNDING * longest, length, longest or 1.0)

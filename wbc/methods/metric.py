@@ -9,6 +9,7 @@ from scipy.linalg import solve_triangular
 
 from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
 
@@ -30,7 +31,7 @@ def metric(name: str, value: Any, size: int) -> Mat:
         return np.diag(diagonal)
     matrix = checks.array(name, value, (size, size))
     skew = np.abs(matrix - matrix.T)
-    if skew.max(initial=0.0) > 1e-9 * np.abs(matrix).max(initial=0.0):
+    if skew.max(initial=0.0) > SAME * np.abs(matrix).max(initial=0.0):
         i, j = (int(k) for k in np.unravel_index(int(skew.argmax()), skew.shape))
         raise InvalidInput(f"{name} is not symmetric: [{i}, {j}] is {matrix[i, j]:g}, [{j}, {i}] is {matrix[j, i]:g}")
     matrix = 0.5 * (matrix + matrix.T)

@@ -34,24 +34,18 @@ from wbc.errors import InvalidInput, SolverFailed
 from wbc.methods.farthest import Farthest, farthest
 from wbc.methods.least_distance import answered, nearest
 from wbc.methods.method import Method
-from wbc.methods.scaling import OUT_OF_RANGE, ScaledTask
+from wbc.methods.scaling import ScaledTask
 from wbc.methods.shared import box, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
+from wbc.tolerances import NEAR, ROUNDING, SAME, SHARP
 from wbc.types import Mat, Vec
 
 #: Rounding of J, beside its entries: times its condition, that of an x with J x given.
 LAST_BITS = 4.0 * float(np.finfo(np.float64).eps)
-#: Limits are wider by no more than this part of their size.
-WIDER = 1e-9
-#: A joint is named as saturated where it is this near to its limit, relative to that.
-AT_LIMIT = 1e-7
-#: Differences that are rounding, beside the length of the answer.
-ROUNDING = 1e-12
-#: Norms are compared where scales differ by no more than this in sizes of x, and relative to no less than a SMALL part
-#: of what limits and task ask for.
-SAME, SMALL = 1e-8, 1e-3
+#: Norms are compared relative to no less than this part of what limits and task ask for.
+SMALL = 1e-3
 #: Targets and drifts below this are zero: their squares are, and limits in such units would not be numbers.
 NOTHING = 1e-150
 
@@ -139,7 +133,7 @@ class NullSpaceSaturation(Method):
     def _result(self, found: _Point) -> Saturation:
         if not found.feasible:
             return Saturation(found.x, np.nan, (), False)
-        near = AT_LIMIT * _known(self.lower, self.upper) + ROUNDING * np.linalg.norm(found.x)
+        near = NEAR * _known(self.lower, self.upper) + ROUNDING * np.linalg.norm(found.x)
         at_limit = (found.x >= self.upper - near) | (found.x <= self.lower + near)
         return Saturation(found.x, found.scale, tuple(int(i) for i in at_limit.nonzero()[0]), True)
 
@@ -189,7 +183,7 @@ class NullSpaceSaturation(Method):
             "task": float(np.linalg.norm(missing)) / size,
             "limits": max(0.0, float(over.max(initial=0.0))),
         }
-        if found["scale"] * task.full <= SAME * size:
+        if found["scale"] * task.full <= SHARP * size:
             found["norm"] = abs(length - other) / size
         if min(result.scale, reference.scale) >= 1.0:
             found["x"] = float(np.linalg.norm(result.x - reference.x)) / size
@@ -286,7 +280,7 @@ class _Level:
         A = np.block([[rows, np.zeros((len(rows), 1))], [task.V, -task.direction[:, None]]])
         b = np.append(right, -task.drift)
         missing = factors(A).rest.T @ b
-        self._possible = task.possible and bool(np.linalg.norm(missing) <= OUT_OF_RANGE * np.linalg.norm(b))
+        self._possible = task.possible and bool(np.linalg.norm(missing) <= SAME * np.linalg.norm(b))
         self._equations, self._towards = (A, b), np.append(np.zeros(n), 1.0)
         self._found: Farthest | None = None
         if self._possible:
@@ -302,7 +296,7 @@ class _Level:
         """
         known = float(np.linalg.norm(_known(self.lower, self.upper)))
         size = min(self.task.full, known or self.task.full) + float(np.linalg.norm(self.task.drift))
-        room: Vec = min(LAST_BITS * self.task.condition, WIDER) * np.where(limit == 0.0, size, np.abs(limit))
+        room: Vec = min(LAST_BITS * self.task.condition, SAME) * np.where(limit == 0.0, size, np.abs(limit))
         return room
 
     @property

@@ -33,10 +33,9 @@ from wbc.methods.shared import box
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
+from wbc.tolerances import SHARP
 from wbc.types import Mat, Vec
 
-#: Distance from a row, as a part of the length of â in the metric, below which â lies on it.
-ON_BOUNDARY = 1e-8
 #: The most masses of a chain.
 LARGEST_SET = 10_000
 
@@ -147,7 +146,7 @@ class ParameterUpdate(Method):
         )  # fmt: skip
 
     def _rounding(self) -> float:
-        return ON_BOUNDARY * float(np.linalg.norm(np.linalg.solve(root(self.gain), self.a_hat)))
+        return SHARP * float(np.linalg.norm(np.linalg.solve(root(self.gain), self.a_hat)))
 
     def _refuse_outside(self) -> None:
         rows, low, high = self._margins()

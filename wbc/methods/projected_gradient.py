@@ -33,15 +33,11 @@ from wbc.methods.method import Method
 from wbc.methods.shared import box, choice, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
+from wbc.tolerances import MET, NEAR, ROUNDING, SHARP
 from wbc.types import Vec
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: Rounding: a joint this near to its limit, relative to its velocities, is on it.
-ROUNDING = 1e-12
-#: Steps, relative to the step that takes a joint across its range, between which no solver can tell.
-SAME = 1e-8
 
 
 @final
@@ -169,14 +165,14 @@ class ProjectedGradientStep(Method):
         down, up = self._room()
         moving = self._moving
         rest = ~moving
-        if (np.maximum(down, -up)[rest] > 0.5 * SAME * self._size[rest]).any():
+        if (np.maximum(down, -up)[rest] > 0.5 * SHARP * self._size[rest]).any():
             return self._infeasible(np.inf, -np.inf)
         if not moving.any():
             return self._step(0.0, (0.0, self.alpha_max))
         direction = self.v_null[moving]
         ends = np.sort(np.array([down[moving], up[moving]]) / direction, axis=0)
         low, high = max(0.0, float(ends[0].max())), min(self.alpha_max, float(ends[1].min()))
-        if low > high + SAME * self._unit():
+        if low > high + SHARP * self._unit():
             return self._infeasible(low, high)
         high = max(high, 0.0)
         return self._step(high, (min(low, high), high))
@@ -186,7 +182,7 @@ class ProjectedGradientStep(Method):
         down, up = self._room()
         ahead = np.where(self.v_null > 0.0, up, -down)
         left = ahead - alpha * np.abs(self.v_null)
-        stopped = self._moving & (left <= 1e-7 * self._size)
+        stopped = self._moving & (left <= NEAR * self._size)
         return Step(
             alpha, self.v_task + alpha * self.v_null, interval, tuple(int(i) for i in stopped.nonzero()[0]), True
         )
@@ -275,10 +271,10 @@ class ProjectedGradientStep(Method):
         alpha, slack, unit = 0.0, 0.0, self._unit()
         for size in (1.0, 1e-3):
             alpha, slack = self._nearest(alpha + 3.0 * direction * size * unit, size, solver, form)
-            if slack > 1e-6:
+            if slack > MET:
                 break
         # Both ends of [0, α_max] are limits of the QP too: what is beyond them is rounding.
-        return min(max(alpha, 0.0), self.alpha_max) if slack <= 0.5 * SAME else np.nan
+        return min(max(alpha, 0.0), self.alpha_max) if slack <= 0.5 * SHARP else np.nan
 
     def _nearest(self, alpha: float, size: float, solver: str | Solver, form: str) -> tuple[float, float]:
         """The feasible step nearest to this one, and the part w of its range by which every limit had to give way.

@@ -6,11 +6,9 @@ from typing import final
 
 import numpy as np
 
-from wbc.methods.shared import RANK, factors
+from wbc.methods.shared import factors
+from wbc.tolerances import ROUNDING, SAME
 from wbc.types import Mat, Vec
-
-#: A part of a target or drift, relative to the whole, that counts as out of the range of J.
-OUT_OF_RANGE = 1e-9
 
 
 @final
@@ -26,22 +24,22 @@ class ScaledTask:
     def __init__(self, J: Mat, target: Vec, drift: Vec) -> None:
         length = np.linalg.norm(J, axis=1)
         longest = float(length.max(initial=0.0))
-        length = np.where(length > RANK * longest, length, longest or 1.0)
+        length = np.where(length > ROUNDING * longest, length, longest or 1.0)
         target, drift = target / length, drift / length
         found = factors(J / length[:, None])
         self.V, self.condition = found.V, found.condition
         self.drift = found.solve(drift)
-        reachable = np.linalg.norm(found.U.T @ target) > OUT_OF_RANGE * np.linalg.norm(target)
+        reachable = np.linalg.norm(found.U.T @ target) > SAME * np.linalg.norm(target)
         way = found.solve(target) if reachable else np.zeros(len(found.values))
         self.full = float(np.linalg.norm(way)) or 1.0
         self.direction: Vec = way / self.full
         missing, off = found.rest.T @ target, found.rest.T @ drift
-        missing[np.abs(missing) <= OUT_OF_RANGE * np.linalg.norm(target)] = 0.0
-        off[np.abs(off) <= OUT_OF_RANGE * np.linalg.norm(drift)] = 0.0
+        missing[np.abs(missing) <= SAME * np.linalg.norm(target)] = 0.0
+        off[np.abs(off) <= SAME * np.linalg.norm(drift)] = 0.0
         low, high = 0.0, 1.0
         if missing.any() or off.any():
             low = high = float(missing @ off / (missing @ missing)) if missing.any() else np.nan
-            reached = np.linalg.norm(high * missing - off) <= OUT_OF_RANGE * np.linalg.norm(drift)
+            reached = np.linalg.norm(high * missing - off) <= SAME * np.linalg.norm(drift)
             low, high = (low, high) if reached and 0.0 <= low <= 1.0 else (1.0, 0.0)
         self.low, self.high = self.full * low, self.full * high
 

@@ -9,10 +9,8 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.tolerances import NOISE, ROUNDING
 from wbc.types import Mat, Vec
-
-#: Singular values below this part of the largest are zero: a factor 1e4 above rounding, 1e6 below poor conditioning.
-RANK = 1e-12
 
 
 def choice(name: str, value: Any, among: Iterable[str]) -> str:
@@ -81,7 +79,7 @@ class Factors(NamedTuple):
         A row space is known to rounding times the condition of A, and no better.
         """
         result: Vec = x - self.V.T @ (self.V @ x)
-        noise = 1e-14 * self.condition * np.abs(x).max(initial=0.0)
+        noise = NOISE * self.condition * np.abs(x).max(initial=0.0)
         result[np.abs(result) <= noise] = 0.0
         return result
 
@@ -89,5 +87,5 @@ class Factors(NamedTuple):
 def factors(A: Mat) -> Factors:
     """The singular value decomposition of A (m, n) with its rank decided."""
     U, values, V = np.linalg.svd(A)
-    rank = int((values > RANK * values.max(initial=0.0)).sum())
+    rank = int((values > ROUNDING * values.max(initial=0.0)).sum())
     return Factors(U[:, :rank], values[:rank], V[:rank], U[:, rank:], V[rank:])

@@ -32,7 +32,6 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
 from wbc.methods.least_distance import (
-    CONSISTENT,
     DEPENDENT,
     Nearest,
     answered,
@@ -45,6 +44,7 @@ from wbc.methods.metric import inverse_root, metric, root, vector
 from wbc.methods.shared import box, choice
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
 FORMS = ("torque", "acceleration", "joint")
@@ -242,7 +242,7 @@ class WeightedTorque(Method):
         """1 where all rows can be met, the only s in [0, 1] that can be where there is one, else NaN."""
         away = factors.beside.T / factors.length
         magnitude = np.maximum(self._terms(A), np.abs(A) @ np.abs(self.tau_0))
-        rounding = CONSISTENT * float(np.linalg.norm(magnitude / factors.length))
+        rounding = SAME * float(np.linalg.norm(magnitude / factors.length))
         unmet = away @ (b - A @ self.tau_0)
         if np.linalg.norm(unmet) <= rounding:
             return 1.0
@@ -251,7 +251,7 @@ class WeightedTorque(Method):
             return np.nan
         scale = 1.0 - float(task @ unmet / (task @ task))
         reached = np.linalg.norm(unmet - (1.0 - scale) * task) <= rounding
-        return float(np.clip(scale, 0.0, 1.0)) if reached and -CONSISTENT <= scale <= 1.0 else np.nan
+        return float(np.clip(scale, 0.0, 1.0)) if reached and -SAME <= scale <= 1.0 else np.nan
 
     def _none(self) -> Torque:
         nothing = np.full(len(self.n), np.nan)

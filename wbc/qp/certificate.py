@@ -46,11 +46,10 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf, dtrtri
 
 from wbc.qp.problem import QP, Objective, moderate
+from wbc.tolerances import DISTANCE, MET
 from wbc.types import Index, Mat, Vec
 
-TOLERANCE = 1e-6
-#: An answer is certified at tolerance t where it is within 100 t of the optimum, relative to what is asked.
-DISTANCE = 100.0
+TOLERANCE = MET
 #: The share of a tolerance at which an answer is as good as it need be.
 FINE = 1e-2
 

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lstsq, qr
 
 from wbc.qp.problem import QP, Row
+from wbc.tolerances import NOISE, ROUNDING, SAME, SHARP
 from wbc.types import Index, Mat, Vec
 
 #: Owners of rows that nothing can loosen: the laws of motion.
@@ -35,10 +36,6 @@ PHYSICS = frozenset({"base dynamics"})
 #: How the owners of a contact's rows begin.
 _CONTACTS = ("contact[", "friction[", "force[")
 
-# Violations below this, of rows scaled to norm 1, are rounding; so are those below this share of a row's value.
-_ROUNDING, _RELATIVE = 1e-8, 1e-12
-# A row whose share in the proof is below this has none.
-_SHARE = 1e-9
 _STEPS = 200
 #: Of longer conflicts a sentence tells this many rows.
 _TOLD = 6
@@ -156,7 +153,7 @@ class _System:
         else:
             reduced = rows
         size = np.linalg.norm(reduced, axis=1)
-        void = size <= 1e-12 * np.linalg.norm(rows, axis=1)  # physics alone decides this row
+        void = size <= ROUNDING * np.linalg.norm(rows, axis=1)  # physics alone decides this row
         reduced[void], size[void] = 0.0, 1.0
         return cls(
             reduced / size[:, None], lower_of / size, upper_of / size, size, items,
@@ -168,7 +165,7 @@ class _System:
         """s of the least squares, zero on all other rows; None where these rows can be met."""
         _, s = least_violation(self.R[rows], self.lower[rows], self.upper[rows])
         values = np.where(s > 0.0, self.upper[rows], self.lower[rows])[s != 0.0]
-        if np.abs(s).max(initial=0.0) <= _ROUNDING + _RELATIVE * np.abs(values).max(initial=0.0):
+        if np.abs(s).max(initial=0.0) <= SHARP + ROUNDING * np.abs(values).max(initial=0.0):
             return None
         spread = np.zeros(len(self.items))
         spread[rows] = s
@@ -198,7 +195,7 @@ class _System:
     def _proven(self, rows: Index, slack: Vec) -> Index:
         """The rows that the proof needs, as long as they alone cannot be met."""
         share = np.abs(slack)
-        needed = rows[share[rows] > _SHARE * share.max()]
+        needed = rows[share[rows] > SAME * share.max()]
         return needed if len(needed) == len(rows) or self.elastic(needed) is not None else rows
 
     def _shortened(self, rows: Index, s: Vec) -> Index:
@@ -217,21 +214,21 @@ class _System:
             weakened = N.T @ bound  # of a proof, bound · s < 0
             along = N[int(place.argmin())].copy()
             along -= weakened * (weakened.dot(along) / weakened.dot(weakened))
-            if np.linalg.norm(along) <= 1e-9:  # this row's share is the same in all proofs that are as strong
+            if np.linalg.norm(along) <= SAME:  # this row's share is the same in all proofs that are as strong
                 along = np.linalg.svd(weakened[None])[2][-1]
             step = N @ along
             with np.errstate(divide="ignore", invalid="ignore"):
-                far = np.where(step / s > 1e-12, s / step, np.inf)
+                far = np.where(step / s > ROUNDING, s / step, np.inf)
             if not np.isfinite(far.min()):
-                step, far = -step, np.where(step / s < -1e-12, -s / step, np.inf)
+                step, far = -step, np.where(step / s < -ROUNDING, -s / step, np.inf)
             leaves = int(far.argmin())
             s = s - far[leaves] * step
             N = _without(N, leaves)
             stays = np.arange(len(s)) != leaves
             rows, s, N, bound, place = rows[stays], s[stays], N[stays], bound[stays], place[stays]
-            gone = np.abs(s) <= _SHARE * np.abs(s).max()
+            gone = np.abs(s) <= SAME * np.abs(s).max()
             for row in np.flatnonzero(gone)[::-1]:  # entries that became 0 together
-                if N.shape[1] > 1 and np.linalg.norm(N[row]) > 1e-9:
+                if N.shape[1] > 1 and np.linalg.norm(N[row]) > SAME:
                     N = _without(N, int(row))
             rows, s, N, bound, place = rows[~gone], s[~gone], N[~gone], bound[~gone], place[~gone]
         return rows
@@ -264,7 +261,7 @@ def _solutions(E: Mat, e: Vec) -> tuple[Vec, Mat]:
     """All x with E x = e, as x = at + free z with orthonormal columns ``free``."""
     Q, R, order = qr(E.T, pivoting=True)
     size = np.abs(np.diag(R))
-    rank = int((size > 1e-12 * size.max(initial=0.0)).sum())
+    rank = int((size > ROUNDING * size.max(initial=0.0)).sum())
     at = Q[:, :rank] @ np.linalg.solve(R[:rank, :rank].T, e[order[:rank]])
     return at, Q[:, rank:]
 
@@ -292,9 +289,9 @@ def least_violation(R: Mat, lower: Vec, upper: Vec) -> tuple[Vec, Vec]:
     equal, least = lower == upper, np.inf
     tried: set[bytes] = set()  # the rows pushed on in steps since the last that gained more than rounding
     for _ in range(_STEPS):
-        noise = 1e-14 * np.abs(value).max(initial=1.0)
+        noise = NOISE * np.abs(value).max(initial=1.0)
         pushed = equal | (np.abs(s) > noise)
-        if s.dot(s) < least * (1.0 - 1e-12):
+        if s.dot(s) < least * (1.0 - ROUNDING):
             least = float(s.dot(s))
             tried.clear()
         if not pushed.any() or pushed.tobytes() in tried:

@@ -14,6 +14,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.npz import read_json, read_npz
+from wbc.tolerances import SAME, TINY
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -228,7 +229,7 @@ class QP:
             row = self.rows[int(unequal.argmax())]
             raise InvalidProblem(f"row {row} is an equality: its lower and upper side must be the same number")
         asymmetry = np.abs(self.H - self.H.T)
-        if asymmetry.size and asymmetry.max() > 1e-9 * np.abs(self.H).max():
+        if asymmetry.size and asymmetry.max() > SAME * np.abs(self.H).max():
             i, j = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
             raise InvalidProblem(f"H is not symmetric: H[{i}, {j}] = {self.H[i, j]:g}, H[{j}, {i}] = {self.H[j, i]:g}")
 
@@ -247,9 +248,9 @@ class QP:
 
     def _refuse_non_convex(self) -> None:
         """A point that meets the optimality conditions of a non-convex problem need not be a minimum."""
-        slack = 1e-9 * np.abs(self.H).max(initial=0.0)
+        slack = SAME * np.abs(self.H).max(initial=0.0)
         try:
-            np.linalg.cholesky(self.H + max(slack, 1e-300) * np.eye(self.n))
+            np.linalg.cholesky(self.H + max(slack, TINY) * np.eye(self.n))
         except np.linalg.LinAlgError:
             smallest = float(np.linalg.eigvalsh(self.H)[0])
             if smallest < -slack:

@@ -20,6 +20,7 @@ import numpy as np
 from wbc.qp.answer import Answer
 from wbc.qp.certificate import FLAT
 from wbc.qp.problem import QP, Shape, moderate
+from wbc.tolerances import NOISE, SAME
 from wbc.types import Mat, Status, Vec
 
 #: How far away a point may be for a proof to hold for it too, beside the size of the bounds.
@@ -29,8 +30,6 @@ _EPS = float(np.finfo(np.float64).eps)
 _ZERO = 1e-11
 #: The slope along a direction, beside the terms it is the sum of, from which the cost falls.
 _FALLS = 1e-7
-#: A multiplier below this share of the largest is rounding.
-_NO_PUSH = 1e-9
 #: How often the columns are scaled, and by how much at most.
 _BALANCING, _UNITS = 4, 1e5
 
@@ -50,7 +49,7 @@ def contradiction(qp: QP, tolerance: float) -> Vec | None:
         if answer.status is not Status.INFEASIBLE:
             continue
         push = np.concatenate([answer.y, answer.z, answer.z_box])
-        push[np.abs(push) <= _NO_PUSH * np.abs(push).max()] = 0.0
+        push[np.abs(push) <= SAME * np.abs(push).max()] = 0.0
         with np.errstate(all="ignore"):
             push /= np.abs(push).max()
         if contradicts(qp, push, tolerance):
@@ -94,7 +93,7 @@ def contradicts(qp: QP, s: Vec, tolerance: float) -> bool:
     if (left > _ZERO * terms).any():
         return False
     beta = float(s[used] @ side)
-    room = float(np.abs(s).sum()) * tolerance + 1e-14 * float(np.abs(s[used]) @ np.abs(side))
+    room = float(np.abs(s).sum()) * tolerance + NOISE * float(np.abs(s[used]) @ np.abs(side))
     return beta < -(room + float(left[~takes].sum()) * _FAR * size)
 
 

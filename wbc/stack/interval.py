@@ -13,6 +13,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.compiled.interval_kernel import bound_joints
 from wbc.stack.constraint import JointInterval
+from wbc.tolerances import SAME
 from wbc.types import Vec
 
 #: Deceleration counted on where no acceleration limit says otherwise [rad/s², m/s²]: a joint at 2 rad/s stops within
@@ -20,8 +21,6 @@ from wbc.types import Vec
 BRAKING = 20.0
 #: Speed of the way back into position limits, for joints without a velocity limit [rad/s, m/s].
 RETURN_SPEED = 1.0
-#: Distances from a limit [rad, m] that are none.
-_ROUNDING = 1e-9
 _QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 # What the compiled formulas are made of, and what they leave, in the order in which they take it.
 _CONSTANTS = ("position", "velocity", "acceleration", "−B", "2 B", "B dt", "(B dt)²", "return speed", "a dt", "jerk")
@@ -181,7 +180,7 @@ class JointIntervals:
         upper, mirrored = self._limits["position"]
         beyond = np.maximum(q - upper, -q - mirrored)
         worst = int(np.argmax(beyond))
-        if not beyond[worst] > _ROUNDING:
+        if not beyond[worst] > SAME:
             return ""
         return f"recovery: joint {self.joint_names[worst]!r} is {beyond[worst]:.3g} outside its position limits"
 

@@ -9,10 +9,8 @@ import numpy as np
 from wbc.errors import InvalidInput
 from wbc.stack.contact import Contact, ContactRows
 from wbc.stack.task import Task, TaskRows
+from wbc.tolerances import SAME
 from wbc.types import Mat
-
-#: Relative rounding of gains and dt.
-_ROUNDING = 1e-9
 
 
 @final
@@ -88,7 +86,7 @@ class MotionRows:
         v⁺ = v + a dt: both eigenvalues are in the unit circle for kd <= 2/dt and kp <= 2 kd/dt (Jury's criterion).
         kd = 0, damping left to another task, is allowed up to the largest kp of any kd, 4/dt².
         """
-        most = 2.0 / self._dt * (1.0 + _ROUNDING)
+        most = 2.0 / self._dt * (1.0 + SAME)
         if self.order == 1:
             checks = [("rate", self.rate[rows], np.full(rows.stop - rows.start, most), "2/dt")]
         else:

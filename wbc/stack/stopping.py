@@ -15,10 +15,9 @@ import numpy as np
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
-#: Distances from a limit [rad, m] that are none.
-_ROUNDING = 1e-9
 #: Share of the torque range that the way to rest leaves free on either side: it is computed in few moments.
 _MARGIN = 0.05
 #: Braking policies that are tried, by how gently joints far from their limits stop: the time in which they do, in
@@ -154,14 +153,14 @@ class Stopping:
         B, ahead = self._intervals.ahead(q[self._first :], v)
         speed = np.abs(v)
         room = ahead - 0.5 * self._dt * speed
-        return B, room, speed * speed / (2.0 * np.maximum(room, _ROUNDING))
+        return B, room, speed * speed / (2.0 * np.maximum(room, SAME))
 
     def _surely(self, q: Vec, v: Vec) -> bool:
         """Braking just enough for the nearer limit takes less than the motors have in any configuration."""
         speed, load = np.abs(v), self._load
         room = self._intervals.nearest(q[self._first :])
         room -= self._half_dt * speed
-        np.maximum(room, _ROUNDING, out=room)
+        np.maximum(room, SAME, out=room)
         needed = speed * speed
         needed /= room
         needed *= 0.5
@@ -183,24 +182,24 @@ class Stopping:
             B, room, _ = self._needed(q, v)
             speed = np.abs(v)
             distance = 0.5 * speed * speed
-            if (distance > B * room + _ROUNDING).any():
+            if (distance > B * room + SAME).any():
                 return None
             a, holds = self._brake(q, v, gentle, last)
             if a is None:
                 return None
             size = np.abs(a)
             sizes.append(size)
-            if holds and (speed <= 2.0 * dt * size).all() and (distance <= size * room + _ROUNDING).all():
+            if holds and (speed <= 2.0 * dt * size).all() and (distance <= size * room + SAME).all():
                 return _Way(t, max(step, dt), sizes)
             brakes = size > 0.0
             stop = np.divide(speed, size, out=np.full(len(v), np.inf), where=brakes)
             if not step:
                 longest, fastest = float(stop.max(where=brakes, initial=0.0)), float(speed.max())
-                step = dt * max(1.0, np.floor(min(longest / _MOMENTS, _TURN / max(fastest, _ROUNDING)) / dt))
+                step = dt * max(1.0, np.floor(min(longest / _MOMENTS, _TURN / max(fastest, SAME)) / dt))
             last = np.where(stop < step, 0.0, a)
             stop = np.minimum(stop, step)
             turn = (v + 0.5 * a * stop) * stop
-            if (np.abs(turn) > room + 0.5 * dt * speed + _ROUNDING).any():
+            if (np.abs(turn) > room + 0.5 * dt * speed + SAME).any():
                 return None
             q, v = q + turn, v + a * stop
         return None
@@ -213,7 +212,7 @@ class Stopping:
         state, load = self._state, self._load
         B, _, needed = self._needed(q, v)
         speed = np.abs(v)
-        time = max(float((speed / np.maximum(B, _ROUNDING)).max(initial=0.0)) * gentle, self._dt)
+        time = max(float((speed / np.maximum(B, SAME)).max(initial=0.0)) * gentle, self._dt)
         D = np.minimum(np.minimum(B, speed / self._dt), np.maximum(speed / time, needed)) * np.sign(v)
         state.update(0.0, q, v)
         bias, push = state.h + load.bias, load.push(state.M, D)
@@ -259,11 +258,11 @@ class Stopping:
             low, high = np.minimum(low, brake), np.maximum(high, brake)
         brake = np.clip(brake, low, high)
         B, _ = self._intervals.ahead(state.q_joints, state.v_joints)
-        reach = float((np.abs(wanted - brake) / np.maximum(B, _ROUNDING)).max()) * B
+        reach = float((np.abs(wanted - brake) / np.maximum(B, SAME)).max()) * B
         share = min(0.5, 2.0 * self._share)
         while True:
-            np.maximum(low, brake - share * reach - _ROUNDING, out=lower)
-            np.minimum(high, brake + share * reach + _ROUNDING, out=upper)
+            np.maximum(low, brake - share * reach - SAME, out=lower)
+            np.minimum(high, brake + share * reach + SAME, out=upper)
             self._share = share
             if not solve():  # nor could it in a narrower box
                 self._just_in_time(state, low, high, lower, upper)

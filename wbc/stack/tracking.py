@@ -14,6 +14,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.objective import Objective
 from wbc.stack.target import Convert, Target, floats
+from wbc.tolerances import MET
 from wbc.types import Index, Mat, Vec
 
 _IDENTITY = np.eye(3)
@@ -142,7 +143,7 @@ def rotation_error(target: Mat, actual: Mat) -> Vec:
 
 def _check_rotation(name: str, matrix: Mat) -> None:
     off = float(np.abs(np.dot(matrix, matrix.T) - _IDENTITY).max())
-    if off > 1e-6:
+    if off > MET:
         raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is 1e-6")
     x, y, z = matrix.tolist()
     if x[0] * (y[1] * z[2] - y[2] * z[1]) < x[1] * (y[0] * z[2] - y[2] * z[0]) - x[2] * (y[0] * z[1] - y[1] * z[0]):

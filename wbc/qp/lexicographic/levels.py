@@ -33,6 +33,7 @@ from wbc.qp.rows import RowProblem
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, SOLVED
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.row_task import NOT_OPTIMISED, Outcome
+from wbc.tolerances import ROUNDING
 from wbc.types import Index, Mat, Status, Vec
 
 _STATUS = {SOLVED: Status.SOLVED, INFEASIBLE: Status.INFEASIBLE, INACCURATE: Status.INACCURATE}
@@ -190,7 +191,7 @@ class Levels:
         columns = np.concatenate([qp.A, bounded[kept]])
         length = np.linalg.norm(columns, axis=1)
         length[length == 0.0] = 1.0
-        found = np.linalg.lstsq((columns / length[:, None]).T, -pull, rcond=1e-12)[0] / length
+        found = np.linalg.lstsq((columns / length[:, None]).T, -pull, rcond=ROUNDING)[0] / length
         force[kept] = found[qp.n_eq :]
         return found[: qp.n_eq], force[: p.n_range], force[p.n_range :]
 

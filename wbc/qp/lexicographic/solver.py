@@ -17,11 +17,12 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import place_of
-from wbc.qp.certificate import DISTANCE, TOLERANCE, Certificate
+from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.lexicographic.parts import Pull, Stage
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.qp.rows.row_task import NOT_OPTIMISED, WEIGHTED, Outcome
 from wbc.qp.rows.solver import nothing
+from wbc.tolerances import DISTANCE
 from wbc.types import Index, Status, Vec
 
 

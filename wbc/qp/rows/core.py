@@ -19,6 +19,7 @@ from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, ROWS, SOLVED, VARI
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.proof import NUMBERS, Proof, owners_of
 from wbc.qp.rows.solver import RowSolver
+from wbc.tolerances import TINY
 from wbc.types import Index, Status, Vec
 
 #: Products in the row form, above which the form in the unknowns is cheaper whatever their numbers.
@@ -124,7 +125,7 @@ class CoreSolver(RowSolver):
             rows = rows - p.G[p.soft, :n_u] @ np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:n])
         shifted = rows * ((self.z[n_u:] == 0.0) / p.metric)
         K = shifted @ rows.T
-        K.flat[:: len(K) + 1] += np.maximum(compliance, 1e-300)
+        K.flat[:: len(K) + 1] += np.maximum(compliance, TINY)
         push[p.soft] += np.linalg.lstsq(K, rho - shifted @ self.left, rcond=None)[0]
         return push
 

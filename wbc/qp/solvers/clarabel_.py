@@ -14,6 +14,7 @@ from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession, OneSided, Pattern
+from wbc.tolerances import ACCURACY
 from wbc.types import Mat, Status, Vec
 
 STATUS = {
@@ -44,7 +45,7 @@ class Clarabel(Solver):
     requires = ("clarabel",)
     package = "clarabel"
 
-    tol: float = 1e-9
+    tol: float = ACCURACY
     max_iter: int = 200
 
     def __post_init__(self) -> None:

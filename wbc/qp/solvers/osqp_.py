@@ -15,6 +15,7 @@ from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession, Pattern
+from wbc.tolerances import ACCURACY
 from wbc.types import Status
 
 INFINITY = 1e30
@@ -49,7 +50,7 @@ class Osqp(Solver):
     requires = ("osqp",)
     package = "osqp"
 
-    eps_abs: float = 1e-9
+    eps_abs: float = ACCURACY
     max_iter: int = 20_000
     polishing: bool = False
 

@@ -14,6 +14,7 @@ from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession
+from wbc.tolerances import ACCURACY
 from wbc.types import Status
 
 STATUS = {
@@ -41,7 +42,7 @@ class Piqp(Solver):
     requires = ("piqp",)
     package = "piqp"
 
-    eps_abs: float = 1e-9
+    eps_abs: float = ACCURACY
     max_iter: int = 250
 
     def __post_init__(self) -> None:

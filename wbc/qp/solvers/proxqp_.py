@@ -15,6 +15,7 @@ from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession
+from wbc.tolerances import ACCURACY
 from wbc.types import Status, Vec
 
 INFINITY = 1e20
@@ -51,7 +52,7 @@ class ProxQp(Solver):
     package = "proxsuite"
     repeatable = False  # its sums depend on where its memory lies
 
-    eps_abs: float = 1e-9
+    eps_abs: float = ACCURACY
     max_iter: int = 100
     max_iter_in: int = 50
 

@@ -18,6 +18,7 @@ from wbc import checks
 from wbc.errors import UnknownSolver
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
+from wbc.tolerances import ACCURACY
 from wbc.types import Status, Vec
 
 
@@ -78,7 +79,7 @@ class QpSolvers(Solver):
     offline = True
 
     name: str
-    accuracy: float = 1e-9
+    accuracy: float = ACCURACY
 
     def __post_init__(self) -> None:
         checks.number("accuracy", self.accuracy, low=0.0, strict=True)

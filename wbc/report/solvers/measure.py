@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import WbcError
-from wbc.qp.certificate import DISTANCE, Certificate
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP
 from wbc.qp.solver import Session, Solution, Solver
+from wbc.tolerances import DISTANCE
 from wbc.types import Vec
 
 #: A cold solve is done twice, the faster counts: the first finds the problem's data in no cache.

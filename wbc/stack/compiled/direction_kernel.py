@@ -8,6 +8,7 @@ from typing import Any
 from wbc.compiled import callee, kernel, small_kernel
 from wbc.stack.compiled.geometry import Three, cross, dot, plus, three, times
 from wbc.stack.compiled.row_kernel import Rows, rows
+from wbc.tolerances import SAME
 
 #: Straight behind no way round is shortest: a direction nearer to it than this [rad] counts as this far beside it.
 _BEHIND = 0.01
@@ -94,7 +95,7 @@ def _bearing(k: Rows, direction: Any, d_rate: Any, d_second: Any, t_rate: Any, t
 def alignment(at: int) -> int:
     """How a world direction lies beside an axis; ``numbers``: the viewer's axes by rows."""
     k = rows(at)
-    u, du, ddu, _ = unit_motion(three(k.value, 0), three(k.rate, 0), three(k.second, 0), 1e-9)
+    u, du, ddu, _ = unit_motion(three(k.value, 0), three(k.rate, 0), three(k.second, 0), SAME)
     _bearing(k, u, du, ddu, du, ddu)
     return 1
 

@@ -6,6 +6,7 @@ from math import atan2, cos, pi, sin, sqrt
 from typing import Any
 
 from wbc.compiled import kernel, small_kernel
+from wbc.tolerances import SHARP
 from wbc.types import Mat, Vec
 
 #: A vector of three numbers.
@@ -82,7 +83,7 @@ def log3(R: Mat, w: Vec) -> float:
     s, c = sqrt(x * x + y * y + z * z), 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
     angle = atan2(s, c)
     if angle < pi - _NEAR_PI:
-        factor = angle / s if s > 1e-8 else 1.0 + s * s / 6.0
+        factor = angle / s if s > SHARP else 1.0 + s * s / 6.0
         w[0], w[1], w[2] = factor * x, factor * y, factor * z
         return angle
     # R = cos θ + (1 − cos θ) a aᵀ + sin θ [a]ₓ: the longest column of a aᵀ is the axis but for its sign, and that is

@@ -46,6 +46,7 @@ from wbc.qp.lexicographic.compiled.space import (
 from wbc.qp.rows.compiled.equality import reduced
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import place_of, views
+from wbc.tolerances import SHARP
 
 #: Held items depend on others where no more than this share of their length is left: with less, what their bounds are
 #: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to the second.
@@ -55,8 +56,6 @@ ROUNDING = 1e-11
 #: Pushes above this share of what they push against hold a level back. Levels below may move by 1e4 against what does
 #: not, for next to nothing of this one; what is kept for nothing takes freedom from them, unseen.
 _HOLDS = 1e-9
-#: Residuals up to this are as good as none.
-_ENOUGH = 1e-8
 #: Newton steps on the last level.
 _REFINED = 3
 
@@ -240,7 +239,7 @@ def hold(at: int) -> None:
         worst = max(worst, abs(w.missing[i]))
         square += w.missing[i] * w.missing[i]
     pull = sqrt(size * square) + sqrt(far)
-    counts = w.sizes[LAST] != 0 or worst > _ENOUGH
+    counts = w.sizes[LAST] != 0 or worst > SHARP
     for i in range(rank - 1, -1, -1):
         force = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0
         for row in range(k):

@@ -40,11 +40,10 @@ from wbc.qp.lexicographic.compiled.space import (
 )  # fmt: skip
 from wbc.qp.rows.compiled.linear import add, dot
 from wbc.qp.rows.compiled.work import SOLVED, Work, place_of, views
+from wbc.tolerances import NEAR
 
 #: What each product of the gradient loses, as a share of the whole.
 _ROUNDING = 8.0 * 2.0**-52
-#: An item this near to its bound is at it.
-_MET = 1e-7
 
 
 @small_kernel
@@ -126,7 +125,7 @@ def certify(at: int) -> int:
         if force != 0.0 and near < inf:
             gradient_of_item(w, item)
             add(force, w.g, n, w.step)
-            if near > _MET:
+            if near > NEAR:
                 gap += abs(force) * near
     for c in range(n):
         w.g[c] = w.at[c]

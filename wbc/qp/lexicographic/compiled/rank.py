@@ -36,13 +36,12 @@ from wbc.qp.lexicographic.compiled.space import (
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduce_base
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, place_of, views
+from wbc.tolerances import MET, NEAR
 from wbc.types import Index, Mat, Vec
 
-#: Largest residual, in the rows' own units, of a level that counts as met; below, how a level came out.
-MET = 1e-6
 NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
-#: What an answer may be off by, and what a level above may lose by it.
-_ENOUGH, _LITTLE = 1e-7, 1e-5
+#: What a level above may lose by what an answer of a level below is off by.
+_LITTLE = 1e-5
 #: Residuals up to this are too small to say what they are orthogonal to.
 _SLIGHT = 1e-3
 #: Of a level with a residual, rows that reach no further than this out of the others matter in the second order only.
@@ -125,12 +124,12 @@ def keeps(at: int, k: int) -> bool:
         for row in range(r.level[i, 0], r.level[i, 1]):
             before += (r.root[row] * r.left[row]) ** 2 * r.unit[i]
             now += (r.root[row] * (r.left[row] + rows[row])) ** 2 * r.unit[i]
-            if r.unmet[i] == 0.0 and not abs(rows[row]) <= _ENOUGH:
+            if r.unmet[i] == 0.0 and not abs(rows[row]) <= NEAR:
                 return False
         if r.unmet[i] != 0.0 and not sqrt(now) - sqrt(before) <= _LITTLE * (sqrt(before) + 1.0):
             return False
     for row in range(r.level[0, 1], len(s.G)):
-        if not abs(rows[row]) <= _ENOUGH:
+        if not abs(rows[row]) <= NEAR:
             return False
     return True
 
@@ -211,7 +210,7 @@ def decide(at: int, k: int, begins: bool) -> int:
         w.sizes[FIRST] = r.level[k, 1]
         if not reduce_base(w.sizes[CORE]):
             return FAILED
-        if not open_space(r.work[SPACE], w.sizes[FIRST]) <= _ENOUGH:
+        if not open_space(r.work[SPACE], w.sizes[FIRST]) <= NEAR:
             return FAILED
     read(at, k)
     code = solve_level(r.work[SPACE])

@@ -43,14 +43,15 @@ from wbc.qp.rows.compiled.work import (
     views,
 )
 from wbc.qp.rows.compiled.work import ROWS as IN_ROWS
+from wbc.tolerances import NEAR
 
 #: A bound is broken beyond this share of 1 + its size.
 _BROKEN = 1e-9
 #: Working sets that are guessed; exchanges that may fail to lower the number of wrong items.
 _GUESSES, _CHANCES = 4, 1
-#: How often the core is asked; what a row of the level weighs there beside the distance, and how much less where that
-#: is too much; what a point may miss.
-_FINDS, _HEAVY, _LESS, _MISSED = 4, 1e10, 1e-4, 1e-7
+#: How often the core is asked; what a row of the level weighs there beside the distance, and how much less where
+#: that is too much.
+_FINDS, _HEAVY, _LESS = 4, 1e10, 1e-4
 #: Steps of a descent for each item, and those that are none.
 _MOST, _STILL = 5, 1e-11
 
@@ -145,7 +146,7 @@ def find(at: int, heavy: float) -> int:
     code = answer(w.sizes[FINDER])
     w.sizes[STEPS] += q.sizes[7] + q.sizes[8]
     w.sizes[FINDS] += 1
-    if code == INACCURATE and q.proof[0] <= _MISSED:
+    if code == INACCURATE and q.proof[0] <= NEAR:
         code = SOLVED  # any point will do
     for c in range(d):
         w.at[c] = q.value[c]

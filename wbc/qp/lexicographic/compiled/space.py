@@ -16,10 +16,9 @@ from wbc.compiled import carray, floats, integers, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, reduced
 from wbc.qp.rows.compiled.linear import dot
 from wbc.qp.rows.compiled.work import Work, place_of, views
+from wbc.tolerances import SAME
 from wbc.types import Index, Mat, Vec
 
-#: What is larger by a smaller share ties, and the index decides.
-_TIED = 1e-9
 #: A row depends on those before it where no more than this share of its length is left.
 DEPENDENT = 1e-10
 #: The same in the proof of a level: what is left by less is taken to be free there.
@@ -167,7 +166,7 @@ def triangular(at: int, A: Mat, m: int, first: int, last: int, size: Vec, order:
             for c in range(first + rank, last):
                 square += A[i, c] * A[i, c]
             left = sqrt(square) / size[i] if size[i] > 0.0 else 0.0
-            if left > most * (1.0 + _TIED):
+            if left > most * (1.0 + SAME):
                 best, most = i, left
         if best < 0:
             break

@@ -23,10 +23,9 @@ from math import sqrt
 from wbc.compiled import part, small_kernel
 from wbc.qp.rows.compiled.linear import add, add_four, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views, weighed
+from wbc.tolerances import ROUNDING
 from wbc.types import Vec
 
-#: A row of a guess depends on others where less than this share of its squared length is left beside them.
-_PIVOT = 1e-12
 #: A D + SᵀwS with a smaller share of its diagonal left is singular.
 _SINGULAR = 1e-15
 #: The weight of a soft row that counts for nothing.
@@ -184,7 +183,7 @@ def hold_guess(at: int) -> bool:
         if i < ns:
             s.K[i, i] += compliance(s, i)
         s.length[i] = s.K[i, i]
-    factor(s.K, first, m, _PIVOT)
+    factor(s.K, first, m, ROUNDING)
     return True
 
 

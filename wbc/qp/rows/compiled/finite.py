@@ -29,13 +29,10 @@ from wbc.qp.rows.compiled.equality import (
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products, remove
 from wbc.qp.rows.compiled.verify import beyond, disproved, largest_push
 from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, is_fixed, place_of, views, weighed
+from wbc.tolerances import ROUNDING, SAME
 
 #: An item depends on those held where less than this share of its length is left beside them.
 _DEPENDENT = 1e-9
-#: Multipliers below this share of the largest have no sign.
-_ROUNDING = 1e-12
-#: What is larger by a smaller share ties, and the index decides.
-_TIED = 1e-9
 #: What cancels to a smaller share is computed once more from what is left.
 _CANCELLED = 1e-2
 #: Steps after which the pushes are computed anew.
@@ -135,7 +132,7 @@ def start(at: int) -> bool:
         for i in range(s.sizes[6] - 1, ns - 1, -1):
             side = s.side[s.item[i]]
             if not is_fixed(s, s.item[i]) and s.lam[i] * side > 0.0:
-                if s.lam[i] * side * sqrt(s.length[i]) > _ROUNDING * largest:
+                if s.lam[i] * side * sqrt(s.length[i]) > ROUNDING * largest:
                     let_go(at, i)
                     left += 1
                 else:
@@ -151,7 +148,7 @@ def most_broken(at: int) -> int:
     for item in range(len(s.side)):
         if s.side[item] == 0.0 and s.best[item] != _SKIP:
             by = beyond(s, item)
-            if not by <= most * (1.0 + _TIED):
+            if not by <= most * (1.0 + SAME):
                 found, most = item, by
     return found
 
@@ -177,9 +174,9 @@ def admit(at: int, item: int) -> int:
         for i in range(ns, m):
             held = s.item[i]
             rate = sigma * s.rho[i] * s.side[held]
-            if not is_fixed(s, held) and rate * sqrt(s.length[i]) > _ROUNDING * size:
+            if not is_fixed(s, held) and rate * sqrt(s.length[i]) > ROUNDING * size:
                 stop = max(-s.lam[i] * s.side[held], 0.0) / rate
-                if stop < first_stop * (1.0 - _TIED):
+                if stop < first_stop * (1.0 - SAME):
                     blocking, first_stop = i, stop
         depends = m - ns >= ny or not room > _DEPENDENT**2 * s.length[m]
         if depends and blocking < 0:

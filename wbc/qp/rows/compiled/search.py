@@ -17,6 +17,7 @@ from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_ba
 from wbc.qp.rows.compiled.finite import finite
 from wbc.qp.rows.compiled.verify import certified, exchange, verify, weigh
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, Work, place_of, views
+from wbc.tolerances import SHARP
 
 #: Working sets that are guessed before the finite method is asked.
 _GUESSES = 5
@@ -24,8 +25,6 @@ _GUESSES = 5
 _CHANCES = 1
 #: Steps of refinement at most.
 _REFINED = 4
-#: An answer is refined while it can be this far from the optimum, relative to what is asked, and a step helps.
-_SHARP = 1e-8
 
 
 @part
@@ -66,7 +65,7 @@ def refined(at: int, wrong: int) -> int:
     s = views(at)
     for _ in range(_REFINED):
         distance, held = s.proof[5], s.numbers[3]
-        if wrong or (distance <= _SHARP and held <= 1.0):
+        if wrong or (distance <= SHARP and held <= 1.0):
             break
         step(at, False)
         evaluate(at)

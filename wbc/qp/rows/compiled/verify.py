@@ -26,9 +26,8 @@ from wbc.compiled import entry, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import first_row, reduce_base, reduced
 from wbc.qp.rows.compiled.linear import add, backward, forward
 from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
+from wbc.tolerances import DISTANCE, MET, ROUNDING
 
-#: As in the reference: an answer is certified at this tolerance, and within a hundred times that of the optimum.
-_TOLERANCE, _DISTANCE = 1e-6, 100.0
 #: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
 #: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|), as far as one knows.
 _ALONE = 1.5
@@ -36,8 +35,6 @@ _ALONE = 1.5
 _PRODUCT = 4.0 * 2.0**-52
 #: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
 _BROKEN = 1e-10
-#: Multipliers below this share of the largest have no sign.
-_ROUNDING = 1e-12
 #: How far a proof that there is no answer reaches [unit of the unknowns].
 _RADIUS = 1e7
 #: A wrong push may be worth this part of what is near enough: it is left out, and the certificate counts it.
@@ -68,10 +65,10 @@ def weigh(s: Work) -> bool:
 def certified(s: Work) -> bool:
     """Whether the certificate in ``proof`` holds."""
     return bool(
-        s.proof[0] <= _TOLERANCE
-        and s.proof[1] <= _TOLERANCE * s.proof[3]
-        and s.proof[2] <= _TOLERANCE * s.proof[4]
-        and s.proof[5] <= _DISTANCE * _TOLERANCE
+        s.proof[0] <= MET
+        and s.proof[1] <= MET * s.proof[3]
+        and s.proof[2] <= MET * s.proof[4]
+        and s.proof[5] <= DISTANCE * MET
         and s.proof[4] < inf
     )
 
@@ -127,7 +124,7 @@ def certify(at: int) -> bool:
         primal = primal if worst <= primal else worst
         slack = over if push[i] > 0.0 else under
         if push[i] != 0.0:
-            if not slack >= -_TOLERANCE:
+            if not slack >= -MET:
                 push[i] = 0.0
             gap += abs(push[i] * slack)
     for _ in range(2):
@@ -158,7 +155,7 @@ def certify(at: int) -> bool:
         worst = max(over, under)
         primal = primal if worst <= primal else worst
         held = 0.0
-        if (left < 0.0 and over >= -_TOLERANCE) or (left > 0.0 and under >= -_TOLERANCE):
+        if (left < 0.0 and over >= -MET) or (left > 0.0 and under >= -MET):
             held, left = left, 0.0
             room = s.upper[c] - value[c] if held < 0.0 else value[c] - s.lower[c]
             gap += abs(held) * max(room, 0.0)
@@ -168,7 +165,7 @@ def certify(at: int) -> bool:
         square += left * left / s.metric[j]
         share = s.reach[n_soft + j] / (1.0 + abs(value[c] * s.scale[c]))
         if unit * s.metric[j] <= _ALONE * s.numbers[1]:
-            alone = max(alone, _DISTANCE * _TOLERANCE * share)
+            alone = max(alone, DISTANCE * MET * share)
         else:
             distance = max(distance, share)
     for i in range(n_soft):
@@ -178,10 +175,10 @@ def certify(at: int) -> bool:
     spread = sqrt(unit * square)
     s.proof[0], s.proof[1], s.proof[2] = primal, unit * dual, unit * gap
     s.proof[3], s.proof[4] = 1.0 + unit * (largest + bent), 1.0 + unit * cost
-    known = spread if not alone * spread > _DISTANCE * _TOLERANCE else known_spread(s)
+    known = spread if not alone * spread > DISTANCE * MET else known_spread(s)
     s.proof[5], s.proof[6] = max(distance * spread, alone * known), spread
     distance = max(distance, alone)
-    s.numbers[2] = _TOLERANCE / (sqrt(unit) * distance) if distance > 0.0 else 0.0
+    s.numbers[2] = MET / (sqrt(unit) * distance) if distance > 0.0 else 0.0
     return certified(s)
 
 
@@ -229,7 +226,7 @@ def largest_push(s: Work) -> float:
 @small_kernel
 def pushes_wrong(s: Work, push: float, side: float, length: float, largest: float) -> bool:
     """Whether to leave this push out would move the answer, and it is not rounding of the others."""
-    return bool(push * side * length > max(_ROUNDING * largest, _WORTHLESS * s.numbers[2]))
+    return bool(push * side * length > max(ROUNDING * largest, _WORTHLESS * s.numbers[2]))
 
 
 @small_kernel
