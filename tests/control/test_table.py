@@ -47,7 +47,7 @@ def read(path: Path) -> tuple[list[str], list[list[str]]]:
 
 def test_a_heading_says_component_and_unit(standing: Run, tmp_path: Path):
     headings, rows = read(standing.to_csv(tmp_path / "run.csv"))
-    assert len(rows) == standing.rows and len(headings) == len(set(headings)) == numbers_of(standing)
+    assert len(rows) == standing.rows and len(headings) == len(set(headings)) == numbers_of(standing) + 1
     column = dict(zip(headings, zip(*rows, strict=True), strict=True))
 
     def same(heading: str, values: Any) -> None:
@@ -68,6 +68,8 @@ def test_a_heading_says_component_and_unit(standing: Run, tmp_path: Path):
     same("error.Frame[left_hand].yaw [rad]", standing["error.Frame[left_hand]"][:, 5])
     same("error.Posture.left_elbow [rad]", standing["error.Posture"][:, elbow])
     same("distance.CenterOfMass [m/s²]", standing["distance.CenterOfMass"])
+    for unit in ("m/s²", "rad/s²"):  # one bound on rows of two units
+        same(f"distance.Frame[left_hand] [{unit}]", standing["distance.Frame[left_hand]"])
     assert set(column["status"]) == {"SOLVED"}
 
 

@@ -60,6 +60,7 @@ def standing_run(rows: int = 120) -> Run:
         "error.Frame[left_hand]": np.column_stack([np.full((rows, 3), 2e-3), np.full((rows, 3), 4e-3)]),
         "error.Posture": np.tile(0.01 * wave[:, None], (1, robot.nj)),
         "distance.CenterOfMass": np.where(np.arange(rows) == 7, np.nan, 1e-9 + 1e-10 * np.arange(rows)),
+        "distance.Frame[left_hand]": np.full(rows, 2e-9),
         "distance.Posture": np.full(rows, np.nan),
     }  # fmt: skip
     contacts = {}
@@ -75,7 +76,7 @@ def standing_run(rows: int = 120) -> Run:
         "CenterOfMass": {"units": ["m"] * 3}, "Frame[left_hand]": {"units": ["m"] * 3 + ["rad"] * 3},
         "Posture": {"units": ["rad"] * robot.nj},
     }  # fmt: skip
-    distances = {"CenterOfMass": "m/s²", "Posture": "rad/s²"}
+    distances = {"CenterOfMass": "m/s²", "Frame[left_hand]": "m/s², rad/s²", "Posture": "rad/s²"}
     disturbances = ["push of (0, 60, 0) N at 'torso' from 0.3 s for 0.2 s"]
     return Run(columns, metadata(robot, tasks=tasks, contacts=contacts, disturbances=disturbances, distances=distances))
 

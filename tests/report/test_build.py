@@ -97,7 +97,9 @@ def test_the_solver_section_says_how_far_each_task_can_be_from_its_optimum(stand
     table = section.items[2]
     assert isinstance(table, Table)
     assert table.columns == ("task", "unit", "median", "largest", "ticks with proof")
-    centre, posture = table.rows
+    centre, metres, radians, posture = table.rows
+    assert metres[:2] == ("Frame[left_hand]", "m/s²") and radians[:2] == ("Frame[left_hand]", "rad/s²")
+    assert metres[2:4] == radians[2:4] == (2e-9, 2e-9)
     assert centre[:2] == ("CenterOfMass", "m/s²") and centre[2] == pytest.approx(7e-9) and centre[4] == "99.166 %"
     assert centre[3] == pytest.approx(1e-9 + 119e-10)
     assert posture[:2] == ("Posture", "rad/s²") and np.isnan(posture[2:4]).all() and posture[4] == "0 %"

@@ -20,7 +20,9 @@ def table(columns: Mapping[str, NDArray[Any]], meta: Mapping[str, Any]) -> dict[
     A heading is the column, the component where it has several, and the unit where it has one: joints by name; of a
     floating base ``base_position_x`` [m] and ``base_quaternion_x`` in the world, ``base_linear_x`` and
     ``base_angular_x`` in its own axes; of a wrench ``force_x`` [N] and ``moment_x`` [N m] in the axes of the surface;
-    of a task its own labels; else the place, from 0. ``status`` is the name of the status.
+    of a task its own labels; else the place, from 0. A bound on how far a task can be from its optimum
+    (``distance.TASK``) holds for each row in its own unit: there is a column for each unit. ``status`` is the name of
+    the status.
     """
     result: dict[str, NDArray[Any]] = {}
     for name, values in columns.items():
@@ -41,19 +43,20 @@ def _components(name: str, values: NDArray[Any], meta: Mapping[str, Any]) -> Ite
     """Component and unit of each number that a row of the column has."""
     size = int(np.prod(values.shape[1:]))
     if values.ndim == 1:
-        yield "", _unit_of_number(name, meta)
+        yield from (("", unit) for unit in _units_of_number(name, meta))
         return
     known = list(_known(name.removeprefix("plant."), size, meta))
     yield from known if len(known) == size else ((str(k), _PLAIN.get(name, "")) for k in range(size))
 
 
-def _unit_of_number(name: str, meta: Mapping[str, Any]) -> str:
+def _units_of_number(name: str, meta: Mapping[str, Any]) -> list[str]:
+    """Each unit that a number is one in: a bound on all rows of a task is one on its metres, and on its radians."""
     start, _, rest = name.partition(".")
     if start == "distance":
-        return str(meta.get("distances", {}).get(rest, ""))
+        return str(meta.get("distances", {}).get(rest, "")).split(", ")
     if start == "plant" and rest.startswith("penetration."):
-        return "m"
-    return _PLAIN.get(name, "")
+        return ["m"]
+    return [_PLAIN.get(name, "")]
 
 
 def _known(name: str, size: int, meta: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

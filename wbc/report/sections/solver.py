@@ -68,13 +68,13 @@ def _statistics(result: ScenarioResult) -> list[tuple[str, Cell]]:
 
 
 def _distances(result: ScenarioResult) -> list[tuple[Cell, ...]]:
-    """Of each task: its unit, the median and the largest bound, and the share of the ticks that have one."""
+    """Of each task and unit of its rows: the median and the largest bound, and the share of the ticks that have one."""
     rows: list[tuple[Cell, ...]] = []
     for task, bound in result.run.matching("distance.").items():
         proved = bound[np.isfinite(bound)]
         median, largest = (np.median(proved), proved.max()) if proved.size else (np.nan, np.nan)
-        unit = result.run.meta.get("distances", {}).get(task, "")
-        rows.append((task, unit, float(median), float(largest), percent(proved.size / result.run.rows)))
+        for unit in result.run.meta.get("distances", {}).get(task, "").split(", "):
+            rows.append((task, unit, float(median), float(largest), percent(proved.size / result.run.rows)))
     return rows
 
 
