@@ -1,4 +1,4 @@
-"""Impedance: Cartesian impedance control: a frame gives way to forces as a spring and a damper do."""
+"""Impedance: Cartesian impedance control: a frame complies with forces as a spring and a damper do."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def _row(found: Findings) -> dict[str, Any]:
 
 
 def _print(kind: str, rows: list[dict[str, Any]]) -> None:
-    made = table(f"Soak: {kind}", "subject", "ticks", "first rung", "raised", "not finite", "beyond", "memory")
+    made = table(f"Soak: {kind}", "subject", "ticks", "solved", "raised", "not finite", "beyond", "memory")
     for row in rows:
         made.add_row(
             Text(f"{row['subject']}, {row['solver']}"),

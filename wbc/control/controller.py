@@ -3,7 +3,7 @@
     state → components.before → plan.fill → solve → certificate → command → components.after
 
 A tick raises only for programming errors (a wrong type or shape). Numbers that are not finite and solves that fail give
-a bounded command all the same, from the next rung of the ladder (:mod:`wbc.control.ladder`).
+a bounded command all the same, from the next fallback level (:mod:`wbc.control.ladder`).
 """
 
 from __future__ import annotations

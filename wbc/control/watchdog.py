@@ -39,7 +39,7 @@ class Watchdog:
         stale_ticks: how many ticks may repeat a time before the state is stale.
         late: periods after which a tick is late.
         budget: time [s] a tick may take; None: ticks are not timed.
-        refuse: whether to answer a stale state or a clock that went back with the ladder instead of a solve.
+        refuse: whether to answer a stale state or a clock that went back with a fallback level instead of a solve.
         clock: seconds, for ``budget``; another one makes runs repeatable.
 
     Raises:

@@ -40,7 +40,7 @@ from wbc.methods.shared import factors
 from wbc.tolerances import NOISE, ROUNDING
 from wbc.types import Mat, Vec
 
-#: The part of their size by which limits may give way where together they leave no point.
+#: The part of their size by which limits may be relaxed where together they leave no point.
 WIDENED = 5e-9
 
 
@@ -171,7 +171,7 @@ class _Search:
         return row if len(beyond) and beyond[row] > 0.0 else None
 
     def _joined(self, row: int) -> bool:
-        """Whether the row could be met: it joins the set, or gives way by what is rounding."""
+        """Whether the row could be met: it joins the set, or is violated by what is rounding."""
         normal, before = self.G[row], list(self.held)
         violation = np.array([normal @ self.u[:, 0], normal @ self.u[:, 1] - self._room()[row]])
         while True:
@@ -204,7 +204,7 @@ class _Search:
         return _Event(ends[first], places[first])
 
     def _give_way(self, row: int, r: Vec, violation: float, before: list[int]) -> bool:
-        """Rows that contradict each other give way by equal parts of their sizes, if these are small enough.
+        """Rows that contradict each other are relaxed by equal parts of their sizes, if these are small enough.
 
         The set is then the one ``before`` the step.
         """

@@ -35,7 +35,7 @@ from wbc.types import Mat, Status, Vec
 DEPENDENT = 1e-11
 #: An answer of a solver counts as the shortest point where it is this near to it, in sizes of the problem.
 CLOSE = 1e-2
-#: Limits of a second question give way by this, in sizes of the problem.
+#: Limits of a second question are relaxed by this, in sizes of the problem.
 GIVE = 1e-10
 #: Slopes along the scale that are tried; when one was steep enough, the scale gains no more than this in a step of that
 #: length. Steps are long, so that a gain is more than what rounding leaves of the scale, and the last one is short.
@@ -223,7 +223,7 @@ class _NormalForm:
         """The solver's answer to the last digit; ``None`` where it is proven that there is none.
 
         A solver that is far off is asked once more, without equations, in the size of what is left, and with limits
-        that give way a little, so that one point is not an empty set by rounding. Then it FAILED.
+        that are relaxed a little, so that one point is not an empty set by rounding. Then it FAILED.
         """
         start, rows = self.e @ self.E, self.F @ self.free.T
         length = np.linalg.norm(rows, axis=1)

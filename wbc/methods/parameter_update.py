@@ -244,7 +244,7 @@ class ParameterUpdate(Method):
         return np.clip(self.a_hat + away, self.lower, self.upper)  # of rounding
 
     def difference(self, result: ParameterRate, reference: ParameterRate) -> Mapping[str, float]:
-        """Rates relative to Γ Yᵀ s, both in the metric of the gain; what a row on the boundary gives way, likewise."""
+        """Rates relative to Γ Yᵀ s, both in the metric of the gain; and of what a row on the boundary is relaxed by."""
         if result.feasible != reference.feasible:
             return {"feasible": np.inf}
         inverse = np.linalg.inv(root(self.gain))

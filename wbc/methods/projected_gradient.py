@@ -277,7 +277,7 @@ class ProjectedGradientStep(Method):
         return min(max(alpha, 0.0), self.alpha_max) if slack <= 0.5 * SHARP else np.nan
 
     def _nearest(self, alpha: float, size: float, solver: str | Solver, form: str) -> tuple[float, float]:
-        """The feasible step nearest to this one, and the part w of its range by which every limit had to give way.
+        """The feasible step nearest to this one, and the part w of its range by which every limit had to be relaxed.
 
         The price of w is above any multiplier, so w > 0 says that there is no feasible step; and each solver has a
         problem with an interior and an answer, also where one step is all that is feasible.

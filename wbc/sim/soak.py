@@ -76,7 +76,7 @@ class Findings:
 
     @property
     def first_rung(self) -> float:
-        """Share of the ticks that the first rung answered."""
+        """Share of the ticks that were solved, without a fallback level."""
         return self.rungs["solved"] / max(1, self.ticks)
 
 
