@@ -182,14 +182,12 @@ def _judged(robot: PinocchioModel, hits: Sequence[Hit], stiff: Hit, link: str, f
     }  # fmt: skip
     run = mine[0].run
     verdict = [
-        Check(f"pushes on {link} that are laid to it", float(len(mine) - len(wrong)), float(len(mine)), not wrong,
-              "of all"),
-        Check("longest from push to answer", delay, 0.02, delay <= 0.02, "s"),
-        Check("best of their forces estimated, off by", off, 0.25, off <= 0.25, "share"),
-        Check("how far the tool gives way, yielding over stiff", fights[1] / fights[0], 2.0,
-              fights[1] >= 2 * fights[0]),
-        Check("links named rightly, of pushes that their own joint feels", float(named), float(len(felt)),
-              named >= 0.9 * len(felt), f"of {len(felt)}"),
+        Check(f"pushes on {link} that are laid to it", float(len(mine) - len(wrong)), "=", float(len(mine)), "of all"),
+        Check("longest from push to answer", delay, "<=", 0.02, "s"),
+        Check("best of their forces estimated, off by", off, "<=", 0.25, "share"),
+        Check("how far the tool gives way, yielding over stiff", fights[1] / fights[0], ">=", 2.0),
+        Check("links named rightly, of pushes that their own joint feels", float(named), ">=", 0.9 * len(felt),
+              f"of {len(felt)}"),
     ]  # fmt: skip
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=measure.violations(run),

@@ -178,18 +178,17 @@ def _judged(robot: PinocchioModel, runs: Mapping[Case, wbc.Run], mass: float) ->
     }  # fmt: skip
     violations = measure.violations(run)
     verdict = [
-        Check("error without adaptation over error with it", stubborn / learning, 30.0, stubborn >= 30.0 * learning),
-        Check("tool's error after the pick-up, peak", peak, 0.01, peak < 0.01, "m"),
-        Check("ticks with parameters of no body", float(unphysical), 0.0, unphysical == 0),
-        Check("largest rise of V within 10 ms, of V at the pick-up", rises[0], 1e-2, rises[0] < 1e-2),
-        Check("the same with half the period, over that with the whole", rises[1] / (rises[0] or 1.0), 0.75,
-              rises[1] <= 0.75 * rises[0] + 1e-12),
+        Check("error without adaptation, as a multiple of the error with it", stubborn / learning, ">=", 30.0),
+        Check("tool's error after the pick-up, peak", peak, "<", 0.01, "m"),
+        Check("ticks whose parameters belong to no rigid body", float(unphysical), "=", 0.0),
+        Check("largest rise of V within 10 ms, of V at the pick-up", rises[0], "<", 1e-2),
+        Check("that rise with half the period, over the rise with the whole", rises[1] / (rises[0] or 1.0), "<=", 0.75),
         *judge.common_checks(run, violations),
     ]  # fmt: skip
     if Case(True, True) in errors:
         rough = late(Case(False, True)) / late(Case(True, True))
         figures |= {"ratio_rough": rough, "error_with_rough": late(Case(True, True))}
-        verdict.insert(1, Check("the same with noise and friction", rough, 15.0, rough >= 15.0))
+        verdict.insert(1, Check("the same with noise and friction", rough, ">=", 15.0))
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
         figures=figures, robot=robot,

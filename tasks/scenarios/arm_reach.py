@@ -118,7 +118,7 @@ def _judged(run: wbc.Run, robot: PinocchioModel, task: str) -> ScenarioResult:
     }
     rms = tracking[task]["rms"]
     verdict = [
-        Check("position error after catching up, rms", rms, 2e-3, rms < 2e-3, "m"),
+        Check("position error after catching up, rms", rms, "<", 2e-3, "m"),
         *judge.common_checks(run, violations),
     ]
     return ScenarioResult(

@@ -176,12 +176,12 @@ def _judged(
     }
     through = len(kept.times) * EVERY * float(run.meta["dt"]) > 0.5 * PERIOD
     verdict = [
-        Check("smallest distance", kept.smallest, 0.0, kept.smallest > 0.0, "m"),
-        Check("smallest distance, less the margin", kept.smallest - margin, -1e-3, kept.smallest > margin - 1e-3, "m"),
+        Check("smallest distance", kept.smallest, ">", 0.0, "m"),
+        Check("smallest distance minus the margin", kept.smallest - margin, ">", -1e-3, "m"),
         *judge.common_checks(run, violations),
     ]
     if through:
-        verdict.insert(2, Check("smallest distance without the limit", free.smallest, 0.0, free.smallest < 0.0, "m"))
+        verdict.insert(2, Check("smallest distance without the limit", free.smallest, "<", 0.0, "m"))
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
         verdict=verdict, figures=figures, robot=robot, obstacles=around,

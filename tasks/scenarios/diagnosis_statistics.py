@@ -233,16 +233,15 @@ def _judged(
         "push_blamed_on_a_motor_in_the_end": share(pushes, lambda c: c.accused[1]),
     }  # fmt: skip
     demands = [
-        (motors, "failing motors named at once", "motor_found", 0.95, True),
-        (loads, "loads recognised", "payload_recognised", 0.9, True),
-        (pushes, "pushes called a load", "push_called_payload", 0.05, False),
-        (motors, "motors called a load", "motor_called_payload", 0.02, False),
-        (pushes, "pushes blamed on a motor in the end", "push_blamed_on_a_motor_in_the_end", 0.1, False),
+        (motors, "failing motors named at once", "motor_found", ">=", 0.95),
+        (loads, "loads recognised", "payload_recognised", ">=", 0.9),
+        (pushes, "pushes called a load", "push_called_payload", "<=", 0.05),
+        (motors, "motors called a load", "motor_called_payload", "<=", 0.02),
+        (pushes, "pushes blamed on a motor in the end", "push_blamed_on_a_motor_in_the_end", "<=", 0.1),
     ]  # fmt: skip
     verdict = [
-        Check(f"{text}, of {len(chosen)}", figures[key], bound,
-              figures[key] >= bound if more else figures[key] <= bound, "share")
-        for chosen, text, key, bound, more in demands if chosen
+        Check(f"{text}, of {len(chosen)}", figures[key], relation, bound, "share")
+        for chosen, text, key, relation, bound in demands if chosen
     ]  # fmt: skip
     run = wbc.Run(run.columns, {**run.meta, "scenario": DiagnosisStatistics.name, "parameters": dict(parameters)})
     return ScenarioResult(

@@ -186,8 +186,7 @@ def _row(stand: Stand, joint: str, outcomes: Sequence[Outcome], sway: HeldSway, 
 
 def _judged(stand: Stand, rows: Sequence[Row], shown: Outcome) -> ScenarioResult:
     verdict = [
-        Check(f"{row.joint}: falls, of {row.possible} moments at which it can stand", float(row.broken), 0.0,
-              row.broken == 0)
+        Check(f"{row.joint}: falls, of {row.possible} moments at which it can stand", float(row.broken), "=", 0.0)
         for row in rows if row.enough
     ]  # fmt: skip
     return ScenarioResult(

@@ -109,9 +109,8 @@ def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool
     rms, bound = max(standing, default=float("inf")), 10e-3 if rough else 2e-3
     enough = n - spare if rough else n
     return [
-        Check("without an answer it falls", float(lost), float(n - spare), lost >= n - spare,
-              f"of {n}"),
-        Check("with it, it stands", float(kept), float(enough), kept >= enough, f"of {n}"),
-        Check("CoM error of those that stand, rms", rms, bound, rms < bound, "m"),
+        Check("without an answer it falls", float(lost), ">=", float(n - spare), f"of {n}"),
+        Check("with it, it stands", float(kept), ">=", float(enough), f"of {n}"),
+        Check("CoM error of those that stand, rms", rms, "<", bound, "m"),
         *fault_scenario.found_in_time(answered, LATER if rough else SOON),
     ]  # fmt: skip

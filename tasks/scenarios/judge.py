@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wbc.control.recorder import Run
 from wbc.report import measure
-from wbc.sim.scenario import Check
+from wbc.sim.scenario import Check, Place
 from wbc.stack.contact import Contact
 from wbc.types import Vec
 
@@ -28,32 +28,38 @@ def away_from(t: Vec, disturbed: Sequence[float], *, after: float = 1.0) -> NDAr
     return mask
 
 
-def slip(run: Run, contacts: Sequence[Contact]) -> float:
-    """The farthest that a foot slid [m]."""
-    return max(measure.slip(run, contact.name) or 0.0 for contact in contacts)
+def slip_check(text: str, run: Run, slid: Mapping[str, Vec], bound: float) -> Check:
+    """That no foot slides as far as ``bound`` [m]; ``slid`` (N,) [m] of each contact, over the run."""
+    ways = np.column_stack(list(slid.values()))
+    place = measure.place(run, ways, bound, list(slid), "slip")
+    return Check(text, float(ways.max(initial=0.0)), "<", bound, "m", place)
 
 
-def cone_excess(run: Run, contacts: Sequence[Contact]) -> float:
-    """How far the net wrenches that physics produced were outside the cones of ``contacts`` [N, N m], 0 if never."""
-    worst = 0.0
-    for contact in contacts:
-        wrench = run[f"plant.f.{contact.name}"][:, contact.wrench_axes]
-        worst = float(np.maximum(worst, (wrench @ contact.cone().T).max()))  # NaN stays NaN: it is no pass
-    return worst
+def slid(run: Run, contacts: Sequence[Contact]) -> dict[str, Vec]:
+    """How far each foot is from where it had settled (N,) [m]."""
+    found = {contact.name: measure.slid(run, contact.name) for contact in contacts}
+    return {name: np.zeros(run.rows) if way is None else way for name, way in found.items()}
+
+
+def cone_excess(run: Run, contacts: Sequence[Contact]) -> Vec:
+    """How far the net wrenches that physics produced were outside the cones of k ``contacts`` (N, k) [N, N m]."""
+    wrenches = [(run[f"plant.f.{contact.name}"][:, contact.wrench_axes], contact.cone()) for contact in contacts]
+    return np.column_stack([(wrench @ cone.T).max(axis=1) for wrench, cone in wrenches])
 
 
 def certified_share(run: Run) -> float:
     """Share of the ticks that ended SOLVED, that is with a certified answer."""
-    return measure.statuses(run).get("SOLVED", 0) / run.rows
+    return float(measure.solved(run).mean())
 
 
-def stance_slip(run: Run, contact: str, stances: Iterable[tuple[float, float]]) -> float:
-    """The farthest that a foot slid within one of its ``stances``, (made, broken) [s] each [m]."""
-    worst, t = 0.0, measure.times(run)
+def stance_slid(run: Run, contact: str, stances: Iterable[tuple[float, float]]) -> Vec:
+    """How far a foot slid since it stands (N,) [m], within each of its ``stances``, (made, broken) [s]; 0 between."""
+    slid, t = np.zeros(run.rows), measure.times(run)
     for start, end in stances:
-        path = run[f"plant.slip.{contact}"][(t >= max(start, measure.SETTLED)) & (t < end)]
-        worst = max(worst, float(np.linalg.norm(path - path[:1], axis=1).max(initial=0.0)))
-    return worst
+        stands = (t >= max(start, measure.SETTLED)) & (t < end)
+        path = run[f"plant.slip.{contact}"][stands]
+        slid[stands] = np.linalg.norm(path - path[:1], axis=1)
+    return slid
 
 
 def force_step(run: Run) -> float:
@@ -64,10 +70,9 @@ def force_step(run: Run) -> float:
 
 def step_checks(plan_step: float, force_step: float) -> list[Check]:
     """Whether contacts are changed smoothly: torques [N m] and normal forces [N/ms/kg]."""
-    most = FORCE_STEP + TOLERANCE
     return [
-        Check("step of the torques at a change of plan", plan_step, PLAN_STEP, plan_step <= PLAN_STEP, "N m"),
-        Check("step of a normal force", force_step, FORCE_STEP, force_step <= most, "N/ms/kg"),
+        Check("step of the torques at a change of plan", plan_step, "<=", PLAN_STEP, "N m"),
+        Check("step of a normal force", force_step, "<=", FORCE_STEP + TOLERANCE, "N/ms/kg"),
     ]
 
 
@@ -77,10 +82,20 @@ def torque_step(run: Run, times: Iterable[float], *, within: float) -> float:
     return max((float(change[np.abs(t - moment) <= within].max(initial=0.0)) for moment in times), default=0.0)
 
 
+def error_check(text: str, run: Run, task: str, bound: float, keep: NDArray[np.bool_]) -> Check:
+    """That the rms of a task's error [m] over the ticks ``keep`` (N,) is below ``bound``. Its place: the worst tick."""
+    error = np.where(keep, np.linalg.norm(run[f"error.{task}"], axis=1), 0.0)
+    rms = float(np.sqrt(np.mean(error[keep] ** 2))) if keep.any() else np.nan
+    return Check(text, rms, "<", bound, "m", measure.place(run, error, np.inf, plot=f"tracking.{task}"))
+
+
 def common_checks(run: Run, violations: Mapping[str, tuple[float, str]]) -> list[Check]:
     """Every tick certified, no limit broken."""
-    share = certified_share(run)
-    checks = [Check("certified ticks", share, 1.0, share == 1.0, "share")]
+    share, missed = certified_share(run), ~measure.solved(run)
+    where = measure.place(run, missed.astype(float), 0.5, plot="certificate") if missed.any() else Place()
+    checks, found = [Check("certified ticks", share, "=", 1.0, "share", where)], measure.excesses(run)
     for kind, (value, unit) in violations.items():
-        checks.append(Check(f"{kind} beyond its limit", value, TOLERANCE, value <= TOLERANCE, unit))
+        excess = found.get(kind)
+        place = Place() if excess is None else measure.place(run, excess.values, TOLERANCE, excess.parts, excess.plot)
+        checks.append(Check(f"{kind} beyond its limit", value, "<=", TOLERANCE, unit, place))
     return checks

@@ -138,8 +138,8 @@ def _judged(runs: Mapping[str, Run], aim: _Aim, duration: float) -> ScenarioResu
         "certified_share": judge.certified_share(run),
     }
     verdict = [
-        Check("stays up", stood[asked], duration, stood[asked] >= duration - 1e-9, "s"),
-        Check("error of the robot itself, rms", rms[asked], ERROR, rms[asked] < ERROR, "m"),
+        Check("stays up", stood[asked], ">=", duration, "s"),
+        Check("error of the robot itself, rms", rms[asked], "<", ERROR, "m"),
         *judge.common_checks(run, violations),
     ]
     return ScenarioResult(

@@ -57,9 +57,9 @@ def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], left: float
     least, most = min(o.rms for o in without), max(o.rms for o in answered)
     bound = 10e-3 if rough else 3e-3
     return [
-        Check("CoM error without an answer, rms (at least)", least, 15e-3, least >= 15e-3, "m"),
-        Check("with it, it stands", float(stood), float(n), stood == n, f"of {n}"),
-        Check("CoM error with it, rms", most, bound, most <= bound, "m"),
-        Check("strength taken for what is left, off by", off, CLOSE, off <= CLOSE, "share"),
+        Check("CoM error without an answer, rms (at least)", least, ">=", 15e-3, "m"),
+        Check("with it, it stands", float(stood), "=", float(n), f"of {n}"),
+        Check("CoM error with it, rms", most, "<=", bound, "m"),
+        Check("strength taken for what is left, off by", off, "<=", CLOSE, "share"),
         *fault_scenario.found_in_time(answered, 20e-3 if rough else 6e-3),
     ]

@@ -86,8 +86,8 @@ def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool
     fell, stood = sum(not o.stands for o in without), sum(o.stands for o in answered)
     rms, bound, needed = max(o.rms for o in answered), 10e-3 if rough else 3e-3, -(-10 * n // 12)
     return [
-        Check("without an answer it falls", float(fell), float(needed), fell >= needed, f"of {n}"),
-        Check("with it, it stands", float(stood), float(n), stood == n, f"of {n}"),
-        Check("CoM error with it, rms", rms, bound, rms < bound, "m"),
+        Check("without an answer it falls", float(fell), ">=", float(needed), f"of {n}"),
+        Check("with it, it stands", float(stood), "=", float(n), f"of {n}"),
+        Check("CoM error with it, rms", rms, "<", bound, "m"),
         *fault_scenario.found_in_time(answered, 20e-3 if rough else 6e-3),
     ]

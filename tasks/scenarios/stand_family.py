@@ -114,7 +114,7 @@ def _simulated(
 
 def _judged(robot: PinocchioModel, rows: Sequence[Row], run: wbc.Run) -> ScenarioResult:
     stood = sum(row.stands for row in rows)
-    verdict = [Check("stands", float(stood), float(len(rows)), stood == len(rows), f"of {len(rows)}")]
+    verdict = [Check("stands", float(stood), "=", float(len(rows)), f"of {len(rows)}")]
     return ScenarioResult(
         run=run, ok=stood == len(rows), violations=measure.violations(run), tracking=measure.tracking(run),
         verdict=verdict, figures={"rows": [row.as_dict() for row in rows]}, robot=robot,

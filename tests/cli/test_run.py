@@ -18,7 +18,7 @@ from wbc.report.record import plain
 def test_a_run_ends_with_its_verdict_and_the_path_of_its_report(wbc, waving, tmp_path):
     answer = wbc("run", waving)
     assert answer.code == 0
-    assert re.search(r"it waves +1 +2 +Hz +yes", answer.out)
+    assert re.search(r"it waves +1 +< 2 Hz +yes", answer.out)
     path = tmp_path / answer.out.strip().splitlines()[-1].removeprefix("report: ")
     assert path.name == "report.html" and path.is_file() and path.parent.parent == tmp_path / "runs"
     assert re.fullmatch(r"wave-\d{8}-\d{6}", path.parent.name)
@@ -43,7 +43,21 @@ def test_json_is_one_object_with_nothing_around_it(wbc, waving):
         "scenario": "wave",
         "ok": False,
         "seconds": 0.1,
+        "demands": [
+            {
+                "demand": "it waves",
+                "value": 1.0,
+                "relation": ">",
+                "bound": 2.0,
+                "unit": "Hz",
+                "ok": False,
+                "at": None,
+                "part": "",
+                "plot": "",
+            }
+        ],
         "ticks": 10,
+        "late_ticks": 0,
         "tick_us": {"median": 15.0, "p99": 19.9, "max": 20.0},
         "violations": {"joint velocity": 0.0, "joint position": 0.0},
         "tracking": {"Position[tool]": {"rms": pytest.approx(3**0.5 * 1e-3), "max": pytest.approx(3**0.5 * 1e-3)}},
@@ -147,7 +161,7 @@ class Reach(Scenario):
         plant = IntegratorPlant(robot, level="velocity")
         stop = lambda t: os.kill(os.getpid(), signal.SIGINT) if t > 0.0995 else None
         run = simulate(controller, plant, duration=duration, before_tick=stop)
-        return ScenarioResult(run, True, {}, {}, [Check("never reached", 1.0, 1.0, True)], robot=robot)
+        return ScenarioResult(run, True, {}, {}, [Check("never reached", 1.0, "=", 1.0)], robot=robot)
 """
 
 

@@ -52,7 +52,7 @@ class Wave(Scenario):
         good = bool(parameters["good"])
         return ScenarioResult(
             run=run, ok=good, violations=measure.violations(run), tracking=measure.tracking(run),
-            verdict=[Check("it waves", 1.0, 2.0, good, "Hz")], robot=robot,
+            verdict=[Check("it waves", 1.0, "<" if good else ">", 2.0, "Hz")], robot=robot,
             figures={"waves": np.int64(parameters["waves"]), "never": float("nan"), "path": np.arange(2.0)},
         )  # fmt: skip
 

@@ -36,7 +36,7 @@ def result_of(run: Run, robot: Any, *, ok: bool = True) -> ScenarioResult:
     """A judged run: one demand, met or not."""
     return ScenarioResult(
         run=run, ok=ok, violations=measure.violations(run), tracking=measure.tracking(run),
-        verdict=[Check("stays | up", 1.0, 0.5, ok, "m")], figures={"peak": 1.25}, robot=robot,
+        verdict=[Check("stays | up", 1.0, ">=", 0.5 if ok else 2.0, "m")], figures={"peak": 1.25}, robot=robot,
     )  # fmt: skip
 
 

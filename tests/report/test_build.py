@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from wbc.models import load
 from wbc.report import Report, Table, Text, run_report
 from wbc.report.build import highlights, summary
-from wbc.report.sections import SECTIONS, contacts, joints, solver, timing, tracking
-from wbc.sim.scenario import ScenarioResult
+from wbc.report.sections import SECTIONS, contacts, joints, solver, timing, tracking, verdict
+from wbc.sim.scenario import Check, Place, ScenarioResult
 
 from .conftest import reaching_run, result_of, standing_run
 
@@ -58,7 +60,7 @@ def test_the_summary_says_when_a_run_ended_early():
 
 
 def test_the_first_figures_are_those_of_the_run(standing: ScenarioResult):
-    tiles = dict(highlights(standing))
+    tiles = {tile.what: tile.value for tile in highlights(standing)}
     assert tiles["ticks"] == "120" and tiles["peak torque"] == "40 %"
 
 
@@ -109,3 +111,36 @@ def test_progress_runs_from_start_to_end(reaching: ScenarioResult):
     heard: list[float] = []
     run_report(result_of(reaching_run(), None), progress=lambda done, text="": heard.append(done))
     assert heard[0] == 0.0 and heard[-1] == 1.0 and heard == sorted(heard)
+
+
+def test_the_verdict_names_the_side_and_puts_what_failed_first(standing: ScenarioResult):
+    checks = [
+        Check("met", 0.5, "<=", 1.0, "m"),
+        Check("late", 3.0, "<", 1.0, "m", Place(0.9, "left_foot", "slip")),
+        Check("early", 1.0, ">=", 2.0, "m", Place(0.2)),
+    ]
+    section = verdict.section(replace(standing, verdict=checks, ok=False))
+    table = section.items[0]
+    assert isinstance(table, Table)
+    assert [(row[0], row[2], row[5], row[6]) for row in table.rows] == [
+        ("early", "≥ 2", False, "t = 0.200 s"), ("late", "< 1", False, "t = 0.900 s, left_foot"),
+        ("met", "≤ 1", True, ""),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("relation", ["<=", ">="])
+@pytest.mark.parametrize("bound", [2.0, -1e-3])
+@pytest.mark.parametrize("factor", [0.5, 1.5])
+def test_the_bar_of_a_demand_ends_on_its_own_side_of_the_bound(relation: str, bound: float, factor: float):
+    check = Check("it", factor * bound, relation, bound)
+    bar = verdict.margin(check)
+    assert bar.mark is not None and bar.ok == check.ok
+    assert (bar.end < bar.mark) == (check.value < bound)
+
+
+@pytest.mark.parametrize(("slow", "mood"), [(0, "good"), (1, "doubtful"), (60, "bad")])
+def test_late_ticks_are_seen_at_the_top(slow: int, mood: str):
+    run = standing_run()
+    run.columns["tick_us"][:slow] = 2e4
+    tile = next(tile for tile in highlights(result_of(run, None)) if "real time" in tile.what)
+    assert tile.mood == mood and "of 10000 µs" in tile.what and tile.value == ("yes" if not slow else str(slow))

@@ -102,3 +102,26 @@ def test_a_kinematic_run_has_no_torques_and_no_forces():
     assert "torque" not in measure.use(run) and set(measure.violations(run)) == {"joint velocity", "joint position"}
     assert measure.pushes(run) == [] and measure.contact_track(run, "none", true=True) is None
     assert measure.slip(run, "none") is None
+
+
+def test_a_place_is_where_a_bound_is_first_broken_or_else_nearest():
+    run = standing_run()
+    values = np.zeros((run.rows, 2))
+    values[40, 1], values[60, 0] = 2.0, 3.0
+    assert measure.place(run, values, 1.0, ("left", "right"), "p") == (pytest.approx(0.4), "right", "p")
+    assert str(measure.place(run, values, 5.0, ("left", "right"))) == "t = 0.600 s, left"
+    assert measure.place(run, np.full((run.rows, 2), np.nan), 1.0, ("left", "right"), "p") == (None, "", "p")
+
+
+def test_the_place_of_a_broken_limit_names_the_joint():
+    run = standing_run()
+    joint = run.meta["joint_names"].index("left_knee")
+    run.columns["plant.v"][33, 6 + joint] = 1e3
+    excess = measure.excesses(run)["joint velocity"]
+    assert measure.place(run, excess.values, 0.0, excess.parts).part == "left_knee"
+
+
+def test_ticks_longer_than_the_period_are_late():
+    run = standing_run()
+    run.columns["tick_us"][[3, 5]] = 1e6 * DT + 1.0
+    assert measure.late(run) == 2

@@ -36,7 +36,7 @@ def test_the_first_torque_is_that_of_the_exercise_and_so_is_the_one_with_the_wro
     start = [result.figures["tau_start_1_N"], result.figures["tau_start_2_Nm"]]
     np.testing.assert_allclose(start, [104 / 11, -71 / 22], atol=1e-8)
     assert result.figures["task_acceleration_start"] == pytest.approx(9.0, abs=1e-8)
-    assert "τ(0) for r̈ = −9, less (−2, 5/2)" in [check.text for check in result.verdict]
+    assert "τ(0) for r̈ = −9 minus (−2, 5/2)" in [check.text for check in result.verdict]
     assert pictures(result) == ["pr-tracking"]
 
 

@@ -65,7 +65,7 @@ def test_real_robots_stand_ten_seconds_through_both_pushes(name: str, settings: 
 def test_a_push_too_strong_is_a_verdict_of_no() -> None:
     result = run("humanoid-stand", "robot=humanoid", "push=900", duration=2.5)
     assert not result.ok
-    assert "stays up through 1 pushes" in {check.text for check in failed(result)}
+    assert "stays up through pushes: 1" in {check.text for check in failed(result)}
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_an_arm_runs_into_its_speed_limits_and_catches_up(settings: list[str], p
 def test_a_push_that_does_not_come_is_not_counted_as_survived() -> None:
     for settings, duration in (([], 1.0), (["push=0"], 2.5)):
         result = run("humanoid-stand", "robot=humanoid", *settings, duration=duration)
-        assert "stays up through 0 pushes" in {check.text for check in result.verdict}
+        assert "stays up" in {check.text for check in result.verdict}
         assert not result.run["push"].any()
 
 

@@ -86,11 +86,12 @@ def run(
 def _unfinished(stop: Interrupted, name: str) -> ScenarioResult:
     """What can be said of a run that Ctrl-C ended: everything but the scenario's own demands."""
     from wbc.report import measure
-    from wbc.sim.scenario import Check, ScenarioResult
+    from wbc.sim.scenario import Check, Place, ScenarioResult
 
     run = stop.run
     run.meta.setdefault("scenario", name)
-    complete = Check("the run is complete", measure.seconds(run), float(run.meta["duration"]), False, "s")
+    whole = float(run.meta["duration"])
+    complete = Check("the run is complete", measure.seconds(run), ">=", whole, "s", Place(measure.seconds(run)))
     return ScenarioResult(
         run=run, ok=False, violations=measure.violations(run), tracking=measure.tracking(run), verdict=[complete],
         robot=stop.robot,
@@ -100,14 +101,16 @@ def _unfinished(stop: Interrupted, name: str) -> ScenarioResult:
 def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:
     """The object that ``--json`` prints; numbers that are not finite become null."""
     from wbc.report import measure
-    from wbc.report.record import plain
+    from wbc.report.record import demands, plain
 
     tick = measure.tick_times(result.run)
     return {
         "scenario": name,
         "ok": bool(result.ok),
         "seconds": plain(measure.seconds(result.run)),
+        "demands": plain(demands(result)),
         "ticks": result.run.rows,
+        "late_ticks": measure.late(result.run),
         "tick_us": plain(tick._asdict()),
         "violations": {kind: plain(worst) for kind, (worst, _) in result.violations.items()},
         "tracking": plain(result.tracking),
@@ -131,18 +134,22 @@ def _print(sentence: str, result: ScenarioResult, folder: Path) -> None:
     from wbc.report import measure
     from wbc.report.document import number
     from wbc.report.folder import HTML
+    from wbc.sim.scenario import failed_first
 
     console = Console(highlight=False)
     table = Table(box=None, pad_edge=False)
     table.add_column("")
-    for heading in ("came out", "bound"):
-        table.add_column(heading, justify="right")
-    for check in result.verdict:
+    table.add_column("came out", justify="right")
+    table.add_column("bound")
+    for check in failed_first(result.verdict):
         word = Text("yes", style="green") if check.ok else Text("no", style="bold red")
-        table.add_row(Text(check.text), number(float(check.value)), number(float(check.bound)), Text(check.unit), word)
-    tick = measure.tick_times(result.run)
-    table.add_row("tick, median", f"{tick.median:.0f}", "", "µs")
-    table.add_row("tick, 99th percentile", f"{tick.p99:.0f}", "", "µs")
+        bound = Text(f"{check.sign} {number(float(check.bound))} {check.unit}")
+        table.add_row(Text(check.text), number(float(check.value)), bound, word, Text(str(check.place), style="dim"))
+    tick, period = measure.tick_times(result.run), 1e6 * float(result.run.meta["dt"])
+    late = measure.late(result.run)
+    table.add_row("ticks late for real time", str(late), f"of {result.run.rows}")
+    table.add_row("tick, median", f"{tick.median:.0f}", f"of {period:g} µs")
+    table.add_row("tick, 99th percentile", f"{tick.p99:.0f}", f"of {period:g} µs")
     console.print(Text(sentence))
     console.print()
     console.print(table)

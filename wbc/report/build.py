@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wbc.errors import NotSupported
 from wbc.report import measure
-from wbc.report.document import Report, formatted
+from wbc.report.document import Report, Tile, formatted
 from wbc.report.sections import SECTIONS
 from wbc.sim.scenario import Progress, ScenarioResult, silent
+
+if TYPE_CHECKING:
+    from wbc.control.recorder import Run
 
 
 def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report:
@@ -53,7 +56,7 @@ def summary(result: ScenarioResult) -> str:
     ticks = "every tick" if solved == run.rows else f"{solved} of {run.rows} ticks"
     disturbances = meta.get("disturbances", [])
     under = f" under {len(disturbances)} disturbance{'s' if len(disturbances) > 1 else ''}" if disturbances else ""
-    failed = [check.text for check in result.verdict if not check.ok]
+    failed = [f"{c.text} ({c.place})" if str(c.place) else c.text for c in result.verdict if not c.ok]
     early = meta.get("ended", "complete")
     stopped = "" if early == "complete" else f" and ended early ({early})"
     end = "; every demand was met" if result.verdict else ""
@@ -67,20 +70,29 @@ def summary(result: ScenarioResult) -> str:
     )
 
 
-def highlights(result: ScenarioResult) -> list[tuple[str, str]]:
+def highlights(result: ScenarioResult) -> list[Tile]:
     """The few figures to see first."""
     run = result.run
     times, use = measure.tick_times(run), measure.use(run)
-    tiles: list[tuple[str, str]] = [
-        ("simulated", f"{measure.seconds(run):g} s"),
-        ("ticks", str(formatted(run.rows))),
-        ("median tick", f"{times.median:.0f} µs"),
-        ("p99 tick", f"{times.p99:.0f} µs"),
+    tiles = [
+        Tile("simulated", f"{measure.seconds(run):g} s"),
+        Tile("ticks", str(formatted(run.rows))),
+        _real_time(run),
+        Tile("median tick", f"{times.median:.0f} µs"),
     ]
     if "torque" in use:
-        tiles.append(("peak torque", _percent(use["torque"])))
-    tiles.append(("peak speed", _percent(use["velocity"])))
+        tiles.append(Tile("peak torque", _percent(use["torque"])))
+    tiles.append(Tile("peak speed", _percent(use["velocity"])))
     return tiles
+
+
+def _real_time(run: Run) -> Tile:
+    """Whether every tick was done within its period; the slowest hundredth beside it."""
+    late, p99, period = measure.late(run), measure.tick_times(run).p99, 1e6 * float(run.meta["dt"])
+    beside = f"p99 {formatted(round(p99)) if np.isfinite(p99) else '–'} of {period:g} µs"
+    if not late:
+        return Tile(f"real time, {beside}", "yes", "good")
+    return Tile(f"ticks late for real time, {beside}", str(formatted(late)), "bad" if p99 > period else "doubtful")
 
 
 def _percent(share: Any) -> str:

@@ -7,11 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
-Cell = str | bool | int | float | None
+
+@final
+@dataclass(frozen=True)
+class Bar:
+    """A cell with a bar from ``start`` to ``end`` in shares of its width, a line at ``mark``, and ``text`` beside it.
+
+    ``ok`` False: drawn as a failure.
+    """
+
+    start: float
+    end: float
+    text: str
+    mark: float | None = None
+    ok: bool = True
+
+
+Cell = str | bool | int | float | Bar | None
 
 
 @final
@@ -72,9 +88,18 @@ class Section:
 
 
 @final
+class Tile(NamedTuple):
+    """One of the few figures to see first; ``mood`` "good", "doubtful" or "bad" colours it."""
+
+    what: str
+    value: str
+    mood: str = ""
+
+
+@final
 @dataclass(frozen=True)
 class Report:
-    """``summary`` says in one sentence what happened; ``highlights`` (what, value) are the few figures to see first.
+    """``summary`` says in one sentence what happened; ``highlights`` are the few figures to see first.
 
     ``ok`` is the verdict, None where there is nothing to pass or fail.
     """
@@ -83,7 +108,7 @@ class Report:
     summary: str
     ok: bool | None
     sections: Sequence[Section]
-    highlights: Sequence[tuple[str, str]] = ()
+    highlights: Sequence[Tile] = ()
 
     @property
     def pages(self) -> list[Page]:
@@ -108,6 +133,8 @@ def formatted(cell: Cell) -> str:
         return "–"
     if isinstance(cell, (bool, np.bool_)):
         return "yes" if cell else "no"
+    if isinstance(cell, Bar):
+        return cell.text
     if isinstance(cell, str):
         return cell
     if isinstance(cell, (int, np.integer)):

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from wbc.errors import NotSupported
-from wbc.report.document import Cell, Figure, Page, Report, Table, Text, formatted
+from wbc.report.document import Bar, Cell, Figure, Page, Report, Table, Text, formatted
 
+#: A text of so many characters stays on one line of its cell.
+SHORT = 16
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
 
@@ -27,6 +29,7 @@ def html(report: Report) -> str:
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(anchor=_anchor, kind=_kind, cell=formatted, look=_look, source=_source)
+    environment.tests["bar"] = lambda cell: isinstance(cell, Bar)
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(report=report)
 
 
@@ -40,9 +43,11 @@ def _anchor(title: str) -> str:
 
 def _look(cell: Cell, numeric: bool) -> str:
     """The class of a table cell."""
+    if isinstance(cell, Bar):
+        return "bar"
     if isinstance(cell, bool):
         return "good" if cell else "bad"
-    return "number" if numeric else "text"
+    return "number" if numeric else "text" if len(formatted(cell)) > SHORT else "short"
 
 
 def _source(figure: Figure) -> Any:

@@ -14,7 +14,7 @@ def markdown(report: Report) -> str:
     verdict = "" if report.ok is None else f"**{'passed' if report.ok else 'failed'}**: "
     lines = [f"# {report.title}", "", f"{verdict}{report.summary}", ""]
     if report.highlights:
-        lines += [*table(Table(("", "value"), report.highlights)), ""]
+        lines += [*table(Table(("", "value"), [tile[:2] for tile in report.highlights])), ""]
     for section in report.sections:
         lines += [f"## {section.title}", ""]
         for item in section.items:

@@ -6,12 +6,13 @@ Columns and metadata are those of :mod:`wbc.control.recorder`. Every function an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.sim.scenario import Place
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -32,6 +33,16 @@ class TickTimes(NamedTuple):
     max: float
 
 
+class Excess(NamedTuple):
+    """By how much a limit is exceeded, ``values`` (N, k) in ``unit``, negative within it, of k ``parts`` of the robot;
+    the plot of the report that shows it."""
+
+    values: Vec
+    unit: str
+    parts: tuple[str, ...]
+    plot: str
+
+
 class ContactTrack(NamedTuple):
     """The force at a contact over the run: f_z (N,) [N], tangential ratio (N,), CoP (N, 2) [m] or None for a point."""
 
@@ -47,8 +58,8 @@ def times(run: Run) -> Vec:
 
 
 def seconds(run: Run) -> float:
-    """Simulated time, N dt [s]."""
-    return len(run.columns["t"]) * float(run.meta["dt"])
+    """Simulated time, N dt [s], to the nanosecond."""
+    return round(len(run.columns["t"]) * float(run.meta["dt"]), 9)
 
 
 def tick_times(run: Run) -> TickTimes:
@@ -59,11 +70,21 @@ def tick_times(run: Run) -> TickTimes:
     return TickTimes(float(np.median(tick)), float(np.percentile(tick, 99)), float(tick.max()))
 
 
+def late(run: Run) -> int:
+    """How many ticks took longer than the period."""
+    return int((np.asarray(run.columns["tick_us"]) > 1e6 * float(run.meta["dt"])).sum())
+
+
 def statuses(run: Run) -> dict[str, int]:
     """How often each status came, by the name of the :class:`~wbc.types.Status`."""
-    names = [str(name).upper().replace(" ", "_") for name in run.meta["statuses"]]
+    names = _status_names(run)
     found, counts = np.unique(np.asarray(run.columns["status"], dtype=int), return_counts=True)
     return {names[i]: int(n) for i, n in zip(found, counts, strict=True)}
+
+
+def solved(run: Run) -> Mask:
+    """Which ticks (N,) ended SOLVED, that is with a certified answer."""
+    return np.asarray(np.array(_status_names(run))[np.asarray(run.columns["status"], dtype=int)] == "SOLVED")
 
 
 def pushes(run: Run) -> list[tuple[float, float]]:
@@ -152,27 +173,43 @@ def use(run: Run) -> dict[str, Vec]:
     return {kind: np.nan_to_num(share, nan=0.0) for kind, share in result.items()}
 
 
-def violations(run: Run) -> dict[str, tuple[float, str]]:
-    """{kind: (worst, unit)}: by how much torque, velocity, position and contact cone were exceeded, 0 if never.
+def excesses(run: Run) -> dict[str, Excess]:
+    """By how much torque, velocity, position and contact cone are exceeded over the run, by kind of limit.
 
     Position and velocity are the true state's, wrench and torque the command's, or the torque that drives gave.
     """
     bound, (q, v) = limits(run), joint_state(run)
+    names = tuple(run.meta["joint_names"])
     found = {
-        "joint velocity": (_excess(np.abs(v) - bound["v_max"]), "rad/s"),
-        "joint position": (_excess(np.maximum(q - bound["q_max"], bound["q_min"] - q)), "rad"),
+        "joint velocity": Excess(np.abs(v) - bound["v_max"], "rad/s", names, "velocities"),
+        "joint position": Excess(np.maximum(q - bound["q_max"], bound["q_min"] - q), "rad", names, "positions"),
     }
     tau = torques(run)
     if tau is not None:
-        found["torque"] = (_excess(np.abs(tau) - bound["tau_max"]), "N m")
-    cones = []
+        found["torque"] = Excess(np.abs(tau) - bound["tau_max"], "N m", names, "torques")
+    cones = {}
     for name, contact in run.meta.get("contacts", {}).items():
         cone = np.array(contact.get("cone") or [], dtype=np.float64)
         if cone.size and f"f.{name}" in run.columns:
-            cones.append(_excess(run.columns[f"f.{name}"][:, : cone.shape[1]] @ cone.T))
+            cones[name] = (run.columns[f"f.{name}"][:, : cone.shape[1]] @ cone.T).max(axis=1)
     if cones:
-        found["commanded wrench"] = (max(cones), "N")
+        found["commanded wrench"] = Excess(np.column_stack(list(cones.values())), "N", tuple(cones), "forces")
     return found
+
+
+def violations(run: Run) -> dict[str, tuple[float, str]]:
+    """{kind: (worst, unit)}: by how much each limit of :func:`excesses` was exceeded at worst, 0 if never."""
+    return {kind: (float(np.nanmax(found.values, initial=0.0)), found.unit) for kind, found in excesses(run).items()}
+
+
+def place(run: Run, values: Vec, bound: float, parts: Sequence[str] = (), plot: str = "") -> Place:
+    """Where ``values`` (N, k) of ``parts`` first exceed ``bound``, or else are largest; nowhere without values."""
+    rows = np.nan_to_num(values.reshape(len(values), -1), nan=-np.inf)
+    if not rows.size or not np.isfinite(rows).any():
+        return Place(plot=plot)
+    worst = rows.max(axis=1)
+    row = int(np.argmax(worst > bound)) if (worst > bound).any() else int(np.argmax(worst))
+    return Place(float(times(run)[row]), parts[int(np.argmax(rows[row]))] if parts else "", plot)
 
 
 def contact_track(run: Run, name: str, *, true: bool) -> ContactTrack | None:
@@ -193,17 +230,25 @@ def contact_track(run: Run, name: str, *, true: bool) -> ContactTrack | None:
     return ContactTrack(f[:, 2], tangential / normal, cop)
 
 
-def slip(run: Run, name: str) -> float | None:
-    """How far the contact's material point slid from where it had settled [m]; None where it was not recorded."""
+def slid(run: Run, name: str) -> Vec | None:
+    """How far the contact's material point is from where it had settled (N,) [m]; None where it was not recorded."""
     column = run.columns.get(f"plant.slip.{name}")
     if column is None:
         return None
-    way = np.asarray(column, dtype=np.float64)[np.searchsorted(times(run), SETTLED) :]
-    return float(np.linalg.norm(way - way[:1], axis=1).max(initial=0.0))
+    path, first = np.asarray(column, dtype=np.float64), int(np.searchsorted(times(run), SETTLED))
+    if first >= len(path):
+        return np.zeros(len(path))
+    return np.where(np.arange(len(path)) < first, 0.0, np.linalg.norm(path - path[first], axis=1))
 
 
-def _excess(values: Vec) -> float:
-    return float(np.nanmax(values, initial=0.0))
+def slip(run: Run, name: str) -> float | None:
+    """How far the contact's material point slid from where it had settled [m]; None where it was not recorded."""
+    way = slid(run, name)
+    return None if way is None else float(way.max(initial=0.0))
+
+
+def _status_names(run: Run) -> list[str]:
+    return [str(name).upper().replace(" ", "_") for name in run.meta["statuses"]]
 
 
 def _positive(values: Vec) -> Vec:

@@ -18,7 +18,7 @@ from wbc.report.build import require_extras, run_report
 from wbc.report.folder import HTML, replaced, write
 from wbc.report.markdown import FIGURES
 from wbc.sim.provenance import machine, versions
-from wbc.sim.scenario import Check, Progress, ScenarioResult, silent
+from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_first, silent
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
@@ -88,10 +88,18 @@ def report_again(
 
 def judgement(result: ScenarioResult) -> dict[str, Any]:
     """What a scenario said of its run, for the run's metadata."""
-    verdict = [[c.text, c.value, c.bound, bool(c.ok), c.unit] for c in result.verdict]
     violations = {kind: list(worst) for kind, worst in result.violations.items()}
-    found = {"ok": bool(result.ok), "verdict": verdict, "violations": violations, "tracking": result.tracking}
+    found = {"ok": bool(result.ok), "verdict": demands(result), "violations": violations, "tracking": result.tracking}
     return {JUDGED: plain(found | {"figures": result.figures}, exact=True)}
+
+
+def demands(result: ScenarioResult) -> list[dict[str, Any]]:
+    """Every demand of a verdict with what came out, those that failed first: what ``wbc run --json`` prints of it."""
+    return [
+        {"demand": c.text, "value": float(c.value), "relation": c.relation, "bound": float(c.bound), "unit": c.unit,
+         "ok": c.ok, **c.place._asdict()}
+        for c in failed_first(result.verdict)
+    ]  # fmt: skip
 
 
 def judged(run: Run, robot: RobotModel | None) -> ScenarioResult:
@@ -100,7 +108,11 @@ def judged(run: Run, robot: RobotModel | None) -> ScenarioResult:
     if not isinstance(kept, Mapping):
         return ScenarioResult(run, True, measure.violations(run), {}, (), robot=robot)
     try:
-        verdict = [Check(text, float(x), float(bound), ok, unit) for text, x, bound, ok, unit in kept["verdict"]]
+        verdict = [
+            Check(d["demand"], float(d["value"]), d["relation"], float(d["bound"]), d["unit"],
+                  Place(d["at"], d["part"], d["plot"]))
+            for d in kept["verdict"]
+        ]  # fmt: skip
         violations = {kind: (float(worst), unit) for kind, (worst, unit) in kept["violations"].items()}
         tracking = {task: {k: float(x) for k, x in part.items()} for task, part in kept["tracking"].items()}
         return ScenarioResult(run, bool(kept["ok"]), violations, tracking, verdict, kept["figures"], robot)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import operator
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -40,14 +41,67 @@ def silent(done: float, text: str = "") -> None:
 
 
 @final
-class Check(NamedTuple):
-    """One line of a verdict: what was demanded, what came out, in which unit, and whether it holds."""
+class Place(NamedTuple):
+    """Where a demand is seen in a run: ``at`` [s] when it was first broken, or came nearest to it; the ``part`` of the
+    robot, such as a joint or a contact; the ``plot`` of the report that shows it. Empty where nobody knows."""
+
+    at: float | None = None
+    part: str = ""
+    plot: str = ""
+
+    def __str__(self) -> str:
+        when = "" if self.at is None else f"t = {self.at:.3f} s"
+        return ", ".join(text for text in (when, self.part) if text)
+
+
+NOWHERE = Place()
+
+#: How a value may be asked to compare with its bound.
+RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
+    "<": operator.lt, "<=": operator.le, "=": operator.eq, ">=": operator.ge, ">": operator.gt,
+}  # fmt: skip
+
+
+@final
+@dataclass(frozen=True)
+class Check:
+    """One line of a verdict: ``value relation bound``, both in ``unit``, and where it is seen in the run.
+
+    Raises:
+        InvalidInput: ``relation`` is none of <, <=, =, >=, >.
+
+    Example:
+        >>> from wbc.sim.scenario import Check
+        >>> check = Check("slip of a foot", 0.0486, "<", 0.001, "m")
+        >>> check.ok, check.sign
+        (False, '<')
+    """
 
     text: str
     value: float
+    relation: str
     bound: float
-    ok: bool
     unit: str = ""
+    place: Place = NOWHERE
+
+    def __post_init__(self) -> None:
+        if self.relation not in RELATIONS:
+            raise InvalidInput(f"relation is {checks.shown(self.relation)}; it must be one of {', '.join(RELATIONS)}")
+
+    @property
+    def ok(self) -> bool:
+        """Whether it holds; a value that is not a number holds nothing."""
+        return bool(RELATIONS[self.relation](self.value, self.bound))
+
+    @property
+    def sign(self) -> str:
+        """The relation as one writes it."""
+        return {"<=": "≤", ">=": "≥"}.get(self.relation, self.relation)
+
+
+def failed_first(checks: Iterable[Check]) -> list[Check]:
+    """The checks of a verdict in the order in which they are read: those that failed by the time at which they did."""
+    return sorted(checks, key=lambda check: (check.ok, 0.0 if check.ok else check.place.at or 0.0))
 
 
 @final

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.report import style
-from wbc.report.document import Cell, Figure, Item, Report, Section, Table, Text, percent
+from wbc.report.document import Cell, Figure, Item, Report, Section, Table, Text, Tile, percent
 from wbc.types import Vec
 
 Result = dict[str, Any]
@@ -42,8 +42,8 @@ def summary(header: dict[str, Any], results: Sequence[Result]) -> Report:
         Section("Limits of this sweep", [Text(sentence) for sentence in _limits(header, results)]),
     ]
     tiles = [
-        ("runs", str(len(results))), ("went well", percent(good / len(results))),
-        ("95 % interval from", percent(low)), ("to", percent(high)),
+        Tile("runs", str(len(results))), Tile("went well", percent(good / len(results))),
+        Tile("95 % interval", f"{percent(low)} to {percent(high)}"),
     ]  # fmt: skip
     return Report(
         f"Sweep · {header['scenario']}", text, None, [section for section in sections if section.items], tiles

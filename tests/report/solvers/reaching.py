@@ -36,7 +36,7 @@ class Reach(Scenario):
         good = bool(parameters["good"]) and measure.statuses(run) == {"SOLVED": run.rows}
         return ScenarioResult(
             run=run, ok=good, violations=measure.violations(run), tracking=measure.tracking(run),
-            verdict=[Check("every tick is solved", float(good), 1.0, good)], robot=robot,
+            verdict=[Check("every tick is solved", float(good), "=", 1.0)], robot=robot,
             figures={"way": parameters["way"]},
         )  # fmt: skip
 

@@ -4,24 +4,47 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.report.document import Item, Section, Table
-from wbc.sim.scenario import ScenarioResult
+from wbc.report.document import Bar, Item, Section, Table, Text, number, percent
+from wbc.sim.scenario import Check, ScenarioResult, failed_first
+
+#: Where the bound stands in the bar of a demand, in shares of its width.
+BOUND = 0.6
 
 
 def section(result: ScenarioResult) -> Section:
-    """Tables of the scenario's checks, of the limits that were broken, and of its own figures."""
+    """Tables of the scenario's checks, those that failed first, of the limits that were broken, and of its figures."""
     items: list[Item] = []
     if result.verdict:
-        rows = [(c.text, c.value, c.bound, c.unit, bool(c.ok)) for c in result.verdict]
-        items.append(Table(("demanded", "came out", "bound", "unit", "holds"), rows))
+        rows = [
+            (c.text, c.value, f"{c.sign} {number(c.bound)}", c.unit, margin(c), c.ok, str(c.place))
+            for c in failed_first(result.verdict)
+        ]
+        columns = ("demanded", "came out", "bound", "unit", "of the bound", "holds", "where")
+        caption = (
+            "Bar: what came out, with a line at the bound. Where: when and in which part it was first broken, or came "
+            "nearest to its bound."
+        )
+        items.append(Table(columns, rows, caption))
+    failure = result.run.meta.get("failure")
+    if failure:
+        items.append(Text("The first tick without an answer, in the controller's words:"))
+        items += [Text(line.strip()) for line in str(failure["why"]).splitlines()]
     if result.violations:
         rows_broken = [(kind, worst, unit) for kind, (worst, unit) in result.violations.items()]
         caption = "By how much a limit was exceeded at worst; 0 where none ever was."
-        items.append(Table(("limit", "exceeded by", "unit"), rows_broken, caption))
+        items.append(Table(("limit", "exceeded by", "unit"), rows_broken, caption, folded=bool(result.verdict)))
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in result.figures.items()}
     figures = [(k, v) for k, v in plain.items() if isinstance(v, (bool, int, float, str))]
     if figures:
-        items.append(
-            Table(("figure", "value"), figures, "What this scenario measures besides.", folded=len(figures) > 8)
-        )
+        items.append(Table(("figure", "value"), figures, "Other figures of this scenario, as recorded.", folded=True))
     return Section("Verdict", items)
+
+
+def margin(check: Check) -> Bar:
+    """How far the value is on the way to its bound, or beyond it."""
+    value, bound = float(check.value), float(check.bound)
+    if bound == 0.0 or not np.isfinite(value) or not np.isfinite(bound):
+        return Bar(0.0, BOUND if check.relation == "=" and check.ok else float(not check.ok), "", BOUND, check.ok)
+    share = 1.0 + (value - bound) / abs(bound)
+    text = percent(share) if share < 10.0 else f"{share:.0f} times"
+    return Bar(0.0, min(max(BOUND * share, 0.0), 1.0), text if bound > 0.0 else "", BOUND, check.ok)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from wbc.report.document import Cell, Item, Report, Section, Table, Text, percent
+from wbc.report.document import Cell, Item, Report, Section, Table, Text, Tile, percent
 from wbc.report.solvers import appendix, closing, growth, robustness, solving
 from wbc.report.solvers.advice import Advice, advice, overall
 from wbc.report.solvers.data import Data
@@ -57,16 +57,16 @@ def _answer(advised: list[Advice]) -> Section:
     return Section("Which solver", items)
 
 
-def _tiles(data: Data, advised: list[Advice]) -> list[tuple[str, str]]:
-    tiles = [("solvers", str(len(data["solvers"])))]
-    tiles.append(("problems", str(sum(len(s["labels"]) for s in data["sets"] if s["kind"] != "growth"))))
+def _tiles(data: Data, advised: list[Advice]) -> list[Tile]:
+    tiles = [Tile("solvers", str(len(data["solvers"])))]
+    tiles.append(Tile("problems", str(sum(len(s["labels"]) for s in data["sets"] if s["kind"] != "growth"))))
     solves = sum(len(m["status"]) for m in data["measures"])
-    tiles.append(("solves judged", f"{solves:,}".replace(",", " ")))
+    tiles.append(Tile("solves judged", f"{solves:,}".replace(",", " ")))
     wrong = sum(_wrong(m) for m in data["measures"] if m["class"] == "default")
-    tiles.append(("wrongly called solved", str(wrong)))
+    tiles.append(Tile("wrongly called solved", str(wrong)))
     uses = {one.use.solver for one in advised if one.use is not None}
     if len(uses) == 1:
-        tiles.insert(0, ("use", uses.pop()))
+        tiles.insert(0, Tile("use", uses.pop()))
     return tiles
 
 
