@@ -31,12 +31,12 @@ LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
 SOLVERS = ("pdas", "pdas", "daqp", "clarabel", "proxqp")
 
 
-def tree(rng: np.random.Generator) -> str:
-    """A URDF of a random tree."""
+def tree(rng: np.random.Generator, light: float = 0.1) -> str:
+    """A URDF of a random tree, with this share of links of less than a gram."""
     joints = int(rng.integers(1, 61)) if rng.uniform() < 0.3 else int(rng.integers(1, 13))
     links, bars = ['<link name="base"/>'], []
     for i in range(joints):
-        mass = 10.0 ** rng.uniform(-6.0, -3.0) if rng.uniform() < 0.1 else rng.uniform(0.1, 5.0)
+        mass = 10.0 ** rng.uniform(-6.0, -3.0) if rng.uniform() < light else rng.uniform(0.1, 5.0)
         inertia = mass * rng.uniform(0.01, 0.05)
         x, y, z = rng.uniform(-0.2, 0.2, 3)
         links.append(
@@ -58,11 +58,11 @@ def tree(rng: np.random.Generator) -> str:
     return '<robot name="tree">' + "".join(links + bars) + "</robot>"
 
 
-def draw(seed: int, folder: Path) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
+def draw(seed: int, folder: Path, light: float = 0.1) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
     """A controller, where it starts, and what it is."""
     rng = np.random.default_rng(seed)
     path = folder / "tree.urdf"
-    path.write_text(tree(rng))
+    path.write_text(tree(rng, light))
     robot: Any = wbc.load(str(path))
     level = LEVELS[rng.integers(3)]
     tip = f"l{robot.nj - 1}"

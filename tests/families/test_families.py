@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.families import legs, robots
 from tests.seeds import SEED
 
@@ -31,4 +33,30 @@ def test_rows_that_all_but_do_not_push_leave_the_levels_below_free(tmp_path: Pat
     for tick in range(21):
         command = control.tick(1e-3 * tick, q, v)
         assert robots.judge(control, command, optimum=tick % 10 == 0)[0] != "wrong"
+        q, v = command.q, command.v
+
+
+@pytest.mark.parametrize("case, ticks", [(21000100, 1), (21000645, 11)])
+def test_a_joint_that_all_but_does_not_matter_to_a_level_is_held_by_what_it_does(
+    case: int, ticks: int, tmp_path: Path
+) -> None:
+    """Links of a milligram beside the way to the hand, at their limits: they push by a billionth of what is left.
+
+    Let go in one level and held in the next, they took the posture 1,000 and 6,000 rad/s² from its optimum.
+    """
+    control, q, v, _ = robots.draw(case, tmp_path)
+    for tick in range(ticks):
+        command = control.tick(1e-3 * tick, q, v)
+        q, v = command.q, command.v
+    assert command.status.ok
+    assert robots.judge(control, command, optimum=True)[0] != "wrong"
+
+
+@pytest.mark.parametrize("case", [21000402, 21000723, 21000891])
+def test_a_contact_that_all_but_does_not_matter_to_a_level_leaves_the_levels_below_free(case: int) -> None:
+    """Feet in one line, or all but without friction: their pushes are as small as what rounding makes of them."""
+    control, q, v, kind = legs.draw(case)
+    for tick in range(2):
+        command = control.tick(1e-3 * tick, q, v)
+        assert legs.judge(control, command, kind.split()[0])[0] != "wrong"
         q, v = command.q, command.v

@@ -63,7 +63,6 @@ class Levels:
         self._sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long
         self._sizes[FINDER] = self._finder.address
         self._side, self._kept, self._push = np.zeros(items), np.zeros(items), np.zeros(items)
-        self._proof = np.zeros(6)
 
         def of(*shape: int) -> Mat:
             return np.zeros(shape)
@@ -76,8 +75,8 @@ class Levels:
             of(items), of(items, n), of(items), of(items), integers(items), of(items), of(n, n), of(n),
             of(n), of(n), of(n), of(n), of(n + 1), of(n), of(n), of(rows, n), of(rows, n), of(n, rows), of(rows),
             of(rows), of(rows), of(long), of(long), of(long), integers(long), of(rows, rows),
-            of(n, n), of(long, n), of(n), of(p.n_range, n), of(items), of(items, n), of(items), self._proof, of(items),
-            integers(rows), of(rows), self._sizes,
+            of(n, n), of(long, n), of(n), of(p.n_range, n), of(items), of(items, n), of(items), of(5), of(items),
+            integers(rows), of(rows), of(1), self._sizes,
         )  # fmt: skip
         table, share = np.zeros((count, 6), dtype=np.int64), np.zeros(count)
         table[:, 4:] = share.__array_interface__["data"][0]  # of nothing

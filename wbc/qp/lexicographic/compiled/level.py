@@ -10,6 +10,11 @@ point of the least is as good, and the levels below choose among them. What held
 
     Rᵀ λ = −W_Bᵀ (W z + a) [ − (z − c)_B ]
 
+A held item holds the level back where its push is more than rounding can make of it. The bound on the rounding goes
+through the same substitution as the push: it begins as the share that rounding has of a row in this space, times what
+the gradient is made of, and grows where R is nearly singular. A smaller push says nothing: where levels below want to
+move the item, they may, and this level loses no more than rounding.
+
 Which items are held says :mod:`~wbc.qp.lexicographic.compiled.search`.
 
 Björck: Numerical Methods for Least Squares Problems, SIAM, 1996, 5.1. Dimitrov, Sherikov, Wieber: Efficient resolution
@@ -41,6 +46,7 @@ from wbc.qp.lexicographic.compiled.space import (
     reflect,
     reflector,
     space,
+    too_short,
     triangular,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduced
@@ -53,9 +59,6 @@ from wbc.tolerances import SHARP
 _HELD, _BESIDE = 1e-7, 1e-12
 #: A pull below this share of what it is made of is rounding.
 ROUNDING = 1e-11
-#: Pushes above this share of what they push against hold a level back. Levels below may move by 1e4 against what does
-#: not, for next to nothing of this one; what is kept for nothing takes freedom from them, unseen.
-_HOLDS = 1e-9
 #: Newton steps on the last level.
 _REFINED = 3
 
@@ -69,6 +72,8 @@ def read_level(at: int) -> None:
     for i in range(w.sizes[ROWS]):
         whole = gradient_of_own(at, i)
         weight = w.weigh[i] if in_space(at, w.W[i]) > DEPENDENT * whole else 0.0
+        if i < own and too_short(s, first + i, whole):
+            weight = 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
         if i < own:
@@ -239,19 +244,21 @@ def hold(at: int) -> None:
         worst = max(worst, abs(w.missing[i]))
         square += w.missing[i] * w.missing[i]
     pull = sqrt(size * square) + sqrt(far)
+    made_of = pull + sqrt(size) * (sqrt(dot(w.a, w.a, k)) + sqrt(size * dot(w.t, w.t, d)))
     counts = w.sizes[LAST] != 0 or worst > SHARP
     for i in range(rank - 1, -1, -1):
-        force = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0
+        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, w.noise[0] * made_of
         for row in range(k):
             force -= w.A[row, i] * w.missing[row]
         for j in range(i + 1, rank):
             force -= w.B[j, i] * w.bound[j]
-        w.bound[i] = force / w.B[i, i]
+            noise += abs(w.B[j, i]) * w.rho[j]
+        w.bound[i], w.rho[i] = force / w.B[i, i], noise / abs(w.B[i, i])
     for i in range(rank):
         item, force = w.item[i], w.bound[i]
         place = place_of(s, item)
         w.push[item] = force / w.reach[i]
-        w.holds[i] = 1.0 if abs(force) > _HOLDS * pull else 0.0
+        w.holds[i] = 1.0 if abs(force) > w.rho[i] else 0.0
         if counts and -force * w.side[item] > ROUNDING * pull and s.lower[place] != s.upper[place]:
             w.wrong[item] = -force * w.side[item]
     for c in range(d):

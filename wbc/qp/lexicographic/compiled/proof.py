@@ -170,9 +170,9 @@ def certify(at: int) -> int:
     for item in range(w.sizes[ITEMS]):
         place = place_of(s, item)
         primal = max(primal, s.value[place] - s.upper[place], s.lower[place] - s.value[place])
-    w.proof[1] = primal
-    w.proof[2] = sqrt(off) + sqrt(rho)
-    w.proof[3] = max(sqrt(slope) - _ROUNDING * n * sqrt(size * square), 0.0)
-    w.proof[4] = gap
-    w.proof[5] = gap + w.proof[3] * (1.0 + sqrt(far))
+    w.proof[0] = primal
+    w.proof[1] = sqrt(off) + sqrt(rho)
+    w.proof[2] = max(sqrt(slope) - _ROUNDING * n * sqrt(size * square), 0.0)
+    w.proof[3] = gap
+    w.proof[4] = gap + w.proof[2] * (1.0 + sqrt(far))
     return SOLVED

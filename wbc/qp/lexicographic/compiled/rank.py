@@ -33,8 +33,10 @@ from wbc.qp.lexicographic.compiled.space import (
     narrow,
     open_space,
     space,
+    too_short,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduce_base
+from wbc.qp.rows.compiled.verify import ALONE
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, place_of, views
 from wbc.tolerances import MET, NEAR
 from wbc.types import Index, Mat, Vec
@@ -77,7 +79,7 @@ def ranking(at: int) -> Ranking:
     a = carray(integers(at), 11)
     z = carray(integers(a[10]), 13)
     k, rows = z[LEVELS], z[TOTAL]
-    m = carray(integers(carray(integers(z[SPACE]), 48)[47]), 16)[ITEMS]
+    m = carray(integers(carray(integers(z[SPACE]), 49)[48]), 16)[ITEMS]
     return Ranking(
         carray(integers(a[0]), (k, 6)), carray(floats(a[1]), k), carray(floats(a[2]), k), carray(floats(a[3]), rows),
         carray(floats(a[4]), (k, m)), carray(floats(a[5]), rows), carray(floats(a[6]), k), carray(floats(a[7]), (k, 5)),
@@ -141,15 +143,19 @@ def prove(at: int, k: int) -> None:
     w = space(r.work[SPACE])
     s = views(w.sizes[CORE])
     certify(r.work[SPACE])
-    rho, slope, gap = w.proof[2], w.proof[3], w.proof[4]
-    off = sqrt(rho * rho + slope * slope) + sqrt(gap) if w.sizes[LAST] else rho + sqrt(w.proof[5])
+    rho, slope, gap = w.proof[1], w.proof[2], w.proof[3]
+    off = sqrt(rho * rho + slope * slope) + sqrt(gap) if w.sizes[LAST] else rho + sqrt(w.proof[4])
     far, square = 0.0, 0.0
     first = s.sizes[0] + w.sizes[N] + 1
     for row in range(r.level[k, 0], r.level[k, 1]):
         square += (r.root[row] * s.value[first + row]) ** 2
         if r.root[row] > 0.0:
             far = max(far, off / r.root[row] / (1.0 + abs(s.G[row, s.sizes[0] + w.sizes[N]])))
-    r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[1]
+    for c in range(w.sizes[N] if w.sizes[LAST] else 0):  # tasks on joints are in the metric
+        if s.unit[0] * s.metric[c] > ALONE * s.numbers[1]:
+            scale = s.scale[s.sizes[0] + c]
+            far = max(far, off * w.root[c] * scale / (1.0 + abs(s.value[s.sizes[0] + c]) * scale))
+    r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[0]
     r.found[k, 3], r.found[k, 4] = off, far if off < inf else inf
 
 
@@ -172,6 +178,8 @@ def hold(at: int, k: int) -> None:
         s.value[one + 1 + first + i] = 0.0
         whole = gradient_of_row(here, first + i)
         w.rho[i] = max(in_space(here, w.C[i]), _BARELY * whole)
+        if too_short(s, first + i, whole):
+            w.rho[i] = inf
     if left <= MET:
         r.found[k, 0] = IS_MET
     elif w.sizes[ROWS] == own:

@@ -16,13 +16,11 @@ from wbc.compiled import carray, floats, integers, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, reduced
 from wbc.qp.rows.compiled.linear import dot
 from wbc.qp.rows.compiled.work import Work, place_of, views
-from wbc.tolerances import SAME
+from wbc.tolerances import NOISE, ROUNDING, SAME
 from wbc.types import Index, Mat, Vec
 
 #: A row depends on those before it where no more than this share of its length is left.
 DEPENDENT = 1e-10
-#: The same in the proof of a level: what is left by less is taken to be free there.
-_DOUBTFUL = 1e-8
 
 
 class Space(NamedTuple):
@@ -74,10 +72,11 @@ class Space(NamedTuple):
     whole: Vec  # (m): lengths of the items there
     R: Mat  # (m, n): items in z, of which ``span`` says where they are written
     span: Vec  # (m): their lengths in z, −1 where none is
-    proof: Vec  # (6): worst row that must hold | beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
+    proof: Vec  # (5): beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
     held: Vec  # (m): the side that the core found for each item
     which: Index  # (k): which of y each row behind those in G is about, −1 − c of u where it is c
     toward: Vec  # (k): where it pulls
+    noise: Vec  # (1): what rounding can make, as a share of the length of a row in the space
     sizes: Index  # (16): see below
 
 
@@ -93,8 +92,8 @@ FINDER, FINDS = range(14, 16)
 @small_kernel
 def space(at: int) -> Space:
     """The arrays whose addresses are at ``at``, in the order of :class:`Space`."""
-    a = carray(integers(at), 48)
-    s = carray(integers(a[47]), 16)
+    a = carray(integers(at), 49)
+    s = carray(integers(a[48]), 16)
     n, m, k, long = s[N], s[ITEMS], s[MOST], s[LONG]
     return Space(
         carray(floats(a[0]), (n, n)), carray(floats(a[1]), n), carray(floats(a[2]), n), carray(floats(a[3]), m),
@@ -109,8 +108,8 @@ def space(at: int) -> Space:
         carray(integers(a[34]), long),
         carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
         carray(floats(a[38]), n), carray(floats(a[39]), (m - n, n)), carray(floats(a[40]), m),
-        carray(floats(a[41]), (m, n)), carray(floats(a[42]), m), carray(floats(a[43]), 6), carray(floats(a[44]), m),
-        carray(integers(a[45]), k), carray(floats(a[46]), k), s,
+        carray(floats(a[41]), (m, n)), carray(floats(a[42]), m), carray(floats(a[43]), 5), carray(floats(a[44]), m),
+        carray(integers(a[45]), k), carray(floats(a[46]), k), carray(floats(a[47]), 1), s,
     )  # fmt: skip
 
 
@@ -209,6 +208,13 @@ def gradient_of_item(w: Space, item: int) -> None:
         w.g[item] = w.root[item]
 
 
+@small_kernel
+def too_short(s: Work, row: int, whole: float) -> bool:
+    """Whether a row of this length is what rounding leaves of zero: to move by one changes it by next to nothing of
+    what stands beside."""
+    return bool(whole <= NOISE * (1.0 + abs(s.G[row, s.sizes[0] + s.sizes[1]])))
+
+
 @part
 def gradient_of_own(at: int, i: int) -> float:
     """That of row i of the level, which stands in G or is about one unknown."""
@@ -291,7 +297,7 @@ def narrow(at: int, m: int, tolerance: float) -> int:
     n, free = w.sizes[N], w.sizes[FREE]
     rank = triangular(at, w.C, m, 0, n - free, w.size, w.order, tolerance)
     for k in range(rank):
-        w.doubt[free + k] = 1.0 if w.pivot[k] <= _DOUBTFUL else 0.0
+        w.doubt[free + k] = 1.0 if w.pivot[k] <= w.noise[0] else 0.0
     for i in range(n):
         row = w.V[i, free:]
         for k in range(rank):
@@ -306,7 +312,8 @@ def narrow(at: int, m: int, tolerance: float) -> int:
 def open_space(at: int, first: int) -> float:
     """The point nearest to the centre where the rows of G from ``first`` on hold, and what is free there.
 
-    What the worst of them is missing then.
+    What the worst of them is missing then. Rounding in the space is as large as the rows that open it are near to
+    depending on one another.
     """
     w = space(at)
     s = views(w.sizes[CORE])
@@ -327,6 +334,7 @@ def open_space(at: int, first: int) -> float:
             for c in range(n):
                 w.E[item - n, c] = w.g[c]
     w.sizes[FREE] = 0
+    w.noise[0] = ROUNDING
     m = rows - first
     for i in range(n):
         s.value[nu + i] = s.centre[i]
@@ -338,6 +346,7 @@ def open_space(at: int, first: int) -> float:
             w.C[i, c] = w.g[c]
     rank = narrow(at, m, DEPENDENT)
     for i in range(rank):
+        w.noise[0] = max(w.noise[0], ROUNDING / w.pivot[i])
         w.z[i] = (-w.rho[w.order[i]] - dot(w.C[i], w.z, i)) / w.C[i, i]
     for i in range(n):
         w.y0[i] += w.root[i] * dot(w.V[i], w.z, rank)

@@ -30,7 +30,7 @@ from wbc.tolerances import DISTANCE, MET, ROUNDING
 
 #: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
 #: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|), as far as one knows.
-_ALONE = 1.5
+ALONE = 1.5
 #: What each product of a gradient loses, as a share of itself.
 _PRODUCT = 4.0 * 2.0**-52
 #: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
@@ -164,7 +164,7 @@ def certify(at: int) -> bool:
         dual = dual if abs(left) <= dual else abs(left)
         square += left * left / s.metric[j]
         share = s.reach[n_soft + j] / (1.0 + abs(value[c] * s.scale[c]))
-        if unit * s.metric[j] <= _ALONE * s.numbers[1]:
+        if unit * s.metric[j] <= ALONE * s.numbers[1]:
             alone = max(alone, DISTANCE * MET * share)
         else:
             distance = max(distance, share)
