@@ -23,6 +23,7 @@ from hypothesis import settings
 
 CACHE = ".pytest_cache/calls"
 EXAMPLES = 5  # of every property: which functions it calls is soon known
+HUNG = 900.0  # seconds of one test file that waits without computing
 FIRST = ("qp", "stack", "control", "methods", "tasks")  # folders of tests near to what is changed
 OPTIONS = ("-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning")
 
@@ -170,10 +171,13 @@ def _hash(path: Path) -> str:
     return sha256(path.read_bytes()).hexdigest()
 
 
-def map_of(root: Path, cache: Path, *, jobs: int, limit: float = 60.0, tests: str = "tests") -> Calls:
+def map_of(
+    root: Path, cache: Path, *, jobs: int, limit: float = 60.0, hung: float = HUNG, tests: str = "tests"
+) -> Calls:
     """The map of all test files below ``tests``; files that are new or have changed are run.
 
-    ``limit`` is in seconds of processor time: what comes after them in a test file is left out.
+    ``limit`` is in seconds of processor time: what comes after them in a test file is left out. A file that has not
+    ended after ``hung`` seconds is left out as a whole.
     """
     context = forked()
     cache.mkdir(parents=True, exist_ok=True)
@@ -189,7 +193,11 @@ def map_of(root: Path, cache: Path, *, jobs: int, limit: float = 60.0, tests: st
         print(f"which functions does {file} call?", file=sys.stderr, flush=True)
         child = context.Process(target=_record, args=(str(root), file, str(kept), limit))
         child.start()
-        child.join()
+        child.join(hung)
+        if child.exitcode is None:
+            print(f"{file} does not end", file=sys.stderr, flush=True)
+            child.kill()
+            child.join()
         return json.loads(kept.read_text(encoding="utf-8")) if child.exitcode == 0 else None
 
     paths = sorted(

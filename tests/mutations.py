@@ -30,7 +30,7 @@ from typing import Any
 
 import pytest
 
-from tests.calls import CACHE, OPTIONS, Calls, Chosen, forked, map_of
+from tests.calls import CACHE, HUNG, OPTIONS, Calls, Chosen, forked, map_of
 from tests.slips import Slip, slips
 
 ROOT = Path(__file__).parent.parent
@@ -47,7 +47,6 @@ KEPT = (
     "LICENSE",
     "pyproject.toml",
 )
-HUNG = 900.0  # seconds of one test file that waits without computing
 NOTICED, HANGS, CRASHES = "noticed", "noticed (does not end)", "noticed (ends the process)"
 SURVIVES, UNREACHED = "NOT NOTICED", "NOT NOTICED (no test calls it)"
 

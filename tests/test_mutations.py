@@ -122,3 +122,9 @@ def test_slips_that_a_test_notices_are_told_from_those_that_none_does(project: P
     assert {slip.function for slip in survivors} == {"Spring.untested"}
     assert len(survivors) == 4 and len(chosen) > 8
     assert (project / "wbc" / "toy.py").read_text() == TOY
+
+
+def test_a_test_file_that_does_not_end_is_left_out(tmp_path: Path):
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "test_hangs.py").write_text("import time\n\ndef test_it():\n    time.sleep(600.0)\n")
+    assert map_of(tmp_path, tmp_path / "calls", jobs=1, hung=2.0).files == {}
