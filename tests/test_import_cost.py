@@ -8,7 +8,7 @@ import sys
 import pytest
 
 SOLVERS = {"clarabel", "daqp", "highspy", "osqp", "piqp", "proxsuite", "qpsolvers", "quadprog", "scs"}
-TOOLS = {"dask", "distributed", "jinja2", "matplotlib", "mujoco", "numba", "rich", "sympy", "typer", "viser"}
+TOOLS = {"dask", "distributed", "jinja2", "matplotlib", "mujoco", "numba", "rich", "sympy", "typer"}
 ROBOTS = {"example_robot_data", "pinocchio"}
 
 

@@ -8,35 +8,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.report import measure, style
-from wbc.report.document import Item, Page, Section, Table, Text
+from wbc.report.document import Section, Table, Text
 from wbc.sim.scenario import ScenarioResult
 
 if TYPE_CHECKING:
     from .. import Thresholds
     from .fault_trials import Pair, Stand
 
-_BESIDE = """<!doctype html><meta charset="utf-8"><title>side by side</title>
-<style>body{margin:0;display:flex;font:14px sans-serif;height:100vh}div{flex:1;display:flex;flex-direction:column}
-iframe{flex:1;border:0}p{margin:4px 8px}</style>
-<div><p>without an answer</p><iframe src="without.html"></iframe></div>
-<div><p>with it</p><iframe src="with.html"></iframe></div>
-"""
-
 
 def side_by_side(result: ScenarioResult, pair: Pair) -> Section:
-    """The same fault without and with the answer, in 3-D."""
+    """The same fault without and with the answer, in space, both at the time of the page."""
     from wbc.report.replay import replay
     from wbc.report.shapes import parts
 
     robot = result.robot
     assert robot is not None, "scenarios of faults have a robot to draw"
     solid = parts(robot)
-    pages: list[Item] = [
-        Page("beside.html", f"{pair.label}: without an answer (left) and with it (right).", _BESIDE),
-        Page("without.html", f"Without: {pair.without.fate}.", replay(pair.without.run, robot, solid)),
-        Page("with.html", f"With: {pair.answered.fate}.", replay(pair.answered.run, robot, solid)),
-    ]
-    return Section("The same fault, without an answer and with it", pages)
+    scenes = [
+        replay(trial.run, robot, solid, name=name, caption=f"{pair.label}, {said}: {trial.fate}.")
+        for name, said, trial in (
+            ("without", "without an answer", pair.without), ("with", "with an answer", pair.answered),
+        )
+    ]  # fmt: skip
+    return Section("The same fault, without an answer and with it", scenes)
 
 
 def signals(result: ScenarioResult, pair: Pair, known: Thresholds) -> Section:

@@ -27,7 +27,7 @@ def test_a_run_ends_with_its_verdict_and_the_path_of_its_report(wbc, waving, tmp
 def test_the_report_folder_holds_page_text_replay_and_record(wbc, waving, tmp_path):
     assert wbc("run", waving, "--out", "here", "--set", "amplitude=0.2").code == 0
     names = {path.name for path in (tmp_path / "here").iterdir()}
-    assert names == {"report.html", "report.md", "replay.html", "figures", "run.npz", "meta.json"}
+    assert names == {"report.html", "report.md", "figures", "run.npz", "meta.json"}
     run = Run.load(tmp_path / "here")
     assert run.rows == 40 and run.meta["parameters"]["amplitude"] == 0.2
 
@@ -219,7 +219,7 @@ def test_a_bug_keeps_its_traceback_and_leaves_nothing(wbc, waving, tmp_path, mon
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("package", ["jinja2", "matplotlib", "viser"])
+@pytest.mark.parametrize("package", ["jinja2", "matplotlib"])
 def test_a_missing_extra_is_said_before_any_work(wbc, waving, monkeypatch, package):
     monkeypatch.setattr("wbc.report.build.find_spec", lambda name: None if name == package else object())
     answer = wbc("run", waving)

@@ -1,34 +1,64 @@
-"""The 3-D replay: one page, silent, offline, and nothing left running."""
+"""The motion in space: what the page's script draws."""
 
 from __future__ import annotations
 
-import threading
-from pathlib import Path
+import base64
+import json
+from typing import Any
 
-import pytest
+import numpy as np
 
 from wbc.models import load
 from wbc.report.replay import replay
 from wbc.report.shapes import parts
 from wbc.report.stills import stills
 
-from .conftest import reaching_run
+from .conftest import reaching_run, standing_run
 
 
-def test_recording_says_nothing_and_leaves_no_thread(capfd: pytest.CaptureFixture[str]):
-    before = set(threading.enumerate())
-    robot = load("arm")
-    page = replay(reaching_run(), robot, parts(robot), title="made-up")
-    assert page.startswith("<!doctype html>") or page.lower().lstrip().startswith("<!doctype html")
-    assert "__VISER_EMBED_DATA__" in page
-    assert capfd.readouterr() == ("", "")
-    assert not {thread for thread in threading.enumerate() if thread.is_alive()} - before
+def read(text: str, *shape: int) -> Any:
+    return np.frombuffer(base64.b64decode(text), dtype="<f4").reshape(-1, *shape)
 
 
-def test_the_replay_of_a_report_lies_beside_it(folder: Path):
-    page = (folder / "replay.html").read_text(encoding="utf-8")
-    assert 'src="http' not in page and 'href="http' not in page
-    assert 0.5e6 < len(page) < 8e6
+def test_a_scene_shows_the_run_from_its_first_to_its_last_tick():
+    run, robot = standing_run(), load("humanoid")
+    scene = replay(run, robot, parts(robot)).content
+    times = read(scene["times"])
+    assert times[0] == 0.0 and times[-1] == np.float32(run["t"][-1])
+    assert all(len(read(link["pose"], 7)) == len(times) for link in scene["links"])
+    pose = read(scene["links"][0]["pose"], 7)
+    assert np.allclose(np.linalg.norm(pose[:, 3:], axis=1), 1.0, atol=1e-6)
+    assert json.loads(json.dumps(scene)) is not None
+
+
+def test_a_scene_has_forces_push_centre_of_mass_and_support_of_a_robot_that_stands():
+    run, robot = standing_run(), load("humanoid")
+    scene = replay(run, robot, parts(robot)).content
+    assert [(arrows["label"], arrows["count"]) for arrows in scene["arrows"]] == [("contact forces", 2), ("push", 1)]
+    assert [point["label"] for point in scene["points"]] == ["centre of mass"]
+    (loop,) = scene["loops"]
+    corners = read(loop["corners"], loop["count"], 3)[0]
+    centre = read(scene["points"][0]["path"], 3)[0]
+    assert np.all(corners[:, :2].min(axis=0) < centre[:2]) and np.all(centre[:2] < corners[:, :2].max(axis=0))
+
+
+def test_targets_of_tasks_are_where_the_task_says_they_are():
+    run, robot = reaching_run(), load("arm")
+    run.meta["tasks"]["Position[tool]"] |= {"labels": ["x", "y", "z"], "point": "tool"}
+    scene = replay(run, robot, parts(robot)).content
+    (target,) = scene["points"]
+    state = robot.state()
+    state.update(0.0, run["q"][0], np.zeros(robot.nv))
+    assert np.allclose(read(target["path"], 3)[0], state.frame("tool").position + 1e-3, atol=1e-6)
+
+
+def test_a_link_whose_joint_is_at_a_limit_is_said_to_be_strained():
+    run, robot = standing_run(), load("humanoid")
+    joint = run.meta["joint_names"].index("left_knee")
+    run.columns["plant.q"][20:30, 7 + joint] = robot.limits.q_max[joint]
+    scene = replay(run, robot, parts(robot)).content
+    spans = [link["strained"] for link in scene["links"] if link["strained"]]
+    assert [[round(x, 2) for x in span] for span in spans[0]] == [[0.2, 0.3]] and len(spans) == 1
 
 
 def test_stills_are_one_picture_of_some_moments():

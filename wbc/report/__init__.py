@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wbc.report.build import run_report as run_report
 from wbc.report.document import Figure as Figure
-from wbc.report.document import Page as Page
+from wbc.report.document import Plot as Plot
 from wbc.report.document import Report as Report
 from wbc.report.document import Section as Section
 from wbc.report.document import Table as Table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -9,19 +10,26 @@ import numpy as np
 
 from wbc.errors import NotSupported
 from wbc.report import measure
-from wbc.report.document import Report, Tile, formatted
+from wbc.report.document import Clock, Event, Report, Scene, Tile, formatted
+from wbc.report.replay import replay
 from wbc.report.sections import SECTIONS
-from wbc.sim.scenario import Progress, ScenarioResult, silent
+from wbc.report.shapes import obstacle_parts, parts
+from wbc.sim.scenario import Progress, ScenarioResult, failed_first, silent
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
+
+#: How a disturbance says when it began, and perhaps ended.
+SINCE = re.compile(r" from ([\d.e+-]+) s(?: to ([\d.e+-]+) s)?")
+#: More marks than these hide one another: changes of contacts are left out.
+MOST_EVENTS = 200
 
 
 def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report:
     """Everything worth saying about a run, as data; :func:`wbc.report.folder.write` writes it down.
 
     Raises:
-        NotSupported: matplotlib or viser is not installed; the message says what to install.
+        NotSupported: matplotlib is not installed; the message says what to install.
     """
     sections = []
     first, *others = SECTIONS
@@ -35,7 +43,39 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     meta = result.run.meta
     title = f"{meta.get('scenario', 'run')} · {meta.get('robot', 'robot')}"
     ok = result.ok if result.verdict or not result.ok else None  # nothing was demanded
-    return Report(title, summary(result), ok, sections, highlights(result))
+    run = result.run
+    clock = Clock(measure.seconds(run), float(run.meta["dt"]), events(result)) if run.rows else None
+    return Report(title, summary(result), ok, sections, highlights(result), clock, _scene(result))
+
+
+def _scene(result: ScenarioResult) -> Scene | None:
+    """The robot that stands beside the plots."""
+    run, robot = result.run, result.robot
+    if robot is None or not run.rows:
+        return None
+    solid = [*parts(robot), *obstacle_parts(result.obstacles)]
+    return replay(run, robot, solid, name=robot.name, obstacles=result.obstacles) if solid else None
+
+
+def events(result: ScenarioResult) -> list[Event]:
+    """What happened in a run, and which demands failed when: the marks of its clock."""
+    run = result.run
+    end, disturbances = measure.seconds(run), [str(line) for line in run.meta.get("disturbances", [])]
+    found = [Event(start, stop, "push", "push") for start, stop in measure.pushes(run)]
+    for line in disturbances:
+        said = None if line.startswith("push") else SINCE.search(line)
+        if said and float(said[1]) < end:
+            found.append(Event(float(said[1]), float(said[2] or end), line, "fault"))
+    for name, standing in measure.standing(run).items():
+        spans = measure.intervals(run, standing)
+        found += [Event(start, start, f"{name} carries", "contact") for start, _ in spans if start > 0.0]
+        found += [Event(stop, stop, f"{name} is free", "contact") for _, stop in spans if stop < end]
+    found = found if len(found) <= MOST_EVENTS else [event for event in found if event.kind != "contact"]
+    for check in failed_first(result.verdict):
+        at, part, plot = check.place
+        if not check.ok and at is not None:
+            found.append(Event(at, at, f"{check.text}{f', {part}' if part else ''}", "failed", plot))
+    return found
 
 
 def require_extras(*modules: str) -> None:
@@ -44,7 +84,7 @@ def require_extras(*modules: str) -> None:
     Raises:
         NotSupported: a package is missing; the message says what to install.
     """
-    missing = [name for name in modules or ("jinja2", "matplotlib", "viser") if find_spec(name) is None]
+    missing = [name for name in modules or ("jinja2", "matplotlib") if find_spec(name) is None]
     if missing:
         raise NotSupported(f"a report needs {', '.join(missing)}; pip install 'wbc-qp[report]'")
 
@@ -89,7 +129,7 @@ def highlights(result: ScenarioResult) -> list[Tile]:
 def _real_time(run: Run) -> Tile:
     """Whether every tick was done within its period; the slowest hundredth beside it."""
     late, p99, period = measure.late(run), measure.tick_times(run).p99, 1e6 * float(run.meta["dt"])
-    beside = f"p99 {formatted(round(p99)) if np.isfinite(p99) else '–'} of {period:g} µs"
+    beside = f"p99 {p99:.0f} of {period:g} µs"
     if not late:
         return Tile(f"real time, {beside}", "yes", "good")
     return Tile(f"ticks late for real time, {beside}", str(formatted(late)), "bad" if p99 > period else "doubtful")

@@ -1,15 +1,17 @@
-"""What a report is before anybody writes it down: sections of text, tables, figures and pages.
+"""What a report is before anybody writes it down: sections of text, tables, figures, plots and scenes.
 
 Nothing here knows HTML or Markdown; :mod:`wbc.report.html` and :mod:`wbc.report.markdown` own the two formats.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
+
+from wbc.types import Mat, Vec
 
 
 @final
@@ -27,7 +29,17 @@ class Bar:
     ok: bool = True
 
 
-Cell = str | bool | int | float | Bar | None
+@final
+@dataclass(frozen=True)
+class Link:
+    """A cell that leads to the plot of that name at the time ``at`` [s]."""
+
+    text: str
+    plot: str
+    at: float
+
+
+Cell = str | bool | int | float | Bar | Link | None
 
 
 @final
@@ -65,17 +77,86 @@ class Figure:
     kind: str = "svg"
 
 
+TIME = "time [s]"
+
+
 @final
-@dataclass(frozen=True)
-class Page:
-    """A self-contained page of its own, written to ``name`` beside the report and shown in a frame."""
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A line of a plot: ``values`` (N,), NaN where there is none; ``shown`` False: only when the legend is asked."""
+
+    label: str
+    values: Vec
+    shown: bool = True
+    faint: bool = False
+
+
+@final
+class Bound(NamedTuple):
+    """A named line across a plot, where the values are ``value``, or ``along`` "x" what they are drawn over."""
+
+    value: float
+    label: str
+    along: str = "y"
+
+
+@final
+class Strip(NamedTuple):
+    """A line of a plot that says when something was so: ``intervals`` (start, end) [s]."""
+
+    label: str
+    intervals: Sequence[tuple[float, float]]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """Curves, or strips, over ``x`` (N,): over the time of the run, with the cursor of the page, or something else.
+
+    ``log`` names the axes that are logarithmic, "", "x", "y" or "xy"; ``zero``: the axis reaches down to zero;
+    ``bars``: a histogram.
+    """
+
+    name: str
+    title: str
+    unit: str
+    x: Vec
+    curves: Sequence[Curve] = ()
+    bounds: Sequence[Bound] = ()
+    strips: Sequence[Strip] = ()
+    caption: str = ""
+    over: str = TIME
+    log: str = ""
+    zero: bool = False
+    bars: bool = False
+    wide: bool = False
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Map:
+    """A path in the plane, x and y (N,) at times t (N,), inside ``outlines`` {what: corners (k, 2)}, drawn to scale."""
+
+    name: str
+    title: str
+    unit: str
+    t: Vec
+    x: Vec
+    y: Vec
+    outlines: Sequence[tuple[str, Mat]] = ()
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The motion in space, in the form that ``assets/scene.js`` reads (:mod:`wbc.report.replay` makes it)."""
 
     name: str
     caption: str
-    html: str
+    content: Mapping[str, Any]
 
 
-Item = Text | Table | Figure | Page
+Item = Text | Table | Figure | Plot | Map | Scene
 
 
 @final
@@ -85,6 +166,27 @@ class Section:
 
     title: str
     items: Sequence[Item]
+
+
+@final
+class Event(NamedTuple):
+    """What happened from ``start`` to ``end`` [s]; ``kind`` is push, fault, contact or failed; ``plot`` shows it."""
+
+    start: float
+    end: float
+    label: str
+    kind: str
+    plot: str = ""
+
+
+@final
+@dataclass(frozen=True)
+class Clock:
+    """The time of a run, from 0 to ``seconds`` [s] in steps of ``dt`` [s], and what happened when."""
+
+    seconds: float
+    dt: float
+    events: Sequence[Event] = ()
 
 
 @final
@@ -101,7 +203,8 @@ class Tile(NamedTuple):
 class Report:
     """``summary`` says in one sentence what happened; ``highlights`` are the few figures to see first.
 
-    ``ok`` is the verdict, None where there is nothing to pass or fail.
+    ``ok`` is the verdict, None where there is nothing to pass or fail. ``clock`` is the time of all its plots, and
+    ``scene`` stands beside them.
     """
 
     title: str
@@ -109,16 +212,18 @@ class Report:
     ok: bool | None
     sections: Sequence[Section]
     highlights: Sequence[Tile] = ()
+    clock: Clock | None = None
+    scene: Scene | None = None
 
     @property
-    def pages(self) -> list[Page]:
-        """Every page, in order."""
-        return [item for section in self.sections for item in section.items if isinstance(item, Page)]
+    def items(self) -> list[Item]:
+        """Every item, in order."""
+        return [item for section in self.sections for item in section.items]
 
     @property
     def figures(self) -> list[Figure]:
         """Every figure, in order."""
-        return [item for section in self.sections for item in section.items if isinstance(item, Figure)]
+        return [item for item in self.items if isinstance(item, Figure)]
 
 
 def formatted(cell: Cell) -> str:
@@ -133,7 +238,7 @@ def formatted(cell: Cell) -> str:
         return "–"
     if isinstance(cell, (bool, np.bool_)):
         return "yes" if cell else "no"
-    if isinstance(cell, Bar):
+    if isinstance(cell, Bar | Link):
         return cell.text
     if isinstance(cell, str):
         return cell

@@ -18,13 +18,11 @@ HTML, MARKDOWN = "report.html", "report.md"
 
 
 def write(report: Report, folder: Path) -> None:
-    """Write ``report.html``, ``report.md``, ``figures/`` and the report's pages into an existing folder."""
+    """Write ``report.html``, ``report.md``, and ``figures/`` into an existing folder."""
     for figure in report.figures:
         path = folder / picture_path(figure)
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(figure.data)
-    for page in report.pages:
-        (folder / page.name).write_text(page.html, encoding="utf-8")
     (folder / MARKDOWN).write_text(markdown(report), encoding="utf-8")
     (folder / HTML).write_text(html(report), encoding="utf-8")
 

@@ -1,22 +1,27 @@
-"""A report as one HTML page that needs nothing else: pictures, style and all in the file itself."""
+"""A report as one HTML page that needs nothing else: plots, pictures, script, style and all in the file itself."""
 
 from __future__ import annotations
 
 import base64
+import json
 import re
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from wbc.errors import NotSupported
-from wbc.report.document import Bar, Cell, Figure, Page, Report, Table, Text, formatted
+import numpy as np
 
+from wbc.errors import NotSupported
+from wbc.report.document import Bar, Cell, Figure, Item, Link, Map, Plot, Report, formatted
+from wbc.report.packed import data, scenes
+
+ASSETS = Path(__file__).with_name("assets")
 #: A text of so many characters stays on one line of its cell.
 SHORT = 16
-TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
 
 def html(report: Report) -> str:
-    """The text of ``report.html``. Pages of their own (the replay) are linked by name and shown in a frame.
+    """The text of ``report.html``.
 
     Raises:
         NotSupported: jinja2 is not installed.
@@ -28,12 +33,37 @@ def html(report: Report) -> str:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters.update(anchor=_anchor, kind=_kind, cell=formatted, look=_look, source=_source)
-    environment.tests["bar"] = lambda cell: isinstance(cell, Bar)
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(report=report)
+    plots = [item for item in report.items if isinstance(item, Plot)]
+    names = {plot.name for plot in plots}
+    environment.filters.update(
+        anchor=_anchor, kind=_kind, cell=formatted, look=_look, source=_source, path=_path, view=_view, corners=_corners
+    )
+    environment.tests.update(
+        bar=lambda cell: isinstance(cell, Bar), link=lambda cell: isinstance(cell, Link) and cell.plot in names
+    )
+    content = data(report)
+    order = [*plots, *(item for item in report.items if isinstance(item, Map)), *scenes(report)]
+    places = {id(item): sum(type(one) is type(item) for one in order[:i]) for i, item in enumerate(order)}
+    scripts = ["uPlot.min.js", *(["three.min.js", "scene.js"] if content and content["scenes"] else []), "page.js"]
+    return environment.from_string((ASSETS / "page.html.jinja").read_text(encoding="utf-8")).render(
+        report=report,
+        styles=[_asset(name) for name in ("uPlot.min.css", "page.css")],
+        scripts=[_asset(name) for name in scripts] if content else [],
+        data=None if content is None else _json(content),
+        place=lambda item: places[id(item)],
+    )
 
 
-def _kind(item: Text | Table | Figure | Page) -> str:
+def _asset(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+def _json(content: Any) -> str:
+    """JSON that cannot end the element it stands in."""
+    return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _kind(item: Item) -> str:
     return type(item).__name__.lower()
 
 
@@ -54,3 +84,26 @@ def _source(figure: Figure) -> Any:
     """The picture itself as a data address."""
     kind = {"svg": "image/svg+xml", "png": "image/png"}[figure.kind]
     return f"data:{kind};base64,{base64.b64encode(figure.data).decode('ascii')}"
+
+
+def _corners(corners: Any) -> str:
+    return " ".join(f"{x:.5g},{-y:.5g}" for x, y in corners)
+
+
+def _path(item: Map) -> str:
+    """The way of a map as an SVG path, north up; at most some two thousand points of it."""
+    step = max(1, len(item.x) // 2000)
+    points = zip(item.x[::step], item.y[::step], strict=True)
+    return "M" + " ".join(f"{x:.5g},{-y:.5g}" for x, y in points if isfinite(x) and isfinite(y))
+
+
+def _view(item: Map) -> tuple[float, float, float, float]:
+    """Left, top, width and height of what a map shows."""
+    xs, ys = [*item.x[np.isfinite(item.x)]], [*item.y[np.isfinite(item.y)]]
+    for _, corners in item.outlines:
+        xs, ys = [*xs, *corners[:, 0]], [*ys, *corners[:, 1]]
+    if not xs:
+        return (0.0, 0.0, 1.0, 1.0)
+    width, height = max(xs) - min(xs), max(ys) - min(ys)
+    room = 0.06 * max(width, height, 1e-6)
+    return (min(xs) - room, -max(ys) - room, width + 2 * room, height + 2 * room)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from wbc.report.document import Cell, Figure, Page, Report, Table, Text, formatted
+import numpy as np
+
+from wbc.report.document import Cell, Figure, Item, Map, Plot, Report, Scene, Table, Text, formatted
 
 FIGURES = "figures"
 
@@ -33,7 +35,7 @@ def table(data: Table) -> list[str]:
     return lines + [_row([formatted(cell) for cell in row]) for row in data.rows]
 
 
-def _item(item: Text | Table | Figure | Page) -> list[str]:
+def _item(item: Item) -> list[str]:
     match item:
         case Text(text):
             return [text]
@@ -41,8 +43,27 @@ def _item(item: Text | Table | Figure | Page) -> list[str]:
             return [*([item.caption, ""] if item.caption else []), *table(item)]
         case Figure():
             return [f"![{item.caption}]({picture_path(item)})", "", f"*{item.caption}*"]
-        case Page():
-            return [f"[{item.name}]({item.name}): {item.caption}"]
+        case Plot():
+            return _curves(item)
+        case Map():
+            return [f"*{item.title}: drawn in the page.*"]
+        case Scene():
+            return [f"*{item.caption}*"]
+
+
+def _curves(plot: Plot) -> list[str]:
+    """What a plot shows in numbers: the range of each curve that is seen at first."""
+    about = f"{plot.title} [{plot.unit}] over {plot.over}" if plot.unit else f"{plot.title} over {plot.over}"
+    bounds = "".join(f"; {bound.label}: {formatted(bound.value)}" for bound in plot.bounds)
+    rows: list[tuple[Cell, ...]] = []
+    for curve in plot.curves:
+        known = curve.values[np.isfinite(curve.values)]
+        if curve.shown and known.size:
+            rows.append((curve.label, float(known.min()), float(known.mean()), float(known.max())))
+    if plot.strips:
+        spent = [(strip.label, float(sum(end - start for start, end in strip.intervals))) for strip in plot.strips]
+        return [f"{about}{bounds}", "", *table(Table(("", "time [s]"), spent))]
+    return [f"{about}{bounds}", "", *table(Table(("curve", "lowest", "mean", "highest"), rows))]
 
 
 def _row(cells: Sequence[Cell]) -> str:

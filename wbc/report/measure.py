@@ -89,12 +89,24 @@ def solved(run: Run) -> Mask:
 
 def pushes(run: Run) -> list[tuple[float, float]]:
     """Intervals (start, end) [s] in which a force pushed the robot."""
-    if "push" not in run.columns:
-        return []
-    on = np.concatenate([[False], np.linalg.norm(run.columns["push"], axis=1) > 0, [False]])
+    return intervals(run, np.linalg.norm(run.columns["push"], axis=1) > 0) if "push" in run.columns else []
+
+
+def intervals(run: Run, mask: Mask) -> list[tuple[float, float]]:
+    """Intervals (start, end) [s] of the rows ``mask`` (N,)."""
+    on = np.concatenate([[False], mask, [False]])
     edges = np.flatnonzero(on[1:] != on[:-1])
     t = np.append(times(run), seconds(run))
     return [(float(t[i]), float(t[j])) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def standing(run: Run) -> dict[str, Mask]:
+    """Of each contact with a force the rows (N,) on which it carries more than 1 % of its largest load."""
+    tracks = {
+        name: contact_track(run, name, true=True) or contact_track(run, name, true=False)
+        for name in run.meta.get("contacts", {})
+    }
+    return {name: np.isfinite(track.ratio) for name, track in tracks.items() if track is not None}
 
 
 def tasks(run: Run) -> list[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
 from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
@@ -26,13 +27,17 @@ class Motion:
     """k moments of a run: ``times`` (k,) [s]; per link positions (k, 3) [m] and rotations (k, 3, 3).
 
     ``forces`` (k, contacts, 2, 3): an arrow for the force on the robot at each contact, its tip at the contact;
-    ``pushes`` (k, 2, 3): the same for the push, of length 0 while there is none.
+    ``pushes`` (k, 2, 3): the same for the push, of length 0 while there is none. ``com`` (k, 3): the centre of mass;
+    ``targets`` {task: (k, 3)} [m]; ``support``: per moment the hull of the contacts that carry (m, 3), None without.
     """
 
     times: Vec
     links: dict[str, tuple[Mat, Mat]]
     forces: Mat
     pushes: Mat
+    com: Mat
+    targets: dict[str, Mat]
+    support: list[Mat | None]
 
     @property
     def extent(self) -> tuple[Vec, float]:
@@ -54,6 +59,10 @@ def motion(
     places = {link: (np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for link in wanted}
     contacts = _contacts(run, robot)
     forces = np.zeros((len(rows), len(contacts), 2, 3))
+    com, aims = np.empty((len(rows), 3)), points(run, robot)
+    targets = {task: np.empty((len(rows), 3)) for task in aims}
+    support: list[Mat | None] = []
+    carrying, told = measure.standing(run), np.asarray(run["q"], dtype=np.float64)
     pushes, pushed, longest = np.zeros((len(rows), 2, 3)), _pushed_frame(run, robot), _largest_push(run)
     per_newton = WEIGHT_LENGTH / max(robot.mass * float(np.linalg.norm(robot.gravity)), 1e-9)
     for i, row in enumerate(rows):
@@ -64,14 +73,61 @@ def motion(
         for k, (point, column) in enumerate(contacts):
             tip = point.at(state)
             forces[i, k] = tip - per_newton * np.nan_to_num(run[column][row, :3]), tip
+        com[i] = state.com
+        ground = [c for name, c in soles(run, robot, state).items() if name not in carrying or carrying[name][row]]
+        around = hull(np.vstack([*ground, np.zeros((0, 3))]))
+        support.append(around)
         if longest > 0.0:
             tip = _pushed_point(state, pushed)
             pushes[i] = tip - (PUSH_LENGTH / longest) * run["push"][row], tip
+        if aims:
+            state.update(0.0, told[row], rest)
+            for task, (about, axes) in aims.items():
+                targets[task][i] = state.frame(about).position if about else state.com
+                targets[task][i, list(axes)] += run[f"error.{task}"][row, list(axes.values())]
     t = np.asarray(run["t"], dtype=np.float64)[rows]
     for name, obstacle in standing.items():
         poses = [obstacle.at(float(time)) for time in t]
         places[name] = np.array([p.translation for p in poses]), np.array([p.rotation for p in poses])
-    return Motion(t, places, forces, pushes)
+    return Motion(t, places, forces, pushes, com, targets, support)
+
+
+def points(run: Run, robot: RobotModel) -> dict[str, tuple[str, dict[int, int]]]:
+    """{task: (frame, {axis of the world: row of the error})} of the tasks about the place of a point of ``robot``.
+
+    The frame is "" for the centre of mass.
+    """
+    found = {}
+    for task, about in run.meta.get("tasks", {}).items():
+        labels = enumerate(zip(about.get("labels") or (), about.get("units") or (), strict=False))
+        rows = {"xyz".index(label): k for k, (label, unit) in labels if unit == "m" and label in ("x", "y", "z")}
+        frame = str(about.get("point"))
+        if rows and "point" in about and f"error.{task}" in run and (not frame or frame in robot.frame_names):
+            found[task] = (frame, rows)
+    return found
+
+
+def soles(run: Run, robot: RobotModel, state: RobotState) -> dict[str, Mat]:
+    """Corners (k, 3) of every contact of the run, one for a point, where ``state`` has them."""
+    found = {}
+    for name, contact in run.meta.get("contacts", {}).items():
+        if contact.get("frame") not in robot.frame_names:
+            continue
+        rotation, point = state.frame(contact["frame"]).rotation, ContactPoint.of(robot, contact["frame"]).at(state)
+        x, y = contact.get("half_size") or (0.0, 0.0)
+        signs = ((1, 1), (1, -1), (-1, -1), (-1, 1)) if x else ((0, 0),)
+        found[name] = np.array([point + rotation @ np.array([sx * x, sy * y, 0.0]) for sx, sy in signs])
+    return found
+
+
+def hull(corners: Mat) -> Mat | None:
+    """Those of the corners (k, 2 or more) that are their hull seen from above, around it; None if it has no area."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(corners[ConvexHull(corners[:, :2]).vertices]) if len(corners) > 2 else None
+    except QhullError:
+        return None
 
 
 def quaternions(rotations: Mat) -> Mat:

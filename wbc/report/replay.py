@@ -1,128 +1,118 @@
-"""The motion as one self-contained 3-D page: robot, floor, contact forces, pushes, play bar; works offline.
+"""The motion as a scene of the page: robot, floor, forces, pushes, centre of mass, targets and support; works offline.
 
-The page is recorded by viser's scene serialiser. Its server is bound to this machine only, on a free port, says
-nothing, and is stopped before anything else happens.
+The scene is drawn by ``assets/scene.js`` with three.js, at the time of the page's clock.
 """
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.errors import NotSupported
+from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
+from wbc.report.document import Scene
 from wbc.report.motion import Motion, motion, quaternions
+from wbc.report.packed import text
 from wbc.report.shapes import Part, thinned
-from wbc.types import Index
+from wbc.types import Index, Vec
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
     from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
-FRAMES_PER_SECOND = 25.0
+FRAMES_PER_SECOND = 25.0  # the page moves the robot evenly between two of them
 MAX_FRAMES = 1500  # a minute; a longer run is shown with fewer frames a second
 BUDGET = 60_000  # triangles of the whole robot
-VIEW = np.array([1.15, -0.92, 0.42])  # where the camera stands, from the middle, in sizes of the scene
-STILL = 1e-5  # a link that moved less than this (m, or of its quaternion) since it was last shown stays
+VIEW = (1.15, -0.92, 0.42)  # where the camera stands, from the middle, in sizes of the scene
+STRAINED = 1e-3  # a joint this near to a limit of its position, of its range, or of its torque, is drawn red
 
-FORCE, PUSH = (47, 143, 91), (197, 61, 61)
+SAID = "Drag to turn, scroll to come nearer. Red: a joint at a limit. An arrow of half a metre: the robot's weight."
+FORCE, PUSH, CENTRE, SUPPORT = "#2f8f5b", "#c53d3d", "#dd7a1f", "#1f9aa0"
+TARGETS = ("#7a5bb5", "#2b6cb0", "#c2408a", "#8c6d46")
 
 
 def replay(
-    run: Run, robot: RobotModel, solid: Sequence[Part], *, title: str = "", obstacles: Sequence[Obstacle] = ()
-) -> str:
-    """The page's HTML: the run of ``robot``, drawn as ``solid``, in its own time at 25 frames a second.
-
-    ``solid`` has parts of the robot's links and of ``obstacles``.
-
-    Raises:
-        NotSupported: viser is not installed.
-    """
-    rows, pause = _frames(run)
-    solid = thinned(solid, BUDGET)
+    run: Run, robot: RobotModel, solid: Sequence[Part], *, name: str = "motion", caption: str = "",
+    obstacles: Sequence[Obstacle] = ()
+) -> Scene:  # fmt: skip
+    """The run of ``robot``, drawn as ``solid``: parts of the robot's links and of ``obstacles``."""
+    solid, rows = thinned(solid, BUDGET), _frames(run)
     moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
-    turned = {link: quaternions(rotation) for link, (_, rotation) in moving.links.items()}
-    with _server(title) as server:
-        _stage(server, moving)
-        links = _robot(server, solid, moving)
-        forces, push = _arrows(server, moving)
-        recording = server.get_scene_serializer()
-        shown: dict[str, Any] = {}
-        for i in range(len(rows)):
-            for link, handle in links.items():
-                pose = np.concatenate([moving.links[link][0][i], turned[link][i]])
-                if link not in shown or np.abs(pose - shown[link]).max() > STILL:
-                    handle.position, handle.wxyz = pose[:3], pose[3:]
-                    shown[link] = pose
-            if forces is not None:
-                forces.points = moving.forces[i].astype(np.float32)
-            if push is not None:
-                pushed = bool(np.any(moving.pushes[i, 0] != moving.pushes[i, 1]))
-                push.visible = pushed
-                if pushed:
-                    push.points = moving.pushes[i : i + 1].astype(np.float32)
-            recording.insert_sleep(pause)
-        return str(recording.as_html())
+    number = {link: k for k, link in enumerate(moving.links)}
+    middle, size = moving.extent
+    strained = _strained(run, robot)
+    content = {
+        "times": _floats(moving.times - moving.times[0]), "middle": middle.tolist(), "size": size, "view": VIEW,
+        "links": [
+            {"pose": _floats(np.column_stack([position, quaternions(rotation)])), "strained": strained.get(link)}
+            for link, (position, rotation) in moving.links.items()
+        ],
+        "parts": [
+            {"link": number[part.link], "vertices": _floats(part.vertices), "faces": text(part.faces.astype("<u4")),
+             "color": "#{:02x}{:02x}{:02x}".format(*part.color)}
+            for part in solid
+        ],
+        "arrows": _arrows(moving), "points": _points(moving, robot), "loops": _loops(moving),
+    }  # fmt: skip
+    return Scene(name, caption or SAID, content)
 
 
-def _frames(run: Run) -> tuple[Index, float]:
-    """Rows of the run to show and the time [s] between them."""
+def _frames(run: Run) -> Index:
+    """Rows of the run to show, the last among them."""
     dt = float(run.meta["dt"])
     step = max(1, round(1.0 / (FRAMES_PER_SECOND * dt)), -(-run.rows // MAX_FRAMES))
-    return np.arange(0, run.rows, step), step * dt
+    return np.unique(np.append(np.arange(0, run.rows, step), run.rows - 1))
 
 
-@contextmanager
-def _server(title: str) -> Iterator[Any]:
-    try:
-        import viser
-    except ImportError as cause:
-        raise NotSupported("the 3-D replay needs viser; pip install 'wbc-qp[report]'") from cause
-
-    with redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host="127.0.0.1", port=0, label=title or None, verbose=False)
-        try:
-            yield server
-        finally:
-            server.stop()
-
-
-def _stage(server: Any, moving: Motion) -> None:
-    """Floor and camera."""
-    middle, size = moving.extent
-    server.scene.set_up_direction("+z")
-    server.scene.add_grid(
-        "/floor", width=8.0, height=8.0, cell_size=0.25, section_size=1.0, cell_color=(222, 226, 230),
-        section_color=(190, 197, 205), position=(round(middle[0]), round(middle[1]), 0.0),
-    )  # fmt: skip
-    server.initial_camera.position = tuple(middle + size * VIEW)
-    server.initial_camera.look_at = tuple(middle)
-    server.initial_camera.fov = 0.75
-
-
-def _robot(server: Any, solid: Sequence[Part], moving: Motion) -> dict[str, Any]:
-    """The meshes under one movable node for each link."""
-    nodes = {link: f"/robot/{k}" for k, link in enumerate(moving.links)}
-    handles = {link: server.scene.add_frame(node, show_axes=False) for link, node in nodes.items()}
-    for k, part in enumerate(solid):
-        server.scene.add_mesh_simple(
-            f"{nodes[part.link]}/{k}", part.vertices.astype(np.float32), part.faces.astype(np.uint32),
-            color=part.color, flat_shading=True, side="double",
-        )  # fmt: skip
-    return handles
-
-
-def _arrows(server: Any, moving: Motion) -> tuple[Any, Any]:
-    """Arrows for the contact forces and for the push; None for what the run does not have."""
-    _, extent = moving.extent
-    size = {"shaft_radius": 0.008 * extent, "head_radius": 0.02 * extent, "head_length": 0.04 * extent}
-    forces = push = None
-    if moving.forces.shape[1]:
-        forces = server.scene.add_arrows("/forces", moving.forces[0].astype(np.float32), FORCE, **size)
+def _arrows(moving: Motion) -> list[dict[str, Any]]:
+    """Arrows for the contact forces and for the push; none for what the run does not have."""
+    sets = [("contact forces", FORCE, moving.forces)]
     if np.any(moving.pushes[:, 0] != moving.pushes[:, 1]):
-        push = server.scene.add_arrows("/push", moving.pushes[:1].astype(np.float32), PUSH, visible=False, **size)
-    return forces, push
+        sets.append(("push", PUSH, moving.pushes[:, None]))
+    return [
+        {"label": label, "color": color, "count": ends.shape[1], "ends": _floats(ends)}
+        for label, color, ends in sets if ends.shape[1]
+    ]  # fmt: skip
+
+
+def _points(moving: Motion, robot: RobotModel) -> list[dict[str, Any]]:
+    """Centre of mass of a robot that is free, and the targets of tasks, with their trails."""
+    shown = [("centre of mass", CENTRE, moving.com)] if robot.nb else []
+    shown += [
+        (f"target of {task}", TARGETS[k % len(TARGETS)], path) for k, (task, path) in enumerate(moving.targets.items())
+    ]
+    return [{"label": label, "color": color, "path": _floats(path)} for label, color, path in shown]
+
+
+def _loops(moving: Motion) -> list[dict[str, Any]]:
+    """The support polygon; corners that it does not have at a moment lie on its last one."""
+    most = max((len(corners) for corners in moving.support if corners is not None), default=0)
+    if not most:
+        return []
+    drawn = np.zeros((len(moving.support), most, 3))
+    for k, corners in enumerate(moving.support):
+        if corners is not None:
+            drawn[k] = corners[np.minimum(np.arange(most), len(corners) - 1)]
+            drawn[k, :, 2] += 2e-3  # above the lines of the floor
+    return [{"label": "support polygon", "color": SUPPORT, "count": most, "corners": _floats(drawn)}]
+
+
+def _strained(run: Run, robot: RobotModel) -> dict[str, list[tuple[float, float]]]:
+    """When the joint that moves a link is at a limit, by the link's name."""
+    links = {joint.name: joint.child for joint in robot.urdf.joints} if isinstance(robot, PinocchioModel) else {}
+    use = measure.use(run)
+    near = use["position"] >= 1.0 - STRAINED
+    if "torque" in use:
+        near = near | (use["torque"] >= 1.0 - STRAINED)
+    names = list(run.meta["joint_names"])
+    return {
+        link: measure.intervals(run, near[:, names.index(joint)])
+        for joint, link in links.items() if joint in names and near[:, names.index(joint)].any()
+    }  # fmt: skip
+
+
+def _floats(values: Vec) -> str:
+    return text(np.asarray(values, dtype="<f4"))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 import numpy as np
 
 from wbc.report import measure
+from wbc.report.motion import points as tasks_with_a_point
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -96,13 +97,11 @@ def joints(run: Run) -> list[Moved]:
 def points(run: Run, robot: RobotModel | None) -> list[Moved]:
     """The point of every task that is about the place of one, along the task's axes; none without a robot."""
     column, order = _command(run)
-    wanted = _tasks_with_a_point(run)
+    wanted = {} if robot is None else tasks_with_a_point(run, robot)
     if robot is None or not wanted or len(run[column]) <= order:
         return []
     state, dt = robot.state(), _dt(run)
     frames = list(dict.fromkeys(frame for frame, _ in wanted.values()))
-    if any(frame and frame not in robot.frame_names for frame in frames):
-        return []
     told = {frame: np.empty((run.rows, 3)) for frame in frames}
     commands = {frame: np.empty((run.rows, 3)) for frame in frames}
     for k, (q, v, x) in enumerate(zip(filled(run["q"]), filled(run["v"]), filled(run[column]), strict=True)):
@@ -195,17 +194,6 @@ def _dt(run: Run) -> float:
 def _command(run: Run) -> tuple[str, int]:
     """The column with the command, and how often it is to be derived to be a jerk: ȧ or v̈."""
     return ("a", 1) if "a" in run else ("v_cmd" if "v_cmd" in run else "v", 2)
-
-
-def _tasks_with_a_point(run: Run) -> dict[str, tuple[str, dict[int, int]]]:
-    """{task: (frame, {axis of the world: row of the error})}; the frame is "" for the centre of mass."""
-    found = {}
-    for task, about in run.meta.get("tasks", {}).items():
-        labels = enumerate(zip(about.get("labels") or (), about.get("units") or (), strict=False))
-        rows = {"xyz".index(label): k for k, (label, unit) in labels if unit == "m" and label in ("x", "y", "z")}
-        if rows and "point" in about and f"error.{task}" in run:
-            found[task] = (str(about["point"]), rows)
-    return found
 
 
 def _point(state: RobotState, frame: str) -> tuple[Vec, Vec, Vec]:

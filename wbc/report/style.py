@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from io import BytesIO
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from wbc.errors import NotSupported
 from wbc.report.document import Figure
 from wbc.report.measure import pushes, seconds
+from wbc.report.packed import kept
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -110,31 +110,10 @@ class Canvas:
         return Figure(name, caption, memory.getvalue(), kind)
 
 
-def thinned(t: Vec, y: Vec, points: int = POINTS) -> tuple[Vec, Vec]:
-    """At most about ``points`` samples of y (N,) that keep the smallest and largest of every stretch."""
-    n = len(t)
-    if n <= points:
-        return t, y
-    stretches = points // 2
-    edges = np.linspace(0, n, stretches + 1).astype(int)
-    filled = np.where(np.isnan(y), np.inf, y), np.where(np.isnan(y), -np.inf, y)
-    keep = set()
-    for start, end in pairwise(edges):
-        keep.add(start + int(filled[0][start:end].argmin()))
-        keep.add(start + int(filled[1][start:end].argmax()))
-    index = np.array(sorted(keep | {0, n - 1}))
-    return t[index], y[index]
-
-
 def curve(axes: Axes, t: Vec, y: Vec, **style: Any) -> None:
-    """Plot y (N,) over t (N,), thinned."""
-    axes.plot(*thinned(t, y), **style)
-
-
-def curves(axes: Axes, t: Vec, values: Vec, labels: Iterable[str]) -> None:
-    """Plot the columns of values (N, k) over t (N,), one colour each."""
-    for i, label in enumerate(labels):
-        curve(axes, t, values[:, i], color=CYCLE[i % len(CYCLE)], label=label)
+    """Plot y (N,) over t (N,), thinned without losing its peaks."""
+    rows = kept(np.asarray(y, dtype=float)[:, None], POINTS)
+    axes.plot(t[rows], y[rows], **style)
 
 
 def legend(axes: Axes) -> None:
@@ -174,11 +153,6 @@ def over_time(axes: Axes, run: Run, title: str, label: str) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel(label)
     axes.set_title(title)
-
-
-def shaded(run: Run) -> str:
-    """What a caption says of the shading; nothing where there is none."""
-    return " Shaded: a push." if pushes(run) else ""
 
 
 def shade(axes: Axes, intervals: Iterable[tuple[float, float]]) -> None:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.report import measure, style
-from wbc.report.document import Figure, Section, Table
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Item, Map, Plot, Section, Strip, Table
 from wbc.sim.scenario import ScenarioResult
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from wbc.control.recorder import Run
-
-COMMANDED, TRUE = style.BLUE, style.ORANGE
 
 
 def section(result: ScenarioResult) -> Section | None:
@@ -24,89 +20,116 @@ def section(result: ScenarioResult) -> Section | None:
     names = [name for name in run.meta.get("contacts", {}) if f"f.{name}" in run or f"plant.f.{name}" in run]
     if not names or not run.rows:
         return None
-    rows = [_row(run, name) for name in names]
-    columns = ("contact", "friction", "ratio, commanded", "ratio, true", "f_z min [N]", "f_z max [N]",
-               "CoP margin [mm]", "slip [mm]")  # fmt: skip
+    items: list[Item] = [*_loads(run, names), *_slip(result, names)]
+    for name in names:
+        items += [_forces(run, name), _ratio(run, name), *_pressure(run, name)]
+    columns = ("contact", "controller's friction", "floor's friction", "ratio, commanded", "ratio, true", "f_z min [N]",
+               "f_z max [N]", "CoP margin [mm]", "slip [mm]")  # fmt: skip
     note = (
-        "Ratio: tangential over normal force at worst, to be compared with the friction coefficient the controller "
-        "counts on. CoP margin: smallest distance of the true centre of pressure to the edge of the sole. Slip: "
-        "largest way of the material point of contact. A dash: not measured."
+        "Ratio: tangential over normal force at worst. The controller keeps its own, more careful friction coefficient "
+        "with what it commands; the true force may lie beyond it, and slides where it reaches the floor's. CoP margin: "
+        "smallest distance of the true centre of pressure to the edge of the sole, negative outside it. Slip: largest "
+        "way of the material point of contact. A dash: not measured."
     )
-    return Section("Contact forces in their cones", [_figure(run, names), Table(columns, rows, note)])
+    items.append(Table(columns, [_row(run, name) for name in names], note))
+    return Section("Contact forces in their cones", items)
 
 
-def _figure(run: Run, names: list[str]) -> Figure:
-    soles = any(run.meta["contacts"][name].get("half_size") for name in names)
-    columns, widths = (3, (1.25, 1.25, 1.0)) if soles else (2, (1.0, 1.0))
-    with style.Canvas(len(names), columns, height=0.4 + (2.0 if soles else 1.6) * len(names), widths=widths) as canvas:
-        for i, name in enumerate(names):
-            normal, ratio, *rest = canvas.axes[columns * i : columns * (i + 1)]
-            _curves(normal, run, name, "normal")
-            style.over_time(normal, run, name, "normal force [N]")
-            low, high = min(0.0, normal.get_ylim()[0]), normal.get_ylim()[1]
-            normal.set_ylim(low, high + 0.06 * (high - low))  # a constant force is not the frame of the picture
-            _curves(ratio, run, name, "ratio")
-            style.over_time(ratio, run, "", "tangential / normal")
-            style.legend(ratio)
-            _friction(ratio, run.meta["contacts"][name].get("friction"))
-            for axes in rest:
-                _cop(axes, run, name)
-            for axes in (normal, ratio) if i < len(names) - 1 else ():
-                axes.set_xlabel("")
-        caption = (
-            "Normal force, tangential over normal force against the friction coefficient"
-            + (", and the path of the centre of pressure inside the sole. " if soles else ". ")
-            + "Blue: commanded; orange: what the plant measured."
+def _loads(run: Run, names: list[str]) -> list[Item]:
+    """Normal forces of all contacts together, and when each stands, where that changes."""
+    t = measure.times(run)
+    tracks = {name: _best(run, name) for name in names}
+    made: list[Item] = [
+        Plot("forces", "Normal force of every contact", "N", t, [Curve(n, track.normal) for n, track in tracks.items()],
+             zero=True, wide=True)
+    ]  # fmt: skip
+    standing = measure.standing(run)
+    if any(not mask.all() for mask in standing.values()):
+        strips = [Strip(name, measure.intervals(run, mask)) for name, mask in standing.items()]
+        made.append(Plot("standing", "Contacts that carry", "", t, strips=strips, wide=True))
+    return made
+
+
+def _slip(result: ScenarioResult, names: list[str]) -> list[Item]:
+    run = result.run
+    asked = [
+        Bound(1e3 * c.bound, f"demanded {c.sign} {1e3 * c.bound:g}") for c in result.verdict if c.place.plot == "slip"
+    ]
+    ways = {name: way for name in names if (way := measure.slid(run, name)) is not None}
+    if not ways:
+        return []
+    curves = [Curve(name, 1e3 * way) for name, way in ways.items()]
+    caption = "Of the material point of contact, from where it had settled; a foot that is lifted moves too."
+    return [
+        Plot(
+            "slip",
+            "Slip of every contact",
+            "mm",
+            measure.times(run),
+            curves,
+            asked,
+            caption=caption,
+            zero=True,
+            wide=True,
         )
-        return canvas.figure("contacts", caption)
+    ]
 
 
-def _curves(axes: Axes, run: Run, name: str, quantity: Literal["normal", "ratio"]) -> None:
-    for true, colour, label in ((True, TRUE, "true"), (False, COMMANDED, "commanded")):
-        track = measure.contact_track(run, name, true=true)
-        if track is not None:
-            values = track.normal if quantity == "normal" else track.ratio
-            style.curve(axes, measure.times(run), values, color=colour, label=label, linewidth=0.9)
+def _forces(run: Run, name: str) -> Plot:
+    commanded, true = (measure.contact_track(run, name, true=which) for which in (False, True))
+    curves = [
+        Curve(label, track.normal) for label, track in (("commanded", commanded), ("true", true)) if track is not None
+    ]
+    if commanded is not None and true is not None:
+        curves.append(Curve("true − commanded", true.normal - commanded.normal))
+    return Plot(f"force.{name}", f"{name}: normal force", "N", measure.times(run), curves)
 
 
-def _friction(axes: Axes, friction: float | None) -> None:
-    if friction is not None:
-        style.bound(axes, float(friction), f"friction {float(friction):g}")
-        axes.set_ylim(0, max(1.25 * float(friction), 1.05 * axes.get_ylim()[1]))
+def _ratio(run: Run, name: str) -> Plot:
+    tracks = (("commanded", measure.contact_track(run, name, true=False)),
+              ("true", measure.contact_track(run, name, true=True)))  # fmt: skip
+    curves = [Curve(label, track.ratio) for label, track in tracks if track is not None]
+    bounds = []
+    if (own := run.meta["contacts"][name].get("friction")) is not None:
+        bounds.append(Bound(float(own), f"controller's friction {float(own):g}"))
+    if (floor := _floor(run, name)) is not None:
+        bounds.append(Bound(floor, f"floor's friction {floor:g}"))
+    title = f"{name}: tangential / normal force"
+    return Plot(f"ratio.{name}", title, "", measure.times(run), curves, bounds, zero=True)
 
 
-def _cop(axes: Axes, run: Run, name: str) -> None:
-    half = run.meta["contacts"][name].get("half_size")
-    if not half:
-        axes.set_visible(False)
-        return
+def _pressure(run: Run, name: str) -> list[Item]:
+    """The way of the centre of pressure in the sole."""
+    half, track = run.meta["contacts"][name].get("half_size"), _best(run, name)
+    if not half or track.cop is None:
+        return []
     x, y = (1e3 * float(size) for size in half)
-    axes.fill(
-        [x, x, -x, -x], [y, -y, -y, y], facecolor=style.PAPER, edgecolor=style.RED, linewidth=0.9, linestyle=(0, (4, 3))
-    )
-    for true, colour in ((True, TRUE), (False, COMMANDED)):
-        track = measure.contact_track(run, name, true=true)
-        if track is not None and track.cop is not None:
-            step = max(1, len(track.cop) // 1500)
-            axes.plot(*(1e3 * track.cop[::step]).T, color=colour, linewidth=0.8)
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_xlim(-1.15 * x, 1.15 * x)
-    axes.set_ylim(-1.3 * y, 1.3 * y)
-    axes.set_title("")
-    axes.set_xlabel("CoP x [mm]")
-    axes.set_ylabel("CoP y [mm]")
+    sole = np.array([[x, y], [x, -y], [-x, -y], [-x, y]])
+    path = 1e3 * track.cop
+    title = f"{name}: centre of pressure in the sole"
+    return [Map(f"cop.{name}", title, "mm", measure.times(run), path[:, 0], path[:, 1], [("sole", sole)])]
+
+
+def _best(run: Run, name: str) -> measure.ContactTrack:
+    """The true force where it was measured, or else the commanded one."""
+    track = measure.contact_track(run, name, true=True) or measure.contact_track(run, name, true=False)
+    assert track is not None, "only contacts with a recorded force get here"
+    return track
+
+
+def _floor(run: Run, name: str) -> float | None:
+    friction = (run.meta.get("plant") or {}).get("friction")
+    return float(friction[name]) if isinstance(friction, dict) and name in friction else None
 
 
 def _row(run: Run, name: str) -> tuple[Any, ...]:
-    contact = run.meta["contacts"][name]
+    contact, track = run.meta["contacts"][name], _best(run, name)
     commanded, true = (measure.contact_track(run, name, true=which) for which in (False, True))
-    track = true or commanded
-    assert track is not None, "only contacts with a recorded force get here"
     margin = None
     if track.cop is not None:
         gap = np.asarray(contact["half_size"], dtype=float) - np.abs(track.cop)
         margin = 1e3 * float(np.nanmin(gap, initial=np.inf))
     slip = measure.slip(run, name)
     worst = [None if part is None else float(np.nanmax(part.ratio, initial=0.0)) for part in (commanded, true)]
-    return (name, contact.get("friction"), *worst, float(track.normal.min()), float(track.normal.max()), margin,
-            None if slip is None else 1e3 * slip)  # fmt: skip
+    return (name, contact.get("friction"), _floor(run, name), *worst, float(track.normal.min()),
+            float(track.normal.max()), margin, None if slip is None else 1e3 * slip)  # fmt: skip

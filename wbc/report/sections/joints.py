@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.report import measure, style
-from wbc.report.document import Figure, Item, Section, Table
-from wbc.report.sections.use import name_joints, short_names, use_figure, use_table
+from wbc.report import measure
+from wbc.report.document import Bar, Bound, Cell, Curve, Plot, Section, Table
+from wbc.report.sections.use import LONG, WORST, short_names, use_plot, use_table
 from wbc.sim.scenario import ScenarioResult
 
 
@@ -17,55 +17,46 @@ def section(result: ScenarioResult) -> Section | None:
         return None
     _, velocity = measure.joint_state(run)
     share = measure.use(run)["velocity"]
-    caption = "Share of the velocity limit: the fastest joints over time, and largest and rms of every joint."
     units = [f"{unit}/s" for unit in run.meta.get("joint_units", [])]
-    items: list[Item] = [
-        use_figure(run, share, "velocities", "|v| / v_max", caption),
-        use_table(run, velocity, share, measure.limits(run)["v_max"], units, kind="velocity"),
-        _ranges(result),
-        _position_table(result),
-    ]
-    return Section("Joint velocities and positions", items)
+    return Section(
+        "Joint velocities and positions",
+        [
+            use_plot(run, share, "velocities", "Speed in use, |v| / v_max"),
+            _positions(result),
+            use_table(run, velocity, share, measure.limits(run)["v_max"], units, kind="velocity"),
+            _table(result),
+        ],
+    )
 
 
-def _ranges(result: ScenarioResult) -> Figure:
-    """A bar from the lowest to the highest position of every joint inside its own limits."""
+def _positions(result: ScenarioResult) -> Plot:
+    """Where each joint is between its limits, those nearest to one first."""
     run = result.run
     q, _ = measure.joint_state(run)
     low, high = (measure.limits(run)[name] for name in ("q_min", "q_max"))
     bounded = np.isfinite(low) & np.isfinite(high) & (high > low)
-    span = np.where(bounded, high - low, 1.0)
-    reached = [(edge(q, axis=0) - np.where(bounded, low, 0.0)) / span for edge in (np.nanmin, np.nanmax)]
-    start = (q[0] - np.where(bounded, low, 0.0)) / span
+    share = 100.0 * (q - np.where(bounded, low, 0.0)) / np.where(bounded, high - low, np.nan)
     names = short_names(run.meta["joint_names"])
-    with style.Canvas(height=3.0) as canvas:
-        axes = canvas.axes[0]
-        for x, (lo, hi, at, ok) in enumerate(zip(*reached, start, bounded, strict=True)):
-            axes.bar(x, 1.0, width=0.62, color=style.PAPER, linewidth=0)
-            if not ok:
-                axes.text(x, 0.5, "no limit", ha="center", va="center", fontsize=7, color=style.FAINT, rotation=90)
-                continue
-            colour = style.RED if lo < -1e-9 or hi > 1 + 1e-9 else style.BLUE
-            axes.bar(x, max(hi - lo, 0.006), bottom=lo, width=0.62, color=colour, linewidth=0)
-            axes.plot([x], [at], marker="_", color=style.ORANGE, markersize=7, markeredgewidth=1.6)
-        name_joints(axes, names)
-        axes.set_ylim(-0.03, 1.03)
-        axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["lower limit", "25 %", "50 %", "75 %", "upper limit"])
-        axes.set_title("Positions reached between the limits")
-        caption = (
-            "Blue: the range each joint went through, relative to its limits; red: beyond them. Orange: where it began."
-        )
-        return canvas.figure("positions", caption)
+    nearest = np.argsort(np.nan_to_num(-np.abs(share - 50.0).max(axis=0), nan=0.0), kind="stable")
+    curves = [Curve(names[i], share[:, i], shown=k < WORST) for k, i in enumerate(nearest) if bounded[i]]
+    bounds = [Bound(0.0, "lower limit"), Bound(100.0, "upper limit")]
+    return Plot("positions", "Positions between the limits", "%", measure.times(run), curves, bounds, wide=True)
 
 
-def _position_table(result: ScenarioResult) -> Table:
+def _table(result: ScenarioResult) -> Table:
     run = result.run
     q, _ = measure.joint_state(run)
     bound = measure.limits(run)
     units = run.meta.get("joint_units") or [""] * q.shape[1]
-    columns = ("joint", "unit", "lowest", "highest", "lower limit", "upper limit", "smallest margin")
-    rows = []
+    columns = ("joint", "unit", "lowest", "highest", "lower limit", "upper limit", "smallest margin", "range")
+    rows: list[tuple[Cell, ...]] = []
     for i, name in enumerate(run.meta["joint_names"]):
-        lo, hi, low, high = q[:, i].min(), q[:, i].max(), bound["q_min"][i], bound["q_max"][i]
-        rows.append((name, units[i], float(lo), float(hi), float(low), float(high), float(min(lo - low, high - hi))))
-    return Table(columns, rows, "Positions of every joint.", folded=True)
+        lo, hi, low, high = (float(x) for x in (q[:, i].min(), q[:, i].max(), bound["q_min"][i], bound["q_max"][i]))
+        shown: Cell = "no limit"
+        if np.isfinite(low) and np.isfinite(high) and high > low:
+            a, b, start = ((x - low) / (high - low) for x in (lo, hi, float(q[0, i])))
+            within = np.clip([a, max(b, a + 0.01), start], 0.0, 1.0)
+            shown = Bar(float(within[0]), float(within[1]), "", float(within[2]), a >= -1e-9 and b <= 1 + 1e-9)
+        rows.append((name, units[i], lo, hi, low, high, min(lo - low, high - hi), shown))
+    caption = "Positions of every joint. Bar: the range it went through between its limits; the line is where it began."
+    return Table(columns, rows, caption, len(rows) > LONG)

@@ -7,19 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.report import measure, smoothness, style
-from wbc.report.document import Cell, Figure, Item, Section, Table
-from wbc.report.sections.use import name_joints, short_names
+from wbc.report import measure, smoothness
+from wbc.report.document import Bound, Cell, Curve, Item, Plot, Section, Table
+from wbc.report.sections.use import short_names
 from wbc.report.smoothness import Moved
 from wbc.sim.scenario import ScenarioResult
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from wbc.control.recorder import Run
 
-#: As many curves as can be told apart.
-SHOWN = 5
+#: As many curves as can be told apart, and points of a spectrum.
+SHOWN, POINTS = 5, 1200
 
 
 def section(result: ScenarioResult) -> Section | None:
@@ -28,7 +26,7 @@ def section(result: ScenarioResult) -> Section | None:
     if not joints:
         return None
     points = smoothness.points(result.run, result.robot)
-    items: list[Item] = [_figure(result.run, points, joints)]
+    items = _plots(result.run, points, joints)
     kind = _kind(joints)
     caption = (
         f"Jerk, rms of the {kind} and its share of power above 3 Hz are the command's, a freeze is the motion's: the "
@@ -59,64 +57,28 @@ def _table(moved: Sequence[Moved], what: str, caption: str, folded: bool = False
     return Table(columns, rows, caption, folded)
 
 
-def _figure(run: Run, points: Sequence[Moved], joints: Sequence[Moved]) -> Figure:
+def _plots(run: Run, points: Sequence[Moved], joints: Sequence[Moved]) -> list[Item]:
+    """Jerk over time, and which share of the power lies below a frequency."""
     names = dict(zip((joint.name for joint in joints), short_names([joint.name for joint in joints]), strict=True))
-    shown = _worst(points) if points else _worst(joints)
-    with style.Canvas(3, 1, height=7.6) as canvas:
-        over_time, over_frequency, per_joint = canvas.axes
-        units = {one.unit for one in shown}
-        for k, one in enumerate(shown):
-            t = measure.times(run)[one.order :]
-            label = names.get(one.name, one.name)
-            style.curve(over_time, t, one.jerk_size, color=style.CYCLE[k], label=label, linewidth=0.9)
-            _cumulative(over_frequency, one, label, style.CYCLE[k])
-        unit = units.pop() if len(units) == 1 else "unit"
-        style.over_time(over_time, run, "Jerk over time", f"jerk [{unit}/s³]")
-        over_time.set_ylim(bottom=0)
-        style.legend(over_time)
-        _frequencies(over_frequency, run, _kind(joints))
-        _bars(per_joint, joints, list(names.values()))
-        who = "task points" if points else "joints with the largest jerk"
-        return canvas.figure(
-            "smoothness",
-            f"Jerk of the {who}; which share of the power of their {_kind(joints)} lies below a frequency; and the "
-            f"{_kind(joints)} of every joint, with the part above 3 Hz, where shaking is." + style.shaded(run),
-        )
-
-
-def _bars(axes: Axes, joints: Sequence[Moved], names: Sequence[str]) -> None:
-    """The rms of each joint's command, and of its part above 3 Hz."""
-    rms = np.array([joint.command_rms for joint in joints])
-    shaking = rms * np.sqrt(np.nan_to_num([joint.shaking for joint in joints]))
-    axes.bar(range(len(rms)), rms, width=0.62, color=style.BLUE + "55", linewidth=0, label="all")
-    axes.bar(range(len(rms)), shaking, width=0.62, color=style.ORANGE, linewidth=0, label="above 3 Hz")
-    name_joints(axes, names)
-    axes.set_ylim(bottom=0)
-    per = "/s²" if joints[0].order == 1 else "/s"
-    axes.set_ylabel("rms " + ", ".join(f"[{unit}{per}]" for unit in dict.fromkeys(joint.unit for joint in joints)))
-    axes.set_title(f"{_kind(joints).capitalize()} of every joint")
-    style.legend(axes)
+    moved = _worst(points or joints)
+    units = {one.unit for one in moved}
+    unit = units.pop() if len(units) == 1 else "unit"
+    t = measure.times(run)[moved[0].order :]
+    jerks = [Curve(names.get(one.name, one.name), one.jerk_size, shown=k < SHOWN) for k, one in enumerate(moved)]
+    who = "task points" if points else "joints"
+    made: list[Item] = [Plot("jerk", f"Jerk of {who}", f"{unit}/s³", t, jerks, zero=True)]
+    spectra = [(names.get(one.name, one.name), *smoothness.spectrum(one.command, one.dt)) for one in moved[:SHOWN]]
+    moving = [(label, frequency, power) for label, frequency, power in spectra if power.sum() > 0.0]
+    if moving:
+        frequency = moving[0][1]
+        kept = np.unique(np.geomspace(1, len(frequency), POINTS).astype(int)) - 1
+        shares = [Curve(label, (100.0 * np.cumsum(power) / power.sum())[kept]) for label, _, power in moving]
+        made.append(
+            Plot("power", f"Power of the {_kind(joints)} below a frequency", "%", frequency[kept], shares,
+                 [Bound(smoothness.SHAKING, "3 Hz", "x")], over="frequency [Hz]", log="x", zero=True)
+        )  # fmt: skip
+    return made
 
 
 def _worst(moved: Sequence[Moved]) -> list[Moved]:
-    return sorted(moved, key=lambda one: -one.jerk_rms)[:SHOWN]
-
-
-def _cumulative(axes: Axes, one: Moved, label: str, colour: str) -> None:
-    frequency, power = smoothness.spectrum(one.command, one.dt)
-    if power.sum() > 0.0:
-        kept = np.unique(np.geomspace(1, len(power), style.POINTS).astype(int)) - 1
-        axes.plot(frequency[kept], (np.cumsum(power) / power.sum())[kept], color=colour, label=label)
-
-
-def _frequencies(axes: Axes, run: Run, kind: str) -> None:
-    style.logarithmic(axes, "x")
-    lowest, highest = 1.0 / measure.seconds(run), 0.5 / float(run.meta["dt"])
-    axes.set_xlim(min(lowest, 0.5 * smoothness.SHAKING), max(highest, 2.0 * smoothness.SHAKING))
-    axes.set_ylim(0, 1.2)
-    axes.set_yticks([0, 0.25, 0.5, 0.75, 1])
-    axes.yaxis.set_major_formatter(lambda x, _: f"{100 * x:.3g} %")
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("power below it")
-    axes.set_title(f"Where the power of the {kind} lies")
-    style.bound(axes, smoothness.SHAKING, "3 Hz", vertical=True)
+    return sorted(moved, key=lambda one: -one.jerk_rms)

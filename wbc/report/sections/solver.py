@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.report import measure, style
-from wbc.report.document import Cell, Item, Section, Table, percent
+from wbc.report import measure
+from wbc.report.document import Bound, Cell, Curve, Item, Plot, Section, Table, percent
 from wbc.sim.scenario import ScenarioResult
 from wbc.types import Status
 
+#: The lowest residual on a logarithmic axis.
+LEAST = 1e-18
+
 
 def section(result: ScenarioResult) -> Section | None:
-    """Tables of statuses and of solver statistics, and active rows and iterations over time."""
+    """Tables of statuses and of solver statistics, and active rows, iterations and certificates over time."""
     run = result.run
     if "status" not in run or not run.rows:
         return None
@@ -29,17 +32,26 @@ def section(result: ScenarioResult) -> Section | None:
                 "How far each task can be from its optimum: at most this, as the certificate proves it in each tick.",
             )
         )  # fmt: skip
-    drawn = [(name, label) for name, label in (("active", "active rows"), ("iterations", "iterations")) if name in run]
-    if drawn:
-        with style.Canvas(1, len(drawn), height=2.2) as canvas:
-            for axes, (name, label) in zip(canvas.axes, drawn, strict=True):
-                style.curve(
-                    axes, measure.times(run), np.asarray(run[name], dtype=float), color=style.BLUE, linewidth=0.8
-                )
-                style.over_time(axes, run, label.capitalize(), label)
-                axes.set_ylim(bottom=0)
-            items.append(canvas.figure("solver", "Rows at a limit, and iterations of the solver, on every tick."))
-    return Section("Solver", items)
+    return Section("Solver", [*_plots(result), *items])
+
+
+def _plots(result: ScenarioResult) -> list[Plot]:
+    """Rows at a limit, iterations, and what certificates say, on every tick."""
+    run, t = result.run, measure.times(result.run)
+    drawn = [(name, label) for name, label in (("active", "Active rows"), ("iterations", "Iterations")) if name in run]
+    plots = [
+        Plot(name, label, "", t, [Curve(label.lower(), np.asarray(run[name], dtype=float))], zero=True)
+        for name, label in drawn
+    ]
+    if "certificate" in run:
+        proof = np.maximum(np.asarray(run["certificate"], dtype=float), LEAST)
+        curves = [Curve(name, values) for name, values in zip(("primal", "dual", "gap"), proof.T, strict=True)]
+        caption = "Primal residual in the row's unit; dual residual and gap relative to the cost. A gap: no answer."
+        bounds = [Bound(1e-6, "certified below")]
+        plots.append(
+            Plot("certificate", "Residuals of the certificate", "", t, curves, bounds, caption=caption, log="y")
+        )
+    return plots
 
 
 def _statistics(result: ScenarioResult) -> list[tuple[str, Cell]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wbc.report import measure
 from wbc.report.document import Section
-from wbc.report.sections.use import use_figure, use_table
+from wbc.report.sections.use import use_plot, use_table
 from wbc.sim.scenario import ScenarioResult
 
 
@@ -14,8 +14,7 @@ def section(result: ScenarioResult) -> Section | None:
     share, tau = measure.use(run).get("torque"), measure.torques(run)
     if share is None or tau is None or not share.size:
         return None
-    caption = "Share of the torque limit: the hardest worked joints over time, and largest and rms of every joint."
     bound = measure.limits(run)["tau_max"]
     units = ["N m" if unit == "rad" else "N" for unit in run.meta.get("joint_units", [])]
     table = use_table(run, tau, share, bound, units, kind="torque")
-    return Section("Torques against limits", [use_figure(run, share, "torques", "|τ| / τ_max", caption), table])
+    return Section("Torques against limits", [use_plot(run, share, "torques", "Torque in use, |τ| / τ_max"), table])

@@ -1,4 +1,4 @@
-"""Share of a limit in use: one figure and one table that torques and velocities have in common."""
+"""Share of a limit in use: one plot and one table that torques and velocities have in common."""
 
 from __future__ import annotations
 
@@ -7,37 +7,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.report import measure, style
-from wbc.report.document import Figure, Table, percent
+from wbc.report import measure
+from wbc.report.document import Bar, Bound, Curve, Plot, Table, percent
 from wbc.types import Vec
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from wbc.control.recorder import Run
 
 WORST = 4
+#: A table of more joints is shown when asked for.
+LONG = 14
+#: Where the limit stands in the bar of a joint.
+LIMIT = 0.8
 
 
-def use_figure(run: Run, share: Vec, name: str, label: str, caption: str) -> Figure:
-    """``share`` (N, nj) of a limit over time for the worst joints, and its peak and rms for all of them."""
+def use_plot(run: Run, share: Vec, name: str, title: str) -> Plot:
+    """``share`` (N, nj) of a limit over time: the worst joints, the largest of the others, and each of them."""
     names = short_names(run.meta["joint_names"])
-    peak, rms = share.max(axis=0), np.sqrt((share**2).mean(axis=0))
-    worst = [int(i) for i in np.argsort(-peak, kind="stable")[:WORST]]
-    top = max(float(peak.max(initial=0.0)), 0.02)
-    with style.Canvas(2, 1, height=5.0) as canvas:
-        over_time, per_joint = canvas.axes
-        _curves(over_time, run, share, [(i, names[i]) for i in worst])
-        style.over_time(over_time, run, "Over time", label)
-        _bars(per_joint, names, peak, rms)
-        per_joint.set_ylabel(label)
-        for axes in canvas.axes:
-            axes.set_ylim(0.0, 1.12 * max(top, 1.0) if top > 0.5 else 1.08 * top)
-            axes.yaxis.set_major_formatter(lambda x, _: f"{100 * x:.3g} %")
-            style.legend(axes)
-            if top > 0.5:
-                style.bound(axes, 1.0, "limit")
-        return canvas.figure(name, caption)
+    worst = list(np.argsort(-share.max(axis=0), kind="stable"))
+    shown, others = worst[:WORST], worst[WORST:]
+    curves = [Curve(names[i], 100.0 * share[:, i]) for i in shown]
+    if others:
+        curves.append(Curve("largest other", 100.0 * share[:, others].max(axis=1), faint=True))
+        curves += [Curve(names[i], 100.0 * share[:, i], shown=False) for i in others]
+    return Plot(name, title, "%", measure.times(run), curves, [Bound(100.0, "limit")], zero=True, wide=True)
 
 
 def use_table(run: Run, values: Vec, share: Vec, bound: Vec, units: Sequence[str], *, kind: str) -> Table:
@@ -46,41 +39,22 @@ def use_table(run: Run, values: Vec, share: Vec, bound: Vec, units: Sequence[str
     names = run.meta["joint_names"]
     rows = [
         (names[i], units[i] if units else "", float(np.nanmax(np.abs(values[:, i]), initial=0.0)), float(bound[i]),
-         percent(float(share[:, i].max())) if np.isfinite(bound[i]) and bound[i] > 0 else "–")
+         _bar(share[:, i], float(bound[i])))
         for i in order
     ]  # fmt: skip
+    columns = ("joint", "unit", f"largest |{kind}|", "limit", "in use, at most")
     return Table(
-        ("joint", "unit", f"largest |{kind}|", "limit", "in use"), rows, f"{kind.capitalize()} of every joint.", True
+        columns, rows, f"{kind.capitalize()} of every joint; the line in a bar is the limit.", len(rows) > LONG
     )
 
 
 def short_names(names: Sequence[str]) -> list[str]:
-    """Joint names without the word that all of them end with, for the axes of a figure."""
+    """Joint names without the word that all of them end with."""
     return [name.removesuffix("_joint") for name in names] if all(n.endswith("_joint") for n in names) else list(names)
 
 
-def name_joints(axes: Axes, names: Sequence[str]) -> None:
-    """One place on the x axis for each joint, its name upright below it where there are many."""
-    many = len(names) > 8
-    axes.set_xticks(range(len(names)), names, rotation=90 if many else 0, fontsize=7 if many else 8)
-    axes.set_xlim(-0.6, len(names) - 0.4)
-    axes.grid(axis="x", visible=False)
-
-
-def _curves(axes: Axes, run: Run, share: Vec, worst: Sequence[tuple[int, str]]) -> None:
-    t = measure.times(run)
-    shown = {i for i, _ in worst}
-    others = [i for i in range(share.shape[1]) if i not in shown]
-    if others:
-        style.curve(axes, t, share[:, others].max(axis=1), color=style.FAINT, label="largest other", linewidth=0.9)
-    for k, (i, name) in reversed(list(enumerate(worst))):
-        style.curve(axes, t, share[:, i], color=style.CYCLE[k], label=name)
-
-
-def _bars(axes: Axes, names: Sequence[str], peak: Vec, rms: Vec) -> None:
-    places = np.arange(len(names))
-    colours = [style.RED if p > 1 + 1e-9 else style.BLUE for p in peak]
-    axes.bar(places, peak, width=0.62, color=[c + "55" for c in colours], linewidth=0, label="largest")
-    axes.bar(places, rms, width=0.62, color=colours, linewidth=0, label="rms")
-    name_joints(axes, names)
-    axes.set_title("Every joint")
+def _bar(share: Vec, bound: float) -> Bar | str:
+    if not np.isfinite(bound) or bound <= 0:
+        return "–"
+    most = float(share.max())
+    return Bar(0.0, min(LIMIT * most, 1.0), percent(most), LIMIT, most <= 1 + 1e-9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.report.document import Bar, Item, Section, Table, Text, number, percent
+from wbc.report.document import Bar, Item, Link, Section, Table, Text, number, percent
 from wbc.sim.scenario import Check, ScenarioResult, failed_first
 
 #: Where the bound stands in the bar of a demand, in shares of its width.
@@ -16,7 +16,7 @@ def section(result: ScenarioResult) -> Section:
     items: list[Item] = []
     if result.verdict:
         rows = [
-            (c.text, c.value, f"{c.sign} {number(c.bound)}", c.unit, margin(c), c.ok, str(c.place))
+            (c.text, c.value, f"{c.sign} {number(c.bound).replace('e-0', 'e-')}", c.unit, margin(c), c.ok, _where(c))
             for c in failed_first(result.verdict)
         ]
         columns = ("demanded", "came out", "bound", "unit", "of the bound", "holds", "where")
@@ -38,6 +38,11 @@ def section(result: ScenarioResult) -> Section:
     if figures:
         items.append(Table(("figure", "value"), figures, "Other figures of this scenario, as recorded.", folded=True))
     return Section("Verdict", items)
+
+
+def _where(check: Check) -> str | Link:
+    at, _, plot = check.place
+    return str(check.place) if at is None or not plot else Link(str(check.place), plot, at)
 
 
 def margin(check: Check) -> Bar:

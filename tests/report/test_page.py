@@ -1,0 +1,174 @@
+"""The page in a real browser: one cursor, zoom, legends, the robot at the time of a click, keys, phone, dark, print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wbc.models import load
+from wbc.report import run_report, write
+from wbc.sim.scenario import Check, Place, ScenarioResult
+
+from .browser import Browser, browser, installed
+from .conftest import standing_run
+
+CHROMIUM = installed()
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed to look at the page with"),
+]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of a run with a demand that failed at 0.5 s."""
+    failed = Check("slip of a foot", 2e-3, "<", 1e-3, "m", Place(0.5, "left_foot", "slip"))
+    place = tmp_path_factory.mktemp("page")
+    write(run_report(ScenarioResult(standing_run(), False, {}, {}, [failed], robot=load("humanoid"))), place)
+    return place / "report.html"
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """One browser for all tests."""
+    assert CHROMIUM is not None
+    with browser(CHROMIUM) as running:
+        yield running
+
+
+@pytest.fixture
+def tab(chromium: Browser, page: Path) -> Browser:
+    """The page, opened anew on a wide window."""
+    chromium.errors.clear()
+    chromium.open(page)
+    return chromium
+
+
+def shown(tab: Browser, name: str) -> tuple[float, float, float, float]:
+    """Bring a plot into view; left, top, width and height of the area of its curves."""
+    box: list[float] = tab.run(
+        f"""(() => {{ const u = report.plots.find(p => report.data.plots[p.box.dataset.plot].name === "{name}").u;
+        u.over.scrollIntoView({{block: "center", behavior: "instant"}});
+        const r = u.over.getBoundingClientRect(); return [r.left, r.top, r.width, r.height]; }})()"""
+    )
+    tab.settle()
+    left, top, width, height = box
+    return left, top, width, height
+
+
+def plot(tab: Browser, name: str, then: str) -> Any:
+    """The value of an expression about the plot ``u``."""
+    return tab.run(f"(u => {then})(report.plots.find(p => report.data.plots[p.box.dataset.plot].name === '{name}').u)")
+
+
+def test_the_page_asks_nobody_and_makes_no_error(tab: Browser, page: Path):
+    assert tab.errors == []
+    assert all(address == page.as_uri() or address.startswith(("data:", "about:")) for address in tab.requests)
+
+
+def test_one_cursor_goes_through_all_plots(tab: Browser):
+    left, top, width, height = shown(tab, "velocities")
+    tab.mouse("mouseMoved", left + width / 2, top + height / 2)
+    tab.settle()
+    here, there = (plot(tab, name, "u.cursor.idx") for name in ("velocities", "positions"))
+    assert here == there == pytest.approx(59, abs=2)
+
+
+def test_a_drag_zooms_every_plot_and_a_double_click_shows_the_whole_run(tab: Browser):
+    left, top, width, height = shown(tab, "torques")
+    y = top + height / 2
+    tab.mouse("mouseMoved", left + 0.25 * width, y)
+    tab.mouse("mousePressed", left + 0.25 * width, y)
+    for k in range(1, 6):
+        tab.mouse("mouseMoved", left + (0.25 + 0.05 * k) * width, y, buttons=1)
+    tab.mouse("mouseReleased", left + 0.5 * width, y)
+    tab.settle()
+    for name in ("torques", "velocities", "slip"):
+        low, high = plot(tab, name, "[u.scales.x.min, u.scales.x.max]")
+        assert low == pytest.approx(0.3, abs=0.02) and high == pytest.approx(0.6, abs=0.02)
+    for count in (1, 2):
+        tab.mouse("mousePressed", left + 0.5 * width, y, clickCount=count)
+        tab.mouse("mouseReleased", left + 0.5 * width, y, clickCount=count)
+    tab.settle()
+    assert plot(tab, "slip", "u.scales.x.max") == pytest.approx(1.19)
+
+
+def test_a_click_in_a_legend_shows_a_curve_and_so_does_a_key(tab: Browser):
+    shown(tab, "torques")
+    last = "u.series[u.series.length - 1].show"
+    assert plot(tab, "torques", last) is False
+    x, y = plot(
+        tab, "torques",
+        """(() => { const e = [...u.root.querySelectorAll('.u-series th')].at(-1);
+        e.scrollIntoView({block: "nearest", behavior: "instant"});
+        const r = e.getBoundingClientRect(); return [r.left + 5, r.top + r.height / 2]; })()""",
+    )  # fmt: skip
+    tab.click(x, y)
+    assert plot(tab, "torques", last) is True
+    plot(tab, "torques", "[...u.root.querySelectorAll('.u-series th')].at(-1).focus()")
+    tab.key("Enter", "\r")
+    assert plot(tab, "torques", last) is False
+
+
+def test_a_click_on_a_curve_moves_the_robot_there(tab: Browser):
+    before = tab.run("document.querySelector('[data-scene]').at()")
+    left, top, width, height = shown(tab, "tracking.CenterOfMass")
+    tab.click(left + 0.25 * width, top + 0.5 * height)
+    assert tab.run("report.clock.t") == pytest.approx(0.3, abs=0.01)
+    assert tab.run("Number(document.querySelector('[data-slider]').value)") == pytest.approx(0.3, abs=0.01)
+    assert tab.run("document.querySelector('[data-scene]').at()") != before
+
+
+def test_keys_step_play_and_jump_to_marks(tab: Browser):
+    tab.key("ArrowRight")
+    assert tab.run("report.clock.t") == pytest.approx(0.01)
+    for expected in (0.3, 0.5):  # the push, and the demand that failed
+        tab.key("n")
+        assert tab.run("report.clock.t") == pytest.approx(expected)
+    tab.key("Home")
+    tab.key(" ", " ")
+    tab.run("new Promise(done => setTimeout(done, 300))")
+    assert tab.run("report.clock.playing") and tab.run("report.clock.t") > 0.0
+    tab.key(" ", " ")
+    assert not tab.run("report.clock.playing")
+    shown(tab, "slip")
+    tab.key("End")
+    assert plot(tab, "slip", "u.cursor.idx") == 119
+
+
+def test_a_failed_demand_leads_to_its_curve_at_that_time(tab: Browser):
+    tab.run("document.querySelector('td [data-at]').click()")
+    tab.settle()
+    assert tab.run("report.clock.t") == pytest.approx(0.5)
+    assert plot(tab, "slip", "u.scales.x.min") == pytest.approx(0.25)
+    middle = plot(tab, "slip", "(r => r.top + r.height / 2)(u.over.getBoundingClientRect())")
+    assert 200 < middle < 800
+
+
+@pytest.mark.parametrize("width", [390, 940, 1400])
+def test_the_page_is_as_wide_as_the_window(chromium: Browser, page: Path, width: int):
+    chromium.open(page, width=width, height=844)
+    assert chromium.run("document.documentElement.scrollWidth") == width
+    assert not chromium.errors
+
+
+def test_the_page_is_dark_where_that_is_wished(chromium: Browser, page: Path):
+    chromium.open(page, dark=True)
+    dark = chromium.run("getComputedStyle(document.body).backgroundColor")
+    chromium.open(page)
+    light = chromium.run("getComputedStyle(document.body).backgroundColor")
+    assert dark == "rgb(18, 22, 27)" and light == "rgb(246, 247, 249)"
+
+
+def test_folds_are_open_while_the_page_is_printed(tab: Browser, tmp_path: Path):
+    folded = "document.querySelectorAll('details:not([open])').length"
+    before = tab.run(folded)
+    tab.run("window.dispatchEvent(new Event('beforeprint'))")
+    assert before > 2 and tab.run(folded) == 0
+    tab.run("window.dispatchEvent(new Event('afterprint'))")
+    assert tab.run(folded) == before
+    tab.printed(tmp_path / "page.pdf")
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")

@@ -1,0 +1,316 @@
+// The page of a run: plots over time with one cursor, a clock that the robot follows, marks of what happened.
+"use strict";
+(() => {
+  const holder = document.getElementById("page-data");
+  if (!holder) return;
+  const data = JSON.parse(holder.textContent);
+  const reduced = (value) => (value == null ? "–" : Number(value.toPrecision(4)).toString());
+
+  // ---- numbers: float64 as they are; curves in 65 535 steps between their least and largest value, the last is a gap
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  const arrays = data.arrays.map((packed) => {
+    if (packed.f64 !== undefined) return Array.from(new Float64Array(bytes(packed.f64)));
+    const steps = new Uint16Array(bytes(packed.u16)), step = (packed.high - packed.low) / 65534;
+    return Array.from(steps, (k) => (k === 65535 ? null : packed.low + k * step));
+  });
+
+  // ---- the clock: one time [s] for everything on the page
+  const clock = { t: 0, playing: false, speed: 1, end: data.seconds, step: data.dt };
+  const followers = [];
+  function go(t) {
+    clock.t = Math.min(Math.max(t, 0), clock.end);
+    for (const follow of followers) follow(clock.t);
+  }
+  let last = 0;
+  function frame(now) {
+    if (!clock.playing) return;
+    const t = clock.t + Math.min(now - last, 100) * 1e-3 * clock.speed;
+    last = now;
+    go(t);
+    if (t >= clock.end) play(false);
+    requestAnimationFrame(frame);
+  }
+  function play(on) {
+    clock.playing = on;
+    if (on && clock.t >= clock.end) go(0);
+    last = performance.now();
+    if (on) requestAnimationFrame(frame);
+    for (const button of document.querySelectorAll("[data-play]")) {
+      button.textContent = on ? "❚❚" : "▶";
+      button.setAttribute("aria-label", on ? "pause" : "play");
+    }
+  }
+
+  // ---- colours, which follow light and dark
+  const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const colour = (k) => () => style(`--curve-${k % 8}`);
+  const ink = () => style("--ink"), line = () => style("--line"), soft = () => style("--soft");
+
+  // ---- plots
+  const plots = [];
+  const visible = new WeakMap();
+  const watcher = new IntersectionObserver((seen) => {
+    for (const one of seen) visible.set(one.target, one.isIntersecting);
+    if (!hovering) point(clock.t);
+  }, { rootMargin: "100px" });
+  let hovering = false;
+
+  function marks(spec) {
+    const label = (text, kind) => Object.assign(document.createElement("span"), { className: kind, textContent: text });
+    const head = document.createElement("i");
+    head.className = "head";
+    const lines = spec.bounds.map((bound) => label(bound.label, "bound"));
+    const names = spec.strips.map((strip) => label(strip.label, "strip"));
+    return {
+      head,
+      hooks: {
+        setScale: [(u, key) => { if (key === "x" && spec.time) spread(u); }],
+        ready: [(u) => u.over.append(...lines, ...names, ...(spec.time ? [head] : []))],
+        drawClear: [(u) => {
+          if (!spec.time) return;
+          u.ctx.save();
+          for (const event of data.events) {
+            if (event.kind !== "push" && event.kind !== "fault") continue;
+            rectangle(u, event.start, event.end, 0, 1, style("--push"));
+          }
+          spec.strips.forEach((strip, k) => {
+            const height = 1 / spec.strips.length;
+            const paint = colour(strip.colour)();
+            u.ctx.globalAlpha = 0.5;
+            strip.intervals.forEach(([a, b]) => rectangle(u, a, b, (k + 0.15) * height, (k + 0.95) * height, paint));
+          });
+          u.ctx.restore();
+        }],
+        draw: [(u) => {
+          const { ctx, bbox } = u, ratio = devicePixelRatio;
+          ctx.save();
+          ctx.strokeStyle = style("--bad");
+          ctx.lineWidth = ratio;
+          ctx.setLineDash([4 * ratio, 3 * ratio]);
+          spec.bounds.forEach((bound, k) => {
+            const axis = bound.along === "x" ? "x" : "y", at = u.valToPos(bound.value, axis, true);
+            const from = axis === "y" ? bbox.top : bbox.left, size = axis === "y" ? bbox.height : bbox.width;
+            const inside = at >= from - 1 && at <= from + size + 1;
+            lines[k].hidden = !inside;
+            if (!inside) return;
+            ctx.beginPath();
+            if (axis === "y") { ctx.moveTo(bbox.left, at); ctx.lineTo(bbox.left + bbox.width, at); }
+            else { ctx.moveTo(at, bbox.top); ctx.lineTo(at, bbox.top + bbox.height); }
+            ctx.stroke();
+            const place = (at - from) / ratio;
+            if (axis === "y") lines[k].style.top = `${place < 14 ? place + 1 : place - 14}px`;
+            else Object.assign(lines[k].style, { left: `${place + 3}px`, right: "auto", top: "0" });
+          });
+          for (const event of spec.time ? data.events : []) {
+            if (event.kind !== "failed" || event.plot !== spec.name) continue;
+            const x = u.valToPos(event.start, "x", true);
+            if (x < bbox.left || x > bbox.left + bbox.width) continue;
+            ctx.setLineDash([]);
+            ctx.beginPath();
+            ctx.moveTo(x, bbox.top);
+            ctx.lineTo(x, bbox.top + bbox.height);
+            ctx.stroke();
+          }
+          ctx.restore();
+          spec.strips.forEach((_, k) => { names[k].style.top = `${((k + 0.5) / spec.strips.length) * bbox.height / ratio - 9}px`; });
+          place(u, head);
+        }],
+      },
+    };
+  }
+  function rectangle(u, start, end, top, bottom, fill) {
+    const left = Math.max(u.valToPos(start, "x", true), u.bbox.left);
+    const right = Math.min(u.valToPos(end, "x", true), u.bbox.left + u.bbox.width);
+    if (right <= left) return;
+    u.ctx.fillStyle = fill;
+    u.ctx.fillRect(left, u.bbox.top + top * u.bbox.height, Math.max(right - left, 1), (bottom - top) * u.bbox.height);
+  }
+  function place(u, head) {
+    const x = u.valToPos(clock.t, "x");
+    head.hidden = !(x >= 0 && x <= u.over.clientWidth);
+    head.style.transform = `translateX(${x}px)`;
+  }
+
+  function make(box) {
+    const spec = data.plots[box.dataset.plot];
+    const x = arrays[spec.x], first = x[0], final = x[x.length - 1];
+    const { head, hooks } = marks(spec);
+    const whole = (u) => { const { min, max } = u.scales.x; return min == null || (min <= first + 1e-12 && max >= final - 1e-12); };
+    const bounded = spec.bounds.filter((bound) => bound.along !== "x").map((bound) => bound.value);
+    const range = (u, low, high) => {
+      if (spec.strips.length) return [0, 1];
+      if (low == null) { low = 0; high = 1; }
+      if (whole(u)) { low = Math.min(low, ...bounded); high = Math.max(high, ...bounded); }
+      if (spec.zero) low = Math.min(low, 0);
+      if (spec.log.includes("y")) return uPlot.rangeLog(low, high, 10, false);
+      const room = (high - low || Math.abs(high) || 1) * 0.06;
+      return [spec.zero && low >= 0 ? 0 : low - room, high + room];
+    };
+    const axis = { stroke: soft, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 },
+                   font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif" };
+    const bars = spec.bars ? { paths: uPlot.paths.bars({ size: [1, Infinity], align: 1 }), fill: colour(0) } : {};
+    const u = new uPlot({
+      width: Math.max(box.clientWidth, 200), height: spec.strips.length ? 40 + 22 * spec.strips.length : 190,
+      scales: {
+        x: { time: false, distr: spec.log.includes("x") ? 3 : 1, range: (_, low, high) => [low, high] },
+        y: { distr: spec.log.includes("y") ? 3 : 1, range },
+      },
+      axes: [{ ...axis, size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
+             { ...axis, size: 58, grid: { show: !spec.strips.length, stroke: line, width: 1 }, ticks: { show: !spec.strips.length, stroke: line, width: 1, size: 4 },
+               values: (_, ticks) => ticks.map((v) => (v == null || spec.strips.length ? "" : short(v))) }],
+      series: [
+        { label: spec.over, value: (_, v) => reduced(v) },
+        ...spec.curves.map((curve, k) => ({
+          label: curve.label, stroke: curve.faint ? soft : colour(k), width: 1.3, show: curve.shown, points: { show: false },
+          value: (_, v) => reduced(v), ...bars,
+        })),
+        ...(spec.strips.length ? [{ show: false, label: "" }] : []),
+      ],
+      cursor: {
+        y: false, drag: { x: true, y: false, dist: 4 },
+        sync: spec.time ? { key: "time", scales: ["x", null], filters: { sub: (type) => type === "mousemove" && visible.get(box) } } : undefined,
+      },
+      legend: { show: !spec.strips.length },
+      hooks,
+    }, [x, ...spec.curves.map((curve) => arrays[curve.values]), ...(spec.strips.length ? [x.map(() => null)] : [])], box);
+    box.plot = u;
+    if (spec.time) {
+      plots.push({ u, box, head });
+      let down = 0;
+      u.over.addEventListener("mousedown", (event) => { down = event.clientX; });
+      u.over.addEventListener("click", (event) => {
+        if (Math.abs(event.clientX - down) < 4) { play(false); go(u.posToVal(event.offsetX, "x")); }
+      });
+      u.over.addEventListener("mouseenter", () => { hovering = true; });
+      u.over.addEventListener("mouseleave", () => { hovering = false; requestAnimationFrame(() => point(clock.t)); });
+    }
+    for (const entry of box.querySelectorAll(".u-series th")) {
+      entry.tabIndex = 0;
+      entry.setAttribute("role", "button");
+      entry.addEventListener("keydown", (event) => {
+        if (event.key === "Enter" || event.key === " ") { event.preventDefault(); event.stopPropagation(); entry.click(); }
+      });
+    }
+    watcher.observe(box);
+    new ResizeObserver(() => {
+      const width = Math.floor(box.clientWidth);
+      if (width > 100 && width !== u.width) u.setSize({ width, height: u.height });
+    }).observe(box);
+  }
+  function short(v) {
+    const size = Math.abs(v);
+    return size !== 0 && (size < 1e-3 || size >= 1e5) ? v.toExponential(0).replace("e+", "e") : reduced(v);
+  }
+
+  // ---- the cursor of all plots stands where the clock does, unless the pointer is over one of them
+  function point(t) {
+    for (const { u, box } of plots) {
+      if (!visible.get(box)) continue;
+      const { min, max } = u.scales.x;
+      const at = t > max && t < max + 1.5 * clock.step ? max : t;  // the end is one step behind the last tick
+      u.setCursor(at < min || at > max ? { left: -10, top: -10 } : { left: u.valToPos(at, "x"), top: 10 });
+    }
+  }
+  followers.push((t) => {
+    for (const { u, box, head } of plots) if (visible.get(box)) place(u, head);
+    if (!hovering) point(t);
+  });
+  function zoom(low, high) {
+    const min = Math.max(low, 0), max = Math.min(high, clock.end);
+    if (plots.length && max - min >= 2 * clock.step) plots[0].u.setScale("x", { min, max });
+  }
+  let spreading = false;
+  function spread(source) {
+    if (spreading) return;
+    spreading = true;
+    const { min, max } = source.scales.x;
+    for (const { u } of plots) if (u !== source) u.setScale("x", { min, max });
+    requestAnimationFrame(() => { spreading = false; point(clock.t); });
+  }
+  function nearer(factor) {
+    if (!plots.length) return;
+    const { min, max } = plots[0].u.scales.x, half = 0.5 * factor * (max - min);
+    factor > 1 && half >= 0.5 * clock.end ? zoom(0, clock.end) : zoom(clock.t - half, clock.t + half);
+  }
+
+  // ---- the bar: play, time, marks of what happened
+  const slider = document.querySelector("[data-slider]"), said = document.querySelector("[data-time]");
+  if (slider) {
+    slider.max = clock.end;
+    slider.step = clock.step;
+    slider.addEventListener("input", () => { play(false); go(Number(slider.value)); });
+    followers.push((t) => {
+      slider.value = t;
+      slider.setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
+      said.textContent = `${t.toFixed(3)} s`;
+    });
+    for (const button of document.querySelectorAll("[data-play]")) button.addEventListener("click", () => play(!clock.playing));
+    for (const button of document.querySelectorAll("[data-zoom]")) {
+      button.addEventListener("click", () => (button.dataset.zoom === "0" ? zoom(0, clock.end) : nearer(Number(button.dataset.zoom))));
+    }
+    const speed = document.querySelector("[data-speed]");
+    speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
+  }
+  function show(t, name) {
+    play(false);
+    const box = [...document.querySelectorAll("[data-plot]")].find((one) => data.plots[one.dataset.plot].name === name);
+    zoom(t - 0.25, t + 0.25);
+    go(t);
+    if (box) box.scrollIntoView({ block: "center", behavior: "instant" });
+  }
+  for (const link of document.querySelectorAll("[data-at]")) {
+    link.addEventListener("click", (event) => {
+      event.preventDefault();
+      show(Number(link.dataset.at), link.dataset.shows);
+    });
+  }
+  const moments = [...new Set(data.events.map((event) => event.start))].sort((a, b) => a - b);
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey || /^(SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+    const inside = event.target.tagName === "BUTTON" || event.target.tagName === "SUMMARY";
+    const step = event.shiftKey ? 0.1 : clock.step;
+    const next = (list) => list.find((t) => t > clock.t + 1e-6), previous = (list) => list.findLast((t) => t < clock.t - 1e-6);
+    const done = {
+      " ": () => (inside ? false : play(!clock.playing)),
+      ArrowRight: () => go(clock.t + step), ArrowLeft: () => go(clock.t - step),
+      Home: () => go(0), End: () => go(clock.end),
+      n: () => go(next(moments) ?? clock.t), p: () => go(previous(moments) ?? clock.t),
+      "+": () => nearer(0.5), "=": () => nearer(0.5), "-": () => nearer(2), 0: () => zoom(0, clock.end),
+    }[event.key];
+    if (done && done() !== false) event.preventDefault();
+  });
+
+  // ---- maps: a way in the plane, with a dot where the clock is
+  for (const box of document.querySelectorAll("[data-map]")) {
+    const spec = data.maps[box.dataset.map], t = arrays[spec.t], x = arrays[spec.x], y = arrays[spec.y];
+    const dot = box.querySelector(".dot");
+    followers.push((now) => {
+      let k = Math.min(Math.round((now - t[0]) / ((t[t.length - 1] - t[0]) / Math.max(t.length - 1, 1) || 1)), t.length - 1);
+      k = Math.max(k, 0);
+      dot.style.display = x[k] == null ? "none" : "";
+      if (x[k] != null) { dot.setAttribute("cx", x[k]); dot.setAttribute("cy", -y[k]); }
+    });
+  }
+
+  // ---- beginning, light and dark, print
+  for (const box of document.querySelectorAll("[data-plot]")) make(box);
+  const redraw = () => { for (const box of document.querySelectorAll("[data-plot]")) box.plot.redraw(false); };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  const folded = [];
+  addEventListener("beforeprint", () => {
+    play(false);
+    for (const fold of document.querySelectorAll("details:not([open])")) { folded.push(fold); fold.open = true; }
+    document.documentElement.classList.add("printed");
+    for (const box of document.querySelectorAll("[data-plot]")) box.plot.setSize({ width: 330, height: box.plot.height });
+    redraw();
+  });
+  addEventListener("afterprint", () => {
+    for (const fold of folded.splice(0)) fold.open = false;
+    document.documentElement.classList.remove("printed");
+    for (const box of document.querySelectorAll("[data-plot]")) box.plot.setSize({ width: box.clientWidth, height: box.plot.height });
+    redraw();
+  });
+  window.report = { data, arrays, clock, go, play, zoom, show, followers, plots };
+  if (window.scenes) window.scenes(window.report);
+  go(0);
+})();

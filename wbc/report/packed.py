@@ -1,0 +1,110 @@
+"""What a page's script reads: plots, maps and scenes as JSON, their numbers packed so that a page stays small."""
+
+from __future__ import annotations
+
+import base64
+from itertools import pairwise
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.report.document import TIME, Map, Plot, Report, Scene
+from wbc.types import Mat, Vec
+
+#: A plot has at most about so many moments; a longer run keeps the extremes of every stretch.
+MOMENTS = 12_000
+#: Steps between the least and the largest value of a curve; the one above them is a gap.
+STEPS = 65_534
+
+
+def data(report: Report) -> dict[str, Any] | None:
+    """Everything that the page's script draws; None where there is nothing."""
+    plots = [item for item in report.items if isinstance(item, Plot)]
+    maps = [item for item in report.items if isinstance(item, Map)]
+    found = scenes(report)
+    if not (plots or maps or found):
+        return None
+    arrays, clock = Arrays(), report.clock
+    return {
+        "seconds": clock.seconds if clock else 0.0,
+        "dt": clock.dt if clock else 1.0,
+        "events": [event._asdict() for event in clock.events] if clock else [],
+        "plots": [_plot(plot, arrays) for plot in plots],
+        "maps": [{key: arrays.exact(getattr(item, key)) for key in "txy"} for item in maps],
+        "scenes": [scene.content for scene in found],
+        "arrays": arrays.packed,
+    }
+
+
+def scenes(report: Report) -> list[Scene]:
+    """The scenes of a report, the one beside the plots first."""
+    return [*([report.scene] if report.scene else []), *(item for item in report.items if isinstance(item, Scene))]
+
+
+def text(values: NDArray[Any]) -> str:
+    """The bytes of an array, as a page can hold them."""
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")
+
+
+@final
+class Arrays:
+    """Packed arrays, each once; what is put in gives the number to find it by."""
+
+    def __init__(self) -> None:
+        self.packed: list[dict[str, Any]] = []
+        self._known: dict[tuple[str, bytes], int] = {}
+
+    def exact(self, values: Vec) -> int:
+        """Values without gaps, to the bit."""
+        values = np.asarray(values, dtype="<f8")
+        return self._put("f64", values.tobytes(), lambda: {"f64": text(values)})
+
+    def stepped(self, values: Vec) -> int:
+        """Values (N,) to a 65 534th of their range; what is not finite is a gap."""
+        values = np.asarray(values, dtype="<f8")
+        return self._put("u16", values.tobytes(), lambda: _stepped(values))
+
+    def _put(self, kind: str, content: bytes, pack: Any) -> int:
+        key = kind, content
+        if key not in self._known:
+            self._known[key] = len(self.packed)
+            self.packed.append(pack())
+        return self._known[key]
+
+
+def kept(values: Mat, most: int = MOMENTS) -> NDArray[np.intp]:
+    """Rows of values (N, k) to draw: all, or in every stretch those with the smallest and largest of each column."""
+    n, k = values.shape
+    if n <= most:
+        return np.arange(n)
+    edges = np.linspace(0, n, max(most // (2 * max(k, 1)), 2) + 1).astype(int)
+    rows = {0, n - 1}
+    for column in values.T:
+        low, high = np.where(np.isnan(column), np.inf, column), np.where(np.isnan(column), -np.inf, column)
+        for start, end in pairwise(edges):
+            rows |= {start + int(low[start:end].argmin()), start + int(high[start:end].argmax())}
+    return np.array(sorted(rows))
+
+
+def _stepped(values: Vec) -> dict[str, Any]:
+    finite = np.isfinite(values)
+    low, high = (float(edge(values[finite])) for edge in (np.min, np.max)) if finite.any() else (0.0, 0.0)
+    scale = STEPS / (high - low) if high > low else 0.0
+    steps = np.where(finite, np.rint((np.where(finite, values, low) - low) * scale), STEPS + 1)
+    return {"u16": text(steps.astype("<u2")), "low": low, "high": high}
+
+
+def _plot(plot: Plot, arrays: Arrays) -> dict[str, Any]:
+    values = np.column_stack([curve.values for curve in plot.curves]) if plot.curves else np.zeros((len(plot.x), 0))
+    rows = kept(values)
+    curves = [
+        {"label": curve.label, "values": arrays.stepped(curve.values[rows]), "shown": curve.shown, "faint": curve.faint}
+        for curve in plot.curves
+    ]
+    strips = [{"label": strip.label, "intervals": strip.intervals, "colour": k} for k, strip in enumerate(plot.strips)]
+    return {
+        "name": plot.name, "x": arrays.exact(plot.x[rows]), "curves": curves, "strips": strips, "over": plot.over,
+        "bounds": [bound._asdict() for bound in plot.bounds if np.isfinite(bound.value)],
+        "time": plot.over == TIME, "log": plot.log, "zero": plot.zero, "bars": plot.bars,
+    }  # fmt: skip
