@@ -83,3 +83,60 @@ def test_why_a_tick_had_no_answer_is_kept_with_its_problem():
     run = recorded(driver, 3)
     assert run.meta["failure"]["t"] == 0.0 and "Position[tool]" in run.meta["failure"]["why"]
     assert run.failed is not None and recorded(controller("arm")).meta["failure"] is None
+
+
+def reaching(level: wbc.Formulation | None = None, **settings: Any) -> wbc.Controller:
+    """An arm with a target so far that joints are at their limits."""
+    robot = wbc.load("arm")
+    tasks = [Frame("tool", target=np.eye(4), kp=400.0), Posture(robot.q0, weight=1e-3)]
+    stack = wbc.Stack(tasks, subject_to=[JointLimits()])
+    return wbc.Controller(robot, stack, level=level or wbc.VelocityLevel(), dt=DT, **settings)
+
+
+@pytest.mark.parametrize("solver", ["pdas", "daqp"])
+@pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict()], ids=["weighted", "strict"])
+def test_a_record_has_the_active_rows_that_explain_names(solver: str, hierarchy: Any):
+    driver = reaching(solver=solver, hierarchy=hierarchy)
+    recorder, q = wbc.Recorder(TICKS), driver.model.q0
+    explained = []
+    for k in range(TICKS):
+        q = recorder.tick(driver, DT * k, q, np.zeros(driver.model.nv)).q
+        explained.append(driver.explain())
+    run, seen = recorder.run(), 0
+    rows = run.meta["active_rows"]
+    for text, codes, bounds, multipliers in zip(
+        explained, run["active.row"], run["active.bound"], run["active.multiplier"], strict=True
+    ):
+        for code, bound, multiplier in zip(codes, bounds, multipliers, strict=True):
+            if np.isnan(code):
+                continue
+            row = rows[int(code)]
+            unit = row["unit"]
+            assert (
+                f"  {row['owner']}: {row['label']} at its {row['side']} bound {bound:.4g} {unit}; "
+                f"multiplier {multiplier:.3g} per {unit}"
+            ) in text
+            seen += 1
+        assert np.isfinite(codes).sum() == text.count("multiplier")
+    assert seen > TICKS, "the joints never came to their limits"
+
+
+def test_a_record_has_the_residuals_and_shares_that_explain_names():
+    driver = reaching()
+    run = recorded(driver, 5)
+    metres, radians = run["residual.Frame[tool]"][-1]
+    costs = np.array([run["cost.Frame[tool]"][-1], run["cost.Posture"][-1]])
+    share = 100.0 * costs / costs.sum()
+    text = driver.explain()
+    assert f"residual {metres:.3g} m/s, {radians:.3g} rad/s, {share[0]:.1f} % of the cost" in text
+    assert f"residual {run['residual.Posture'][-1, 0]:.3g} rad/s, {share[1]:.1f} % of the cost" in text
+    assert run.meta["residuals"] == {"Frame[tool]": "m/s, rad/s", "Posture": "rad/s"}
+
+
+def test_a_tick_without_an_answer_has_no_reasons():
+    robot = wbc.load("arm")
+    high = Position("tool", target=[0.4, 0.2, 4.0], kp=400.0)
+    stack = wbc.Stack([Posture(robot.q0)], subject_to=[high.exactly(), JointAccelerationLimits(200.0)])
+    run = recorded(wbc.Controller(robot, stack, level=wbc.AccelerationLevel(), dt=DT), 2)
+    for column in ("active.row", "active.multiplier", "residual.Posture", "cost.Posture"):
+        assert np.isnan(run[column]).all(), column

@@ -63,6 +63,16 @@ def standing_run(rows: int = 120) -> Run:
         "distance.Frame[left_hand]": np.full(rows, 2e-9),
         "distance.Posture": np.full(rows, np.nan),
     }  # fmt: skip
+    pushed = push[:, 1] > 0
+    for task, sizes in (("CenterOfMass", 1), ("Frame[left_hand]", 2), ("Posture", 1)):
+        columns |= {
+            f"residual.{task}": np.full((rows, sizes), 0.25),
+            f"cost.{task}": np.where(pushed, 3.0 * sizes, 0.0),
+        }
+    columns |= {"active.row": np.full((rows, 4), np.nan), "active.bound": np.full((rows, 4), np.nan),
+                "active.multiplier": np.full((rows, 4), np.nan)}  # fmt: skip
+    for column, values in (("row", (0, 1)), ("bound", (40.0, 0.0)), ("multiplier", (7.5, 2.5))):
+        columns[f"active.{column}"][pushed, :2] = values
     contacts = {}
     for side, share in (("left", 0.5 + 0.3 * wave), ("right", 0.5 - 0.3 * wave)):
         wrench = np.column_stack([5 + 0 * t, 0 * t, share * weight, 2 * wave, 3 * wave, 0 * t])
@@ -77,8 +87,16 @@ def standing_run(rows: int = 120) -> Run:
         "Posture": {"units": ["rad"] * robot.nj},
     }  # fmt: skip
     distances = {"CenterOfMass": "m/s²", "Frame[left_hand]": "m/s², rad/s²", "Posture": "rad/s²"}
+    reasons = {
+        "residuals": {"CenterOfMass": "m/s²", "Frame[left_hand]": "m/s², rad/s²", "Posture": "rad/s²"},
+        "active_rows": [
+            {"owner": "TorqueLimits", "label": "left_knee", "unit": "N m", "side": "upper"},
+            {"owner": "friction[left_sole]", "label": "fy <= mu fz", "unit": "N", "side": "upper"},
+        ],
+    }
     disturbances = ["push of (0, 60, 0) N at 'torso' from 0.3 s for 0.2 s"]
-    return Run(columns, metadata(robot, tasks=tasks, contacts=contacts, disturbances=disturbances, distances=distances))
+    about = {"tasks": tasks, "contacts": contacts, "disturbances": disturbances, "distances": distances}
+    return Run(columns, metadata(robot, **about, **reasons))
 
 
 def reaching_run(rows: int = 60) -> Run:

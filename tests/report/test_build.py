@@ -19,9 +19,9 @@ from .conftest import reaching_run, result_of, standing_run
 
 def test_the_sections_stand_in_the_order_in_which_they_are_read(report: Report):
     assert [section.title for section in report.sections] == [
-        "Verdict", "Motion", "Tracking", "Torques against limits", "Joint velocities and positions",
-        "Smoothness", "Contact forces in their cones", "Centre of mass", "Tick time", "Solver", "Settings",
-        "Limits of this run",
+        "Verdict", "Motion", "Tracking", "Limits that held the robot back", "Torques against limits",
+        "Joint velocities and positions", "Smoothness", "Contact forces in their cones", "Centre of mass", "Tick time",
+        "Solver", "Settings", "Limits of this run",
     ]  # fmt: skip
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
-import numpy as np
-
+from wbc.control.answer import active, norms, shares
 from wbc.control.distance import distances, units
 from wbc.control.ladder import WEAKER
 from wbc.control.solving import Solving
@@ -13,7 +12,6 @@ from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
 from wbc.qp.problem import QP
 from wbc.stack.task import Objective
-from wbc.tolerances import NEAR
 from wbc.types import Status, Vec
 
 _SAID = {
@@ -100,31 +98,14 @@ def _levels(controller: Solving) -> list[str]:
 
 
 def _tasks(controller: Solving) -> list[str]:
-    plan, p = controller.plan, controller.plan.problem
-    layout, errors = plan.layout, plan.errors()
-    rows = p.G @ p.x1
-    found: list[tuple[Objective, Vec, Vec]] = []
-    tasks = (*layout.linear, *layout.kinematic)
-    for task, first in zip(tasks, (*layout.linear_rows, *layout.kinematic_rows), strict=True):
-        residual = rows[first : first + task.dim]
-        weights = p.weights[first - p.soft.start : first - p.soft.start + task.dim]
-        found.append((task, residual, weights))
-    joints = p.x[controller.model.nb : controller.model.nv]
-    behind = layout.n_rows - layout.motion_row
-    nj = controller.model.nj
-    for i, joint_task in enumerate(layout.on_joints):
-        wanted = plan.motion.wanted[behind + i * nj : behind + (i + 1) * nj]
-        found.append((joint_task, joints - wanted, joint_task.weights()))
-    for soft, column in zip(layout.soft_constraints, layout.slack_columns, strict=True):
-        gives = slice(column, column + soft.dim)
-        found.append((soft, p.x[gives] * p.scale[gives], soft.weights()))
-    costs = [0.5 * float((weights * residual**2).sum()) for _, residual, weights in found]
-    total = sum(costs) or 1.0
+    errors, p = controller.plan.errors(), controller.plan.problem
+    found = shares(controller)
+    total = sum(share.cost for share in found) or 1.0
     suffix = "/s" if controller.level.order == 1 else "/s²"
     far = {} if controller.last is None else distances(p, controller.last.certificate.bounds)
     unit = units(p)
     lines = ["tasks:"]
-    for (member, residual, _), cost in zip(found, costs, strict=True):
+    for member, residual, cost in found:
         error = errors.get(member.name)
         ending = "" if error is None else suffix
         seen = "" if error is None else f"error {_sizes(member, error)}, "
@@ -138,43 +119,12 @@ def _tasks(controller: Solving) -> list[str]:
 
 
 def _active_rows(controller: Solving) -> list[str]:
-    solution, qp = controller.solution(), controller.qp
-    pushing = np.concatenate([solution.z, solution.z_box])
-    names = qp.rows[qp.n_eq :]
-    value, lower, upper = _bounded(controller)
-    active = np.flatnonzero(np.abs(pushing) > NEAR * max(1e-3, np.abs(pushing).max(initial=0.0)))
-    if not len(active):
-        return ["active rows: none"]
-    lines = ["active rows:"]
-    for i in active[np.argsort(-np.abs(pushing[active]))]:
-        row, pushes_down = names[i], bool(pushing[i] > 0)
-        # What a level above holds may pull, too: the side is where it is.
-        up = pushes_down if lower[i] == upper[i] else bool(upper[i] - value[i] < value[i] - lower[i])
-        if len(qp.cl) <= i < len(qp.cl) + controller.plan.problem.n:
-            row = row._replace(owner=controller.plan.bound_owner(int(i) - len(qp.cl), upper=up))
-        elif about := controller.plan.about(controller.plan.problem.range.start + int(i)):
-            row = row._replace(label=about)
-        bound = upper[i] if up else lower[i]
-        lines.append(
-            f"  {row} at its {'upper' if up else 'lower'} bound {bound:.4g} {row.unit}; "
-            f"multiplier {abs(pushing[i]):.3g} per {row.unit or 'unit'}"
-            + ("" if up == pushes_down else ", held for a level above")
-        )
-    return lines
-
-
-def _bounded(controller: Solving) -> tuple[Vec, Vec, Vec]:
-    """Values, lower and upper bounds of the range rows and unknowns of the answer, in the units of its standard form.
-
-    The bounds are as they were set: in the standard form constant parts of rows are moved into them, and what a level
-    above holds has one value there.
-    """
-    p, source = controller.answered, controller.plan.problem
-    value = np.concatenate([p.value[p.item(p.range.start) : p.item(p.range.stop)], p.x * p.scale])
-    low, high = source.range_bounds()
-    lower = np.concatenate([low, source.lb * source.scale, p.lb[source.n :]])
-    upper = np.concatenate([high, source.ub * source.scale, p.ub[source.n :]])
-    return value, lower, upper
+    lines = [
+        f"  {row} at its {'upper' if upper else 'lower'} bound {bound:.4g} {row.unit}; "
+        f"multiplier {multiplier:.3g} per {row.unit or 'unit'}" + (", held for a level above" if held else "")
+        for row, upper, bound, multiplier, held in active(controller)
+    ]
+    return ["active rows:", *lines] if lines else ["active rows: none"]
 
 
 def _regularisation(controller: Solving) -> list[str]:
@@ -187,6 +137,4 @@ def _regularisation(controller: Solving) -> list[str]:
 
 def _sizes(member: Objective, values: Vec, ending: str = "") -> str:
     """The norm of the rows of each unit, as in ``0.2 m, 1.3 rad``."""
-    units = [member.unit(i) for i in range(member.dim)]
-    norms = {unit: np.linalg.norm([x for x, own in zip(values, units, strict=True) if own == unit]) for unit in units}
-    return ", ".join(f"{norm:.3g} {unit}{ending}".rstrip() for unit, norm in norms.items())
+    return ", ".join(f"{norm:.3g} {unit}{ending}".rstrip() for unit, norm in norms(member, values).items())

@@ -345,7 +345,7 @@ class Recorder:
         from wbc.control.ticks import about
 
         ticks = self._ticks
-        known = about(ticks.controller) | {"duration": n * ticks.controller.dt, "failure": ticks.failure}
+        known = about(ticks.controller) | ticks.found() | {"duration": n * ticks.controller.dt}
         run = Run(columns, known | dict(meta or {}))
         run.failed = ticks.failed
         return run

@@ -200,6 +200,10 @@ class Solving:
         """How the QP is solved: "rows" or "variables" by the core, "standard" by another solver, "levels" if ranked."""
         return self._solver.form
 
+    def multipliers(self) -> tuple[Vec, Vec, Vec]:
+        """Multipliers y, z and z_box of :attr:`qp` for the last answer, without the certificate of :meth:`solution`."""
+        return self._answered.multipliers()
+
     def solution(self) -> Solution:
         """Solution of :attr:`qp` with its multipliers and the certificate recomputed from the data."""
         return solution_of(self._answered, self._answered.standard_form(), self.status)

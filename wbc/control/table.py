@@ -82,6 +82,8 @@ def _known(name: str, size: int, meta: Mapping[str, Any]) -> Iterator[tuple[str,
         about = meta.get("tasks", {}).get(rest, {})
         labels = list(about.get("labels") or [""] * size)
         yield from zip((label or str(k) for k, label in enumerate(labels)), about.get("units") or (), strict=False)
+    elif start == "residual":
+        yield from (("", unit) for unit in str(meta.get("residuals", {}).get(rest, "")).split(", "))
     elif name == "certificate":
         yield from zip(("primal_residual", "dual_residual", "gap"), ("", "", ""), strict=True)
     elif name == "push" or start == "slip":

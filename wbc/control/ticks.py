@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
+from wbc.control.answer import active, norms, shares
 from wbc.control.command import Command
 from wbc.control.distance import distances, units
 from wbc.control.explain import reproducer
@@ -18,6 +19,8 @@ from wbc.types import Status, Vec
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
 
+#: So many active rows of a tick are written down, those with the largest multipliers; ``active`` counts all of them.
+SLOTS = 16
 _CODES = {status: i for i, status in enumerate(Status)}
 
 
@@ -40,6 +43,9 @@ class Ticks:
         self._order, self._dynamics = controller.level.order, controller.level.dynamics
         #: With all contacts: a task on a contact's force is not in the plan while the contact is open.
         self._tasks = tuple(units(controller.plans.whole.plan.problem))
+        self._sizes = {name: len(said.split(", ")) for name, said in residual_units(controller).items()}
+        #: Every row that was active so far, with its side: what the numbers of the column ``active.row`` mean.
+        self.active_rows: dict[tuple[str, str, str, str], int] = {}
 
     def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
         """What the controller was told (q (nq,), v (nv,)) and decided in its last tick, by column."""
@@ -60,6 +66,7 @@ class Ticks:
                 row[f"f.{name}"] = wrench
         for name, error in controller.plan.errors().items():
             row[f"error.{name}"] = error
+        row |= self._shares() | self._active()
         far = distances(controller.plan.problem, proof.bounds)
         for name in self._tasks:
             row[f"distance.{name}"] = far.get(name, np.nan)
@@ -72,12 +79,52 @@ class Ticks:
                 row[f"signal.{component.name}.{name}"] = np.array(signal, dtype=np.float64)
         return row
 
+    def _shares(self) -> dict[str, Any]:
+        """The residual of every task by unit, and what it costs; NaN where it is not in the plan or has no answer."""
+        found: dict[str, Any] = {}
+        for name, size in self._sizes.items():
+            found[f"residual.{name}"], found[f"cost.{name}"] = np.full(size, np.nan), np.nan
+        for share in shares(self.controller) if self.controller.status.ok else ():
+            name, sizes = share.task.name, [*share.sizes.values()]
+            if self._sizes.get(name) == len(sizes):  # a stack that replaced the first may call another task the same
+                found[f"residual.{name}"], found[f"cost.{name}"] = np.array(sizes), share.cost
+        return found
+
+    def _active(self) -> dict[str, Vec]:
+        """The dearest active rows, as numbers of :attr:`active_rows`, with their bounds and multipliers."""
+        kept = np.full((3, SLOTS), np.nan)
+        if self.controller.active_count:
+            for k, one in enumerate(active(self.controller)[:SLOTS]):
+                key = one.row.owner, one.row.label, one.row.unit, "upper" if one.upper else "lower"
+                kept[:, k] = self.active_rows.setdefault(key, len(self.active_rows)), one.bound, one.multiplier
+        return dict(zip(("active.row", "active.bound", "active.multiplier"), kept, strict=True))
+
+    def found(self) -> dict[str, Any]:
+        """Metadata that only the ticks so far tell: the first failure, and which rows were active."""
+        keys = ("owner", "label", "unit", "side")
+        rows = [dict(zip(keys, row, strict=True)) for row in self.active_rows]
+        return {"failure": self.failure, "active_rows": rows}
+
     def watch(self, t: float) -> None:
         """Keep why the tick at ``t`` [s] had no answer, if it is the first one that had none."""
         controller = self.controller
         if self.failure is None and not controller.status.ok:
             self.failure = {"t": t, "why": controller.explain()}
             self.failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
+
+
+def residual_units(controller: Controller) -> dict[str, str]:
+    """The units of each recorded residual, as in ``"m/s², rad/s²"``; of a slack that of its constraint."""
+    layout = controller.plans.whole.plan.layout
+    suffix = "/s" if controller.level.order == 1 else "/s²"
+    moved = {task.name for task in (*layout.kinematic, *layout.on_joints)}
+    tasks: tuple[Objective, ...] = (*layout.linear, *layout.kinematic, *layout.on_joints, *layout.soft_constraints)
+    return {
+        task.name: ", ".join(
+            f"{unit}{suffix if task.name in moved else ''}" for unit in norms(task, np.zeros(task.dim))
+        )
+        for task in tasks
+    }
 
 
 def about(controller: Controller) -> dict[str, Any]:
@@ -98,6 +145,7 @@ def about(controller: Controller) -> dict[str, Any]:
         "statuses": [status.name for status in Status],
         "tasks": {name: _task(task) for name, task in objectives.items()},
         "distances": units(controller.plans.whole.plan.problem),
+        "residuals": residual_units(controller),
         "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
         "stack": str(stack),
     }

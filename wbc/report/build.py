@@ -14,6 +14,7 @@ from wbc.report.document import Clock, Event, Report, Scene, Tile, formatted
 from wbc.report.replay import replay
 from wbc.report.sections import SECTIONS
 from wbc.report.shapes import obstacle_parts, parts
+from wbc.report.why import why
 from wbc.sim.scenario import Progress, ScenarioResult, failed_first, silent
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     ok = result.ok if result.verdict or not result.ok else None  # nothing was demanded
     run = result.run
     clock = Clock(measure.seconds(run), float(run.meta["dt"]), events(result)) if run.rows else None
-    return Report(title, summary(result), ok, sections, highlights(result), clock, _scene(result))
+    return Report(title, summary(result), ok, sections, highlights(result), clock, _scene(result), why(run))
 
 
 def _scene(result: ScenarioResult) -> Scene | None:

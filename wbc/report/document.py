@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
+from wbc.report.why import Why
 from wbc.types import Mat, Vec
 
 
@@ -204,7 +205,7 @@ class Report:
     """``summary`` says in one sentence what happened; ``highlights`` are the few figures to see first.
 
     ``ok`` is the verdict, None where there is nothing to pass or fail. ``clock`` is the time of all its plots, and
-    ``scene`` stands beside them.
+    ``scene`` stands beside them, with ``why`` at the cursor.
     """
 
     title: str
@@ -214,6 +215,7 @@ class Report:
     highlights: Sequence[Tile] = ()
     clock: Clock | None = None
     scene: Scene | None = None
+    why: Why | None = None
 
     @property
     def items(self) -> list[Item]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.report.document import TIME, Map, Plot, Report, Scene
+from wbc.report.why import Why
 from wbc.types import Mat, Vec
 
 #: A plot has at most about so many moments; a longer run keeps the extremes of every stretch.
@@ -32,6 +33,7 @@ def data(report: Report) -> dict[str, Any] | None:
         "events": [event._asdict() for event in clock.events] if clock else [],
         "plots": [_plot(plot, arrays) for plot in plots],
         "maps": [{key: arrays.exact(getattr(item, key)) for key in "txy"} for item in maps],
+        "why": None if report.why is None else _why(report.why, arrays),
         "scenes": [scene.content for scene in found],
         "arrays": arrays.packed,
     }
@@ -59,6 +61,11 @@ class Arrays:
         """Values without gaps, to the bit."""
         values = np.asarray(values, dtype="<f8")
         return self._put("f64", values.tobytes(), lambda: {"f64": text(values)})
+
+    def single(self, values: Vec) -> int:
+        """Values with gaps to seven digits."""
+        values = np.asarray(values, dtype="<f4")
+        return self._put("f32", values.tobytes(), lambda: {"f32": text(values)})
 
     def stepped(self, values: Vec) -> int:
         """Values (N,) to a 65 534th of their range; what is not finite is a gap."""
@@ -93,6 +100,26 @@ def _stepped(values: Vec) -> dict[str, Any]:
     scale = STEPS / (high - low) if high > low else 0.0
     steps = np.where(finite, np.rint((np.where(finite, values, low) - low) * scale), STEPS + 1)
     return {"u16": text(steps.astype("<u2")), "low": low, "high": high}
+
+
+def _why(why: Why, arrays: Arrays) -> dict[str, Any]:
+    """Every moment that a page holds, one in so many of a long run."""
+    rows = slice(None, None, -(-len(why.t) // MOMENTS))
+
+    def columns(values: Mat) -> list[int]:
+        return [arrays.single(column[rows]) for column in values.T]
+
+    return {
+        "t": arrays.exact(why.t[rows]), "status": arrays.single(why.status[rows]), "statuses": why.statuses,
+        "rows": why.rows, "codes": columns(why.codes), "bounds": columns(why.bounds),
+        "multipliers": columns(why.multipliers),
+        "tasks": [
+            {"task": part.task, "share": arrays.single(part.share[rows]),
+             "error": [[arrays.single(values[rows]), unit] for unit, values in part.error.items()],
+             "residual": [[arrays.single(values[rows]), unit] for unit, values in part.residual.items()]}
+            for part in why.parts
+        ],
+    }  # fmt: skip
 
 
 def _plot(plot: Plot, arrays: Arrays) -> dict[str, Any]:

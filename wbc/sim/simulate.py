@@ -120,7 +120,7 @@ def simulate(
             raise
         interrupted, ended = True, f"interrupted at t = {plant.t:.3f} s"
     told = {**about(controller), **_about(plant, disturbances, duration), "feedback": feedback}
-    told |= {"ended": ended, "fallen": plant.fallen, "failure": watched.failure}
+    told |= {"ended": ended, "fallen": plant.fallen, **watched.found()}
     run = record.run({**told, **(meta or {})})
     run.failed = watched.failed
     if interrupted:

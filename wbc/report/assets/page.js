@@ -10,8 +10,11 @@
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const arrays = data.arrays.map((packed) => {
     if (packed.f64 !== undefined) return Array.from(new Float64Array(bytes(packed.f64)));
+    if (packed.f32 !== undefined) return Array.from(new Float32Array(bytes(packed.f32)), (v) => (isFinite(v) ? v : null));
     const steps = new Uint16Array(bytes(packed.u16)), step = (packed.high - packed.low) / 65534;
-    return Array.from(steps, (k) => (k === 65535 ? null : packed.low + k * step));
+    const values = Array.from(steps, (k) => (k === 65535 ? null : packed.low + k * step));
+    values.decimals = step > 0 ? Math.min(Math.max(Math.ceil(-Math.log10(step)), 0), 12) : 12;  // what a step can tell
+    return values;
   });
 
   // ---- the clock: one time [s] for everything on the page
@@ -162,7 +165,7 @@
         { label: spec.over, value: (_, v) => reduced(v) },
         ...spec.curves.map((curve, k) => ({
           label: curve.label, stroke: curve.faint ? soft : colour(k), width: 1.3, show: curve.shown, points: { show: false },
-          value: (_, v) => reduced(v), ...bars,
+          value: (_, v) => reduced(v == null ? v : Number(v.toFixed(arrays[curve.values].decimals))), ...bars,
         })),
         ...(spec.strips.length ? [{ show: false, label: "" }] : []),
       ],
@@ -289,6 +292,46 @@
       k = Math.max(k, 0);
       dot.style.display = x[k] == null ? "none" : "";
       if (x[k] != null) { dot.setAttribute("cx", x[k]); dot.setAttribute("cy", -y[k]); }
+    });
+  }
+
+  // ---- why: what explain() says of the tick where the clock is
+  const panel = document.querySelector("[data-why]");
+  if (panel && data.why) {
+    const why = data.why, t = arrays[why.t], status = arrays[why.status];
+    const cell = (kind, text) => Object.assign(document.createElement(kind), { textContent: text });
+    const table = (headings, rows) => {
+      const made = document.createElement("table"), body = document.createElement("tbody"), first = document.createElement("tr");
+      first.append(...headings.map((text) => cell("th", text)));
+      body.append(first, ...rows.map((row) => {
+        const line = document.createElement("tr");
+        line.append(...row.map((text) => cell("td", text)));
+        return line;
+      }));
+      made.append(body);
+      return made;
+    };
+    const sizes = (list, k) => list.map(([values, unit]) => `${three(arrays[values][k])} ${unit}`).join(", ");
+    const three = (v) => (v == null ? "–" : Number(v.toPrecision(3)).toString());
+    let shown = -1;
+    followers.push((now) => {
+      let k = Math.max(0, Math.min(t.length - 1, Math.round(((now - t[0]) / ((t[t.length - 1] - t[0]) || 1)) * (t.length - 1))));
+      if (k === shown) return;
+      shown = k;
+      const rows = why.codes.flatMap((codes, slot) => {
+        const code = arrays[codes][k];
+        if (code == null) return [];
+        const [name, unit] = why.rows[Math.round(code)];
+        return [[name, `${three(arrays[why.bounds[slot]][k])} ${unit}`, `${three(arrays[why.multipliers[slot]][k])} per ${unit || "unit"}`]];
+      });
+      const tasks = why.tasks.map((task) => [task.task, sizes(task.error, k) || "–", sizes(task.residual, k) || "–", `${three(arrays[task.share][k])} %`]);
+      panel.replaceChildren(
+        cell("h3", `Why, at ${t[k].toFixed(3)} s: ${why.statuses[Math.round(status[k])]}`),
+        table(["task", "error", "residual", "of the cost"], tasks),
+        ...(why.statuses[Math.round(status[k])] === "solved" ? [] : [cell("p", "This tick has no certified answer, so nothing is said of its tasks and rows. The verdict has the words of the first such tick.")]),
+        ...(why.statuses[Math.round(status[k])] !== "solved" ? [] : [cell("h3", rows.length ? "Active rows, the dearest first" : "No row is active: no limit holds the robot back")]),
+        ...(rows.length ? [table(["row", "bound", "multiplier"], rows)] : []),
+      );
     });
   }
 
