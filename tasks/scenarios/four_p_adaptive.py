@@ -137,7 +137,7 @@ def _judged(moving: Adapted, still: Adapted, parameters: Mapping[str, Any]) -> S
         )
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
-        figures=figures,
+        figures=figures, robot=Planar4P(m=parameters["m"]),
         sections=[lambda result: _coefficients(moving, still), lambda result: _errors(moving, still)],
     )  # fmt: skip
 

@@ -141,7 +141,7 @@ def _judged(seen: Mapping[str, Seen], robot: PlanarRobot, threshold: Sequence[fl
     ]  # fmt: skip
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
-        figures=figures,
+        figures=figures, robot=robot,
         sections=[
             lambda result: _total_fault(result, total, momentum),
             lambda result: _other_faults(seen, solver),

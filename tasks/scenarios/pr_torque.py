@@ -151,7 +151,7 @@ def _judged(robot: PlanarRobot, damped: Tracking, free: Tracking, solver: str) -
     ]  # fmt: skip
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
-        verdict=verdict, figures=figures,
+        verdict=verdict, figures=figures, robot=robot,
         sections=[lambda result: _first_instant(solver), lambda result: _the_run(result, damped, free)],
     )  # fmt: skip
 

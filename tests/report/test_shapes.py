@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wbc.models import load
+from wbc.models import PlanarPR, load
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import shapes
 from wbc.types import Mat
@@ -78,3 +78,12 @@ def test_thinning_ends_within_the_budget_and_keeps_the_outline(budget: int):
     for before, after in zip(parts, thin, strict=True):
         assert np.all(after.vertices.min(axis=0) >= before.vertices.min(axis=0) - 1e-9)
         assert np.all(after.vertices.max(axis=0) <= before.vertices.max(axis=0) + 1e-9)
+
+
+def test_a_planar_chain_has_a_rod_for_a_link_that_turns_and_a_block_on_a_rail_for_one_that_slides():
+    robot = PlanarPR(m1=1.0, m2=1.0, l2=0.6, d2=0.3, I2=0.1)
+    drawn = shapes.parts(robot)
+    assert [part.link for part in drawn] == ["base", "link1", "link2"]
+    rod = drawn[-1].vertices
+    assert np.allclose([rod[:, 0].min(), rod[:, 0].max()], [-0.03, 0.63]) and np.ptp(rod[:, 2]) < 0.1
+    assert {part.link for part in drawn} <= set(robot.frame_names)

@@ -105,10 +105,15 @@ def summary(result: ScenarioResult) -> str:
         end = "; not met: " + ("; ".join(failed) or "the scenario's own verdict")
     how = ", ".join(str(meta[key]) for key in ("level", "hierarchy", "solver") if key in meta)
     return (
-        f"{str(meta.get('robot', 'the robot')).capitalize()} ran {meta.get('scenario', 'a recorded loop')} for "
+        f"{_named(str(meta.get('robot', 'the robot')))} ran {meta.get('scenario', 'a recorded loop')} for "
         f"{measure.seconds(run):g} s at {1.0 / float(meta['dt']):g} Hz ({how}){under}{stopped}; "
         f"{ticks} solved and certified{end}."
     )
+
+
+def _named(robot: str) -> str:
+    """A name at the start of a sentence; one that no word can be is left as it is."""
+    return robot.capitalize() if robot.replace(" ", "").isalpha() else robot
 
 
 def highlights(result: ScenarioResult) -> list[Tile]:

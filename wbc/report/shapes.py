@@ -16,6 +16,7 @@ from wbc.models.collision import Obstacle
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Sphere
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.models.planar import PlanarRobot
 from wbc.report.meshes import Faces, Surface, read_mesh
 from wbc.types import Mat
 
@@ -41,8 +42,10 @@ class Part:
 def parts(robot: RobotModel) -> list[Part]:
     """The whole robot, one part per link and colour: what it shows, else what it collides with, else its skeleton.
 
-    Empty for a robot that is not made of links in space, such as a planar one given by its equations.
+    Empty for a robot that is not made of links in space.
     """
+    if isinstance(robot, PlanarRobot):
+        return planar(robot)
     if not isinstance(robot, PinocchioModel):
         return []
     return _read_all(robot.visuals) or _read_all(robot.collisions) or skeleton(robot)
@@ -60,6 +63,24 @@ def thinned(solid: Sequence[Part], budget: int) -> list[Part]:
         coarse = [Part(part.link, *clustered(part.vertices, part.faces, cell), part.color) for part in solid]
         cell *= 1.3
     return coarse
+
+
+def planar(robot: PlanarRobot) -> list[Part]:
+    """A planar chain: a rod for every link that turns, and a block on a rail for every one that slides."""
+    lengths = [value for name, value in robot.parameters.items() if name.startswith("l")]
+    size = max([*lengths, 0.5])
+    radius, found = 0.05 * size, []
+    for i, joint in enumerate(robot.chain.joints, start=1):
+        axis = np.array([0.0, 1.0, 0.0] if joint == "Py" else [1.0, 0.0, 0.0])
+        if joint == "R":
+            vertices, faces = capsule(radius, robot.parameters[f"l{i}"])
+            middle = 0.5 * robot.parameters[f"l{i}"] * axis
+            found.append(Part(f"link{i}", vertices @ _turn_z_to(axis).T + middle, faces, LIGHT))
+            continue
+        vertices, faces = capsule(0.3 * radius, 4.0 * size)
+        found.append(Part(f"link{i - 1}" if i > 1 else "base", vertices @ _turn_z_to(axis).T, faces, DARK))
+        found.append(Part(f"link{i}", *box((4.0 * radius, 4.0 * radius, 3.0 * radius)), LIGHT))
+    return found
 
 
 def skeleton(robot: PinocchioModel) -> list[Part]:
