@@ -13,7 +13,7 @@ import pinocchio
 import pytest
 
 import wbc
-from tasks import JointLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
+from tasks import JointLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
 from tests.control.random_arms import arm, holding_torque, restless_posture, walk
 from wbc.models.model import RobotModel
 from wbc.stack.component import Component
@@ -88,6 +88,42 @@ def test_a_decision_that_can_be_braked_is_left_as_it_is(tmp_path: Path) -> None:
         commands.append(command)
     np.testing.assert_allclose(commands[0].q, commands[1].q, atol=1e-9)
     np.testing.assert_allclose(commands[0].a, commands[1].a, atol=1e-6)
+
+
+@pytest.mark.parametrize("share, elbow", [(0.7, 1.2), (0.8, 1.2)])
+def test_an_arm_whose_motors_mostly_hold_it_up_follows_a_slow_circle(share: float, elbow: float) -> None:
+    robot = wbc.load("arm")
+    state, q, v = robot.state(), robot.configuration({"elbow": elbow}), np.zeros(robot.nv)
+    state.update(0.0, q, v)
+    circle = Sinusoid(
+        state.frame("tool").position.copy(), amplitude=[0.0, 0.05, 0.05], frequency=0.5, phase=[0.0, 0.0, np.pi / 2]
+    )
+    stack = wbc.Stack(
+        [Position("tool", target=circle, kp=400.0), Posture(q, weight=1e-5)],
+        subject_to=[JointLimits(tau_max=np.maximum(np.abs(state.h) / share, 1.0))],
+    )
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
+    for k in range(1000):
+        command = controller.tick(controller.dt * k, q, v)
+        assert command.status is wbc.Status.SOLVED
+        assert np.linalg.norm(controller.plan.errors()["Position[tool]"]) < 1e-3
+        q, v = command.q, command.v
+
+
+def test_an_arm_that_stopped_moves_on_where_it_can() -> None:
+    """All of what is wanted is more than can be braked in every tick; a part of it is not."""
+    robot = wbc.load("arm")
+    q, v = robot.q0.copy(), np.zeros(robot.nv)
+    target = q + 0.3
+    stack = wbc.Stack([Posture(target, kp=2500.0)], subject_to=[JointLimits()])
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
+    stopping = controller.plan.stopping
+    assert stopping is not None
+    controller.tick(0.0, q, v)
+    stopping._share = 0.0  # as after ticks that could only brake
+    calls = iter([False])
+    stopping._is_safe_after = lambda plan, state: next(calls, True)  # type: ignore[method-assign]
+    assert np.abs(controller.tick(2e-3, q, v).v).max() > 1e-3
 
 
 def test_a_fast_arm_is_braked_while_its_motor_can_still_stop_it(tmp_path: Path) -> None:

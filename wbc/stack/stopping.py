@@ -20,6 +20,8 @@ from wbc.types import Mat, Vec
 
 #: Share of the torque range that the way to rest leaves free on either side: it is computed in few moments.
 _MARGIN = 0.05
+#: Share of that margin that may be used by what changes from one moment to the next.
+_BETWEEN = 0.1
 #: Braking policies that are tried, by how gently joints far from their limits stop: the time in which they do, in
 #: stopping times of the joint that needs longest.
 _GENTLE = (0.1, 1.0, 3.0)
@@ -66,10 +68,11 @@ class Stopping:
 
     B_i is the deceleration that position limits count on, s_i the room to the limit ahead, T a time that is the same
     for all joints. A state is safe where one of the policies comes to rest with no joint past its limit, and the
-    torques hold the robot there. The next tick can then do what the policy does, so positions, velocities and torques
-    can be kept together for ever. A decision that leads to a state that is not safe is taken back: accelerations are
-    bounded by a box around those of a way to rest, a quarter as large each time, and the tick is solved again. Where
-    the torques do not allow the last box, each joint is left the decelerations that still stop it at its limit.
+    torques hold the robot there, with the margin ``_MARGIN`` or as much of it as is left now. The next tick can then
+    do what the policy does, so positions, velocities and torques can be kept together for ever. A decision that leads
+    to a state that is not safe is taken back: accelerations are bounded by a box around those of a way to rest, a
+    quarter as large each time, and the tick is solved again. Where the torques do not allow the last box, each joint
+    is left the decelerations that still stop it at its limit.
 
     It holds for robots on a fixed base without contacts, whose model, torque limits and states are what they are
     thought to be. The way to rest is computed with ``_MARGIN`` of the torques in hand. Other rows of the stack that
@@ -177,16 +180,19 @@ class Stopping:
     def _way_to_rest(self, t: float, q: Vec, v: Vec, gentle: float) -> _Way | None:
         dt, step = self._dt, 0.0
         sizes: list[Vec] = []
-        last = np.zeros(len(v))
+        last = kept = np.zeros(len(v))
         for _ in range(_MOST_MOMENTS):
             B, room, _ = self._needed(q, v)
             speed = np.abs(v)
             distance = 0.5 * speed * speed
             if (distance > B * room + SAME).any():
                 return None
-            a, holds = self._brake(q, v, gentle, last)
+            a, spare = self._brake(q, v, gentle, last)
             if a is None:
                 return None
+            if not sizes:
+                kept = np.minimum(_MARGIN * (self._load.upper - self._load.lower), spare)
+            holds = bool(((spare > 0.0) & (spare >= kept - SAME)).all())
             size = np.abs(a)
             sizes.append(size)
             if holds and (speed <= 2.0 * dt * size).all() and (distance <= size * room + SAME).all():
@@ -204,8 +210,8 @@ class Stopping:
             q, v = q + turn, v + a * stop
         return None
 
-    def _brake(self, q: Vec, v: Vec, gentle: float, last: Vec) -> tuple[Vec | None, bool]:
-        """The policy's acceleration (nv,), and whether the torques hold the robot without any.
+    def _brake(self, q: Vec, v: Vec, gentle: float, last: Vec) -> tuple[Vec | None, Vec]:
+        """The policy's acceleration (nv,), and what the motors have left (nv,) where they hold the robot without any.
 
         None where the torques do not allow it, or no longer allow ``last``, the acceleration up to here.
         """
@@ -220,10 +226,10 @@ class Stopping:
         left, free = np.minimum(above, -below), _MARGIN * (above - below)
         # In hand on either side; where holding the robot leaves less, half of what it leaves.
         free = np.where(np.isfinite(left), np.where(left > 0.0, np.minimum(free, 0.5 * left), free), 0.0)
-        above, below = above - free, below + free
+        above, below, changed = above - free, below + free, _BETWEEN * free
         pushed = -load.push(state.M, last)
-        if (pushed > above).any() or (pushed < below).any():
-            return None, False
+        if (pushed > above + changed).any() or (pushed < below - changed).any():
+            return None, left
         # below <= β push <= above
         still = push == 0.0
         ends = np.array([np.where(still, np.inf, above), np.where(still, -np.inf, below)])
@@ -231,8 +237,8 @@ class Stopping:
         most, least = float(ends.max(axis=0).min(initial=1.0)), float(ends.min(axis=0).max(initial=0.0))
         outside = (above < 0.0) | (below > 0.0)
         if least > most or (still & outside).any():
-            return None, False
-        return -most * D, not outside.any()
+            return None, left
+        return -most * D, left
 
     # ---- what a tick may decide
     def keep(self, plan: Filled, state: RobotState, solve: Callable[[], bool]) -> None:
@@ -259,7 +265,7 @@ class Stopping:
         brake = np.clip(brake, low, high)
         B, _ = self._intervals.ahead(state.q_joints, state.v_joints)
         reach = float((np.abs(wanted - brake) / np.maximum(B, SAME)).max()) * B
-        share = min(0.5, 2.0 * self._share)
+        share = min(0.5, max(2.0 * self._share, _LEAST_SHARE))  # at rest it would stay there for ever with none
         while True:
             np.maximum(low, brake - share * reach - SAME, out=lower)
             np.minimum(high, brake + share * reach + SAME, out=upper)
