@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from wbc import testing as testing
     from wbc.control.command import Command as Command
     from wbc.control.controller import Controller as Controller
-    from wbc.control.ladder import Recovery as Recovery
     from wbc.control.many import run_many as run_many
     from wbc.control.rate import Rate as Rate
     from wbc.control.reach import reach as reach
     from wbc.control.recorder import Recorder as Recorder
     from wbc.control.recorder import Run as Run
+    from wbc.control.recovery import Recovery as Recovery
     from wbc.control.setpoint import Setpoint as Setpoint
     from wbc.control.watchdog import Watchdog as Watchdog
     from wbc.models import load as load
@@ -77,7 +77,7 @@ _HOME = {
     "QP": "wbc.qp",
     "Rate": "wbc.control.rate",
     "Recorder": "wbc.control.recorder",
-    "Recovery": "wbc.control.ladder",
+    "Recovery": "wbc.control.recovery",
     "Row": "wbc.qp",
     "Run": "wbc.control.recorder",
     "Schedule": "wbc.stack.schedule",

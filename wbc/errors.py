@@ -102,6 +102,12 @@ class UnknownName(WbcError, LookupError):
         return f"there is no {self.kind} {self.name!r}; there are: {shown or 'none'}"
 
 
+class UnknownAttribute(UnknownName, AttributeError):  # type: ignore[misc]  # both have a name: the one asked for
+    """No such attribute; nothing was assigned."""
+
+    kind = "attribute"
+
+
 class UnknownFrame(UnknownName):
     """No such frame in the model."""
 

@@ -38,7 +38,7 @@ class ContactSchedule(Schedule):
     While the load of some contact is so bounded below the robot's weight, and while one is open, no normal force moves
     by more than ``force_rate`` r m per ms from the one commanded last, r in N per ms and kg too (``inf``: as the tasks
     ask): the impact of one foot does not make the forces of the others jump. This rate limit is relaxed first if the QP
-    is infeasible (:class:`~wbc.control.ladder.Recovery`). Robots that stand may change their forces as fast as a push
+    is infeasible (:class:`~wbc.control.recovery.Recovery`). Robots that stand may change their forces as fast as a push
     asks for.
 
     ``touching``: says of a name whether a sensor feels the ground. With it a contact is made when it touches, ``early``

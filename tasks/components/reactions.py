@@ -193,7 +193,7 @@ class Retarget(Reaction):
 @final
 @dataclass(frozen=True)
 class Comply(Reaction):
-    """All kinematic tasks give way: their stiffness becomes ``stiffness`` of what it was, their damping ``damping``."""
+    """All kinematic tasks comply: their stiffness becomes ``stiffness`` of what it was, their damping ``damping``."""
 
     stiffness: float = 0.0
     damping: float = 1.0

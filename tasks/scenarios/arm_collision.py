@@ -1,4 +1,4 @@
-"""Something pushes an arm: it is felt without any sensor, the link is named, and the arm gives way."""
+"""Something pushes an arm: it is felt without any sensor, the link is named, and the arm yields."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class ArmCollision(Single):
     """
 
     name: ClassVar[str] = "arm-collision"
-    summary: ClassVar[str] = "an arm is pushed: felt without sensors, the link named, the arm gives way"
+    summary: ClassVar[str] = "an arm is pushed: felt without sensors, the link named, the arm yields"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "link": "auto", "force": 30.0}
     plants = ("mujoco",)
     duration = 3.0
@@ -185,7 +185,7 @@ def _judged(robot: PinocchioModel, hits: Sequence[Hit], stiff: Hit, link: str, f
         Check(f"pushes on {link} that are laid to it", float(len(mine) - len(wrong)), "=", float(len(mine)), "of all"),
         Check("longest from push to answer", delay, "<=", 0.02, "s"),
         Check("best of their forces estimated, off by", off, "<=", 0.25, "share"),
-        Check("how far the tool gives way, yielding over stiff", fights[1] / fights[0], ">=", 2.0),
+        Check("how far the tool moves, yielding over stiff", fights[1] / fights[0], ">=", 2.0),
         Check("links named rightly, of pushes that their own joint feels", float(named), ">=", 0.9 * len(felt),
               f"of {len(felt)}"),
     ]  # fmt: skip
@@ -221,7 +221,7 @@ def _pictures(result: ScenarioResult, hit: Hit, stiff: Hit) -> Section:
         first.set_title(f"A push on {hit.link}: joints behind it feel nothing")
         style.legend(first)
         name = next(name for name in run.columns if name.startswith("error.Position"))
-        for trial, colour, label in ((stiff, style.RED, "stiff"), (hit, style.BLUE, "gives way")):
+        for trial, colour, label in ((stiff, style.RED, "stiff"), (hit, style.BLUE, "yields")):
             error = 1e3 * np.linalg.norm(trial.run[name], axis=1)
             style.curve(second, measure.times(trial.run), error, color=colour, label=label)
         style.over_time(second, run, "The tool", "distance from the path [mm]")

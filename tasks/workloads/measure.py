@@ -23,6 +23,7 @@ from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.qp.problem import QP
 from wbc.stack.hierarchy import Hierarchy, Scaled, Strict, Weighted
+from wbc.stack.plan import Plan
 from wbc.types import Vec
 
 from .calls import calls_of
@@ -179,8 +180,9 @@ def _split_loop(setting: _Setting, record: Record, steps: _Steps) -> tuple[Any, 
     owners = controller.state, controller.plan, controller.mode.solver, controller
     clocks = [_Clock(getattr(owner, part)) for owner, part in zip(owners, _PARTS, strict=True)]
     nanoseconds, failures = np.zeros((record.ticks, len(_PARTS)), np.int64), 0
-    # A controller takes no attribute that it has not: its clock stands in the class meanwhile.
-    for owner, part, clock in zip((*owners[:-1], Controller), _PARTS, clocks, strict=True):
+    # Plans and controllers take no attribute that they have not: their clocks stand in the classes meanwhile.
+    fill = Plan.fill
+    for owner, part, clock in zip((owners[0], Plan, owners[2], Controller), _PARTS, clocks, strict=True):
         setattr(owner, part, clock)
     try:
         for k in range(record.ticks):
@@ -193,6 +195,7 @@ def _split_loop(setting: _Setting, record: Record, steps: _Steps) -> tuple[Any, 
             _ = command.q, command.f
             steps.done()
     finally:
+        Plan.fill = fill  # type: ignore[method-assign]
         delattr(Controller, _PARTS[-1])
     return nanoseconds, failures
 

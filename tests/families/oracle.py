@@ -87,7 +87,7 @@ def read(controller: wbc.Controller) -> Physical:
     C = np.concatenate([G[p.range], np.eye(n)])
     cl = np.concatenate([lower - right[p.range], p.lb * p.scale])
     cu = np.concatenate([upper - right[p.range], p.ub * p.scale])
-    levels = [[_rows(wish, G, right, n) for wish in level] for level in p.levels]
+    levels = [[_rows(task, G, right, n) for task in level] for level in p.levels]
     diagonal, centre = np.full(n, p.regularisation), np.zeros(n)
     diagonal[n_u:] = p.unit * p.metric / p.scale[n_u:] ** 2
     centre[n_u:] = p.centre * p.scale[n_u:]
@@ -96,13 +96,13 @@ def read(controller: wbc.Controller) -> Physical:
     return Physical(Constraints(E, e, C, cl, cu), levels, diagonal, centre, unit, x)
 
 
-def _rows(wish: Any, G: Mat, right: Vec, n: int) -> Rows:
-    if wish.rows is not None:
-        A, b = G[wish.rows], -right[wish.rows]
+def _rows(task: Any, G: Mat, right: Vec, n: int) -> Rows:
+    if task.rows is not None:
+        A, b = G[task.rows], -right[task.rows]
     else:
-        A, b = np.eye(n)[wish.unknowns], np.array(wish.wanted, dtype=float)
-    asked = wish.wanted + wish.drift if wish.scaled or wish.kinematic else None
-    return Rows(wish.name, A, b, np.array(wish.weights), asked, wish.rows is None)
+        A, b = np.eye(n)[task.unknowns], np.array(task.wanted, dtype=float)
+    asked = task.wanted + task.drift if task.scaled or task.kinematic else None
+    return Rows(task.name, A, b, np.array(task.weights), asked, task.rows is None)
 
 
 def margin(c: Constraints) -> float:

@@ -19,9 +19,9 @@ from wbc.testing.methods import LINEAR, TOLERANCES, tolerance
 
 @dataclass(frozen=True)
 class Nearest(Method):
-    """The number in [0, 1] that is nearest to ``wish``; ``slip`` is what its formula is wrong by."""
+    """The number in [0, 1] that is nearest to ``wanted``; ``slip`` is what its formula is wrong by."""
 
-    wish: float
+    wanted: float
     slip: float = 0.0
     quantity: str = "number"
     formula: bool = True
@@ -30,10 +30,10 @@ class Nearest(Method):
     def closed_form(self) -> float:
         if not self.formula:
             raise NoClosedForm("switched off")
-        return float(np.clip(self.wish, 0.0, 1.0)) + self.slip
+        return float(np.clip(self.wanted, 0.0, 1.0)) + self.slip
 
     def qp(self) -> QP:
-        return QP([[1.0]], [-self.wish], lb=[0.0], ub=[1.0])
+        return QP([[1.0]], [-self.wanted], lb=[0.0], ub=[1.0])
 
     def solve(self, solver: str | Solver = "pdas") -> float:
         name = by_name(solver).name

@@ -74,8 +74,8 @@ def test_the_scale_is_that_of_the_linear_program(task: NullSpaceSaturation):
 
 @given(scaled_tasks(drift=True, deficient=False))
 def test_with_a_drift_some_tasks_admit_no_scale(task: NullSpaceSaturation):
-    """A limit counts as met where it gives way by less than 1e-8 of what it limits: beside a large drift a little is a
-    large part of a small target, or tells whether there is a scale at all."""
+    """A limit counts as met where it is exceeded by less than 1e-8 of what it limits: beside a large drift a little
+    is a large part of a small target, or tells whether there is a scale at all."""
     known = np.where(np.isfinite([task.lower, task.upper]), np.abs([task.lower, task.upper]), 0.0).max(axis=0)
     little = 1e-8 * np.maximum(known, 1e-2 * (np.linalg.norm(known) + np.linalg.norm(scaled_rows(task)[2])))
     found, least = task.closed_form(), largest_scale(task)

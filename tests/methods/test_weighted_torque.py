@@ -269,7 +269,7 @@ def test_without_redundancy_the_torque_is_the_computed_torque(n: int, seed: int)
 
 @given(calm, st.integers(0, 2**32 - 1))
 def test_a_measured_force_does_not_move_the_task(task: WeightedTorque, seed: int):
-    """Property 51, and where there is no redundancy the torque gives way by exactly Jᵀ dF."""
+    """Property 51, and where there is no redundancy the torque changes by exactly Jᵀ dF."""
     push = np.random.default_rng(seed).normal(size=len(task.n)) * np.abs(task.tau_external).max()
     other = again(task, tau_external=task.tau_external + push)
     before, after = task.closed_form(), other.closed_form()

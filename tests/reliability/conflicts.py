@@ -1,11 +1,12 @@
 """Infeasible stacks made on purpose: with one conflict that is known, or with several; and an oracle for both.
 
 One conflict: some rows of a feasible stack, their sides and positive factors λ are drawn. A linear program finds x̄
-where these rows stand at their sides and all others have room. A law then asks for δ more of Σ λᵢ (side of row i) than
-it is at x̄. With all chosen rows it cannot be met. Without one of them, say j, go from x̄ along a direction that
-changes no equality and no chosen row but j: the law gains λⱼ for each unit, and is met before the other rows have used
-up their room as long as δ < λⱼ · (room along that direction). So for a δ smaller than all of these, every conflict
-holds all chosen rows and the law: it is the only one. How far each row must give follows too: δ / λᵢ, and δ.
+where these rows stand at their sides and all others have room. A constraint then asks for δ more of Σ λᵢ (side of row
+i) than it is at x̄. With all chosen rows it cannot be met. Without one of them, say j, go from x̄ along a direction
+that changes no equality and no chosen row but j: the constraint gains λⱼ for each unit, and is met before the other
+rows have used up their room as long as δ < λⱼ · (room along that direction). So for a δ smaller than all of these,
+every conflict holds all chosen rows and the constraint: it is the only one. How far each row must give follows too: δ
+/ λᵢ, and δ.
 """
 
 from __future__ import annotations
@@ -62,11 +63,11 @@ class Case:
 def quiet(robot: RobotModel, *extra: Any) -> wbc.Stack:
     """A stack that can be met near the stance: contacts or an exact task, and all limits."""
     if robot.nb:
-        laws, contacts = [], feet(robot)  # type: ignore[arg-type]
+        demands, contacts = [], feet(robot)  # type: ignore[arg-type]
     else:
-        laws, contacts = [Orientation("tool", target=np.eye(3), kp=1.0, name="level").exactly()], []
+        demands, contacts = [Orientation("tool", target=np.eye(3), kp=1.0, name="level").exactly()], []
     limits = [TorqueLimits(), JointVelocityLimits(), JointPositionLimits(), JointAccelerationLimits(200.0)]
-    return wbc.Stack([Posture(robot.q0, kp=10.0)], contacts=contacts, subject_to=[*laws, *limits, *extra])
+    return wbc.Stack([Posture(robot.q0, kp=10.0)], contacts=contacts, subject_to=[*demands, *limits, *extra])
 
 
 def sides(qp: QP) -> tuple[Mat, Vec, Vec]:
@@ -131,10 +132,10 @@ def _try(robot: RobotModel, rng: np.random.Generator) -> Case | None:
         return None
     delta = min(delta, 10.0)
     row = (factor * side) @ R[chosen]
-    law = _demand(plan, chosen, factor * side, row, x, delta)
+    demand = _demand(plan, chosen, factor * side, row, x, delta)
     shifted = {int(i): float(delta / f * s) for i, f, s in zip(chosen, factor, side, strict=True)}
-    full = wbc.Stack(stack.tasks, contacts=stack.contacts, subject_to=[*stack.subject_to, law])
-    # The law is the last two-sided row; the bounds move behind it by one.
+    full = wbc.Stack(stack.tasks, contacts=stack.contacts, subject_to=[*stack.subject_to, demand])
+    # The constraint is the last two-sided row; the bounds move behind it by one.
     last = len(qp.lower)
     expected = {i + (i >= last): amount for i, amount in shifted.items()}
     expected[last] = -delta
@@ -146,7 +147,7 @@ def lowered(robot: RobotModel, stack: wbc.Stack, q: Vec, v: Vec) -> tuple[QP, An
 
     The plan is made without the look for contradictions: some of these stacks have them in every state.
     """
-    plan = Plan(robot, stack, LEVEL, 1e-3)
+    plan = Plan(robot, stack, LEVEL, 1e-3, robot.state())
     state = robot.state()
     state.update(0.0, q, v)
     plan.start(state)
@@ -155,7 +156,7 @@ def lowered(robot: RobotModel, stack: wbc.Stack, q: Vec, v: Vec) -> tuple[QP, An
 
 
 def _choose(plan: Any, rng: np.random.Generator) -> tuple[Index, Vec]:
-    """One to five rows that a law on one quantity can combine, and the side (±1) of each."""
+    """One to five rows that a constraint on one quantity can combine, and the side (±1) of each."""
     layout, model, shape = plan.layout, plan.model, plan.problem.qp_shape
     first_range, first_bound = shape.n_eq, shape.n_eq + shape.n_in
     kind = rng.choice(["torque", "acceleration", "force"] if layout.contacts else ["torque", "acceleration"])
@@ -217,7 +218,7 @@ def _gain(R: Mat, equal: Any, chosen: Index, side: Vec, room: Vec) -> Vec | None
 
 
 def _demand(plan: Any, chosen: Index, factors: Vec, row: Vec, x: Vec, delta: float) -> Demand:
-    """The law on the quantity that the chosen rows are about: δ more of their combination than there is at x."""
+    """The constraint on the quantity that the chosen rows are about: δ more of their combination than there is at x."""
     model, layout, shape = plan.model, plan.layout, plan.problem.qp_shape
     first_range, first_bound = shape.n_eq, shape.n_eq + shape.n_in
     if first_range <= chosen[0] < first_range + model.nj:
@@ -237,11 +238,11 @@ def several_conflicts(name: str, seed: int) -> Case:
     rng = np.random.default_rng([seed, 7 + ROBOTS.index(name)])
     robot = wbc.load(name)
     q, v = moving(robot, int(rng.integers(1 << 30)))  # type: ignore[arg-type]
-    laws = []
+    demands = []
     for k in range(int(rng.integers(2, 5))):
         on = str(rng.choice(["torque", "acceleration"]))
         size = robot.nj if on == "torque" else robot.nv
         A = rng.normal(size=size) * (rng.uniform(size=size) < 0.3)
         A[int(rng.integers(size))] = 1.0
-        laws.append(Demand(on, A, float(10.0 ** rng.uniform(2, 6)), name=f"demand {k}"))
-    return Case(robot, quiet(robot, *laws), q, v, {})
+        demands.append(Demand(on, A, float(10.0 ** rng.uniform(2, 6)), name=f"demand {k}"))
+    return Case(robot, quiet(robot, *demands), q, v, {})

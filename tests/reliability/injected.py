@@ -18,7 +18,7 @@ LEVELS = {"arm": wbc.VelocityLevel(), "quadruped": wbc.InverseDynamics(), "human
 
 
 class Tally(NamedTuple):
-    """How many, how many of them badly answered, and by which rungs."""
+    """How many, how many of them badly answered, and by which fallback levels."""
 
     count: int
     bad: int

@@ -86,7 +86,7 @@ class Life(RuleBasedStateMachine):
     @precondition(lambda self: self.command is not None)
     @rule()
     def heal(self) -> None:
-        """A sound solver, a sound state and sound wishes for as many ticks as it takes to resume."""
+        """A sound solver, a sound state and sound targets for as many ticks as it takes to resume."""
         self.script.fault = ""
         for task, weight in zip(self.control.stack.tasks, self.weights, strict=True):
             task.weight = weight
@@ -100,7 +100,7 @@ class Life(RuleBasedStateMachine):
     @invariant()
     def commands_are_finite_and_bounded(self) -> None:
         command = getattr(self, "command", None)
-        if command is None or command.rung == "relaxed":  # then it is declared what gives way
+        if command is None or command.rung == "relaxed":  # then it is declared what is relaxed
             return
         assert excess(self.control, command) <= 1e-6, (command, self.control.explain())
 

@@ -1,4 +1,4 @@
-"""A bar in two hands is where it is to be and is squeezed as hard as is wished; what welds it is part of physics."""
+"""A bar in two hands is where it is to be and is squeezed as hard as is asked; what welds it is part of physics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One stack under three hierarchies: weights add up, strict levels never give way, scaled tasks keep their course."""
+"""One stack under three hierarchies: weights add up, strict levels never degrade, scaled tasks keep their course."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contacts press against one another as hard as is wished, and nothing moves for it; a mirror changes nothing."""
+"""Contacts press against one another as hard as is asked, and nothing moves for it; a mirror changes nothing."""
 
 from __future__ import annotations
 

@@ -33,8 +33,8 @@ def observed(
 ) -> tuple[wbc.Run, MomentumObserver]:  # fmt: skip
     """A run under constant torques, or held by its posture, with an observer beside."""
     observer = observer or MomentumObserver(gain=K)
-    wish = Posture(robot.q0 if q is None else q, kp=100) if tau is None else Torque(tau, weight=1e6)
-    stack = wbc.Stack([wish], components=[*components, observer])
+    task = Posture(robot.q0 if q is None else q, kp=100) if tau is None else Torque(tau, weight=1e6)
+    stack = wbc.Stack([task], components=[*components, observer])
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=dt)
     push = None if wrench is None else (lambda t: wrench)
     plant = ExactPlant(robot, dt=dt, frame=robot.frame_names[-1], wrench=push)

@@ -73,7 +73,7 @@ class Command:
     tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
     decide is NaN. ``status.ok``: what was asked was answered, with proof. ``rung`` is the fallback level that made the
     command: "solved" or "other solver" where the status is ok; else "not certified", "not optimised", "weighted
-    fallback", "relaxed", "closed form", "hold" or "damped" (:mod:`wbc.control.ladder`). ``certificate`` says by how
+    fallback", "relaxed", "closed form", "hold" or "damped" (:mod:`wbc.control.recovery`). ``certificate`` says by how
     much limits are exceeded and, in ``certificate.bounds``, how far each task can be from its optimum [unit of the
     task]. ``levels`` says how each level of a strict hierarchy came out, with its own certificate
     (:class:`~wbc.qp.rows.Outcome`). Arrays are the command's own, stay valid, and are read-only.

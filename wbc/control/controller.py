@@ -3,7 +3,7 @@
     state → components.before → plan.fill → solve → certificate → command → components.after
 
 A tick raises only for programming errors (a wrong type or shape). Numbers that are not finite and solves that fail give
-a bounded command all the same, from the next fallback level (:mod:`wbc.control.ladder`).
+a bounded command all the same, from the next fallback level (:mod:`wbc.control.recovery`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.linalg.blas import ddot
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.explain import explain, reproducer
-from wbc.control.ladder import Ladder, Recovery
+from wbc.control.recovery import Ladder, Recovery
 from wbc.control.solving import Solving
 from wbc.control.watchdog import Watch, Watchdog
 from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError
@@ -172,7 +172,9 @@ class Controller(Solving):
             raise InvalidInput(f"stack is {checks.shown(stack)}; it must be a wbc.Stack")
         if self._started:  # else no tick was made with the stack that is replaced now
             self._former, self._kept = self.plans, self.components
-        self.compile(stack, prepared=self._kept)
+        state, former = self.compile(stack, prepared=self._kept), self.state
+        state.update(former.t, former.q, former.v)
+        self.state = state
         if self._started and self.last is not None:
             self._acceleration = self._accelerated(self.last)
         if self._solved is self.plan:

@@ -6,7 +6,7 @@ from math import nan
 
 from wbc.control.answer import active, norms, shares
 from wbc.control.distance import distances, units
-from wbc.control.ladder import WEAKER
+from wbc.control.recovery import WEAKER
 from wbc.control.solving import Solving
 from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -25,8 +25,9 @@ from wbc.types import Vec
 _DT = 1e-2
 #: What a joint moves in a step at most [rad, m]: beyond it a linearised task says little.
 _STEP = 0.5
-#: Steps shorter than this [rad, m] lead nowhere any more.
+#: Steps shorter than this [rad, m] lead nowhere any more, nor do that many steps after the best one.
 _SHORT = 1e-5
+_PATIENCE = 10
 
 
 @final
@@ -117,7 +118,7 @@ def reach(
             raise InvalidInput(f"{task.name} has no error that could be met; put it in a lower level")
     seed = int(checks.number("seed", seed, low=0, high=2**63))
     limits = [_Positions()] if subject_to is None else checks.items("subject_to", subject_to, "limits and constraints")
-    search = _Search(robot, levels, limits, tolerance)
+    search = _Search(robot, levels, limits, tolerance, damped=len(levels) > 1)
     first = np.array(robot.q0) if start is None else checks.array("start", start, (robot.nq,))
     rng = np.random.default_rng(seed)
     best, used = None, 0
@@ -132,6 +133,10 @@ def reach(
         if best.missed <= 1.0:
             break
     assert best is not None, "there is an attempt"
+    if best.missed > 1.0 and len(levels) == 1:  # the point nearest by, where steps without damping do not come to rest
+        found = _Search(robot, levels, limits, tolerance, damped=True).descend(best.q, steps)
+        used += found.steps
+        best = min(best, found, key=lambda one: one.missed)
     reason = "" if best.missed <= 1.0 else best.says
     if reason:
         free = [limit.name for limit in limits if search.without(limit).descend(best.q, steps).missed <= 1.0]
@@ -148,21 +153,26 @@ class _Found:
     errors: Mapping[str, Vec]
     missed: float
     says: str
-    steps: int
+    steps: int = 0
 
 
 @final
 class _Search:
-    """Steps from one start after the other, with one controller."""
+    """Steps from one start after the other, with one controller.
+
+    Steps that are ``damped`` come to rest where tasks cannot be met, as levels need it; without they are fewer.
+    """
 
     def __init__(
-        self, robot: RobotModel, levels: Sequence[Sequence[Objective]], limits: Sequence[Any], tolerance: float
-    ) -> None:
+        self, robot: RobotModel, levels: Sequence[Sequence[Objective]], limits: Sequence[Any], tolerance: float, *,
+        damped: bool,
+    ) -> None:  # fmt: skip
         self._robot, self._levels, self._limits, self._tolerance = robot, levels, limits, tolerance
+        self._damped, level = damped, VelocityLevel() if damped else VelocityLevel(lm_damping=0.0)
         quick = [[self._quick(task) for task in level] for level in levels]
         self._must = [task for task in quick[0] if isinstance(task, Task)]
         self._controller = Controller(
-            robot, Stack(quick, subject_to=[*limits, _Steps()]), level=VelocityLevel(),
+            robot, Stack(quick, subject_to=[*limits, _Steps()]), level=level,
             hierarchy=Strict() if len(levels) > 1 else Weighted(), dt=_DT,
         )  # fmt: skip
 
@@ -176,26 +186,29 @@ class _Search:
 
     def without(self, limit: Any) -> _Search:
         """The same search without one of the limits."""
-        return _Search(self._robot, self._levels, [one for one in self._limits if one is not limit], self._tolerance)
+        limits = [one for one in self._limits if one is not limit]
+        return _Search(self._robot, self._levels, limits, self._tolerance, damped=self._damped)
 
     def descend(self, q: Vec, steps: int) -> _Found:
         """Steps from q (nq,) until the tasks are met, or a step leads nowhere; of all, what misses least."""
         controller, still = self._controller, np.zeros(self._robot.nv)
         controller.reset()
         best: _Found | None = None
+        last = 0
         for k in range(steps + 1):
             command = controller.tick(_DT * k, q, still)
-            found = self._judged(q, k)
+            found = self._judged(q)
             if best is None or found.missed <= 1.0 or found.missed < best.missed:
-                best = found
-            ends = found.missed <= 1.0 and len(self._levels) == 1
-            if ends or float(np.abs(command.v).max(initial=0.0)) * _DT < _SHORT:
+                best, last = found, k
+            met = found.missed <= 1.0 and len(self._levels) == 1
+            lost = not self._damped and k - last >= _PATIENCE
+            if met or lost or float(np.abs(command.v).max(initial=0.0)) * _DT < _SHORT:
                 break
             q = command.q
         assert best is not None, "there is a step"
-        return best
+        return replace(best, steps=k)
 
-    def _judged(self, q: Vec, steps: int) -> _Found:
+    def _judged(self, q: Vec) -> _Found:
         """What the configuration filled last misses."""
         plan, positions = self._controller.plan, q[self._robot.nq - self._robot.nj :]
         errors = plan.errors()
@@ -216,4 +229,4 @@ class _Search:
             short = -float(plan.intervals.nearest(positions).min(initial=0.0))
             if short / MET > max(missed, 1.0):
                 missed, says = short / MET, plan.intervals.recovery(positions)
-        return _Found(q, errors, missed, says, steps)
+        return _Found(q, errors, missed, says)

@@ -12,10 +12,10 @@ Drift is what separates the two, difference(q measured, setpoint). With "command
 ``max_drift``, as where a joint is blocked, is dragged along at that distance and takes the measured velocity: pushing
 on does not wind up, and a robot that comes free moves by ``max_drift`` and what the tick decides, not more.
 
-After a tick without an answer the setpoint follows what the ladder (:mod:`wbc.control.ladder`) decided, whichever rung
-it was: it goes on for a few ticks, then brakes to rest, and stays; with the first solved tick it goes on from there. It
-is not set back to the measured state, which would be a step; ``reset`` does that. A measurement that is not to be
-believed is judged as everywhere, its tick has the status INVALID_STATE, and drags nothing.
+After a tick without an answer the setpoint follows what the fallback levels (:mod:`wbc.control.recovery`) decided,
+whichever it was: it goes on for a few ticks, then brakes to rest, and stays; with the first solved tick it goes on
+from there. It is not set back to the measured state, which would be a step; ``reset`` does that. A measurement that
+is not to be believed is judged as everywhere, its tick has the status INVALID_STATE, and drags nothing.
 """
 
 from __future__ import annotations

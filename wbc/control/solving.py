@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.control.command import Command, Forces, Proof
 from wbc.errors import NotSupported
-from wbc.models.model import RobotModel
+from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
@@ -51,20 +51,23 @@ class Solving:
     ) -> None:
         self.model, self._level, self._dt = robot, level, dt
         self._hierarchy, self._asked = hierarchy, solver
-        self.state = robot.state(drifts=level.order > 1)
-        self.compile(stack)
+        self.state = self.compile(stack)
         self.serial = 0
 
-    def compile(self, stack: Stack, prepared: Sequence[Component] = ()) -> None:
+    def compile(self, stack: Stack, prepared: Sequence[Component] = ()) -> RobotState:
         """Make plans and solvers of a stack; where that raises, those before stay. Components ``prepared`` go on.
+
+        Returns the state at q0 that they are filled from.
 
         Raises:
             WbcError: something in the stack makes no sense for this robot and level.
         """
-        plans = Plans(self.state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
+        state = self.model.state(drifts=self._level.order > 1)
+        plans = Plans(state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
         self.plans, self._stack = plans, stack
         contacts = plans.whole.plan.layout.contacts
         self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, {c.frame: c.name for c in contacts})
+        return state
 
     def _open(self, plan: Plan) -> RowSolver:
         return self._hierarchy.open(plan.problem, self._asked, plan.damping.pulls)

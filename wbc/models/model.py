@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Protocol, final
+from functools import cache
+from inspect import get_annotations
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 
-from wbc.errors import UnknownFrame, UnknownJoint
+from wbc.errors import UnknownAttribute, UnknownFrame, UnknownJoint
 from wbc.types import Mat, Vec
 
 
@@ -78,7 +80,25 @@ class FrameState(ABC):
         """(6,) J̇ v, the frame's axes, spatial."""
 
 
-class RobotState(ABC):
+@cache
+def _attributes(kind: type[Any]) -> frozenset[str]:
+    """What objects of a class have."""
+    return frozenset(dir(kind)).union(*(get_annotations(base) for base in kind.__mro__))
+
+
+class _Known:
+    """What has the attributes that its class declares, and no others."""
+
+    if not TYPE_CHECKING:  # else any attribute could be assigned
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            if name[0] != "_" and name not in _attributes(type(self)):
+                known = [one for one in _attributes(type(self)) if one[0] != "_"]
+                raise UnknownAttribute(name, known, f"a {type(self).__name__} has none")
+            object.__setattr__(self, name, value)
+
+
+class RobotState(_Known, ABC):
     """A moment of a robot: everything read from it is consistent with (t, q, v).
 
     M a + h = Sᵀ τ + Jᵀ f. Arrays are read-only views that the next ``update`` overwrites. Quantities
@@ -153,7 +173,7 @@ class RobotState(ABC):
         """Ȧ_G v (6,) [N, N m]: the rate of that momentum when a = 0."""
 
 
-class RobotModel(ABC):
+class RobotModel(_Known, ABC):
     """A robot: names, sizes, limits, and the integrator of its configuration space.
 
     ``nb`` floating-base velocities (0 or 6), ``nj`` joints; ``q0`` is the reference configuration

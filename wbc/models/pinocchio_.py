@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from wbc import checks
 from wbc.errors import ModelError
 from wbc.models.feet import Foot
+from wbc.models.geometry import Geometry
 from wbc.models.model import Limits
 from wbc.models.pinocchio_state import PinocchioRobot, finite_interval, frozen
 from wbc.models.urdf import Joint, Urdf
@@ -53,6 +54,14 @@ class PinocchioModel(PinocchioRobot):
         (0.02, (18, 18))
     """
 
+    urdf: Urdf
+    base: Base
+    visuals: Sequence[Geometry]
+    collisions: Sequence[Geometry]
+    feet: Mapping[str, Foot]
+    armature: Vec
+    configurations: Mapping[str, Vec]
+
     def __init__(
         self,
         urdf: Urdf,
@@ -67,7 +76,7 @@ class PinocchioModel(PinocchioRobot):
         self.base = base
         self.name = name or urdf.name
         self.visuals, self.collisions = urdf.visuals, urdf.collisions
-        self.feet: Mapping[str, Foot] = {foot.frame: foot for foot in feet}
+        self.feet = {foot.frame: foot for foot in feet}
         model = _build(urdf, base) if model is None else model
         self._take(model, 6 if base == "floating" else 0)
         by_name = {joint.name: joint for joint in urdf.joints}
@@ -79,7 +88,7 @@ class PinocchioModel(PinocchioRobot):
         model.armature[self.nb :] = self.armature
         for foot in self.feet:
             self.check_frame(foot)
-        self.configurations: Mapping[str, Vec] = {}
+        self.configurations = {}
         self.q0 = frozen(self.configuration({}))
 
     def to_pinocchio(self, q: Vec) -> Vec:

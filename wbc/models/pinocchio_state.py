@@ -159,7 +159,7 @@ class PinocchioState(RobotState):
             fits = False
         if not fits:
             self._refuse(q, v)
-        self.t = t
+        self.__dict__["t"] = t  # no assignment: this runs every tick
         self._q[:] = q
         self._v[:] = v
         for call in self._calls:

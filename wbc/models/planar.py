@@ -58,6 +58,10 @@ class PlanarRobot(PinocchioRobot):
         InvalidInput: a parameter that is missing, too many or makes no sense; an M that is singular at q0.
     """
 
+    chain: Chain
+    parameters: Mapping[str, float]
+    g0: float
+
     def __init__(
         self, name: str, chain: Chain, parameters: Mapping[str, float], *, gravity: float, limits: JointLimits
     ) -> None:

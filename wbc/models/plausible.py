@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-2
 #: Radii of gyration √(I/m) [m] that no link has: thinner than a hair, wider than any robot.
 _THIN, _WIDE = 1e-5, 20.0
+#: A robot that reaches less far [m] may be one whose frames lie in its base.
+_SHORT = 0.1
 
 
 class ImplausibleUnit(UserWarning):
@@ -48,11 +50,12 @@ def joints(model: RobotModel, name: str, positions: Vec) -> None:
 
 def position(model: RobotModel, name: str, point: Vec) -> None:
     """Points ten times farther than any frame of a robot with a fixed base is in q0 look like millimetres."""
-    if model.nb:
+    far = float(np.abs(point).max(initial=0.0))
+    if model.nb or not far > 10.0 * _SHORT:
         return
     state = model.state()
-    reach = max([0.1, *(float(np.linalg.norm(state.frame(frame).position)) for frame in model.frame_names)])
-    if np.abs(point).max(initial=0.0) > 10.0 * reach:
+    reach = max([_SHORT, *(float(np.linalg.norm(state.frame(frame).position)) for frame in model.frame_names)])
+    if far > 10.0 * reach:
         doubt(f"{name} is {point} m, more than ten times as far as {model.name} reaches: are these millimetres?")
 
 

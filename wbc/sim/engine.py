@@ -30,7 +30,7 @@ def mujoco() -> Any:
 class PhysicsSettings:
     """How the engine is set; everything that is not said here is MuJoCo's default. The friction cone is elliptic.
 
-    ``solref`` (time constant [s], damping ratio) and ``solimp`` shape how contacts and joint stops give way: with the
+    ``solref`` (time constant [s], damping ratio) and ``solimp`` shape how soft contacts and joint stops are: with the
     default a 90 kg robot sinks a third of a millimetre. ``impratio`` makes friction stiffer than the normal direction:
     with less than 10 a standing foot creeps. ``joint_friction`` [N m, N] and ``joint_damping`` [N m s/rad, N s/m] are
     one number for every joint or "urdf"; they are 0 because the model that the controller knows has neither.

@@ -5,28 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.errors import Infeasible
+from wbc.models.model import RobotState
 from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
 from wbc.stack.plan import Plan
 
 
-def refuse_contradictions(plan: Plan) -> None:
-    """Look for a conflict among the rows that are the same in two states; the plan is as before afterwards.
+def refuse_contradictions(plan: Plan, state: RobotState) -> None:
+    """Look for a conflict among the rows that are the same in this state and another; both are as before afterwards.
 
     A force that friction cannot give, a joint speed above its limit: what depends on no state is told while building.
 
     Raises:
         Infeasible: with the rows, and how much each must give.
     """
-    model = plan.model
-    here, there = (model.state(drifts=plan.level.order > 1) for _ in range(2))
-    step = 0.1 * np.sin(1.0 + np.arange(model.nv))  # any other state, the same one each time
+    t, q, v = state.t, state.q.copy(), state.v.copy()
+    step = 0.1 * np.sin(1.0 + np.arange(len(v)))  # any other state, the same one each time
     # The time of the second tick: a target need not be defined any later.
-    there.update(plan.dt, model.integrate(here.q, step), step[::-1])
-    plan.start(here)
-    plan.fill(there)
+    state.update(t + plan.dt, plan.model.integrate(q, step), step[::-1])
+    plan.fill(state)
     other = plan.qp.copy()
-    plan.fill(here)
+    state.update(t, q, v)
+    plan.fill(state)
     qp = _same(plan.qp, other)
     found = None if qp is None else conflict(qp)
     if found is not None:
@@ -34,9 +34,11 @@ def refuse_contradictions(plan: Plan) -> None:
 
 
 def _same(qp: QP, other: QP) -> QP | None:
-    """The rows and bounds that both have, None where the rest is not a problem."""
+    """The rows and bounds that both have, None where no conflict can be among them or they are no problem."""
     rows = (qp.matrix == other.matrix).all(axis=1) & (qp.lower == other.lower) & (qp.upper == other.upper)
     bounds = (qp.lb == other.lb) & (qp.ub == other.ub)
+    if not (rows.any() or (qp.lb > qp.ub)[bounds].any()):
+        return None
     sound = np.isfinite(qp.matrix[rows]).all() and not np.isnan(np.concatenate([qp.lower[rows], qp.upper[rows]])).any()
     if not sound:
         return None

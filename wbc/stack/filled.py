@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from wbc.errors import InvalidInput
+from wbc.models.model import RobotState
 from wbc.qp.rows import RowProblem
 from wbc.stack.compiled.fill_kernel import ROW_SPOILT
 from wbc.stack.constraint import Barrier
@@ -19,6 +20,11 @@ from wbc.types import Index, Mat, Vec
 
 class Filled(PlanView):
     """The rows of a plan, where they stand, and what they say in words."""
+
+    __slots__ = (
+        "_joint_wanted", "_normal", "_spoilt", "_torque_range", "barriers", "joint_bound_rows", "layout",
+        "motion", "problem", "shares",
+    )  # fmt: skip
 
     layout: Layout
     problem: RowProblem
@@ -97,6 +103,18 @@ class Filled(PlanView):
     def pressed(self) -> list[int]:
         """The unknowns that are normal forces."""
         return [int(i) for i in self._normal] if self.level.dynamics else []
+
+    def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
+        """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
+
+        They are the problem's from now on. None where the stack limits neither.
+        """
+        if self.intervals is None:
+            return None
+        lower, upper = self.joint_bound_rows
+        write = self.intervals.velocity if self.level.order == 1 else self.intervals.acceleration
+        write(state.q_joints, state.v_joints, lower, upper)
+        return lower.copy(), upper.copy()
 
     def bound_owner(self, unknown: int, *, upper: bool) -> str:
         """Which constraint gives an unknown the bound it has now."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, final
 
 from wbc.errors import NotSupported
-from wbc.models.model import RobotModel
+from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
 from wbc.stack.level import Level
 from wbc.stack.stack import Stack
@@ -23,12 +23,12 @@ class Formulation(Level):
     @final
     def compile(
         self, model: RobotModel, stack: Stack, *, dt: float, like: Plan | None = None,
-        prepared: Sequence[Component] = (),
+        prepared: Sequence[Component] = (), state: RobotState | None = None,
     ) -> Plan:  # fmt: skip
         """Decide names, sizes, views and constant rows; see :class:`~wbc.stack.plan.Plan`.
 
         ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares. Components that are
-        ``prepared`` go on as they are.
+        ``prepared`` go on as they are. ``state``, by default a new one, is what the plan is tried on and bound to.
 
         Raises:
             NotSupported: a task or constraint this level cannot carry, by name; dynamics of a robot that has none.
@@ -45,9 +45,10 @@ class Formulation(Level):
         for component in stack.components if like is None else ():
             if not any(component is one for one in prepared):
                 component.prepare(model)
-        plan = Plan(model, stack, self, dt, like)
+        state = model.state(drifts=self.order > 1) if state is None else state
+        plan = Plan(model, stack, self, dt, state, like=like)
         if like is None:  # fewer contacts contradict no more, and share memory with a plan that may be at work
-            refuse_contradictions(plan)
+            refuse_contradictions(plan, state)
         return plan
 
 

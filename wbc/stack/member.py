@@ -16,12 +16,12 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, final
 from weakref import WeakSet
 
-from wbc.errors import InvalidInput, MemberFailed, UnknownName
+from wbc.errors import InvalidInput, MemberFailed, UnknownAttribute, UnknownName
 from wbc.models.model import RobotModel
 from wbc.stack.target import Target
 
 
-class UnknownSetting(UnknownName, AttributeError):  # type: ignore[misc]  # both have a name: the one asked for
+class UnknownSetting(UnknownAttribute):
     """The object has no attribute of this name that could be assigned."""
 
     kind = "setting"

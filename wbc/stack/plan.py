@@ -43,7 +43,7 @@ from wbc.stack.writers import (
     TorqueSpeedWriter,
     Writer,
 )
-from wbc.types import Status, Vec
+from wbc.types import Status
 
 
 @final
@@ -60,9 +60,19 @@ class Plan(Filled):
     command.
     """
 
+    __slots__ = (
+        "_bound", "_by_speed", "_call", "_called", "_failure", "_filler", "_fills", "_force_weights",
+        "_has_components", "_joint_weights", "_looks", "_normal_version", "_own_normals", "_place", "_pressing",
+        "_pull_weights", "_qp", "_refusal", "_shares", "_stamp", "_torque_version", "_writers", "anchors",
+        "damping", "force_scale", "stopping",
+    )  # fmt: skip
+
     stack: Stack
 
-    def __init__(self, model: RobotModel, stack: Stack, level: Level, dt: float, like: Plan | None = None) -> None:
+    def __init__(
+        self, model: RobotModel, stack: Stack, level: Level, dt: float, state: RobotState, *,
+        like: Plan | None = None,
+    ) -> None:  # fmt: skip
         self.model, self.level, self.dt = model, level, dt
         # The members of a plan like another are copies already.
         self.binding = Binding() if like is None else like.binding
@@ -110,7 +120,7 @@ class Plan(Filled):
         self._filler: CompiledFill | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
         self.stopping = Stopping.of(self)
-        self._first_fill(like)
+        self._first_fill(state, like)
         for component in () if like else stack.components:
             component.check(self)
 
@@ -236,9 +246,9 @@ class Plan(Filled):
         drift = self.motion.drift[at] if self.level.order == 2 else np.zeros(dim)
         return RowTask(task.name, rows, None, weights, wanted, drift, kinematic=True, scaled=task.is_scaled)
 
-    def _first_fill(self, like: Plan | None) -> None:
-        """Fill once at the model's reference, on poisoned memory: what nobody writes is found now, by name."""
-        state, layout, motion = self.model.state(drifts=self.level.order > 1), self.layout, self.motion
+    def _first_fill(self, state: RobotState, like: Plan | None) -> None:
+        """Fill once, on poisoned memory: what nobody writes is found now, by name."""
+        layout, motion = self.layout, self.motion
         if like is None:
             self.start(state)
         first = layout.motion_row
@@ -466,18 +476,6 @@ class Plan(Filled):
         filler = self._filler
         compiled = filler is not None and filler.is_compiled
         return compiled and not (self._has_components or self.stopping)
-
-    def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
-        """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
-
-        They are the problem's from now on. None where the stack limits neither.
-        """
-        if self.intervals is None:
-            return None
-        lower, upper = self.joint_bound_rows
-        write = self.intervals.velocity if self.level.order == 1 else self.intervals.acceleration
-        write(state.q_joints, state.v_joints, lower, upper)
-        return lower.copy(), upper.copy()
 
     @property
     def qp(self) -> QP:

@@ -43,6 +43,8 @@ class Members(Protocol):
 class PlanView:
     """Of which members a plan is made, and what holds in the present tick. Nothing here can be written."""
 
+    __slots__ = ("applied", "binding", "dt", "extra_bias", "intervals", "level", "model", "stack")
+
     model: RobotModel
     level: Level
     dt: float

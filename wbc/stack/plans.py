@@ -81,8 +81,7 @@ class Plans:
         self._state, self._level, self._open_solver = state, level, open_solver
         self._named = dict(keys(stack.contacts))
         self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
-        plan = level.compile(state.model, stack, dt=dt, prepared=prepared)
-        plan.bind(state)
+        plan = level.compile(state.model, stack, dt=dt, prepared=prepared, state=state)
         self.whole = self.present = Mode(plan, open_solver(plan), plan)
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
         self._waiting: list[frozenset[str]] = []
@@ -102,8 +101,8 @@ class Plans:
     def _compile(self, names: frozenset[str]) -> None:
         if names not in self._modes:
             whole = self.whole.plan
-            plan = self._level.compile(whole.model, whole.stack.standing_on(names), dt=whole.dt, like=whole)
-            plan.bind(self._state)
+            stack = whole.stack.standing_on(names)
+            plan = self._level.compile(whole.model, stack, dt=whole.dt, like=whole, state=self._state)
             self._modes[names] = Mode(plan, self._open_solver(plan), whole)
 
     @property

@@ -65,7 +65,7 @@ def judge(seed: int) -> Status:
     qp = p.empty_qp()
     p.write_qp(qp)
     if status is Status.INFEASIBLE:
-        # The least by which all rows and bounds must give way together, by the simplex method.
+        # The least by which all rows and bounds must be relaxed together, by the simplex method.
         rows = np.concatenate([qp.matrix, -qp.matrix, np.eye(qp.n), -np.eye(qp.n)])
         right = np.concatenate([qp.upper, -qp.lower, qp.ub, -qp.lb])
         known = np.isfinite(right)

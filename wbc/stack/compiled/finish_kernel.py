@@ -1,4 +1,4 @@
-"""What becomes of rows that are no task's: barriers, bounds and wishes on velocities, torques and forces."""
+"""What becomes of rows that are no task's: barriers, bounds and linear tasks on velocities, torques and forces."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def velocity(at: int) -> int:
 
 @callee
 def admittance(at: int) -> int:
-    """The target gives way to a torque; ``numbers``: which joints are held, compliances, mobilities, (nj,) each."""
+    """The target yields to a torque; ``numbers``: which joints are held, compliances, mobilities, (nj,) each."""
     k = rows(at)
     n = len(k.e)
     for r in range(n):

@@ -91,7 +91,7 @@ def test_what_gives_way_is_declared(level: Any):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_three_rows_that_gave_way_most_are_named_the_largest_first(seed: int):
-    """Joint i is asked to move faster than it may, by ``beyond`` of its own: that is what its row gives way by."""
+    """Joint i is asked to move faster than it may, by ``beyond`` of its own: that is what its row is relaxed by."""
     beyond = np.random.default_rng(seed).permutation(np.arange(1.0, 8.0)) / 8.0
     posture = Posture(ARM.q0 + 0.2 * (1.0 + beyond), rate=5.0).exactly()
     stack = wbc.Stack([Posture(ARM.q0, name="rest")], subject_to=[posture, JointVelocityLimits(1.0)])

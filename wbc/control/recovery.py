@@ -1,4 +1,4 @@
-"""Ladder: the fallback sequence of a controller for a tick whose problem has no certified answer.
+"""Recovery: the fallback sequence of a controller for a tick whose problem has no certified answer.
 
     other solver       the same hierarchy on the default solver; where that is the solver that failed, on Clarabel
     not certified      the answer meets all constraints, and its distance from the optimum is not proved
@@ -115,6 +115,10 @@ class _Weaker(NamedTuple):
 @final
 class Ladder:
     """The fallback levels below "solved", for one controller. ``rungs`` counts how often each made a command."""
+
+    __slots__ = (
+        "_controller", "_solved", "failures", "good", "log", "recovery", "rungs",
+    )  # fmt: skip
 
     def __init__(self, controller: Solving, recovery: Recovery | None = None) -> None:
         self._controller, self.recovery = controller, Recovery() if recovery is None else recovery
