@@ -206,7 +206,7 @@ class Contact(Member):
         """Unit of each motion row."""
 
     def __repr__(self) -> str:
-        return f"{self.name}(friction={self.friction})"
+        return f"{self.name}(friction={self.friction:g})"
 
 
 def keys(contacts: Sequence[Contact]) -> Iterator[tuple[str, str]]:
