@@ -205,7 +205,7 @@ def _judged(
         "torque_use": float(measure.use(run)["torque"].max()),
     }
     verdict = [
-        Check(f"stays up{through}", stood, ">=", duration, "s", Place(stood if stood < duration else None)),
+        Check(f"stays up{through}", stood, ">=", duration, "s", Place(stood if stood < duration else None, plot="com")),
         steady,
         slip,
         Check(

@@ -173,3 +173,14 @@ def test_an_ordinary_row_costs_microseconds():
         best = min(best, (time.perf_counter() - start) / 1000)
     assert recorder.grown == 0
     assert best < 20e-6  # about 4 µs on an idle core
+
+
+def test_a_column_of_gaps_takes_no_room_on_disk(tmp_path: Path):
+    gaps = np.full((20_000, 16), np.nan)
+    gaps[::100, 0] = np.arange(200)
+    noise = np.random.default_rng(0).normal(size=20_000)
+    folder = Run({"gaps": gaps, "noise": noise}, {}).save(tmp_path / "r")
+    assert (folder / "run.npz").stat().st_size < 1.2 * noise.nbytes < gaps.nbytes / 10
+    again = Run.load(folder)
+    np.testing.assert_array_equal(again["gaps"], gaps)
+    np.testing.assert_array_equal(again["noise"], noise)

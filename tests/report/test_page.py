@@ -41,9 +41,11 @@ def chromium() -> Iterator[Browser]:
 
 @pytest.fixture
 def tab(chromium: Browser, page: Path) -> Browser:
-    """The page, opened anew on a wide window."""
+    """The page, opened anew on a wide window, at the start of the run."""
     chromium.errors.clear()
+    chromium.requests.clear()
     chromium.open(page)
+    chromium.run("report.go(0)")
     return chromium
 
 
@@ -67,6 +69,11 @@ def plot(tab: Browser, name: str, then: str) -> Any:
 def test_the_page_asks_nobody_and_makes_no_error(tab: Browser, page: Path):
     assert tab.errors == []
     assert all(address == page.as_uri() or address.startswith(("data:", "about:")) for address in tab.requests)
+
+
+def test_a_run_that_failed_is_opened_where_it_did(chromium: Browser, page: Path):
+    chromium.open(page)
+    assert chromium.run("report.clock.t") == pytest.approx(0.5)
 
 
 def test_one_cursor_goes_through_all_plots(tab: Browser):

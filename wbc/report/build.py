@@ -112,8 +112,8 @@ def summary(result: ScenarioResult) -> str:
 
 
 def _named(robot: str) -> str:
-    """A name at the start of a sentence; one that no word can be is left as it is."""
-    return robot.capitalize() if robot.replace(" ", "").isalpha() else robot
+    """A name at the start of a sentence; an identifier is left as it is."""
+    return robot if "_" in robot else robot.capitalize()
 
 
 def highlights(result: ScenarioResult) -> list[Tile]:

@@ -355,5 +355,6 @@
   });
   window.report = { data, arrays, clock, go, play, zoom, show, followers, plots };
   if (window.scenes) window.scenes(window.report);
-  go(0);
+  const failed = data.events.filter((event) => event.kind === "failed").map((event) => event.start);
+  go(failed.length ? Math.min(...failed) : 0);  // a run that failed is opened where it did
 })();
