@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from wbc.models import load
 from wbc.models.collision import Obstacle
 from wbc.models.geometry import Box, Sphere
-from wbc.report.motion import PUSH_LENGTH, WEIGHT_LENGTH, motion, quaternions
+from wbc.report.motion import PUSH_LENGTH, WEIGHT_LENGTH, hull, motion, quaternions
 from wbc.report.shapes import obstacle_parts
 
-from .conftest import standing_run
+from .conftest import FRICTION, HALF_SIZE, standing_run
 
 
 @given(st.integers(0, 1000))
@@ -65,3 +65,27 @@ def test_obstacles_are_drawn_where_they_stand_and_as_they_move():
     moving = motion(run, load("humanoid"), rows, ["torso", "wall", "ball"], obstacles)
     assert moving.links["wall"][0].tolist() == [[1.0, 0.0, 0.0]] * 2
     assert moving.links["ball"][0][:, 2] == pytest.approx(run["t"][rows])
+
+
+def test_a_friction_cone_has_the_slope_of_the_friction_and_is_closed_while_the_contact_is_free():
+    run, robot = standing_run(), load("humanoid")
+    run.columns["plant.f.Sole[left_sole]"][60:] = 0.0
+    moving = motion(run, robot, np.array([0, 80]), ["torso"])
+    cone = moving.cones["Sole[left_sole]"]
+    along = cone[0] - moving.forces[0, 0, 1]
+    rim = along[np.linalg.norm(along, axis=1) > 0]
+    assert np.hypot(rim[:, 0], rim[:, 1]) == pytest.approx(-FRICTION * rim[:, 2])
+    assert np.ptp(cone[1], axis=0) == pytest.approx(0.0)
+
+
+def test_the_support_is_the_hull_of_the_contacts_that_carry():
+    run, robot = standing_run(), load("humanoid")
+    run.columns["plant.f.Sole[left_sole]"][60:] = 0.0
+    both, one = motion(run, robot, np.array([0, 80]), ["torso"]).support
+    assert both is not None and one is not None
+    assert np.ptp(one[:, 1]) == pytest.approx(2 * HALF_SIZE[1], abs=1e-3) and np.ptp(both[:, 1]) > 4 * HALF_SIZE[1]
+
+
+def test_corners_on_a_line_have_no_hull():
+    line = np.column_stack([np.arange(4.0), np.arange(4.0)])
+    assert hull(line) is None and hull(line[:2]) is None

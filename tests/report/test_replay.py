@@ -34,9 +34,12 @@ def test_a_scene_shows_the_run_from_its_first_to_its_last_tick():
 def test_a_scene_has_forces_push_centre_of_mass_and_support_of_a_robot_that_stands():
     run, robot = standing_run(), load("humanoid")
     scene = replay(run, robot, parts(robot)).content
-    assert [(arrows["label"], arrows["count"]) for arrows in scene["arrows"]] == [("contact forces", 2), ("push", 1)]
+    assert [(arrows["label"], arrows["count"]) for arrows in scene["arrows"]] == [
+        ("contact forces", 2), ("commanded forces", 2), ("push", 1),
+    ]  # fmt: skip
     assert [point["label"] for point in scene["points"]] == ["centre of mass"]
-    (loop,) = scene["loops"]
+    loop, *cones = scene["loops"]
+    assert [(cone["group"], cone["hidden"]) for cone in cones] == 2 * [("friction cones", True)]
     corners = read(loop["corners"], loop["count"], 3)[0]
     centre = read(scene["points"][0]["path"], 3)[0]
     assert np.all(corners[:, :2].min(axis=0) < centre[:2]) and np.all(centre[:2] < corners[:, :2].max(axis=0))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wbc.models.model import RobotModel, RobotState
 
 WEIGHT_LENGTH = 0.5  # an arrow as long as this [m] is the robot's weight
+CONE = 0.15  # a friction cone is as high as this [m]
 PUSH_LENGTH = 0.5  # the largest push is as long as this [m]
 
 
@@ -27,6 +28,8 @@ class Motion:
     """k moments of a run: ``times`` (k,) [s]; per link positions (k, 3) [m] and rotations (k, 3, 3).
 
     ``forces`` (k, contacts, 2, 3): an arrow for the force on the robot at each contact, its tip at the contact;
+    ``commanded``: the same for the forces that the controller asked for, none where no others were measured.
+    ``cones`` {contact: (k, m, 3)}: a line around its friction cone, all at one point while it carries nothing.
     ``pushes`` (k, 2, 3): the same for the push, of length 0 while there is none. ``com`` (k, 3): the centre of mass;
     ``targets`` {task: (k, 3)} [m]; ``support``: per moment the hull of the contacts that carry (m, 3), None without.
     """
@@ -34,6 +37,8 @@ class Motion:
     times: Vec
     links: dict[str, tuple[Mat, Mat]]
     forces: Mat
+    commanded: Mat
+    cones: dict[str, Mat]
     pushes: Mat
     com: Mat
     targets: dict[str, Mat]
@@ -59,6 +64,10 @@ def motion(
     places = {link: (np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for link in wanted}
     contacts = _contacts(run, robot)
     forces = np.zeros((len(rows), len(contacts), 2, 3))
+    both = all(column.startswith("plant.") and column.removeprefix("plant.") in run for _, column in contacts)
+    commanded = np.zeros((len(rows), len(contacts) if both else 0, 2, 3))
+    edges = _cones(run)
+    cones = {name: np.zeros((len(rows), len(edge), 3)) for name, edge in edges.items()}
     com, aims = np.empty((len(rows), 3)), points(run, robot)
     targets = {task: np.empty((len(rows), 3)) for task in aims}
     support: list[Mat | None] = []
@@ -73,6 +82,12 @@ def motion(
         for k, (point, column) in enumerate(contacts):
             tip = point.at(state)
             forces[i, k] = tip - per_newton * np.nan_to_num(run[column][row, :3]), tip
+            name = column.removeprefix("plant.")
+            if both:
+                commanded[i, k] = tip - per_newton * np.nan_to_num(run[name][row, :3]), tip
+            if (contact := name.removeprefix("f.")) in cones:
+                open_now = contact not in carrying or carrying[contact][row]
+                cones[contact][i] = tip + edges[contact] * float(open_now)
         com[i] = state.com
         ground = [c for name, c in soles(run, robot, state).items() if name not in carrying or carrying[name][row]]
         around = hull(np.vstack([*ground, np.zeros((0, 3))]))
@@ -89,7 +104,7 @@ def motion(
     for name, obstacle in standing.items():
         poses = [obstacle.at(float(time)) for time in t]
         places[name] = np.array([p.translation for p in poses]), np.array([p.rotation for p in poses])
-    return Motion(t, places, forces, pushes, com, targets, support)
+    return Motion(t, places, forces, commanded, cones, pushes, com, targets, support)
 
 
 def points(run: Run, robot: RobotModel) -> dict[str, tuple[str, dict[int, int]]]:
@@ -168,6 +183,19 @@ def _contacts(run: Run, robot: RobotModel) -> list[tuple[ContactPoint, str]]:
         column = f"plant.f.{name}" if f"plant.f.{name}" in run else f"f.{name}"
         if column in run and contact.get("frame") in robot.frame_names:
             found.append((ContactPoint.of(robot, contact["frame"]), column))
+    return found
+
+
+def _cones(run: Run) -> dict[str, Mat]:
+    """A line (m, 3) [m] around the friction cone of each contact, below its apex, whence forces on the robot come."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 13)
+    circle, apex = np.column_stack([np.cos(turn), np.sin(turn)]), np.zeros((1, 3))
+    found = {}
+    for name, contact in run.meta.get("contacts", {}).items():
+        if contact.get("friction"):
+            rim = np.column_stack([float(contact["friction"]) * circle, -np.ones(len(turn))])
+            sides = [part for k in (6, 3, 9) for part in (apex, rim[k : k + 1])]
+            found[name] = CONE * np.vstack([apex, rim, *sides])
     return found
 
 

@@ -30,7 +30,7 @@ VIEW = (1.15, -0.92, 0.42)  # where the camera stands, from the middle, in sizes
 STRAINED = 1e-3  # a joint this near to a limit of its position, of its range, or of its torque, is drawn red
 
 SAID = "Drag to turn, scroll to come nearer. Red: a joint at a limit. An arrow of half a metre: the robot's weight."
-FORCE, PUSH, CENTRE, SUPPORT = "#2f8f5b", "#c53d3d", "#dd7a1f", "#1f9aa0"
+FORCE, COMMANDED, PUSH, CENTRE, SUPPORT = "#2f8f5b", "#3b82d0", "#c53d3d", "#dd7a1f", "#1f9aa0"
 TARGETS = ("#7a5bb5", "#2b6cb0", "#c2408a", "#8c6d46")
 
 
@@ -69,12 +69,12 @@ def _frames(run: Run) -> Index:
 
 def _arrows(moving: Motion) -> list[dict[str, Any]]:
     """Arrows for the contact forces and for the push; none for what the run does not have."""
-    sets = [("contact forces", FORCE, moving.forces)]
+    sets = [("contact forces", FORCE, moving.forces, False), ("commanded forces", COMMANDED, moving.commanded, True)]
     if np.any(moving.pushes[:, 0] != moving.pushes[:, 1]):
-        sets.append(("push", PUSH, moving.pushes[:, None]))
+        sets.append(("push", PUSH, moving.pushes[:, None], False))
     return [
-        {"label": label, "color": color, "count": ends.shape[1], "ends": _floats(ends)}
-        for label, color, ends in sets if ends.shape[1]
+        {"label": label, "color": color, "count": ends.shape[1], "ends": _floats(ends), "hidden": hidden}
+        for label, color, ends, hidden in sets if ends.shape[1]
     ]  # fmt: skip
 
 
@@ -88,16 +88,21 @@ def _points(moving: Motion, robot: RobotModel) -> list[dict[str, Any]]:
 
 
 def _loops(moving: Motion) -> list[dict[str, Any]]:
-    """The support polygon; corners that it does not have at a moment lie on its last one."""
+    """The support polygon, whose corners that it does not have at a moment lie on its last one, and friction cones."""
+    cones = [
+        {"label": f"friction cone of {name}", "group": "friction cones", "color": FORCE, "count": line.shape[1],
+         "corners": _floats(line), "hidden": True}
+        for name, line in moving.cones.items()
+    ]  # fmt: skip
     most = max((len(corners) for corners in moving.support if corners is not None), default=0)
     if not most:
-        return []
+        return cones
     drawn = np.zeros((len(moving.support), most, 3))
     for k, corners in enumerate(moving.support):
         if corners is not None:
             drawn[k] = corners[np.minimum(np.arange(most), len(corners) - 1)]
             drawn[k, :, 2] += 2e-3  # above the lines of the floor
-    return [{"label": "support polygon", "color": SUPPORT, "count": most, "corners": _floats(drawn)}]
+    return [{"label": "support polygon", "color": SUPPORT, "count": most, "corners": _floats(drawn)}, *cones]
 
 
 def _strained(run: Run, robot: RobotModel) -> dict[str, list[tuple[float, float]]]:

@@ -144,13 +144,18 @@ window.scenes = ({ data, followers, clock, go }) => {
       wanted = true;
     }
     const key = box.parentElement.querySelector(".key");
+    const named = new Map();
     for (const shown of [...spec.arrows, ...spec.points, ...spec.loops]) {
-      const button = Object.assign(document.createElement("button"), { type: "button", textContent: shown.label });
-      button.style.setProperty("--dot", shown.color);
-      button.setAttribute("aria-pressed", String(!shown.hidden));
+      const name = shown.group ?? shown.label;
+      named.set(name, [...(named.get(name) ?? []), shown]);
+    }
+    for (const [name, all] of named) {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
+      button.style.setProperty("--dot", all[0].color);
+      button.setAttribute("aria-pressed", String(!all[0].hidden));
       button.addEventListener("click", () => {
-        shown.hidden = !shown.hidden;
-        button.setAttribute("aria-pressed", String(!shown.hidden));
+        for (const shown of all) shown.hidden = !shown.hidden;
+        button.setAttribute("aria-pressed", String(!all[0].hidden));
         at(clock.t);
       });
       if (key) key.append(button);
