@@ -121,9 +121,9 @@ def test_the_verdict_names_the_side_and_puts_what_failed_first(standing: Scenari
     section = verdict.section(replace(standing, verdict=checks, ok=False))
     table = section.items[0]
     assert isinstance(table, Table)
-    assert [(row[0], row[2], row[5], formatted(row[6])) for row in table.rows] == [
-        ("early", "≥ 2", False, "t = 0.200 s"), ("late", "< 1", False, "t = 0.900 s, left_foot"),
-        ("met", "≤ 1", True, ""),
+    assert [(row[0], row[2], row[4], formatted(row[5])) for row in table.rows] == [
+        ("early", "≥ 2 m", False, "t = 0.200 s"), ("late", "< 1 m", False, "t = 0.900 s, left_foot"),
+        ("met", "≤ 1 m", True, ""),
     ]  # fmt: skip
 
 

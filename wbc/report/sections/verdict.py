@@ -15,11 +15,8 @@ def section(result: ScenarioResult) -> Section:
     """Tables of the scenario's checks, those that failed first, of the limits that were broken, and of its figures."""
     items: list[Item] = []
     if result.verdict:
-        rows = [
-            (c.text, c.value, f"{c.sign} {number(c.bound).replace('e-0', 'e-')}", c.unit, margin(c), c.ok, _where(c))
-            for c in failed_first(result.verdict)
-        ]
-        columns = ("demanded", "came out", "bound", "unit", "of the bound", "holds", "where")
+        rows = [(c.text, c.value, _bound(c), margin(c), c.ok, _where(c)) for c in failed_first(result.verdict)]
+        columns = ("demanded", "came out", "bound", "of the bound", "holds", "where")
         caption = (
             "Bar: what came out, with a line at the bound. Where: when and in which part it was first broken, or came "
             "nearest to its bound."
@@ -38,6 +35,10 @@ def section(result: ScenarioResult) -> Section:
     if figures:
         items.append(Table(("figure", "value"), figures, "Other figures of this scenario, as recorded.", folded=True))
     return Section("Verdict", items)
+
+
+def _bound(check: Check) -> str:
+    return f"{check.sign} {number(check.bound).replace('e-0', 'e-')} {check.unit}".rstrip()
 
 
 def _where(check: Check) -> str | Link:
