@@ -109,9 +109,11 @@ def _why(why: Why, arrays: Arrays) -> dict[str, Any]:
     def columns(values: Mat) -> list[int]:
         return [arrays.single(column[rows]) for column in values.T]
 
+    codes = [arrays.stepped(column[rows]) for column in why.codes.T]  # whole numbers: a step is finer than they are
+
     return {
-        "t": arrays.exact(why.t[rows]), "status": arrays.single(why.status[rows]), "statuses": why.statuses,
-        "rows": why.rows, "codes": columns(why.codes), "bounds": columns(why.bounds),
+        "t": arrays.exact(why.t[rows]), "status": arrays.stepped(why.status[rows]), "statuses": why.statuses,
+        "rows": why.rows, "codes": codes, "bounds": columns(why.bounds),
         "multipliers": columns(why.multipliers),
         "tasks": [
             {"task": part.task, "share": arrays.single(part.share[rows]),
