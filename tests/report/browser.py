@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -55,8 +56,9 @@ class Browser:
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
         self.call("Page.navigate", url=page.resolve().as_uri())
-        while self.run("document.readyState") != "complete":
-            pass
+        drawn = "document.readyState === 'complete' && (!document.getElementById('page-data') || 'report' in window)"
+        while not self.run(drawn):
+            sleep(0.02)
         self.settle()
 
     def run(self, script: str) -> Any:

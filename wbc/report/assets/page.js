@@ -1,9 +1,9 @@
 // The page of a run: plots over time with one cursor, a clock that the robot follows, marks of what happened.
 "use strict";
-(() => {
-  const holder = document.getElementById("page-data");
-  if (!holder) return;
-  const data = JSON.parse(holder.textContent);
+(async () => {
+  const packed = Uint8Array.from(atob(document.getElementById("page-data").textContent), (c) => c.charCodeAt(0));
+  const opened = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const data = JSON.parse(await new Response(opened).text());
   const reduced = (value) => (value == null ? "–" : Number(value.toPrecision(4)).toString());
 
   // ---- numbers: float64 as they are; curves in 65 535 steps between their least and largest value, the last is a gap
