@@ -52,6 +52,11 @@ def test_the_page_needs_no_other_address(folder: Path, page: Page):
     assert all(reference.startswith(("data:", "#")) for reference in page.references)
 
 
+def test_the_licences_of_the_libraries_in_the_page_stand_in_it(folder: Path):
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Leon Sorokin" in text and "three.js authors" in text and text.count("Permission is hereby granted") == 2
+
+
 def test_every_picture_is_in_the_page(report: Report, page: Page):
     pictures = [reference for reference in page.references if reference.startswith("data:image/")]
     assert len(pictures) == len(report.figures) == 1

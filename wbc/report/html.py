@@ -45,11 +45,13 @@ def html(report: Report) -> str:
     content = data(report)
     order = [*plots, *(item for item in report.items if isinstance(item, Map)), *scenes(report)]
     places = {id(item): sum(type(one) is type(item) for one in order[:i]) for i, item in enumerate(order)}
-    scripts = ["uPlot.min.js", *(["three.min.js", "scene.js"] if content and content["scenes"] else []), "page.js"]
+    libraries = ["uPlot", *(["three"] if content and content["scenes"] else [])]
+    own = ["scene.js", "page.js"] if content and content["scenes"] else ["page.js"]
     return environment.from_string((ASSETS / "page.html.jinja").read_text(encoding="utf-8")).render(
         report=report,
         styles=[_asset(name) for name in ("uPlot.min.css", "page.css")],
-        scripts=[_asset(name) for name in scripts] if content else [],
+        notices=[(name, _asset(f"{name}.LICENSE")) for name in libraries] if content else [],
+        scripts=[_asset(name) for name in (*(f"{name}.min.js" for name in libraries), *own)] if content else [],
         data=None if content is None else _packed(content),
         place=lambda item: places[id(item)],
     )
