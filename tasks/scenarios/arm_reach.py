@@ -116,9 +116,9 @@ def _judged(run: wbc.Run, robot: PinocchioModel, task: str) -> ScenarioResult:
         "speed_use": float(measure.use(run)["velocity"].max()),
         "catch_up_s": float(t[late[-1]] - STEP_TIME) if len(late) else 0.0,
     }
-    rms = tracking[task]["rms"]
+    where = measure.place(run, np.where(caught_up, error, 0.0), np.inf, plot=f"tracking.{task}")
     verdict = [
-        Check("position error after catching up, rms", rms, "<", 2e-3, "m"),
+        Check("position error after catching up, rms", tracking[task]["rms"], "<", 2e-3, "m", where),
         *judge.common_checks(run, violations),
     ]
     return ScenarioResult(

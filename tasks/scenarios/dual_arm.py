@@ -97,8 +97,8 @@ class DualArm(Single):
 
 def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, duration: float) -> ScenarioResult:
     tracking, violations = measure.tracking(run), measure.violations(run)
-    stood = measure.seconds(run)
-    bar = tracking[f"Frame[{hands[0]}]"]
+    task = f"Frame[{hands[0]}]"
+    bar, way, plot = tracking[task], np.linalg.norm(measure.errors(run, task)["m"], axis=1), f"tracking.{task}"
     error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
     figures = {
         "bar_error_m": bar["max"],
@@ -110,10 +110,11 @@ def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, durati
         "certified_share": judge.certified_share(run),
         "torque_use": float(measure.use(run)["torque"].max()),
     }
+    away, squeezed = measure.place(run, way, BAR, plot=plot), measure.place(run, error, SQUEEZE)
     verdict = [
-        Check("stays up", stood, ">=", duration, "s"),
-        Check("distance of the bar from its target", bar["max"], "<", BAR, "m"),
-        Check("error of the force in the bar", figures["internal_force_error_N"], "<", SQUEEZE, "N"),
+        judge.stood_check(run, duration),
+        Check("distance of the bar from its target", bar["max"], "<", BAR, "m", away),
+        Check("error of the force in the bar", figures["internal_force_error_N"], "<", SQUEEZE, "N", squeezed),
         *judge.common_checks(run, violations),
     ]  # fmt: skip
     return ScenarioResult(

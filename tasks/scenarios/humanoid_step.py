@@ -126,7 +126,7 @@ def judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> S
         "torque_use": float(measure.use(run)["torque"].max()),
     }
     verdict = [
-        Check("stays up", stood, ">=", duration, "s"),
+        judge.stood_check(run, duration),
         Check("steps taken", taken, "=", len(asked), ""),
         judge.error_check("CoM error, rms", run, "CenterOfMass", COM_RMS, np.ones(run.rows, dtype=bool)),
         Check("placement of a foot", placement, "<", PLACEMENT, "m"),

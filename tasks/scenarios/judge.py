@@ -28,6 +28,13 @@ def away_from(t: Vec, disturbed: Sequence[float], *, after: float = 1.0) -> NDAr
     return mask
 
 
+def stood_check(run: Run, duration: float, *, through: str = "") -> Check:
+    """That the robot stays up for ``duration`` [s]; its place is where it fell."""
+    stood = measure.seconds(run)
+    place = Place(plot="com") if stood >= duration else Place(stood, plot="com")
+    return Check(f"stays up{through}", stood, ">=", duration, "s", place)
+
+
 def slip_check(text: str, run: Run, slid: Mapping[str, Vec], bound: float) -> Check:
     """That no foot slides as far as ``bound`` [m]; ``slid`` (N,) [m] of each contact, over the run."""
     ways = np.column_stack(list(slid.values()))

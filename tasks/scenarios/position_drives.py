@@ -138,7 +138,7 @@ def _judged(runs: Mapping[str, Run], aim: _Aim, duration: float) -> ScenarioResu
         "certified_share": judge.certified_share(run),
     }
     verdict = [
-        Check("stays up", stood[asked], ">=", duration, "s"),
+        judge.stood_check(run, duration),
         Check("error of the robot itself, rms", rms[asked], "<", ERROR, "m"),
         *judge.common_checks(run, violations),
     ]

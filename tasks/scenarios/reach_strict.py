@@ -143,7 +143,7 @@ def _judged(
         "certified_share": judge.certified_share(run),
     }
     verdict = [
-        Check("stays up", measure.seconds(run), ">=", duration, "s"),
+        judge.stood_check(run, duration),
         *judge.common_checks(run, violations),
     ]
     if asked == "strict":

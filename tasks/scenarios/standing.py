@@ -15,7 +15,7 @@ from wbc.report import measure
 from wbc.sim.disturbance import Push
 from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Place, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
@@ -190,13 +190,13 @@ def _judged(
     tracking = measure.tracking(run, keep=keep)
     violations = measure.violations(run)
     most = 1e-3 * 9.81 * robot.mass  # soft contacts keep their cones to a thousandth of what they carry
-    stood, through = measure.seconds(run), f" through pushes: {len(pushes)}" if pushes else ""
+    through = f" through pushes: {len(pushes)}" if pushes else ""
     wrenches = judge.cone_excess(run, true_surfaces(robot))
     outside = float(wrenches.max(initial=0.0))
     steady = judge.error_check("CoM error away from pushes, rms", run, "CenterOfMass", demand.com_rms, keep)
     slip = judge.slip_check("true slip of the feet", run, judge.slid(run, contacts), demand.slip)
     figures = {
-        "stood_s": stood,
+        "stood_s": measure.seconds(run),
         "com_rms_m": steady.value,
         "com_max_with_pushes_m": float(np.linalg.norm(run["error.CenterOfMass"], axis=1).max()),
         "slip_m": slip.value,
@@ -205,7 +205,7 @@ def _judged(
         "torque_use": float(measure.use(run)["torque"].max()),
     }
     verdict = [
-        Check(f"stays up{through}", stood, ">=", duration, "s", Place(stood if stood < duration else None, plot="com")),
+        judge.stood_check(run, duration, through=through),
         steady,
         slip,
         Check(
