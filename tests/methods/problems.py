@@ -62,7 +62,7 @@ def bare_steps(draw: Any) -> ProjectedGradientStep:
     low, high = np.maximum(v_min, -1e3), np.minimum(v_max, 1e3)
     where = np.array(draw(st.lists(st.sampled_from([0.0, 0.3, 0.5, 0.9, 1.0]), min_size=n, max_size=n)))
     v = low + where * (high - low)
-    v *= draw(st.sampled_from([1.0, 1.0, 1.0, 1.3]))
+    v *= draw(st.sampled_from([1.0, 1.3, 1.0, 1.3]))
     v_null = np.zeros(n) if draw(st.integers(0, 7)) == 3 else draw(vectors(n))
     made = partial(ProjectedGradientStep, v, v_null, v_min=v_min, v_max=v_max)
     return made(alpha_max=draw(st.one_of(st.just(1e3), magnitudes()))) if draw(st.booleans()) else bounded(made)

@@ -230,6 +230,22 @@ def test_a_wrench_that_forces_inside_a_thin_pyramid_give_is_never_out_of_reach()
     assert min(kinds.values()) >= settings().max_examples // 4
 
 
+def test_a_wrench_on_the_edge_of_friction_is_not_out_of_reach_by_rounding():
+    """Forces that slide, or pull with no normal force at all, are within friction but for the last bit."""
+    rng = generator()
+    for _ in range(60):
+        k, mu = int(rng.integers(1, 6)), 10.0 ** rng.uniform(-7.0, 0.0)
+        normal = rng.uniform(0.0, 100.0, k) * (rng.uniform(size=k) < 0.8)
+        sideways = rng.choice([-1.0, 0.5, 1.0], (k, 2)) * normal[:, None] * mu / np.sqrt(2.0)
+        forces = np.column_stack([sideways, normal])
+        arms = rng.normal(size=(k, 3)) * [1.0, 1.0, rng.choice([0.0, 1e-3, 1.0])]
+        turning = np.hstack([np.cross(arm, np.eye(3)).T for arm in arms])
+        G = np.vstack([np.tile(np.eye(3), k), turning])
+        found = ForceDistribution(G, G @ forces.ravel(), friction=mu).closed_form()
+        assert found.feasible
+        assert np.abs(found.residual).max() <= 1e-7
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

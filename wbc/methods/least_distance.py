@@ -220,10 +220,11 @@ class _NormalForm:
         return QP(np.eye(n), np.zeros(n), A=self.E, b=self.e / unit, C=self.F, cl=self.low / unit, cu=self.high / unit)
 
     def solve(self, solver: Solver | None) -> _Answer | None:
-        """The solver's answer to the last digit; ``None`` where it is proven that there is none.
+        """The solver's answer to the last digit; ``None``: it is proven that there is none.
 
-        A solver that is far off is asked once more, without equations, in the size of what is left, and with limits
-        that are relaxed a little, so that one point is not an empty set by rounding. Then it FAILED.
+        Limits are relaxed a little before there is no answer, so that one point is not an empty set by rounding. A
+        solver that is far off is asked once more, without equations, in the size of what is left, and with the relaxed
+        limits. Then it FAILED.
         """
         start, rows = self.e @ self.E, self.F @ self.free.T
         length = np.linalg.norm(rows, axis=1)
@@ -235,16 +236,18 @@ class _NormalForm:
             np.zeros((0, k)), np.zeros(0), np.eye(k),
             rows / length[:, None], (self.low - at - width) / length, (self.high - at + width) / length,
         )  # fmt: skip
-        unit = rest.size
+        unit, give = rest.size, GIVE * self.size / length
+        loose = replace(rest, low=rest.low - give, high=rest.high + give)
         found = shortest(rest.F, rest.low / unit, rest.high / unit)
+        if found is None:  # limits that touch in one point may miss one another by rounding
+            found = shortest(loose.F, loose.low / unit, loose.high / unit)
         if found is None:
             return None
         v, push = unit * found[0], unit * found[1]
         u, z = start + v @ self.free, push / length
         if solver is not None:
-            near, give = CLOSE * (self.size + float(np.linalg.norm(v))), GIVE * self.size
+            near = CLOSE * (self.size + float(np.linalg.norm(v)))
             if not np.linalg.norm(self.size * solver.solve(self.qp(self.size)).x - u) <= near:
-                loose = replace(rest, low=rest.low - give / length, high=rest.high + give / length)
                 again = start + unit * solver.solve(loose.qp(unit)).x @ self.free
                 if not np.linalg.norm(again - u) <= near:
                     return _Answer(Status.FAILED, u, z, z)
