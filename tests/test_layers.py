@@ -33,6 +33,7 @@ ARROWS = {
     "short_name": set(),
     "qp": BASE,
     "models": BASE,
+    "robots": BASE | {"models"},
     "methods": BASE | {"qp"},
     "stack": OPTIMISATION_AND_ROBOTS | {"methods"},
     "control": LOOP,

@@ -120,6 +120,12 @@ class UnknownJoint(UnknownName):
     kind = "joint"
 
 
+class UnknownSlot(UnknownName):
+    """No such slot on the device."""
+
+    kind = "slot"
+
+
 class UnknownConfiguration(UnknownName):
     """No such named configuration of the robot."""
 

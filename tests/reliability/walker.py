@@ -21,6 +21,7 @@ import numpy as np
 import wbc
 import wbc.methods
 import wbc.models
+import wbc.robots
 import wbc.tasks
 from wbc.errors import WbcError
 
@@ -37,7 +38,7 @@ def nonsense() -> dict[str, Any]:
 def public() -> dict[str, Any]:
     """Classes and functions that a user may call, by the name they are imported by."""
     found: dict[str, Any] = {}
-    for package in (wbc, wbc.methods, wbc.models, wbc.tasks):
+    for package in (wbc, wbc.methods, wbc.models, wbc.robots, wbc.tasks):
         for name in dir(package):
             value = getattr(package, name)
             if not name.startswith("_") and callable(value) and _is_ours(value):

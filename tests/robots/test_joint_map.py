@@ -1,0 +1,143 @@
+"""JointMap: both ways are each other's inverse, torques go against velocities, and mistakes are named."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from wbc.errors import InvalidInput, UnknownJoint, UnknownSlot, WbcError
+from wbc.robots import JointMap
+
+JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
+SLOTS = ("m0", "m1", "m2", "m3")
+
+
+@st.composite
+def maps(draw: st.DrawFn) -> dict[str, Any]:
+    """The arguments of a sound map: permuted slots, some idle, with any conventions."""
+    n, more = draw(st.integers(1, 8)), draw(st.integers(0, 4))
+    slots = draw(st.permutations([f"slot{i}" for i in range(n + more)]))
+    many = {"min_size": n, "max_size": n}
+    return {
+        "joints": [f"joint{i}" for i in range(n)],
+        "slots": slots[:n],
+        "device": [f"slot{i}" for i in range(n + more)],
+        "idle": slots[n:],
+        "sign": draw(st.lists(st.sampled_from([1, -1]), **many)),
+        "offset": draw(st.lists(st.floats(-10, 10), **many)),
+        "gear": draw(st.lists(st.floats(0.01, 200), **many)),
+        "unit": draw(st.lists(st.sampled_from(["rad", "deg", "m"]), **many)),
+    }
+
+
+def arrays(n: int) -> st.SearchStrategy[list[float]]:
+    return st.lists(st.floats(-100, 100, allow_subnormal=False), min_size=n, max_size=n)
+
+
+@given(maps(), st.data())
+def test_both_ways_are_inverse_and_as_the_equations_say(arguments: dict[str, Any], data: st.DataObject):
+    joint_map = JointMap(**arguments)
+    n = len(arguments["joints"])
+    q, v, tau, gain = (np.array(data.draw(arrays(n))) for _ in range(4))
+    p, rate = joint_map.position_to_device(q, rest=7.0), joint_map.velocity_to_device(v)
+    torque, gains = joint_map.torque_to_device(tau), joint_map.gain_to_device(gain)
+    for i, slot in enumerate(arguments["slots"]):
+        k = arguments["device"].index(slot)
+        per_radian = 180.0 / np.pi if arguments["unit"][i] == "deg" else 1.0
+        turns = arguments["sign"][i] * arguments["gear"][i]
+        assert p[k] == pytest.approx(turns * per_radian * q[i] + arguments["offset"][i], rel=1e-12, abs=1e-12)
+        assert rate[k] == pytest.approx(turns * per_radian * v[i], rel=1e-12)
+        assert torque[k] * turns == pytest.approx(tau[i], rel=1e-12)
+        assert torque[k] * rate[k] / per_radian == pytest.approx(tau[i] * v[i], rel=1e-12)  # the same power
+        # The same spring on both sides.
+        assert turns * gains[k] * rate[k] == pytest.approx(gain[i] * v[i], rel=1e-12)
+    assert all(p[arguments["device"].index(slot)] == 7.0 for slot in arguments["idle"])
+    for there, back in [
+        (p, lambda: (joint_map.position_from_device(p), q)),
+        (rate, lambda: (joint_map.velocity_from_device(rate), v)),
+        (torque, lambda: (joint_map.torque_from_device(torque), tau)),
+        (gains, lambda: (joint_map.gain_from_device(gains), gain)),
+    ]:
+        assert there.shape == (joint_map.size,)
+        found, given_ = back()
+        # An offset of 10 takes digits from a position that the gear made small.
+        np.testing.assert_allclose(found, given_, rtol=1e-12, atol=1e-12)
+
+
+@given(st.permutations(SLOTS), st.lists(st.sampled_from([1, -1]), min_size=4, max_size=4), arrays(4))
+def test_order_and_signs_are_exact_to_the_bit(slots: list[str], sign: list[int], q: list[float]):
+    joint_map = JointMap(JOINTS, slots, SLOTS, sign=sign)
+    for name in ("position", "velocity", "torque", "gain"):
+        out = getattr(joint_map, f"{name}_to_device")(q)
+        assert getattr(joint_map, f"{name}_from_device")(out).tolist() == q
+
+
+def test_a_robots_joints_go_to_the_slots_of_their_names():
+    robot = wbc.load("arm")
+    device = ["motor_of_elbow" if name == "elbow" else name for name in reversed(robot.joint_names)]
+    joint_map = JointMap.of(robot, [*device, "gripper"], names={"elbow": "motor_of_elbow"}, idle=["gripper"])
+    assert joint_map.joints == robot.joint_names
+    q = np.arange(7.0)
+    assert joint_map.position_to_device(q).tolist() == [6, 5, 4, 3, 2, 1, 0, 0]
+    part = JointMap.of(robot, ["elbow", "wrist_roll"], joints=["wrist_roll", "elbow"], sign={"elbow": -1})
+    assert part.position_to_device([1.0, 2.0]).tolist() == [-2.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "says"),
+    [
+        ({"joints": ["left_hip", "left_hip", "right_hip", "right_knee"]}, InvalidInput, "each once"),
+        ({"slots": ["m0", "m1", "m1", "m3"]}, InvalidInput, "slot 'm1' is given twice, to left_knee and right_hip"),
+        ({"slots": ["m0", "m1", "m2", "m9"]}, UnknownSlot, "there is no slot 'm9'; there are: m0, m1, m2, m3"),
+        ({"slots": ["m0", "m1", "m2"]}, InvalidInput, "slots has 3 names for 4 joints"),
+        ({"device": [*SLOTS, "m4"]}, InvalidInput, "slot 'm4' has no joint; map one to it, or name it in idle"),
+        ({"idle": ["m0"]}, InvalidInput, "slot 'm0' is given twice, to left_hip and idle"),
+        ({"idle": ["m7"]}, UnknownSlot, "'m7'"),
+        ({"gear": {"left_knee": 0}}, InvalidInput, "gear of left_knee is 0; it must be > 0"),
+        ({"gear": [1, -2, 1, 1]}, InvalidInput, "gear of left_knee is -2"),
+        ({"sign": {"right_hip": 0}}, InvalidInput, "sign of right_hip is 0; it must be 1 or -1"),
+        ({"sign": {"right_hp": -1}}, UnknownJoint, "did you mean 'right_hip'"),
+        ({"sign": [1, 1]}, InvalidInput, "sign"),
+        ({"offset": [0, 0, np.nan, 0]}, InvalidInput, r"offset\[2\] is nan"),
+        ({"unit": {"left_hip": "degrees"}}, InvalidInput, "unit of left_hip is 'degrees'"),
+        ({"unit": ["rad"]}, InvalidInput, "unit has 1 entries for 4 joints"),
+    ],
+)
+def test_a_wrong_map_is_refused_by_name(change: dict[str, Any], kind: type[WbcError], says: str):
+    with pytest.raises(kind, match=says):
+        JointMap(**{"joints": JOINTS, "slots": SLOTS, "device": SLOTS} | change)
+
+
+def test_of_refuses_what_is_no_robot_and_joints_it_does_not_have():
+    robot = wbc.load("arm")
+    with pytest.raises(UnknownJoint, match="did you mean 'elbow'"):
+        JointMap.of(robot, robot.joint_names, joints=["elbw"])
+    with pytest.raises(UnknownJoint, match="'elbw'"):
+        JointMap.of(robot, robot.joint_names, names={"elbw": "elbow"})
+    with pytest.raises(UnknownSlot, match="elbow"):
+        JointMap.of(robot, [name for name in robot.joint_names if name != "elbow"])
+    with pytest.raises(InvalidInput, match="a map has sign, offset, gear and unit"):
+        JointMap.of(robot, robot.joint_names, signs=1)
+    with pytest.raises(InvalidInput, match="robot is 'arm'; it must be a robot"):
+        JointMap.of("arm", robot.joint_names)  # type: ignore[arg-type]
+
+
+def test_values_that_are_no_numbers_are_refused():
+    joint_map = JointMap(JOINTS, SLOTS, SLOTS)
+    with pytest.raises(InvalidInput, match=r"p\[2\] is nan; it must be finite"):
+        joint_map.position_from_device([0, 0, np.nan, 0])
+    with pytest.raises(InvalidInput, match=r"q must have shape \(4,\)"):
+        joint_map.position_to_device([0.0])
+
+
+def test_a_map_cannot_be_changed():
+    joint_map = JointMap(JOINTS, SLOTS, SLOTS)
+    with pytest.raises(AttributeError):
+        joint_map.sign = -1.0  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        joint_map.gear[0] = 2.0
