@@ -160,7 +160,7 @@ class ForceDistribution(Method):
         return self._nearest(solver)
 
     def _nearest(self, solver: str | Solver | None) -> Distribution:
-        found = nearest(self.qp(), np.zeros(self.G.shape[1]), self._root, solver)
+        found = nearest(self.qp(), np.zeros(self.G.shape[1]), self._root, solver, relaxed=True)
         if solver is not None:
             answered(found, solver)
         return self._result(found.x, -found.y) if found.status.ok else self._infeasible()

@@ -60,12 +60,15 @@ class Nearest:
 
 
 def nearest(
-    qp: QP, centre: Vec, root: Mat, solver: str | Solver | None = "pdas", *, terms: Vec | None = None
-) -> Nearest:
+    qp: QP, centre: Vec, root: Mat, solver: str | Solver | None = "pdas", *, terms: Vec | None = None,
+    relaxed: bool = False,
+) -> Nearest:  # fmt: skip
     """The point of {A x = b, cl ≤ C x ≤ cu, lb ≤ x ≤ ub} nearest to ``centre``: minimise ½ |root⁻¹(x − centre)|².
 
     ``solver`` ``None``: by the finite method alone. ``terms`` (n_eq,): sizes of the numbers that b is a sum of, where
-    they are larger; rows that depend on others contradict them by no less than the rounding of that.
+    they are larger; rows that depend on others contradict them by no less than the rounding of that. ``relaxed``:
+    before there is no answer, limits are relaxed a little, so that one point is not an empty set by rounding. A search
+    for the largest scale must not gain by that.
 
     That is the cost of ``qp``, whose H = (root rootᵀ)⁻¹ and g = −H centre are not looked at: the root is often known
     exactly where H has lost half of its digits.
@@ -85,7 +88,7 @@ def nearest(
         rows[kept] / length[:, None], (lower - at)[kept] / length, (upper - at)[kept] / length,
     )  # fmt: skip
     chosen = None if solver is None else by_name(solver)
-    answer = form.solve(chosen) if equations.consistent else None
+    answer = form.solve(chosen, relaxed) if equations.consistent else None
     if answer is None or not answer.status.ok:
         status = Status.INFEASIBLE if answer is None else answer.status
         x, y, z = (np.full(size, np.nan) for size in (qp.n, qp.n_eq, len(qp.cu)))
@@ -219,12 +222,11 @@ class _NormalForm:
         n = self.F.shape[1]
         return QP(np.eye(n), np.zeros(n), A=self.E, b=self.e / unit, C=self.F, cl=self.low / unit, cu=self.high / unit)
 
-    def solve(self, solver: Solver | None) -> _Answer | None:
+    def solve(self, solver: Solver | None, relaxed: bool) -> _Answer | None:
         """The solver's answer to the last digit; ``None``: it is proven that there is none.
 
-        Limits are relaxed a little before there is no answer, so that one point is not an empty set by rounding. A
-        solver that is far off is asked once more, without equations, in the size of what is left, and with the relaxed
-        limits. Then it FAILED.
+        A solver that is far off is asked once more, without equations, in the size of what is left, and with limits
+        that are relaxed a little, so that one point is not an empty set by rounding. Then it FAILED.
         """
         start, rows = self.e @ self.E, self.F @ self.free.T
         length = np.linalg.norm(rows, axis=1)
@@ -239,7 +241,7 @@ class _NormalForm:
         unit, give = rest.size, GIVE * self.size / length
         loose = replace(rest, low=rest.low - give, high=rest.high + give)
         found = shortest(rest.F, rest.low / unit, rest.high / unit)
-        if found is None:  # limits that touch in one point may miss one another by rounding
+        if found is None and relaxed:
             found = shortest(loose.F, loose.low / unit, loose.high / unit)
         if found is None:
             return None
