@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted(p.relative_to(ROOT) for package in ("wbc", "tasks") for p in (ROOT / package).rglob("*.py"))
 
-BASE = {"errors", "types", "checks", "compiled", "tolerances", "npz", "plugins", "friction"}
+BASE = {"errors", "types", "checks", "compiled", "tolerances", "files", "npz", "plugins", "friction"}
 OPTIMISATION_AND_ROBOTS = BASE | {"qp", "models"}
 LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 
@@ -28,7 +28,8 @@ ARROWS = {
     "compiled": {"errors"},
     "tolerances": set(),
     "friction": {"errors", "types", "checks"},
-    "npz": {"errors"},
+    "files": {"errors", "checks"},
+    "npz": {"errors", "files"},
     "plugins": set(),
     "short_name": set(),
     "qp": BASE,

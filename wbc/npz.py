@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInput
+from wbc.files import Place, located
 
 MAX_BYTES = 1 << 30  # of all arrays of a file together
 MAX_ARRAYS = 100_000
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
-def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
+def read_npz(path: Place) -> dict[str, NDArray[Any]]:
     """All arrays of a file by name.
 
     What a header promises is compared with what the file holds before any memory is set aside, and what the file
@@ -27,7 +28,7 @@ def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
     Raises:
         InvalidInput: no such file, not a plain file, not such an archive, too large, objects instead of numbers.
     """
-    path = Path(path)
+    path = located(path)
     if not path.is_file():
         raise InvalidInput(f"{path} cannot be read: there is no such file" + " (it is no plain file)" * path.exists())
     try:

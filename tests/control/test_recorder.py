@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -130,7 +129,7 @@ def test_a_failing_disk_leaves_the_old_run_whole(tmp_path, monkeypatch):
         raise OSError("no space left on device")
 
     monkeypatch.setattr(np.lib.format, "write_array", full)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(InvalidInput, match="no space"):
         Run({"t": np.zeros(5)}, {"try": 2}).save(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["meta.json", "run.npz"]
     assert Run.load(tmp_path).meta == {"try": 1}
@@ -150,7 +149,7 @@ def test_a_folder_that_is_not_a_run_is_refused_with_what_is_wrong(tmp_path):
     (tmp_path / "run.npz").write_bytes(archive[: len(archive) // 2])
     with pytest.raises(InvalidInput, match=r"run\.npz cannot be read"):
         Run.load(tmp_path)
-    with pytest.raises(InvalidInput, match="is a file; a run is saved into a folder"):
+    with pytest.raises(InvalidInput, match="is a file; it must be a folder"):
         Run({}).save(tmp_path / "meta.json")
 
 
@@ -159,20 +158,6 @@ def test_a_pickle_is_never_opened(tmp_path):
     (tmp_path / "meta.json").write_text(json.dumps({}))
     with pytest.raises(InvalidInput, match=r"run\.npz cannot be read"):
         Run.load(Path(tmp_path))
-
-
-def test_an_ordinary_row_costs_microseconds():
-    rng = np.random.default_rng(0)
-    sizes = [0, 39, 38, 32, 38, 38, 0, 0, 3, 0, 0, 3, 3, 32, 6, 6, 39, 38, 6, 6, 2, 2, 3, 0, 0]
-    row = {f"column {k}": rng.normal(size=size) if size else 0.5 for k, size in enumerate(sizes)}
-    recorder, best = Recorder(10_000), np.inf
-    for _ in range(10):
-        start = time.perf_counter()
-        for _ in range(1000):
-            recorder.append(row)
-        best = min(best, (time.perf_counter() - start) / 1000)
-    assert recorder.grown == 0
-    assert best < 20e-6  # about 4 µs on an idle core
 
 
 def test_a_column_of_gaps_takes_no_room_on_disk(tmp_path: Path):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -19,7 +18,6 @@ from pathlib import Path
 from time import perf_counter_ns
 from types import MappingProxyType
 from typing import IO, TYPE_CHECKING, Any, final
-from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +25,7 @@ from numpy.typing import NDArray
 from wbc import checks
 from wbc.control.table import table
 from wbc.errors import InvalidInput, NotSupported, UnknownName
+from wbc.files import Place, located, made_folder, written
 from wbc.npz import read_json, read_npz
 from wbc.qp.problem import QP
 from wbc.types import Mat, Vec
@@ -119,39 +118,29 @@ class Run(Mapping[str, Column]):
     def __repr__(self) -> str:
         return f"Run({self.rows} rows, {len(self.columns)} columns, scenario={self.meta.get('scenario')!r})"
 
-    def save(self, folder: str | os.PathLike[str]) -> Path:
+    def save(self, folder: Place) -> Path:
         """Write ``run.npz`` and ``meta.json`` into ``folder`` (made if needed) and return it.
 
         Both files are complete before either takes its name, so a reader never sees half of one. Infinite numbers
         in ``meta`` are written as Python's json writes them (``Infinity``).
 
         Raises:
-            InvalidInput: a column of objects, or metadata that json cannot hold.
+            InvalidInput: a column of objects, metadata that json cannot hold, or nothing can be written there.
         """
         for name, values in self.columns.items():
             if values.dtype.hasobject:
                 raise InvalidInput(f"column {name!r} holds Python objects; a run holds numbers")
         text = json.dumps(_plain("meta", self.meta), indent=1, ensure_ascii=False).encode()
-        target = Path(folder)
-        if target.exists() and not target.is_dir():
-            raise InvalidInput(f"{target} is a file; a run is saved into a folder")
-        target.mkdir(parents=True, exist_ok=True)
-        names = (ARRAYS_FILE, META_FILE)
-        aside = [target / f".{name}.{uuid4().hex}.part" for name in names]
-        try:
-            with aside[0].open("xb") as file:
+        target = made_folder(folder)
+        with written(target / META_FILE) as meta, written(target / ARRAYS_FILE) as arrays:
+            with arrays.open("xb") as file:
                 _write_arrays(file, self.columns)
-            aside[1].write_bytes(text)
-            for written, name in zip(aside, names, strict=True):
-                written.replace(target / name)
-        finally:
-            for written in aside:
-                written.unlink(missing_ok=True)
+            meta.write_bytes(text)
         if self.failed is not None:
             self.failed.save(target / FAILED_FILE)
         return target
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+    def to_csv(self, path: Place) -> Path:
         """Write a table of all columns: a heading with component and unit (:mod:`wbc.control.table`), a row a tick.
 
         Numbers are written so that they are read back to the bit; NaN is an empty cell. UTF-8.
@@ -172,20 +161,12 @@ class Run(Mapping[str, Column]):
             0.1,1.5,2.5
         """
         columns = table(self.columns, self.meta)
-        target = Path(path)
-        aside = target.with_name(f".{target.name}.{uuid4().hex}.part")
-        try:
-            with aside.open("x", encoding="utf-8", newline="") as file:
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(columns)
-                for row in zip(*(values.tolist() for values in columns.values()), strict=True):
-                    writer.writerow(["" if isinstance(value, float) and isnan(value) else value for value in row])
-            aside.replace(target)
-        except OSError as cause:
-            raise InvalidInput(f"{target} cannot be written: {cause.strerror}") from cause
-        finally:
-            aside.unlink(missing_ok=True)
-        return target
+        with written(path) as aside, aside.open("x", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+                writer.writerow(["" if isinstance(value, float) and isnan(value) else value for value in row])
+        return Path(path)
 
     def to_pandas(self) -> Any:
         """The same table as a ``pandas.DataFrame``.
@@ -200,13 +181,13 @@ class Run(Mapping[str, Column]):
         return pandas.DataFrame(table(self.columns, self.meta))
 
     @classmethod
-    def load(cls, folder: str | os.PathLike[str]) -> Run:
+    def load(cls, folder: Place) -> Run:
         """Read what :meth:`save` wrote. Never unpickles.
 
         Raises:
             InvalidInput: the folder or a file is not there, or is not a run; the message names it.
         """
-        source = Path(folder)
+        source = located(folder)
         for file in (ARRAYS_FILE, META_FILE):
             if not (source / file).is_file():
                 raise InvalidInput(f"{source} is not the folder of a run: it has no {file}")

@@ -15,6 +15,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownRobot
+from wbc.files import located
 from wbc.models import plausible
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots
 from wbc.models.feet import Foot, Guessed
@@ -96,7 +97,7 @@ def load(
     """
     if base is not None:
         checks.one_of("base", base, ("fixed", "floating", "planar"))
-    folders = [Path(folder) for folder in _listed("packages", packages, (str, Path), "the path of a folder")]
+    folders = [located(folder) for folder in _listed("packages", packages, (str, Path), "the path of a folder")]
     entry, name, urdf, model = _described(robot, folders)
     own: Base = entry.base if urdf.base is None else "floating"
     wanted = _Wanted(base or own, name, entry)
@@ -129,7 +130,7 @@ def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf
     if isinstance(robot, str | Path):
         text = str(robot)
         if isinstance(robot, Path) or os.sep in text or "." in text:
-            path = _robot_file(Path(robot))
+            path = _robot_file(located(robot, ModelError))
             return Entry(str(path)), None, read_description(path, packages=folders), None
         entry, folder = _entry(text)
         folders = [folder.parent, *folders] if text in EXAMPLES else folders

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 
+from wbc import checks
 from wbc.errors import ModelError
 from wbc.models.safe_xml import read_xml
 
@@ -29,7 +30,7 @@ def read_poses(path: Path) -> dict[str, dict[str, list[float]]]:
             joints = [(joint.get("name", ""), joint.get("value", "")) for joint in state.iter("joint")]
             found[state.get("name", "")] = {name: list(map(_number, text.split())) for name, text in joints}
     except (ModelError, ValueError) as cause:
-        raise ModelError(f"{path}: {cause}") from None
+        raise ModelError(f"{checks.shown(str(path))}: {cause}") from None
     return found
 
 

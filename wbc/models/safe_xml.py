@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from wbc.errors import ModelError
+from wbc.files import located
 
 MAX_BYTES = 50_000_000
 MAX_ELEMENTS = 500_000
@@ -21,7 +22,7 @@ def read_xml(path: Path, *roots: str) -> Element:
         ModelError: no such file, not a plain file, too large, not UTF-8, not well formed, with a document type or
             entities, nested too deep, or another root.
     """
-    if not path.is_file():
+    if not located(path, ModelError).is_file():
         raise ModelError("there is no such file" if not path.exists() else "this is not a file")
     try:
         with path.open("rb") as file:

@@ -6,13 +6,13 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, InvalidProblem
+from wbc.files import Place, written
 from wbc.npz import read_json, read_npz
 from wbc.tolerances import SAME, TINY
 from wbc.types import Mat, Vec
@@ -271,7 +271,7 @@ class QP:
         return qp
 
     # ---- files and other libraries
-    def save(self, path: str | Path) -> None:
+    def save(self, path: Place) -> None:
         """Write an .npz that :meth:`load` reads back to the same bits (no pickle).
 
         Raises:
@@ -281,16 +281,13 @@ class QP:
         tasks = json.dumps([[t.name, t.unit, len(t.rows)] for t in self.tasks])
         task_rows = np.concatenate([np.zeros((0, self.n)), *(t.rows for t in self.tasks)])
         targets = np.concatenate([np.zeros(0), *(t.target for t in self.tasks)])
-        try:
-            with open(path, "wb") as file:
-                np.savez(file, H=self.H, g=self.g, A=self.A, b=self.b, C=self.C, cl=self.cl, cu=self.cu,
-                         lb=self.lb, ub=self.ub, rows=np.array(names), tasks=np.array(tasks), task_rows=task_rows,
-                         targets=targets)  # fmt: skip
-        except OSError as cause:
-            raise InvalidInput(f"{path} cannot be written: {cause.strerror}") from cause
+        with written(path) as aside, aside.open("xb") as file:
+            np.savez(file, H=self.H, g=self.g, A=self.A, b=self.b, C=self.C, cl=self.cl, cu=self.cu,
+                     lb=self.lb, ub=self.ub, rows=np.array(names), tasks=np.array(tasks), task_rows=task_rows,
+                     targets=targets)  # fmt: skip
 
     @classmethod
-    def load(cls, path: str | Path) -> QP:
+    def load(cls, path: Place) -> QP:
         """Read what :meth:`save` wrote.
 
         Raises:
@@ -302,7 +299,7 @@ class QP:
             tasks = _stored_tasks(data)
             data = {k: data[k] for k in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")}
         except (InvalidInput, KeyError, TypeError, ValueError) as cause:
-            raise InvalidProblem(f"{path} is not a QP saved by this library: {cause}") from cause
+            raise InvalidProblem(f"{checks.shown(str(path))} is not a QP saved by this library: {cause}") from cause
         return cls(data.pop("H"), data.pop("g"), rows=rows, tasks=tasks, **data)
 
     def to_qpsolvers(self) -> qpsolvers.Problem:

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wbc.errors import InvalidInput
+from wbc.files import located
 from wbc.report.document import Report
 from wbc.report.html import html
 from wbc.report.markdown import markdown, picture_path
@@ -67,7 +68,7 @@ def check_free(folder: Path) -> None:
     Raises:
         InvalidInput: something else stands there.
     """
-    if not folder.exists():
+    if not located(folder).exists():
         return
     if not folder.is_dir():
         raise InvalidInput(f"{folder} is a file; a report is a folder")

@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, MemberFailed
 from wbc.types import Vec
 
 #: ``convert(name, value, strict)``: strict when assigned, shapes only in a tick; see :class:`Target`.
@@ -50,7 +50,11 @@ class Target:
         self.has_rates = False
         if callable(value):
             self._function = value
-            self.value = convert(name, self._without_rates(value(0.0), strict=True), True)
+            try:
+                first = value(0.0)
+            except Exception as cause:
+                raise MemberFailed(name, cause) from cause
+            self.value = convert(name, self._without_rates(first, strict=True), True)
         else:
             self.value = convert(name, value, True)
 
