@@ -41,9 +41,10 @@ ARROWS = {
     "testing": LOOP,
     "sim": LOOP | {"control"},
     "report": LOOP | {"control", "sim"},
+    "export": LOOP | {"control", "sim", "report"},
     "tasks": set(),
     "sweep": LOOP | {"control", "sim", "report"},
-    "cli": LOOP | {"control", "sim", "report", "sweep", "testing"},
+    "cli": LOOP | {"control", "sim", "report", "export", "sweep", "testing"},
     "__main__": {"cli"},
 }
 

@@ -14,6 +14,7 @@ from wbc.cli.console import BAD_INPUT, complain
 from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
 from wbc.cli.explain import explain
+from wbc.cli.export import export
 from wbc.cli.list_ import list_
 from wbc.cli.report import report
 from wbc.cli.run import run
@@ -34,6 +35,7 @@ app.command("doctor")(doctor)
 app.command("bench")(bench)
 app.command("derive")(derive)
 app.add_typer(report)
+app.command("export")(export)
 app.command("sweep")(sweep)
 app.command("explain")(explain)
 app.command("soak")(soak)

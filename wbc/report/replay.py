@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure
 from wbc.report.document import Scene
-from wbc.report.motion import Motion, motion, quaternions
+from wbc.report.marks import Mark, marks, strained
+from wbc.report.motion import motion, quaternions
 from wbc.report.packed import text
 from wbc.report.shapes import Part, thinned
 from wbc.types import Index, Vec
@@ -27,11 +26,8 @@ FRAMES_PER_SECOND = 25.0  # the page moves the robot evenly between two of them
 MAX_FRAMES = 1500  # a minute; a longer run is shown with fewer frames a second
 BUDGET = 60_000  # triangles of the whole robot
 VIEW = (1.15, -0.92, 0.42)  # where the camera stands, from the middle, in sizes of the scene
-STRAINED = 1e-3  # a joint this near to a limit of its position, of its range, or of its torque, is drawn red
 
 SAID = "Drag to turn, scroll to come nearer. Red: a joint at a limit. An arrow of half a metre: the robot's weight."
-FORCE, COMMANDED, PUSH, CENTRE, SUPPORT = "#2f8f5b", "#3b82d0", "#c53d3d", "#dd7a1f", "#1f9aa0"
-TARGETS = ("#7a5bb5", "#2b6cb0", "#c2408a", "#8c6d46")
 
 
 def replay(
@@ -43,11 +39,11 @@ def replay(
     moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
     number = {link: k for k, link in enumerate(moving.links)}
     middle, size = moving.extent
-    strained = _strained(run, robot)
+    worn, shown = strained(run, robot), marks(moving, robot)
     content = {
         "times": _floats(moving.times - moving.times[0]), "middle": middle.tolist(), "size": size, "view": VIEW,
         "links": [
-            {"pose": _floats(np.column_stack([position, quaternions(rotation)])), "strained": strained.get(link)}
+            {"pose": _floats(np.column_stack([position, quaternions(rotation)])), "strained": worn.get(link)}
             for link, (position, rotation) in moving.links.items()
         ],
         "parts": [
@@ -55,7 +51,9 @@ def replay(
              "color": "#{:02x}{:02x}{:02x}".format(*part.color)}
             for part in solid
         ],
-        "arrows": _arrows(moving), "points": _points(moving, robot), "loops": _loops(moving),
+        "arrows": [_drawn(m, count=m.points.shape[1] // 2, ends=_floats(m.points)) for m in shown if m.kind == "arrow"],
+        "points": [_drawn(m, path=_floats(m.points)) for m in shown if m.kind == "point"],
+        "loops": [_drawn(m, count=m.points.shape[1], corners=_floats(m.points)) for m in shown if m.kind == "line"],
     }  # fmt: skip
     return Scene(name, caption or SAID, content)
 
@@ -67,56 +65,8 @@ def _frames(run: Run) -> Index:
     return np.unique(np.append(np.arange(0, run.rows, step), run.rows - 1))
 
 
-def _arrows(moving: Motion) -> list[dict[str, Any]]:
-    """Arrows for the contact forces and for the push; none for what the run does not have."""
-    sets = [("contact forces", FORCE, moving.forces, False), ("commanded forces", COMMANDED, moving.commanded, True)]
-    if np.any(moving.pushes[:, 0] != moving.pushes[:, 1]):
-        sets.append(("push", PUSH, moving.pushes[:, None], False))
-    return [
-        {"label": label, "color": color, "count": ends.shape[1], "ends": _floats(ends), "hidden": hidden}
-        for label, color, ends, hidden in sets if ends.shape[1]
-    ]  # fmt: skip
-
-
-def _points(moving: Motion, robot: RobotModel) -> list[dict[str, Any]]:
-    """Centre of mass of a robot that is free, and the targets of tasks, with their trails."""
-    shown = [("centre of mass", CENTRE, moving.com)] if robot.nb else []
-    shown += [
-        (f"target of {task}", TARGETS[k % len(TARGETS)], path) for k, (task, path) in enumerate(moving.targets.items())
-    ]
-    return [{"label": label, "color": color, "path": _floats(path)} for label, color, path in shown]
-
-
-def _loops(moving: Motion) -> list[dict[str, Any]]:
-    """The support polygon, whose corners that it does not have at a moment lie on its last one, and friction cones."""
-    cones = [
-        {"label": f"friction cone of {name}", "group": "friction cones", "color": FORCE, "count": line.shape[1],
-         "corners": _floats(line), "hidden": True}
-        for name, line in moving.cones.items()
-    ]  # fmt: skip
-    most = max((len(corners) for corners in moving.support if corners is not None), default=0)
-    if not most:
-        return cones
-    drawn = np.zeros((len(moving.support), most, 3))
-    for k, corners in enumerate(moving.support):
-        if corners is not None:
-            drawn[k] = corners[np.minimum(np.arange(most), len(corners) - 1)]
-            drawn[k, :, 2] += 2e-3  # above the lines of the floor
-    return [{"label": "support polygon", "color": SUPPORT, "count": most, "corners": _floats(drawn)}, *cones]
-
-
-def _strained(run: Run, robot: RobotModel) -> dict[str, list[tuple[float, float]]]:
-    """When the joint that moves a link is at a limit, by the link's name."""
-    links = {joint.name: joint.child for joint in robot.urdf.joints} if isinstance(robot, PinocchioModel) else {}
-    use = measure.use(run)
-    near = use["position"] >= 1.0 - STRAINED
-    if "torque" in use:
-        near = near | (use["torque"] >= 1.0 - STRAINED)
-    names = list(run.meta["joint_names"])
-    return {
-        link: measure.intervals(run, near[:, names.index(joint)])
-        for joint, link in links.items() if joint in names and near[:, names.index(joint)].any()
-    }  # fmt: skip
+def _drawn(mark: Mark, **more: Any) -> dict[str, Any]:
+    return {"label": mark.label, "color": mark.color, "hidden": mark.hidden, "group": mark.name} | more
 
 
 def _floats(values: Vec) -> str:

@@ -1,0 +1,81 @@
+"""``wbc export``: a recorded run as a moving picture, or as a log for Foxglove, PlotJuggler and Rerun."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from wbc.cli.console import notes, one_sentence, progress, tell
+
+
+@one_sentence
+def export(
+    folder: Annotated[Path, typer.Argument(help="Where run.npz and meta.json are.")],
+    *,
+    gif: Annotated[Path | None, typer.Option(metavar="FILE", help="Moving picture that plays everywhere.")] = None,
+    webp: Annotated[Path | None, typer.Option(metavar="FILE", help="Moving picture of half the size.")] = None,
+    mp4: Annotated[Path | None, typer.Option(metavar="FILE", help="Video, the smallest; extra `video`.")] = None,
+    mcap: Annotated[Path | None, typer.Option(metavar="FILE", help="Log for Foxglove and PlotJuggler.")] = None,
+    rerun: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording for Rerun; extra `rerun`.")] = None,
+    size: Annotated[str, typer.Option(metavar="WIDTHxHEIGHT", help="Of pictures, in pixels.")] = "640x480",
+    fps: Annotated[float, typer.Option(help="Pictures in a second.")] = 25.0,
+    start: Annotated[float, typer.Option("--from", help="Time of the run at the first picture in seconds.")] = 0.0,
+    end: Annotated[float | None, typer.Option("--to", help="Time of the run at the last one.")] = None,
+    speed: Annotated[float, typer.Option(help="0.5: half as fast as it was.")] = 1.0,
+    camera: Annotated[
+        str | None,
+        typer.Option(metavar="AZIMUTH,ELEVATION[,DISTANCE]", help="Where it looks in degrees, from how far in metres."),
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="A name, or a URDF or MJCF file: who is drawn, where the run's name is no help.")
+    ] = None,
+) -> None:
+    """A recorded run for others: a moving picture drawn without a screen, or a log for other programs."""
+    from wbc import checks
+    from wbc.control.recorder import Run
+    from wbc.errors import InvalidInput
+    from wbc.export import Camera, movie, to_mcap, to_rerun
+    from wbc.models import load
+    from wbc.report.record import fits, named
+
+    pictures = {".gif": gif, ".webp": webp, ".mp4": mp4}
+    wanted = [path for path in (*pictures.values(), mcap, rerun) if path is not None]
+    if not wanted:
+        raise InvalidInput("say what to write: --gif, --webp, --mp4, --mcap or --rerun, each with a file")
+    for ending, path in pictures.items():
+        if path is not None and path.suffix.lower() != ending:
+            raise InvalidInput(f"--{ending[1:]} {path}: the name must end in {ending}")
+    wide, _, high = size.partition("x")
+    pixels = round(checks.typed("size", wide)), round(checks.typed("size", high))
+    looks = None
+    if camera is not None:
+        numbers = [checks.typed("camera", part) for part in camera.split(",")]
+        if len(numbers) not in (2, 3):
+            raise InvalidInput(f"--camera {camera}: give azimuth and elevation, and perhaps a distance: 140,-15,3")
+        looks = Camera(*numbers)
+    run = Run.load(folder)
+    with notes() as found:
+        model = named(run) if robot is None else load(robot)
+        if model is not None and not fits(model, run):
+            raise InvalidInput(f"{model.name} has other joints or another base than the run's robot")
+        for path in pictures.values():
+            if path is not None:
+                if model is None:
+                    raise InvalidInput("the run's robot cannot be loaded by its name; give --robot")
+                with progress("drawing the motion") as step:
+                    movie(run, model, path, size=pixels, fps=fps, start=start, end=end, speed=speed, camera=looks,
+                          progress=step)  # fmt: skip
+        for path, write in ((mcap, to_mcap), (rerun, to_rerun)):
+            if path is not None:
+                with progress("writing the log") as step:
+                    write(run, path, robot=model, progress=step)
+        if model is None:
+            found.append("the robot is not drawn: it cannot be loaded by the run's name; give --robot")
+    tell(found)
+    console = Console(highlight=False)
+    for path in wanted:
+        console.print(Text(f"{path}: {path.stat().st_size / 1e6:.2f} MB"), soft_wrap=True)
