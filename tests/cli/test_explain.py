@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.qp import QP
+from wbc.report.solvers.problems import sequence
 
 ROWS = [("aim", "x", "m"), ("wall", "x", "m"), ("x", "", "m"), ("y", "", "m")]
 
@@ -28,11 +29,32 @@ def test_a_problem_with_an_answer_tells_what_pushes(wbc, tmp_path):
     assert "certified" in answer.out and "aim" in answer.out and "wall" not in answer.out
 
 
+def test_one_of_a_set_is_named_by_its_index(wbc, tmp_path):
+    saved(tmp_path / "qp.npz", 4.0)
+    first, second = (
+        QP.load(tmp_path / "qp.npz"),
+        QP(2.0 * np.eye(2), [0.0, 0.0], cu=[1.0], C=[[1.0, 0.0]], rows=ROWS[1:]),
+    )
+    sequence("ticks", [first, second]).save(tmp_path / "set.npz")
+    assert "aim" in wbc("explain", "set.npz", "--index", "0").out
+    answer = wbc("explain", "set.npz", "--index", "1")
+    assert answer.code == 0 and "certified" in answer.out and "aim" not in answer.out
+    for words, said in ((["set.npz"], "2 QPs; --index 0 to 1"), (["set.npz", "--index", "2"], "no QP 2: it holds 2")):
+        answer = wbc("explain", *words)
+        assert answer.code == 2 and said in answer.err
+
+
+def test_a_file_without_names_is_said(wbc, tmp_path):
+    np.savez(tmp_path / "plain.npz", P=np.eye(2), q=-np.ones(2), G=np.ones((1, 2)), h=np.ones(1))
+    answer = wbc("explain", "plain.npz")
+    assert answer.code == 0 and "The file names no rows" in answer.out and "C[0]" in answer.out
+
+
 def test_what_is_not_such_a_file_is_one_sentence(wbc, tmp_path):
     (tmp_path / "notes.npz").write_text("not a QP")
     for words, said in (
         (["explain", "nowhere.npz"], "nowhere.npz"),
-        (["explain", "notes.npz"], "is not a QP saved by this library"),
+        (["explain", "notes.npz"], "notes.npz"),
         (["explain", "notes.npz", "--solver", "dapq"], "did you mean 'daqp'"),
     ):
         answer = wbc(*words)

@@ -66,8 +66,7 @@ def test_the_exponent_is_that_of_the_larger_half():
     data = made({"chosen": [9.0, 2.0**2, 4.0**2, 8.0**2], "standard": [50.0, 50.0, 50.0, 50.0]})
     table = next(s for s in page(data).sections if s.title == "Curves").items[1]
     exponents = {row[1]: row[2] for row in table.rows}
-    assert exponents["the form that is chosen"] == pytest.approx(2.0)
-    assert exponents["standard form"] == pytest.approx(0.0, abs=1e-12)
+    assert exponents == {"the form that is chosen": "2.00 ± 0.01", "standard form": "0.00 ± 0.01"}
 
 
 def test_where_a_form_does_not_pay_is_said():
@@ -80,5 +79,4 @@ def test_the_same_data_give_the_same_page_and_it_needs_nothing_else():
     data = made({"chosen": [1.0, 2.0, 3.0, 4.0], "standard": [2.0, 3.0, 4.0, 5.0]}, sizes=(0, 1, 2, 3))
     text = html(page(data))
     assert text == html(page(json.loads(json.dumps(data)))) and markdown(page(data)) == markdown(page(data))
-    assert "http:" not in text and "https:" not in text
-    assert sum(r.startswith("data:image/svg") for r in Page(text).references) == 1
+    assert text.count("data-plot=") == 1 and all(r.startswith(("data:,", "#")) for r in Page(text).references)

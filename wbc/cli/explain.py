@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from wbc.cli.console import NO, one_sentence, table
+from wbc.errors import InvalidInput
 from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solution
@@ -18,16 +19,27 @@ from wbc.qp.solver import Solution
 
 @one_sentence
 def explain(
-    file: Annotated[Path, typer.Argument(metavar="FILE.npz", help="A QP written by explain(save=...) or qp.save.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.npz", help="QPs in any form that wbc saves, or wbc report solvers reads.")
+    ],
     solver: Annotated[str, typer.Option(help="QP solver for a QP that has an answer.")] = "pdas",
+    index: Annotated[int | None, typer.Option(min=0, help="Which one of a file that holds several, from 0.")] = None,
 ) -> None:
     """Solve a saved QP and say what holds it, or which rows cannot hold together. Exit code 1: no certified answer."""
     from wbc.qp.solvers import by_name
+    from wbc.report.solvers.problems import saved_qps
 
     chosen = by_name(solver)
-    qp = QP.load(file)
+    qps = saved_qps(file)
+    if index is None and len(qps) > 1:
+        raise InvalidInput(f"{file} holds {len(qps)} QPs; --index 0 to {len(qps) - 1} says which one")
+    if index is not None and index >= len(qps):
+        raise InvalidInput(f"{file} has no QP {index}: it holds {len(qps)}, the first is 0")
+    qp = qps[index or 0]
     console = Console(highlight=False)
     console.print(Text(repr(qp)))
+    if not any(row.label or row.unit for row in qp.rows):
+        console.print(Text("The file names no rows: A[i] are its equalities, C[i] its inequalities, x[i] variables."))
     found = conflict(qp)
     if found is not None:
         console.print(Text(f"cannot be met. {found}"), soft_wrap=True)

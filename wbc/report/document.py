@@ -40,7 +40,16 @@ class Link:
     at: float
 
 
-Cell = str | bool | int | float | Bar | Link | None
+@final
+@dataclass(frozen=True)
+class Marked:
+    """A cell in the colour of ``mood``, "good", "doubtful" or "bad"."""
+
+    text: str
+    mood: str
+
+
+Cell = str | bool | int | float | Bar | Link | Marked | None
 
 
 @final
@@ -115,7 +124,7 @@ class Plot:
     """Curves, or strips, over ``x`` (N,): over the time of the run, with the cursor of the page, or something else.
 
     ``log`` names the axes that are logarithmic, "", "x", "y" or "xy"; ``zero``: the axis reaches down to zero;
-    ``bars``: a histogram.
+    ``bars``: a histogram; ``steps``: curves stay as they are until the next x; ``dots``: every value has a dot.
     """
 
     name: str
@@ -130,6 +139,8 @@ class Plot:
     log: str = ""
     zero: bool = False
     bars: bool = False
+    steps: bool = False
+    dots: bool = False
     wide: bool = False
 
 
@@ -205,7 +216,8 @@ class Report:
     """``summary`` says in one sentence what happened; ``highlights`` are the few figures to see first.
 
     ``ok`` is the verdict, None where there is nothing to pass or fail. ``clock`` is the time of all its plots, and
-    ``scene`` stands beside them, with ``why`` at the cursor.
+    ``scene`` stands beside them, with ``why`` at the cursor. ``names`` have one colour each on the whole page: curves
+    of that label, and cells.
     """
 
     title: str
@@ -216,6 +228,7 @@ class Report:
     clock: Clock | None = None
     scene: Scene | None = None
     why: Why | None = None
+    names: Sequence[str] = ()
 
     @property
     def items(self) -> list[Item]:
@@ -240,7 +253,7 @@ def formatted(cell: Cell) -> str:
         return "–"
     if isinstance(cell, (bool, np.bool_)):
         return "yes" if cell else "no"
-    if isinstance(cell, Bar | Link):
+    if isinstance(cell, Bar | Link | Marked):
         return cell.text
     if isinstance(cell, str):
         return cell
@@ -266,6 +279,8 @@ def percent(share: float) -> str:
 
 
 def _is_number(cell: Cell) -> bool:
+    if isinstance(cell, Marked):
+        return cell.text.isdigit()
     return cell is None or (isinstance(cell, (int, float)) and not isinstance(cell, bool))
 
 

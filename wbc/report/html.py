@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import NotSupported
-from wbc.report.document import Bar, Cell, Figure, Item, Link, Map, Plot, Report, formatted
+from wbc.report.document import Bar, Cell, Figure, Item, Link, Map, Marked, Plot, Report, formatted
 from wbc.report.packed import data, scenes
 
 ASSETS = Path(__file__).with_name("assets")
@@ -42,6 +42,7 @@ def html(report: Report) -> str:
     environment.tests.update(
         bar=lambda cell: isinstance(cell, Bar), link=lambda cell: isinstance(cell, Link) and cell.plot in names
     )
+    environment.globals["names"] = [*report.names]
     content = data(report)
     order = [*plots, *(item for item in report.items if isinstance(item, Map)), *scenes(report)]
     places = {id(item): sum(type(one) is type(item) for one in order[:i]) for i, item in enumerate(order)}
@@ -81,6 +82,8 @@ def _look(cell: Cell, numeric: bool) -> str:
         return "bar"
     if isinstance(cell, bool):
         return "good" if cell else "bad"
+    if isinstance(cell, Marked):
+        return f"{cell.mood} {'number' if numeric else 'short' if len(cell.text) <= SHORT else 'text'}"
     return "number" if numeric else "text" if len(formatted(cell)) > SHORT else "short"
 
 

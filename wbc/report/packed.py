@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, final
 
@@ -31,7 +32,7 @@ def data(report: Report) -> dict[str, Any] | None:
         "seconds": clock.seconds if clock else 0.0,
         "dt": clock.dt if clock else 1.0,
         "events": [event._asdict() for event in clock.events] if clock else [],
-        "plots": [_plot(plot, arrays) for plot in plots],
+        "plots": [_plot(plot, arrays, report.names) for plot in plots],
         "maps": [{key: arrays.exact(getattr(item, key)) for key in "txy"} for item in maps],
         "why": None if report.why is None else _why(report.why, arrays),
         "scenes": [scene.content for scene in found],
@@ -124,16 +125,18 @@ def _why(why: Why, arrays: Arrays) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _plot(plot: Plot, arrays: Arrays) -> dict[str, Any]:
+def _plot(plot: Plot, arrays: Arrays, names: Sequence[str]) -> dict[str, Any]:
     values = np.column_stack([curve.values for curve in plot.curves]) if plot.curves else np.zeros((len(plot.x), 0))
     rows = kept(values)
     curves = [
-        {"label": curve.label, "values": arrays.stepped(curve.values[rows]), "shown": curve.shown, "faint": curve.faint}
-        for curve in plot.curves
-    ]
+        {"label": curve.label, "values": arrays.stepped(curve.values[rows]), "shown": curve.shown, "faint": curve.faint,
+         "colour": names.index(curve.label) if curve.label in names else k}
+        for k, curve in enumerate(plot.curves)
+    ]  # fmt: skip
     strips = [{"label": strip.label, "intervals": strip.intervals, "colour": k} for k, strip in enumerate(plot.strips)]
     return {
         "name": plot.name, "x": arrays.exact(plot.x[rows]), "curves": curves, "strips": strips, "over": plot.over,
         "bounds": [bound._asdict() for bound in plot.bounds if np.isfinite(bound.value)],
         "time": plot.over == TIME, "log": plot.log, "zero": plot.zero, "bars": plot.bars,
+        "steps": plot.steps, "dots": plot.dots,
     }  # fmt: skip

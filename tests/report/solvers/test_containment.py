@@ -11,6 +11,7 @@ from tests.report.solvers.strange import Crashing, Hanging, Lying
 from wbc.errors import InvalidInput
 from wbc.qp import QP, Session, Shape, Solver
 from wbc.qp.solvers import by_name
+from wbc.report.document import Marked
 from wbc.report.solvers import compare
 from wbc.report.solvers.advice import advice
 from wbc.report.solvers.page import page
@@ -57,10 +58,10 @@ def test_the_page_shows_each_as_what_it_is(found: dict[str, Any]):
     section = next(s for s in report.sections if s.title == "problems")
     table = next(i for i in section.items if getattr(i, "caption", "").startswith("Solved (warm)"))
     rows = {row[0]: row for row in table.rows}
-    wrong, lost = (table.columns.index(name) for name in ("wrong, default", "lost"))
-    assert (rows["lying"][wrong], rows["lying"][lost]) == (2, 0)
-    assert (rows["hanging"][wrong], rows["hanging"][lost]) == (0, 2)
-    assert (rows["crashing"][wrong], rows["crashing"][lost]) == (0, 2)
+    solved, lost = table.columns.index("default"), table.columns.index("lost")
+    assert (rows["lying"][solved], rows["lying"][lost]) == (Marked("33.3 %, 2 wrong", "bad"), 0)
+    assert (rows["hanging"][solved], rows["hanging"][lost]) == ("33.3 %", 2)
+    assert (rows["crashing"][solved], rows["crashing"][lost]) == ("33.3 %", 2)
 
 
 def test_a_solver_that_cannot_be_sent_to_a_process_is_refused():

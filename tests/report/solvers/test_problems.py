@@ -10,6 +10,7 @@ import pytest
 from tests.qp.zoo import random_qp
 from wbc.errors import InvalidInput
 from wbc.qp import QP, solve
+from wbc.qp.problem import Objective
 from wbc.report.solvers.problems import GROWTH, ProblemSet, from_folder, growing, made_qp, read_qp, sequence
 from wbc.report.solvers.recording import record
 from wbc.sim.scenario import find
@@ -19,11 +20,19 @@ PARTS = ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")
 
 
 def same(one: QP, other: QP) -> bool:
-    return all(np.array_equal(getattr(one, part), getattr(other, part)) for part in PARTS) and one.rows == other.rows
+    tasks = [
+        (a.name, a.unit) == (b.name, b.unit) and np.array_equal(a.rows, b.rows) and np.array_equal(a.target, b.target)
+        for a, b in zip(one.tasks, other.tasks, strict=True)
+    ]
+    parts = all(np.array_equal(getattr(one, part), getattr(other, part)) for part in PARTS)
+    return parts and one.rows == other.rows and all(tasks)
 
 
 def test_a_set_is_read_back_to_the_same_bits(tmp_path: Path):
     named = random_qp(1, 4, 1, 2).copy()
+    named.name_tasks(
+        [Objective("reach", np.ones((2, 4)), np.ones(2), "m/s"), Objective("rest", np.eye(4), np.zeros(4))]
+    )
     written = ProblemSet("a/b", "sequence", "here", (random_qp(0, 4, 1, 2), named), ["x", "y"], [(0, 1), (1, 2)], 1e-3)
     written.save(tmp_path / "set.npz")
     read = ProblemSet.load(tmp_path / "set.npz")

@@ -16,8 +16,7 @@ from tests.report.solvers.conftest import CLASSES, Compared
 from wbc.qp import QP, Solution
 from wbc.qp.solvers import by_name, usable
 from wbc.report.solvers import compare
-from wbc.report.solvers.drawing import slug
-from wbc.report.solvers.problems import ProblemSet
+from wbc.report.solvers.problems import ProblemSet, slug
 
 OTHERS = Path(os.environ.get("WBC_QPS", "qps"))
 
@@ -77,19 +76,19 @@ def numbers(qp: QP, answer: Solution, tolerance: float) -> tuple[np.ndarray, np.
 
 
 def distance(qp: QP, r: np.ndarray, off: np.ndarray, size: np.ndarray) -> tuple[float, float]:
-    """A hundredth of |eⱼ|_{H⁻¹} |r|_{H⁻¹} / size, the largest over all j, for r and for r known to ``off``.
+    """A hundredth of |Sᵢ|_{H⁻¹} |r|_{H⁻¹} / size, the largest over all rows of tasks, for r and for r known to ``off``.
 
-    Where H is singular the directions without curvature have no distance, and any number at all is allowed.
+    A QP that names no tasks is judged by its variables. Where H is singular the directions without curvature have no
+    distance, and any number at all is allowed.
     """
     values, axes = np.linalg.eigh(qp.H)
     if values[0] <= 1e-9 * values[-1]:
         return 0.0, np.inf
-    unit = np.sqrt(np.einsum("ij,j,ij->i", axes, 1.0 / values, axes)) / size
     half = (axes / np.sqrt(values)).T
+    tasks = [(task.rows, 1.0 + np.abs(task.target)) for task in qp.tasks] or [(np.eye(qp.n), size)]
+    unit = max(float((np.linalg.norm(half @ rows.T, axis=0) / sizes).max()) for rows, sizes in tasks)
     least, most = np.linalg.norm(half @ r) - np.linalg.norm(np.abs(half) @ off), np.linalg.norm(half @ r)
-    return 0.01 * float(unit.max()) * float(least), 0.01 * float(unit.max()) * (
-        float(most) + 2.0 * float(np.linalg.norm(np.abs(half) @ off))
-    )
+    return 0.01 * unit * float(least), 0.01 * unit * (float(most) + 2.0 * float(np.linalg.norm(np.abs(half) @ off)))
 
 
 def check(measure: dict[str, Any], qps: list[QP], tolerance: float | None) -> int:

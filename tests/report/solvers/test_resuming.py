@@ -30,7 +30,7 @@ else:
     resume(sys.argv[1])
 """
 ROOT = Path(__file__).parents[3]
-UNTOUCHED = ("total_us", "build_us", "solve_us")
+UNTOUCHED = ("total_us", "rounds_us", "build_us", "solve_us")
 
 
 def started(folder: Path, how: str) -> subprocess.Popen[bytes]:

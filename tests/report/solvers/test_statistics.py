@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wbc.report.solvers.statistics import (
     Measure,
     best_classes,
+    between_rounds,
     geometric_mean,
     percentiles,
     profile,
     ratio,
+    ratio_of_rounds,
     slope,
     wins,
 )
@@ -20,11 +23,14 @@ from wbc.report.solvers.statistics import (
 TIMES = st.lists(st.one_of(st.floats(0.0, 1e7), st.just(np.inf)), min_size=1, max_size=12).map(np.array)
 
 
-def made(total: list[float], achieved: list[float], *, solver: str = "s", asked: str = "default") -> Measure:
+def made(
+    total: list[float], achieved: list[float], *, solver: str = "s", asked: str = "default",
+    rounds: list[list[float]] | None = None,
+) -> Measure:  # fmt: skip
     n, nothing = len(total), np.zeros(len(total))
     return Measure(
         "set", solver, asked, "warm", ["SOLVED"] * n, np.array(total, float), nothing, nothing,
-        np.array(achieved, float), nothing, nothing, nothing, {}, [str(i) for i in range(n)], {},
+        np.array(rounds or [total], float), np.array(achieved, float), nothing, nothing, nothing, {}, {}, 0,
     )  # fmt: skip
 
 
@@ -85,6 +91,23 @@ def test_the_class_to_compare_at_solves_most_then_is_fastest_and_the_default_win
     assert best(default=(1.0, 1.0), fine=(10.0, 0)) == "fine"
 
 
+def test_rounds_are_compared_with_one_another_where_all_of_them_timed_a_problem():
+    one = made([1.0, 1.0, 9.0], [0, 0, 0], rounds=[[1.0, 1.0, 9.0], [2.0, 2.0, np.nan]])
+    other = made([4.0, 4.0, 9.0], [0, 1, 0], rounds=[[4.0, 4.0, 9.0], [6.0, 6.0, 9.0]])
+    assert between_rounds(one) == pytest.approx(2.0)
+    assert between_rounds(made([1.0], [0])) is None
+    assert ratio_of_rounds(other, one) == pytest.approx([4.0, 3.0]), "on the first problem alone"
+
+
 def test_a_slope_needs_three_points():
     assert slope(np.array([1.0, 2.0]), np.array([1.0, 2.0])) is None
     assert slope(np.array([0.0, 2.0, 4.0, 8.0]), np.array([5.0, 4.0, np.nan, 64.0])) is None
+
+
+def test_the_interval_of_a_slope_holds_the_truth_as_often_as_it_says():
+    rng, x = np.random.default_rng(0), np.array([7.0, 14.0, 28.0, 56.0, 100.0])
+    held = 0
+    for _ in range(400):
+        found = slope(x, x**1.5 * np.exp(0.2 * rng.standard_normal(5)))
+        held += abs(found.exponent - 1.5) <= found.half
+    assert 0.92 * 400 <= held <= 0.98 * 400

@@ -151,7 +151,7 @@
     };
     const axis = { stroke: soft, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 },
                    font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif" };
-    const bars = spec.bars ? { paths: uPlot.paths.bars({ size: [1, Infinity], align: 1 }), fill: colour(0) } : {};
+    const bars = spec.bars ? { paths: uPlot.paths.bars({ size: [1, Infinity], align: 1 }), fill: colour(0) } : spec.steps ? { paths: uPlot.paths.stepped({ align: 1 }) } : {};
     const u = new uPlot({
       width: Math.max(box.clientWidth, 200), height: spec.strips.length ? 40 + 22 * spec.strips.length : 190,
       scales: {
@@ -163,8 +163,9 @@
                values: (_, ticks) => ticks.map((v) => (v == null || spec.strips.length ? "" : short(v))) }],
       series: [
         { label: spec.over, value: (_, v) => reduced(v) },
-        ...spec.curves.map((curve, k) => ({
-          label: curve.label, stroke: curve.faint ? soft : colour(k), width: 1.3, show: curve.shown, points: { show: false },
+        ...spec.curves.map((curve) => ({
+          label: curve.label, stroke: curve.faint ? soft : colour(curve.colour), width: 1.3, show: curve.shown, points: { show: spec.dots, size: 5 },
+          dash: curve.colour < 8 ? [] : [5, 3],
           value: (_, v) => reduced(v == null ? v : Number(v.toFixed(arrays[curve.values].decimals))), ...bars,
         })),
         ...(spec.strips.length ? [{ show: false, label: "" }] : []),

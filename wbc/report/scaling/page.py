@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from wbc.report import style
-from wbc.report.document import Cell, Figure, Report, Section, Table, Text, percent
-from wbc.report.solvers.statistics import slope
-from wbc.report.style import logarithmic
+from wbc.report.document import Cell, Curve, Plot, Report, Section, Table, Text, percent
+from wbc.report.solvers.statistics import Slope, slope
 from wbc.types import Vec
 
 Row = dict[str, Any]
 
-KINDS = {"chosen": ("the form that is chosen", style.BLUE), "standard": ("standard form", style.ORANGE)}
-_COLUMNS = 2
+KINDS = {"chosen": "the form that is chosen", "standard": "standard form"}
 #: Two forms whose times differ by less are called equal.
 _EQUAL = 0.05
 
@@ -26,7 +23,7 @@ def page(data: dict[str, Any]) -> Report:
     rows: list[Row] = data["rows"]
     names = list(dict.fromkeys(row["axis"] for row in rows))
     sections = [
-        Section("Curves", [_figure(rows, names, data["titles"]), _exponents(rows, names)]),
+        Section("Curves", [*_plots(rows, names, data["titles"]), _exponents(rows, names)]),
         Section("Where the chosen form pays", [Text(_payoff(rows, name)) for name in names]),
         Section("Numbers", [_table(rows)]),
         Section("Settings", [_settings(data)]),
@@ -42,14 +39,14 @@ def curve(rows: Sequence[Row], name: str, kind: str) -> tuple[Vec, Vec]:
     return np.array([row["size"] for row in own], dtype=np.float64), np.array(times, dtype=np.float64)
 
 
-def exponent(x: Vec, y: Vec) -> float | None:
+def exponent(x: Vec, y: Vec) -> Slope | None:
     """Slope on logarithms over the larger half of the sizes, where fixed costs weigh least; at least three points.
 
     Example:
         >>> import numpy as np
         >>> from wbc.report.scaling.page import exponent
-        >>> round(exponent(np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([9.0, 9.0, 16.0, 64.0, 256.0])), 9)
-        2.0
+        >>> print(exponent(np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([9.0, 9.0, 16.0, 64.0, 256.0])))
+        2.00 ± 0.01
     """
     last = max(3, (len(x) + 1) // 2)
     return slope(x[-last:], y[-last:])
@@ -66,52 +63,28 @@ def _summary(rows: Sequence[Row], names: Sequence[str]) -> str:
     return "Median tick of a controller. " + "; ".join(parts) + "."
 
 
-def _figure(rows: Sequence[Row], names: Sequence[str], titles: dict[str, str]) -> Figure:
-    lines = -(-len(names) // _COLUMNS)
-    with style.Canvas(lines, _COLUMNS, height=0.4 + 2.4 * lines) as canvas:
-        for axes, name in zip(canvas.axes, names, strict=False):
-            for kind, (label, colour) in KINDS.items():
-                x, y = curve(rows, name, kind)
-                fitted = exponent(x, y)
-                told = "" if fitted is None else f", exponent {fitted:.2f}"
-                axes.plot(x, y, marker="o", markersize=3, color=colour, label=label + told)
-            sizes = [row["size"] for row in rows if row["axis"] == name]
-            drawn = any(np.isfinite(curve(rows, name, kind)[1]).any() for kind in KINDS)
-            if drawn and min(sizes) > 0:
-                logarithmic(axes, "both")
-                axes.minorticks_off()
-                axes.set_xticks(np.unique(sizes))
-                axes.yaxis.set_major_locator(_few())
-            else:
-                axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])  # room for the legend
-            axes.set_xlabel(titles[name])
-            axes.set_ylabel("tick [µs]")
-            axes.legend(loc="upper left", fontsize=7)
-        for axes in canvas.axes[len(names) :]:
-            axes.set_visible(False)
-        caption = (
-            "Median time of a tick; on logarithmic axes where sizes begin above zero. Exponents are fitted to the "
-            "larger half of the sizes."
-        )
-        return canvas.figure("scaling", caption)
-
-
-def _few() -> Any:
-    from matplotlib.ticker import LogLocator
-
-    return LogLocator(subs=(1.0, 2.0, 5.0))
+def _plots(rows: Sequence[Row], names: Sequence[str], titles: dict[str, str]) -> Iterator[Plot]:
+    """The median tick of both forms along each axis, logarithmic where sizes begin above zero."""
+    for name in names:
+        found = {label: curve(rows, name, kind) for kind, label in KINDS.items()}
+        x = max((sizes for sizes, _ in found.values()), key=len)
+        curves = [Curve(label, times) for label, (_, times) in found.items()]
+        yield Plot(f"scaling-{name}", "median time of a tick", "µs", x, curves, over=titles[name],
+                   log="xy" if x.min() > 0 else "", zero=bool(x.min() <= 0), dots=True)  # fmt: skip
 
 
 def _exponents(rows: Sequence[Row], names: Sequence[str]) -> Table:
     found: list[list[Cell]] = []
     for name in names:
-        for kind, (label, _) in KINDS.items():
+        for kind, label in KINDS.items():
             x, y = curve(rows, name, kind)
             finite = y[np.isfinite(y)]
             ends = [float(finite[0]), float(finite[-1])] if finite.size else [None, None]
-            found.append([name, label, exponent(x, y), slope(x, y), *ends])
+            fitted = [None if fit is None else str(fit) for fit in (exponent(x, y), slope(x, y))]
+            found.append([name, label, *fitted, *ends])
     columns = ("axis", "form", "exponent, larger half", "exponent, all", "smallest [µs]", "largest [µs]")
-    return Table(columns, found, "time ∝ sizeᵖ, p by least squares on logarithms; sizes of zero are left out.")
+    note = "time ∝ sizeᵖ, p by least squares on logarithms, with Student's 95 % interval; sizes of zero are left out."
+    return Table(columns, found, note)
 
 
 def _payoff(rows: Sequence[Row], name: str) -> str:

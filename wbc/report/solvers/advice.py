@@ -1,4 +1,5 @@
-"""Advice: which solver at which tolerance, for which reason; every number in it stands in the tables below it."""
+"""Advice: which solver at which tolerance, for which reason, and how sure that is; withheld where the machine was
+disturbed. Every number in it stands in the tables below it."""
 
 from __future__ import annotations
 
@@ -7,29 +8,36 @@ from typing import final
 
 import numpy as np
 
-from wbc.report.document import percent
+from wbc.report.document import Cell, Marked, percent
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.statistics import (
     PERIOD,
     TARGET,
     Measure,
     best_classes,
+    between_rounds,
     geometric_mean,
     main_mode,
     measures,
     percentiles,
     ratio,
+    ratio_of_rounds,
 )
 from wbc.report.style import short
+
+#: Rounds of a quiet machine differ by less than this factor.
+QUIET = 1.25
 
 
 @final
 @dataclass(frozen=True)
 class Advice:
-    """For one set of problems: the measure to use, None where no solver is of use, and the sentence that says why."""
+    """For one set of problems: the fastest of the measures that solve most, None where no solver is of use; what comes
+    next; and the sentence that says why."""
 
     name: str
     use: Measure | None
+    next: Measure | None
     sentence: str
 
     @property
@@ -38,6 +46,46 @@ class Advice:
         if self.use is None:
             return ""
         return "its default settings" if self.use.asked == "default" else f"tolerance {self.use.asked}"
+
+    @property
+    def sure(self) -> Cell:
+        """How sure it is that no other that solves as many is faster: what the rounds say."""
+        if self.use is None or self.next is None:
+            return ""
+        if self.next.share(TARGET) < self.use.share(TARGET):
+            return "solves most"
+        ratios = ratio_of_rounds(self.next, self.use)
+        if len(ratios) < 2:
+            return Marked("timed once", "doubtful")
+        faster = sum(one > 1.0 for one in ratios)
+        if faster < len(ratios):
+            return Marked(f"faster in {faster} of {len(ratios)} rounds", "doubtful")
+        return f"in each of {len(ratios)} rounds, {min(ratios):.2f} to {max(ratios):.2f} times"
+
+
+def disturbances(data: Data) -> list[str]:
+    """What says that the times are not the solvers' alone; nothing on a quiet machine.
+
+    More processes wanted to run than there are cores, before or after; or rounds differ by more than a quarter, in the
+    median of all measures.
+    """
+    found, where = [], data["surroundings"]
+    cores = where["machine"].get("cores") or 1
+    for when, loads in (("began", where["load"]), ("ended", where["load_after"])):
+        if loads and loads[0] > cores:
+            found.append(f"load {loads[0]:g} on {cores} cores when it {when}")
+    spread = rounds_spread(data)
+    if spread is not None and spread > QUIET:
+        found.append(f"rounds differ by a factor of {spread:.2f}")
+    return found
+
+
+def rounds_spread(data: Data) -> float | None:
+    """The median over all measures of slowest round over fastest; None with one round."""
+    sets = [about for about in data["sets"] if about["kind"] != "growth"]
+    found = [between_rounds(m) for about in sets for m in measures(data, about["name"], main_mode(about))]
+    known = [one for one in found if one is not None]
+    return float(np.median(known)) if known else None
 
 
 def advice(data: Data, about: Data) -> Advice:
@@ -50,30 +98,49 @@ def advice(data: Data, about: Data) -> Advice:
     name, mode = about["name"], main_mode(about)
     found = [m for m in measures(data, name, mode) if _admissible(data, about, m)]
     if not found:
-        return Advice(name, None, "no solver may be used here.")
-    classes = best_classes(found)
-    most = max(m.share(TARGET) for m in classes)
-    if most == 0.0:
-        return Advice(name, None, f"no solver reached {short(TARGET)} on any of {found[0].count} problems.")
-    good = [m for m in classes if m.share(TARGET) == most]
-    use = min(good, key=lambda m: geometric_mean(m.times(TARGET)) or np.inf)
-    return Advice(name, use, _sentence(about, use, [m for m in classes if m is not use]))
+        return Advice(name, None, None, "no solver may be used here.")
+    ranked = sorted(best_classes(found), key=lambda m: (-m.share(TARGET), geometric_mean(m.times(TARGET)) or np.inf))
+    use, following = ranked[0], next(iter(ranked[1:]), None)
+    if use.share(TARGET) == 0.0:
+        return Advice(name, None, None, f"no solver reached {short(TARGET)} on any of {found[0].count} problems.")
+    return Advice(name, use, following, _sentence(about, use, following))
 
 
-def overall(advices: list[Advice]) -> str:
-    """What to use, at which tolerance, because of what; sets with the same advice share a sentence."""
+def overall(data: Data, advices: list[Advice]) -> str:
+    """What to use, at which tolerance, because of what, and how sure that is; sets with the same advice share a
+    sentence."""
     by_use: dict[str, list[Advice]] = {}
     for one in advices:
         if one.use is not None:
-            by_use.setdefault(f"Use {one.use.solver} at {one.at}", []).append(one)
+            by_use.setdefault(f"{one.use.solver} at {one.at}", []).append(one)
     if not by_use:
         return "No solver can be advised here; the tables say what went wrong."
+    disturbed = disturbances(data)
+    if disturbed:
+        fastest = "; ".join(f"{use} on {_and([o.name for o in ones])}" for use, ones in by_use.items())
+        return (
+            f"No solver is recommended: the machine was disturbed ({', '.join(disturbed)}), and times are not to be "
+            f"trusted. Measure again where nothing else runs. What was solved, and how accurately, does not depend on "
+            f"it. The fastest in this measurement: {fastest}."
+        )
     if len(advices) == 1:
         ((use, (one,)),) = by_use.items()
-        return f"{use} for {one.name}, because {one.sentence}"
+        return f"Use {use} for {one.name}, because {one.sentence}{_sureness([one])}"
     return " ".join(
-        f"{use} for {_and([o.name for o in ones])}, because {_shared(ones)}." for use, ones in by_use.items()
+        f"Use {use} for {_and([o.name for o in ones])}, because {_shared(ones)}.{_sureness(ones)}"
+        for use, ones in by_use.items()
     )
+
+
+def _sureness(advices: list[Advice]) -> str:
+    """What is to be known before one relies on it."""
+    doubts = [one for one in advices if isinstance(one.sure, Marked)]
+    if not doubts:
+        return ""
+    if any(one.sure == Marked("timed once", "doubtful") for one in doubts):
+        return " Timed once, so that nobody knows by how much another round would differ: --rounds 3 tells."
+    told = [f"on {one.name} {one.next.solver} is as fast" for one in doubts if one.next is not None]
+    return f" The rounds do not agree: {_and(told)}."
 
 
 def _shared(advices: list[Advice]) -> str:
@@ -94,7 +161,7 @@ def _admissible(data: Data, about: Data, m: Measure) -> bool:
     return not best or not loops or bool(loops[0].get("ok"))
 
 
-def _sentence(about: Data, use: Measure, others: list[Measure]) -> str:
+def _sentence(about: Data, use: Measure, following: Measure | None) -> str:
     p50, p99, top = percentiles(use.times(TARGET))
     assert p50 is not None and p99 is not None and top is not None, "it solved at least one problem"
     share = use.share(TARGET)
@@ -103,7 +170,15 @@ def _sentence(about: Data, use: Measure, others: list[Measure]) -> str:
     words = [
         f"{use.solver} solved {solved} problems to {short(TARGET)} ({how}), median {_us(p50)}, 99 % within {_us(p99)}"
     ]
-    words += _next_best(use, others)
+    if following is not None:
+        times, common = ratio(following.times(TARGET), use.times(TARGET))
+        if following.share(TARGET) < share:
+            words.append(f"no other solved as many: next is {following.solver} with {percent(following.share(TARGET))}")
+        elif times is not None:
+            words.append(
+                f"next is {following.solver}, which takes {times:.2f} times as long on the {common} problems that "
+                "both solved"
+            )
     lies = int(np.sum(use.says_solved & ~use.holds(TARGET)))
     if lies:
         words.append(f"{lies} answers that it calls solved are not that good")
@@ -113,19 +188,6 @@ def _sentence(about: Data, use: Measure, others: list[Measure]) -> str:
             if top <= PERIOD else f"but its slowest solve, {_us(top)}, misses a 1 ms period"
         )  # fmt: skip
     return "; ".join(words) + "."
-
-
-def _next_best(use: Measure, others: list[Measure]) -> list[str]:
-    """How the one that comes next compares: fewer solved, or slower on what both solved."""
-    if not others:
-        return []
-    second = max(others, key=lambda m: (m.share(TARGET), -(geometric_mean(m.times(TARGET)) or np.inf)))
-    times, common = ratio(second.times(TARGET), use.times(TARGET))
-    if second.share(TARGET) < use.share(TARGET):
-        return [f"no other solved as many: next is {second.name} with {percent(second.share(TARGET))}"]
-    if times is None:
-        return []
-    return [f"next is {second.name}, which takes {times:.2f} times as long on the {common} problems that both solved"]
 
 
 def _us(value: float) -> str:

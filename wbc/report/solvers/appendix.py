@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wbc.report.document import Cell, Item, Section, Table, Text
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import slug
+from wbc.report.solvers.problems import slug
 
 FAILURES = "failures"
 
@@ -40,7 +40,7 @@ def failures(data: Data) -> Section:
     ]
     text = (
         f"{len(rows)} problems that some solver did not answer with its default settings, cold. Each is saved: "
-        "wbc.QP.load(file) gives it back to the same bits."
+        "wbc explain FILE says what holds it, and wbc.QP.load(file) gives it back to the same bits."
     )
     return Section("Failures", [Text(text), Table(("set", "problem", "by", "file"), rows, "All of them", folded=True)])
 
@@ -51,7 +51,8 @@ def settings(data: Data) -> Section:
     where = data["surroundings"]
     about: list[list[Cell]] = [["date", where["date"]]]
     about += [[key, str(value)] for key, value in where["machine"].items()]
-    about += [["load at the start (1, 5, 15 min)", ", ".join(map(str, where["load"] or ["unknown"]))]]
+    for when, loads in (("start", where["load"]), ("end", where["load_after"])):
+        about += [[f"load at the {when} (1, 5, 15 min)", ", ".join(map(str, loads or ["unknown"]))]]
     about += [["clock governor", where["governor"]]]
     about += [[key.replace("_s", " [s]"), str(value)] for key, value in data["settings"].items()]
     versions: list[list[Cell]] = [[name, version] for name, version in where["versions"].items()]
@@ -69,13 +70,10 @@ def limits(data: Data) -> Section:
 
 
 def _limits(data: Data) -> list[str]:
-    settings, where = data["settings"], data["surroundings"]
-    load = (where["load"] or [0.0])[0]
-    cores = where["machine"].get("cores", 1)
+    settings = data["settings"]
     said = [
         f"Times are the least of {settings['rounds']} rounds on one machine, one thread, each solver in a process of "
-        "its own, in turns; ratios travel to other machines better than microseconds."
-        + (f" The machine was busy with something else (load {load:g} on {cores} cores)." if load > 0.5 else ""),
+        "its own, in turns; ratios travel to other machines better than microseconds.",
         "A whole solve is timed as this library makes it: its checks and its certificate are in it, and are set "
         "apart as wrapper. For back ends that run through qpsolvers, building the problem anew at each call is in "
         "it too.",

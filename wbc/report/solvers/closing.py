@@ -6,12 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from wbc.report import style
-from wbc.report.document import Cell, Figure, Item, Section, Table, Text, percent
+from wbc.report.document import Cell, Curve, Item, Marked, Plot, Section, Table, Text, percent
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import slug
+from wbc.report.solvers.problems import slug
 from wbc.report.solvers.ranked import reached
-from wbc.report.style import logarithmic
 
 
 def section(data: Data) -> Section:
@@ -48,7 +46,8 @@ def _tables(loops: Sequence[Data]) -> Iterator[Table]:
         jerk, chatter = loop["jerk"], loop["chatter"]
         rows.append([
             loop["solver"], loop["class"], loop["ok"], _share(loop), _worst_tracking(loop, ran, tasks),
-            _over(jerk, jerks), _over(chatter, chatters), *loop["tick_us"], loop["late"],
+            _over(jerk, jerks), _over(chatter, chatters), *loop["tick_us"],
+            Marked(str(loop["late"]), "bad") if loop["late"] else 0,
         ])  # fmt: skip
     columns = ("solver", "asked for", "verdict", "ticks solved", "tracking", "jerk", "above 30 Hz",
                "tick p50 [µs]", "p99 [µs]", "max [µs]", "late ticks")  # fmt: skip
@@ -116,7 +115,7 @@ def levels(data: Data) -> Iterator[Section]:
     items = []
     for entry in found:
         if len(entry["weights"]) > 1:
-            items += [_weights_figure(entry), _weights_table(entry)]
+            items += [*_weights_plots(entry), _weights_table(entry)]
     yield Section("Weights", items)
 
 
@@ -144,24 +143,17 @@ def _hierarchies(entry: Data) -> Iterator[Item]:
         yield Text("Not run: " + "; ".join(refused))
 
 
-def _weights_figure(entry: Data) -> Figure:
-    factor = np.array([one["factor"] for one in entry["weights"]], dtype=np.float64)
+def _weights_plots(entry: Data) -> Iterator[Plot]:
+    """What the first level loses to the others over its weight, and over the condition number of the cost."""
     residual = np.array([one["first"][0] or np.nan for one in entry["weights"]], dtype=np.float64)
-    condition = np.array([one["condition"] or np.nan for one in entry["weights"]], dtype=np.float64)
-    with style.Canvas(1, 2, height=2.6) as canvas:
-        left, right = canvas.axes
-        left.plot(factor, np.maximum(residual, 1e-16), color=style.BLUE, marker="o", markersize=3)
-        left.set_ylabel("residual of the first level")
-        right.plot(condition, np.maximum(residual, 1e-16), color=style.ORANGE, marker="o", markersize=3)
-        right.set_xlabel("condition number of the cost")
-        left.set_xlabel("weight of the first level, times its own")
-        for axes in canvas.axes:
-            logarithmic(axes, "both")
-        caption = (
-            f"{entry['scenario']}: what the first level loses to the others (median residual), over its weight, and "
-            "over the condition number which that weight brings."
+    for key, over in (("factor", "its weight, times its own"), ("condition", "the condition number of the cost")):
+        x = np.array([one[key] or np.nan for one in entry["weights"]], dtype=np.float64)
+        order = [i for i in np.argsort(x) if np.isfinite(x[i])]
+        curve = Curve("median residual of the first level", np.maximum(residual[order], 1e-16))
+        title = f"{entry['scenario']}: residual of the first level"
+        yield Plot(
+            f"weights-{slug(entry['scenario'])}-{key}", title, "", x[order], [curve], over=over, log="xy", dots=True
         )
-        return canvas.figure(f"weights-{slug(entry['scenario'])}", caption)
 
 
 def _weights_table(entry: Data) -> Table:

@@ -21,11 +21,10 @@ from wbc.report.folder import write as write_report
 from wbc.report.solvers import data as raw
 from wbc.report.solvers.appendix import FAILURES, failed, failure_file
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import slug
 from wbc.report.solvers.engine import work
 from wbc.report.solvers.journal import Journal
 from wbc.report.solvers.page import page
-from wbc.report.solvers.problems import ProblemSet, from_folder, growing, sequence
+from wbc.report.solvers.problems import ProblemSet, from_folder, growing, sequence, slug
 from wbc.report.solvers.recording import QpRecorder, record
 from wbc.report.solvers.request import Request, ScenarioRequest
 from wbc.sim.scenario import Progress, Scenario, find, silent

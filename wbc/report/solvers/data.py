@@ -16,7 +16,7 @@ from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
 from wbc.sim.provenance import machine, versions
 
-FORMAT = 1
+FORMAT = 2
 Data = dict[str, Any]
 
 
@@ -26,11 +26,16 @@ def surroundings(date: str) -> Data:
     return {
         "date": date,
         "machine": machine(),
-        "load": [round(x, 2) for x in os.getloadavg()] if hasattr(os, "getloadavg") else None,
+        "load": load(),
         "governor": governor.read_text(encoding="utf-8").strip() if governor.is_file() else "not told by the system",
         "versions": versions(),
         "python": sys.version.split()[0],
     }
+
+
+def load() -> list[float] | None:
+    """How many processes wanted to run in the last 1, 5 and 15 minutes, where the system tells."""
+    return [round(x, 2) for x in os.getloadavg()] if hasattr(os, "getloadavg") else None
 
 
 def gathered(request: Request, sets: Mapping[str, ProblemSet], journal: Journal, unread: Mapping[str, str]) -> Data:
@@ -38,7 +43,7 @@ def gathered(request: Request, sets: Mapping[str, ProblemSet], journal: Journal,
     findings = journal.findings
     return {
         "format": FORMAT,
-        "surroundings": journal.header["surroundings"],
+        "surroundings": {**journal.header["surroundings"], "load_after": load()},
         "settings": {
             "rounds": request.rounds, "limit_s": request.limit, "patience_s": request.patience,
             "ticks": request.ticks, "seed": request.seed,
@@ -123,20 +128,22 @@ def _measures(request: Request, found: ProblemSet, findings: Mapping[Key, Any]) 
 
 
 def _columns(stretches: Sequence[Sequence[Sequence[Data]]]) -> Data:
-    """One list a quantity, one entry a problem: findings of the first round, times of the fastest."""
+    """One list a quantity, one entry a problem: findings of the first round, times of the fastest, and of each."""
     rows: list[Data] = []
     best: list[list[float | None]] = []
+    each: list[list[float | None]] = []
     for rounds in stretches:
         rows += rounds[0]
         for i, row in enumerate(rounds[0]):
-            times = [r[i]["us"] for r in rounds if i < len(r) and "us" in r[i]]
-            best.append(min(times, default=[None, None, None]) if "us" in row else [None, None, None])
-    units = sorted({unit for row in rows for unit in row.get("violation", {})})
+            found = [r[i].get("us") if i < len(r) and "us" in row else None for r in rounds]
+            each.append([times[0] if times else None for times in found])
+            best.append(min((times for times in found if times), default=[None, None, None]))
     kkt = [row.get("kkt") or [None, None, None] for row in rows]
     return {
         "status": [row["status"] for row in rows],
         "lost": {str(i): row["lost"] for i, row in enumerate(rows) if "lost" in row},
         "total_us": [times[0] for times in best],
+        "rounds_us": [list(times) for times in zip(*each, strict=True)],
         "build_us": [times[1] for times in best],
         "solve_us": [times[2] for times in best],
         "primal": [r[0] for r in kkt],
@@ -145,8 +152,14 @@ def _columns(stretches: Sequence[Sequence[Sequence[Data]]]) -> Data:
         "active": [row.get("active") for row in rows],
         "changed": [row.get("changed") for row in rows],
         "iterations": [row.get("iterations") for row in rows],
-        "violation": {unit: [row.get("violation", {}).get(unit) for row in rows] for unit in units},
+        "violation": _by_name(rows, "violation"),
+        "bounds": _by_name(rows, "bounds"),
     }
+
+
+def _by_name(rows: Sequence[Data], what: str) -> Data:
+    names = dict.fromkeys(name for row in rows for name in row.get(what, {}))
+    return {name: [row.get(what, {}).get(name) for row in rows] for name in names}
 
 
 def _loop(key: Key, finding: Data) -> Data:

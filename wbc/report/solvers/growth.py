@@ -1,18 +1,15 @@
-"""How the time of each solver grows with the problem: curves with their exponents."""
+"""How the time of each solver grows with the problem: curves, and their exponents with an interval."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from wbc.report import style
-from wbc.report.document import Cell, Figure, Item, Section, Table, Text
+from wbc.report.document import Cell, Curve, Item, Plot, Section, Table, Text
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.drawing import look, side_legend
-from wbc.report.solvers.problems import GROWTH
+from wbc.report.solvers.problems import GROWTH, slug
 from wbc.report.solvers.statistics import TARGET, slope
-from wbc.report.style import logarithmic
 from wbc.types import Vec
 
 #: What grows along an axis, in the table's letters.
@@ -21,15 +18,15 @@ _GROWS = {"variables": "n", "rows": "n_in", "active rows": "active"}
 
 def section(data: Data) -> Section:
     """One plot an axis and the table of exponents."""
-    axes = [about for about in data["sets"] if about["kind"] == "growth"]
+    axes = {about["name"].partition("/")[2]: about for about in data["sets"] if about["kind"] == "growth"}
     if not axes:
         return Section("Growth", [])
     text = (
         "Made problems with a known number of active rows, warm, each solver asked for 1e-6; a point is the median "
-        "of the solves that reached it. Exponents p of time ∝ sizeᵖ are fitted to all points; below a few tens of "
-        "microseconds they show fixed costs more than algorithms."
+        "of the solves that reached it. Exponents p of time ∝ sizeᵖ are fitted to all points, with Student's 95 % "
+        "interval; below a few tens of microseconds they show fixed costs more than algorithms."
     )
-    items: list[Item] = [Text(text), _figure(data, axes), _table(data, axes)]
+    items: list[Item] = [Text(text), *_plots(data, axes), _table(data, axes)]
     return Section("Growth", items)
 
 
@@ -55,39 +52,30 @@ def _within(entry: Data, i: int) -> bool:
     return all(part is not None and part <= TARGET for part in parts)
 
 
-def _figure(data: Data, axes: Sequence[Data]) -> Figure:
-    with style.Canvas(1, len(axes), height=3.2) as canvas:
-        for place, about in zip(canvas.axes, axes, strict=True):
-            axis = about["name"].partition("/")[2]
-            for k, solver in enumerate(data["solvers"]):
-                sizes, times = curve(data, about, solver["name"])
-                place.plot(sizes, times, marker="o", markersize=2.5, label=solver["name"], **look(k))
-            if axis != "active rows":  # one of its points is zero
-                logarithmic(place, "x")
-                place.set_xticks(np.unique([size[_GROWS[axis]] for size in GROWTH[axis]]), minor=False)
-                place.minorticks_off()
-            if any(np.isfinite(curve(data, about, solver["name"])[1]).any() for solver in data["solvers"]):
-                logarithmic(place, "y")
-            place.set_xlabel(axis)
-        canvas.axes[0].set_ylabel("time of a solve [µs]")
-        side_legend(canvas.axes[-1])
-        caption = (
-            "Time of a warm solve over the number of variables (as many rows), of rows (40 variables), of active rows."
-        )
-        return canvas.figure("growth", caption)
+def _plots(data: Data, axes: dict[str, Data]) -> Iterator[Plot]:
+    fixed = {"variables": "as many rows", "rows": "40 variables", "active rows": "60 variables"}
+    for axis, about in axes.items():
+        found = {solver["name"]: curve(data, about, solver["name"]) for solver in data["solvers"]}
+        x = next(iter(found.values()))[0]
+        curves = [Curve(name, times) for name, (_, times) in found.items()]
+        log = "y" if x.min() <= 0.0 else "xy"
+        over = f"{axis} ({fixed[axis]})"
+        yield Plot(f"growth-{slug(axis)}", "time of a warm solve", "µs", x, curves, over=over, log=log, dots=True)
 
 
-def _table(data: Data, axes: Sequence[Data]) -> Table:
+def _table(data: Data, axes: dict[str, Data]) -> Table:
     rows: list[list[Cell]] = []
     for solver in data["solvers"]:
         row: list[Cell] = [solver["name"]]
-        for about in axes:
+        for about in axes.values():
             sizes, times = curve(data, about, solver["name"])
-            finite = times[np.isfinite(times)]
-            row += [slope(sizes, times), float(finite[-1]) if finite.size else None]
+            finite, found = times[np.isfinite(times)], slope(sizes, times)
+            row += [None if found is None else str(found), float(finite[-1]) if finite.size else None]
         rows.append(row)
-    columns = ["solver"]
-    for about in axes:
-        axis = about["name"].partition("/")[2]
-        columns += [f"exponent, {axis}", "at the largest [µs]"]
+    columns = ["solver", *_columns(list(axes))]
     return Table(columns, rows, "Exponents, and the time at the largest size that was solved.")
+
+
+def _columns(axes: Sequence[str]) -> Iterator[str]:
+    for axis in axes:
+        yield from (f"exponent, {axis}", "largest [µs]")

@@ -27,7 +27,8 @@ def solved(solver: Solver, qps: Sequence[QP], items: Iterable[int], *, warm: boo
 
     Cold, each problem gets a session of its own, and making it counts. Warm, one session goes through all of them. A
     row has the index, the status, [total, build, solve] in µs, [primal, dual, gap] where dual and gap are relative as
-    in a certificate, the number of active rows, how many of them changed, and the violation by unit.
+    in a certificate, how far each task can be from its optimum, the violation by unit, the number of active rows and
+    how many of them changed.
     """
     session: Session | None = None
     before: Vec | None = None
@@ -80,6 +81,7 @@ def _row(i: int, qp: QP, answer: Solution, total: float) -> dict[str, Any]:
         "status": answer.status.name,
         "us": [round(1e6 * t, 2) for t in times],
         "kkt": [plain(r) for r in residuals(proof)],
+        "bounds": {task: plain(bound) for task, bound in proof.bounds.items()},
         "violation": {unit: plain(worst) for unit, worst in violation(qp, answer.x).items()},
         "iterations": answer.iterations,
     }

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from wbc.report.document import Cell, Item, Report, Section, Table, Text, Tile, percent
 from wbc.report.solvers import appendix, closing, growth, robustness, solving
-from wbc.report.solvers.advice import Advice, advice, overall
+from wbc.report.solvers.advice import Advice, advice, disturbances, overall, rounds_spread
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.statistics import TARGET, percentiles
 from wbc.report.style import short
@@ -23,13 +21,14 @@ def page(data: Data) -> Report:
     advised = [advice(data, about) for about in sets]
     sections = [section for section in _sections(data, sets, advised) if section.items]
     title = "QP solvers compared" + (f" · {', '.join(s['name'] for s in sets)}" if len(sets) <= _FEW else "")
-    return Report(title, overall(advised), None, sections, _tiles(data, advised))
+    names = [solver["name"] for solver in data["solvers"]]
+    return Report(title, overall(data, advised), None, sections, _tiles(data, advised), names=names)
 
 
 def _sections(data: Data, sets: Sequence[Data], advised: list[Advice]) -> Iterator[Section]:
     """Robots first, then problems from files."""
     if advised:
-        yield _answer(advised)
+        yield _answer(data, advised)
     for about in sets:
         yield solving.section(data, about)
     yield closing.section(data)
@@ -42,33 +41,40 @@ def _sections(data: Data, sets: Sequence[Data], advised: list[Advice]) -> Iterat
     yield appendix.limits(data)
 
 
-def _answer(advised: list[Advice]) -> Section:
-    columns = ("problems", "use", "at", f"solved to {short(TARGET)}", "median [µs]", "p99 [µs]", "max [µs]")
+def _answer(data: Data, advised: list[Advice]) -> Section:
+    use = "fastest" if disturbances(data) else "use"
+    columns = ("problems", use, "at", f"solved to {short(TARGET)}", "median [µs]", "p99 [µs]", "next", "faster than it")
     rows: list[list[Cell]] = []
     for one in advised:
         if one.use is None:
-            rows.append([one.name, "none", "", "0 %", None, None, None])
+            rows.append([one.name, "none", "", "0 %", None, None, "", ""])
             continue
-        times = percentiles(one.use.times(TARGET))
-        rows.append([one.name, one.use.solver, one.at, percent(one.use.share(TARGET)), *times])
-    items: list[Item] = [Table(columns, rows, "Times are of a whole solve: checks, conversion, back end, certificate.")]
+        median, p99, _ = percentiles(one.use.times(TARGET))
+        share, following = percent(one.use.share(TARGET)), "" if one.next is None else one.next.solver
+        rows.append([one.name, one.use.solver, one.at, share, median, p99, following, one.sure])
+    spread = rounds_spread(data)
+    note = "Times are of a whole solve: checks, conversion, back end, certificate." + (
+        "" if spread is None else f" The slowest of {data['settings']['rounds']} rounds took {percent(spread - 1.0)} "
+        "longer than the fastest, in the median of all measures."
+    )  # fmt: skip
+    items: list[Item] = [Table(columns, rows, note)]
     if len(advised) > 1:  # of one alone the summary says it
         items += [Text(f"{one.name}: {one.sentence}") for one in advised]
     return Section("Which solver", items)
 
 
 def _tiles(data: Data, advised: list[Advice]) -> list[Tile]:
-    tiles = [Tile("solvers", str(len(data["solvers"])))]
+    disturbed, uses = disturbances(data), {one.use.solver for one in advised if one.use is not None}
+    tiles = [Tile("use", "–" if disturbed else uses.pop())] if len(uses) == 1 else []
+    rounds = data["settings"]["rounds"]
+    mood = "bad" if disturbed else "good" if rounds > 1 else "doubtful"
+    tiles.append(
+        Tile(f"machine, {rounds} round{'s' if rounds > 1 else ''}", "disturbed" if disturbed else "quiet", mood)
+    )
+    tiles.append(Tile("solvers", str(len(data["solvers"]))))
     tiles.append(Tile("problems", str(sum(len(s["labels"]) for s in data["sets"] if s["kind"] != "growth"))))
     solves = sum(len(m["status"]) for m in data["measures"])
     tiles.append(Tile("solves judged", f"{solves:,}".replace(",", " ")))
-    wrong = sum(_wrong(m) for m in data["measures"] if m["class"] == "default")
-    tiles.append(Tile("wrongly called solved", str(wrong)))
-    uses = {one.use.solver for one in advised if one.use is not None}
-    if len(uses) == 1:
-        tiles.insert(0, Tile("use", uses.pop()))
+    wrong = sum(m["status"].count("INACCURATE") for m in data["measures"] if m["class"] == "default")
+    tiles.append(Tile("wrongly called solved", str(wrong), "bad" if wrong else "good"))
     return tiles
-
-
-def _wrong(measure: Data) -> int:
-    return int(np.sum([word == "INACCURATE" for word in measure["status"]]))

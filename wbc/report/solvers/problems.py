@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.npz import read_json, read_npz
-from wbc.qp.problem import QP, Row
+from wbc.qp.problem import QP, Objective, Row
 from wbc.report.solvers.ranked import is_ranked, read_ranked
 from wbc.types import Vec
 
@@ -54,13 +55,18 @@ class ProblemSet:
             "stretches": [list(stretch) for stretch in self.stretches],
             "period": self.period,
             "shapes": [list(qp.shape) for qp in self.qps],
+            "tasks": {task.name: task.unit for qp in self.qps for task in qp.tasks},
         }
 
     def save(self, path: Path) -> None:
         """Write one compressed .npz that :meth:`load` reads back to the same bits."""
         arrays = {f"{i}/{part}": getattr(qp, part) for i, qp in enumerate(self.qps) for part in _PARTS}
-        names = [[list(row) for row in qp.rows] for qp in self.qps]
-        about = {key: value for key, value in self.about().items() if key != "shapes"} | {"rows": _folded(names)}
+        for i, qp in enumerate(self.qps):
+            arrays |= {f"{i}/rows of {k}": task.rows for k, task in enumerate(qp.tasks)}
+            arrays |= {f"{i}/target of {k}": task.target for k, task in enumerate(qp.tasks)}
+        about = {key: value for key, value in self.about().items() if key != "shapes"}
+        about["rows"] = _folded([[list(row) for row in qp.rows] for qp in self.qps])
+        about["tasks"] = _folded([[[task.name, task.unit] for task in qp.tasks] for qp in self.qps])
         with path.open("wb") as file:
             np.savez_compressed(file, about=np.array(json.dumps(about)), **arrays)
 
@@ -74,9 +80,15 @@ class ProblemSet:
         try:
             file = read_npz(path)
             about = read_json(str(path), str(file["about"]))
-            rows = [[Row(*row) for row in about["rows"]["lists"][k]] for k in about["rows"]["which"]]
-            data: list[dict[str, Any]] = [{part: file[f"{i}/{part}"] for part in _PARTS} for i in range(len(rows))]
-            qps = [QP(part.pop("H"), part.pop("g"), rows=names, **part) for part, names in zip(data, rows, strict=True)]
+            rows = [[Row(*row) for row in names] for names in _unfolded(about["rows"])]
+            qps = []
+            for i, (names, tasks) in enumerate(zip(rows, _unfolded(about["tasks"]), strict=True)):
+                part: dict[str, Any] = {part: file[f"{i}/{part}"] for part in _PARTS}
+                part["tasks"] = [
+                    Objective(name, file[f"{i}/rows of {k}"], file[f"{i}/target of {k}"], unit)
+                    for k, (name, unit) in enumerate(tasks)
+                ]
+                qps.append(QP(part.pop("H"), part.pop("g"), rows=names, **part))
             stretches = [(start, end) for start, end in about["stretches"]]
             return cls(about["name"], about["kind"], about["source"], qps, about["labels"], stretches, about["period"])
         except (KeyError, ValueError, TypeError, IndexError) as cause:
@@ -93,6 +105,20 @@ def sequence(name: str, qps: Sequence[QP], *, source: str = "given QPs", period:
         raise InvalidInput(f"{name}: there is no QP to compare solvers on")
     labels = [f"problem {i}" for i in range(len(qps))]
     return ProblemSet(name, "sequence", source, tuple(qps), labels, [(0, len(qps))], period)
+
+
+def slug(name: str) -> str:
+    """A name for a file."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
+
+
+def saved_qps(path: Path) -> Sequence[QP]:
+    """The QPs in a file, one or a whole set, in any format that :func:`from_folder` reads.
+
+    Raises:
+        InvalidProblem: another format.
+    """
+    return ProblemSet.load(path).qps if _is_set(path) else [read_qp(path)]
 
 
 @final
@@ -202,7 +228,7 @@ def _is_set(path: Path) -> bool:
 
 
 def _folded(names: list[list[list[str]]]) -> dict[str, Any]:
-    """Lists of row names, each different one once: the ticks of a controller all have the same."""
+    """Lists of names, each different one once: the ticks of a controller all have the same."""
     lists: list[Any] = []
     which = []
     for rows in names:
@@ -210,6 +236,10 @@ def _folded(names: list[list[list[str]]]) -> dict[str, Any]:
             lists.append(rows)
         which.append(lists.index(rows))
     return {"lists": lists, "which": which}
+
+
+def _unfolded(names: dict[str, Any]) -> list[Any]:
+    return [names["lists"][k] for k in names["which"]]
 
 
 # ---- made problems

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wbc.report.document import Cell, Item, Section, Table, Text
+from wbc.report.document import Cell, Item, Marked, Section, Table, Text
 from wbc.report.solvers.data import Data
 
 
@@ -41,14 +41,14 @@ def _table(data: Data, how: str) -> Table:
     return Table(("case", *solvers), rows, caption[how])
 
 
-def _cell(finding: Data | None) -> str:
+def _cell(finding: Data | None) -> Cell:
     if finding is None:
         return "–"
     if "lost" in finding:
         reason = str(finding["lost"]).removeprefix("crashed: ")
-        return f"✗ {'hangs' if reason.startswith('no answer') else reason}"
+        return Marked(f"✗ {'hangs' if reason.startswith('no answer') else reason}", "bad")
     word = _SHORT.get(finding["word"], str(finding["word"]).partition(" ")[0])
-    return word if finding["right"] else f"✗ {word}"
+    return word if finding["right"] else Marked(f"✗ {word}", "bad")
 
 
 _SHORT = {"wrong: says solved": "wrong", "max_iterations": "gives up", "failed": "gives up"}

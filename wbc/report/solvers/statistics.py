@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
 from wbc.report.solvers.data import Data
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 #: The certificate that this library asks of an answer.
 TARGET = 1e-6
@@ -21,7 +21,11 @@ PERIOD = 1000.0
 @final
 @dataclass(frozen=True)
 class Measure:
-    """One solver at one class on one set in one mode: columns as arrays, NaN where there is nothing."""
+    """One solver at one class on one set in one mode: columns as arrays, NaN where there is nothing.
+
+    ``rounds`` (R, N) are the total times of each round, ``total`` the least of them; ``bounds`` says for each task how
+    far it can be from its optimum.
+    """
 
     set: str
     solver: str
@@ -31,18 +35,14 @@ class Measure:
     total: Vec
     build: Vec
     solve: Vec
+    rounds: Mat
     primal: Vec
     dual: Vec
     gap: Vec
     changed: Vec
     violation: Mapping[str, Vec]
-    labels: Sequence[str]
-    lost: Mapping[str, str]
-
-    @property
-    def name(self) -> str:
-        """Solver and class."""
-        return f"{self.solver} · {self.asked}"
+    bounds: Mapping[str, Vec]
+    lost: int
 
     @property
     def count(self) -> int:
@@ -81,20 +81,21 @@ def measures(data: Data, name: str, mode: str) -> list[Measure]:
     found = []
     for entry in data["measures"]:
         if entry["set"] == name and entry["mode"] == mode:
-            found.append(_measure(entry, keep, [about["labels"][i] for i in keep]))
+            found.append(_measure(entry, keep))
     return found
 
 
-def _measure(entry: Data, keep: Sequence[int], labels: Sequence[str]) -> Measure:
+def _measure(entry: Data, keep: Sequence[int]) -> Measure:
     def column(values: Sequence[float | None]) -> Vec:
         return np.array([np.nan if values[i] is None else values[i] for i in keep], dtype=np.float64)
 
     return Measure(
         entry["set"], entry["solver"], entry["class"], entry["mode"], [entry["status"][i] for i in keep],
         column(entry["total_us"]), column(entry["build_us"]), column(entry["solve_us"]),
+        np.stack([column(times) for times in entry["rounds_us"]]),
         column(entry["primal"]), column(entry["dual"]), column(entry["gap"]), column(entry["changed"]),
-        {unit: column(values) for unit, values in entry["violation"].items()}, labels,
-        {str(keep.index(int(i))): reason for i, reason in entry["lost"].items() if int(i) in keep},
+        {unit: column(values) for unit, values in entry["violation"].items()},
+        {task: column(values) for task, values in entry["bounds"].items()}, sum(int(i) in keep for i in entry["lost"]),
     )  # fmt: skip
 
 
@@ -181,16 +182,50 @@ def wins(one: Vec, other: Vec) -> float | None:
     return float(np.mean(one[either] < other[either])) if either.any() else None
 
 
-def slope(x: Vec, y: Vec) -> float | None:
-    """Exponent p of y ≈ c xᵖ by least squares on logarithms; None with fewer than three points.
+def between_rounds(m: Measure) -> float | None:
+    """How much longer the slowest round took than the fastest, over the problems that every round timed; None for one
+    round."""
+    logs = np.log(np.maximum(m.rounds[:, np.isfinite(m.rounds).all(axis=0)], 1e-3))
+    if len(logs) < 2 or not logs.size:
+        return None
+    return exp(float(np.ptp(logs.mean(axis=1))))
+
+
+def ratio_of_rounds(one: Measure, other: Measure, tolerance: float = TARGET) -> list[float]:
+    """The geometric mean of one / other in each round, over the problems that both solved and every round timed."""
+    both = one.holds(tolerance) & other.holds(tolerance)
+    both &= np.isfinite(one.rounds).all(axis=0) & np.isfinite(other.rounds).all(axis=0)
+    found = [ratio(a[both], b[both])[0] for a, b in zip(one.rounds, other.rounds, strict=True)]
+    return [value for value in found if value is not None]
+
+
+class Slope(NamedTuple):
+    """The exponent p of y ≈ c xᵖ, and half of its 95 % interval."""
+
+    exponent: float
+    half: float
+
+    def __str__(self) -> str:
+        places = 1 if self.half >= 0.1 else 2
+        return f"{self.exponent:.{places}f} ± {max(self.half, 0.1**places):.{places}f}"
+
+
+def slope(x: Vec, y: Vec) -> Slope | None:
+    """The exponent p of y ≈ c xᵖ by least squares on logarithms, with Student's interval; None below three points.
 
     Example:
         >>> import numpy as np
         >>> from wbc.report.solvers.statistics import slope
-        >>> round(slope(np.array([1.0, 2.0, 4.0]), np.array([3.0, 12.0, 48.0])), 9)
-        2.0
+        >>> print(slope(np.array([1.0, 2.0, 4.0, 8.0]), np.array([3.0, 13.0, 46.0, 192.0])))
+        2.0 ± 0.2
     """
+    from scipy.stats import t
+
     good = np.isfinite(x) & np.isfinite(y) & (x > 0) & (y > 0)
     if good.sum() < 3:
         return None
-    return float(np.polyfit(np.log(x[good]), np.log(y[good]), 1)[0])
+    u, w = np.log(x[good]), np.log(y[good])
+    u, w = u - u.mean(), w - w.mean()
+    p = u.dot(w) / u.dot(u)
+    error = np.sqrt(np.sum((w - p * u) ** 2) / (len(u) - 2) / u.dot(u))
+    return Slope(float(p), float(error * t.ppf(0.975, len(u) - 2)))
