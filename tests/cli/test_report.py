@@ -77,9 +77,20 @@ def test_a_sweep_becomes_results_and_a_report(wbc, tmp_path: Path):
     assert "of 6 runs of flipping.py:flip" in answer.out.replace("\n", " ")
     header, *lines = map(json.loads, (tmp_path / "s" / "results.jsonl").read_text().splitlines())
     assert header["runs"] == 6 and [line["run"] for line in lines] == list(range(6))
-    again = wbc("sweep", FLIP, "--repeat", "4", "--out", "s")
+    again = wbc("sweep", FLIP, "--repeat", "4", "--out", "s", "--json")
+    assert json.loads(again.out)["report"] is None, "a coin has no joints to draw"
     assert json.loads(again.out)["parameters"] == lines[4]["parameters"] and again.code == 0
     assert np.all([line["parameters"]["faces"] == 6 for line in lines])
+
+
+def test_a_run_of_a_sweep_has_a_page_when_it_is_asked_for(wbc, waving: str, tmp_path: Path):
+    pytest.importorskip("distributed", reason="the extra sweep is not installed")
+    answer = wbc("sweep", waving, "--runs", "2", "--workers", "1", "--out", "s", "--json")
+    told = json.loads(answer.out)
+    assert answer.code == 0 and told["runs"] == 2 and told["report"] == str(tmp_path / "s" / "report.html")
+    answer = wbc("sweep", waving, "--repeat", "1", "--out", "s")
+    assert answer.code == 0 and answer.out.endswith("report: s/run-1/report.html\n")
+    assert (tmp_path / "s" / "run-1" / "run.npz").is_file()
 
 
 def test_the_report_of_a_record_is_opened_or_made_from_it(wbc, waving: str, tmp_path: Path, monkeypatch):

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.report.test_formats import Page
 from wbc.errors import InvalidInput
-from wbc.report.document import Table
+from wbc.report.document import Address, Plot, Table, formatted
 from wbc.report.html import html
 from wbc.report.markdown import markdown
 from wbc.sweep import Range, Sweep
 from wbc.sweep.draw import RandomNoise
 from wbc.sweep.lines import Lines, write
-from wbc.sweep.summary import interval, summary
+from wbc.sweep.summary import figures, interval, summary
 from wbc.sweep.trial import done
 
 FLIP = f"{Path(__file__).with_name('flipping.py')}:flip"
@@ -33,7 +35,7 @@ def test_a_run_is_one_line_of_json_and_the_same_again():
     one = done(trial)
     assert json.loads(json.dumps(one, allow_nan=False)) == one == done(trial)
     assert one["run"] == 3 and one["unsolved"] == 0 and set(one["tracking"]) == {"Height"}
-    assert one["failed"] == ([] if one["ok"] else ["shows head"])
+    assert [d["demand"] for d in one["demands"] if not d["ok"]] == ([] if one["ok"] else ["shows head"])
 
 
 def test_disturbances_join_a_run_whose_scenario_knows_none():
@@ -80,17 +82,76 @@ def test_the_report_counts_as_one_counts():
     report = summary(HEADER, results)
     good = sum(r["ok"] for r in results)
     assert report.summary.startswith(f"{good} of 60 runs of flipping.py:flip went well")
-    tables = {
-        item.columns[:2]: item for section in report.sections for item in section.items if isinstance(item, Table)
-    }
+    tables = {item.columns[:2]: item for item in report.items if isinstance(item, Table)}
     assert tables["of", "value"].rows[0][2:4] == [60, good]
-    assert {row[0]: row[1] for row in tables["why not", "runs"].rows} == {
+    assert {formatted(row[0]): row[1] for row in tables["why not", "runs"].rows} == {
         "not met: shows head": 59 - good,
         "error: KilledWorker: gone": 1,
     }
     heights = sorted(r["tracking"]["Height"] for r in results if "tracking" in r)
-    row = next(row for row in tables["figure", "runs"].rows if row[0] == "Height, rms")
+    row = next(row for row in tables["figure", "runs"].rows if row[0] == "Height, rms [m]")
     assert row[1] == 59 and row[2] == heights[0] and row[4] == heights[29] and row[6] == heights[-1]
     assert html(report) == html(summary(HEADER, results)) and markdown(report) == markdown(summary(HEADER, results))
-    pictures = [x for x in Page(html(report)).references if x.startswith("data:image/")]
-    assert len(pictures) == len(report.figures) == 2
+
+
+def pushed(run: int, force: float, error: float) -> dict[str, Any]:
+    """A result as a robot that is pushed gives it: an error that grows with the force, and what only rounding made."""
+    value = {"demand": "error", "value": error, "relation": "<", "bound": 0.05, "unit": "m", "ok": error < 0.05}
+    same = {"demand": "rounding", "value": 1e-12 * run, "relation": "<", "bound": 1.0, "unit": "N", "ok": True}
+    return {
+        "run": run, "parameters": {"push": 10.0 + run, "robot": "go2"}, "solver": "pdas", "hierarchy": "weighted",
+        "disturbances": [], "axes": {"push at base [N]": force}, "ok": value["ok"], "error": None,
+        "demands": [value, same], "tracking": {"Com": error}, "units": {"Com": "m"}, "violations": {},
+        "figures": {"com_rms_m": error, "slip_m": 0.1 * force}, "tick_us": None,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def forces() -> list[dict[str, Any]]:
+    return [pushed(i, 20.0 + 5.0 * i, 0.01 * i) for i in range(8)]
+
+
+def test_what_was_drawn_is_an_axis_with_its_unit(forces: list[dict[str, Any]]):
+    plots = [item for item in summary(HEADER, forces).items if isinstance(item, Plot)]
+    assert [plot.over for plot in plots if plot.name.startswith("share")] == ["push at base [N]", "parameter push"]
+    scatter = next(plot for plot in plots if plot.name == "value-0")
+    assert scatter.title == "error" and scatter.unit == "m" and [b.value for b in scatter.bounds] == [0.05]
+    met, missed = (curve.values for curve in scatter.curves)
+    assert (
+        np.isfinite(met).tolist() == [True] * 5 + [False] * 3 and np.isnan(missed).tolist() == [True] * 5 + [False] * 3
+    )
+
+
+def test_nothing_stands_twice_and_rounding_is_no_picture(forces: list[dict[str, Any]]):
+    report = summary(HEADER, forces)
+    shown = [item for item in report.items if isinstance(item, Plot) and item.name.startswith("demand")]
+    assert [plot.title for plot in shown] == ["error"]
+    others = next(item for item in report.items if isinstance(item, Table) and item.columns[0] == "figure")
+    assert [row[0] for row in others.rows] == ["slip [m]"], "both others are the demand's own values"
+
+
+def test_the_worst_run_stands_first_and_leads_to_its_page_or_says_how_to_make_it(
+    forces: list[dict[str, Any]], tmp_path: Path
+):
+    (tmp_path / "run-6").mkdir()
+    (tmp_path / "run-6" / "report.html").write_text("")
+    report = summary(HEADER, forces, tmp_path)
+    rows = next(i for i in report.items if isinstance(i, Table) and i.columns[0] == "run").rows
+    assert [row[0] for row in rows] == [7, 6, 5]
+    assert rows[0][3] == f"wbc sweep --repeat 7 --out {tmp_path}" and rows[1][3] == Address(
+        "replay", "run-6/report.html"
+    )
+    assert "error: 0.07, bound 0.05 m" in rows[0][1] and "push at base [N] = 55" in rows[0][2]
+    assert "run-6/report.html" in Page(html(report)).references
+    assert "[replay](run-6/report.html)" in markdown(report)
+
+
+def test_the_page_in_figures_for_programs(forces: list[dict[str, Any]]):
+    told = figures(HEADER, forces)
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    assert (told["runs"], told["good"], told["worst"]) == (8, 5, [7, 6, 5])
+    assert told["reasons"] == {"not met: error": 3}
+    assert told["demands"][0] == {
+        "demand": "error", "relation": "<", "bound": 0.05, "unit": "m", "met": 5, "least": 0.0, "median": 0.035,
+        "largest": 0.07,
+    }  # fmt: skip

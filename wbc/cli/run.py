@@ -41,9 +41,9 @@ def run(
     from wbc.cli.list_ import described, listed
     from wbc.errors import InvalidInput
     from wbc.qp.solvers import by_name
-    from wbc.report.build import require_extras, run_report
-    from wbc.report.folder import replaced, write
-    from wbc.report.record import judgement
+    from wbc.report.build import require_extras
+    from wbc.report.folder import replaced
+    from wbc.report.record import write_run
     from wbc.sim.scenario import find, is_file, scenarios, scenarios_of
     from wbc.sim.simulate import Interrupted
 
@@ -68,10 +68,7 @@ def run(
             except Interrupted as stop:
                 result, interrupted = _unfinished(stop, chosen.name), True
         with progress("drawing the report") as step:
-            report = run_report(result, progress=step)
-        result.run.meta |= judgement(result)
-        result.run.save(pending)
-        write(report, pending)
+            report = write_run(result, pending, progress=step)
     if as_json:
         print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))
     else:

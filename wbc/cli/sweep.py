@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import kept, notes, one_sentence, progress, tell
+from wbc.cli.console import kept, notes, on_stderr, one_sentence, progress, tell
 from wbc.errors import InvalidInput
 
 
@@ -39,19 +39,26 @@ def sweep(
     workers: Annotated[int | None, typer.Option(min=1, help="Processes here; default: one for each core.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; default runs/sweep-TIME.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep that --out began.")] = False,
-    repeat: Annotated[int | None, typer.Option(metavar="RUN", help="Do one run of --out again, print it.")] = None,
+    repeat: Annotated[int | None, typer.Option(metavar="RUN", help="Do one run of --out again, make its page.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ) -> None:
     """Run a scenario many times with drawn parameters, disturbances, solvers, hierarchies; report how it spreads."""
     from wbc import sweep as sweeping
     from wbc.report.build import require_extras
     from wbc.report.folder import HTML
+    from wbc.sweep.lines import RESULTS, Lines
+    from wbc.sweep.summary import figures, reasons
 
     if (resume or repeat is not None) and out is None:
         raise InvalidInput("--resume and --repeat are about a sweep that was begun: give its folder as --out")
+    require_extras("jinja2")
     if repeat is not None and out is not None:
-        typer.echo(json.dumps(sweeping.repeat(out, repeat, scenario=scenario), ensure_ascii=False, allow_nan=False))
+        with notes() as found, on_stderr():
+            result, page = sweeping.replay(out, repeat, scenario=scenario)
+        tell(found)
+        said = f"run {repeat} went well" if result["ok"] else f"run {repeat}: {'; '.join(reasons(result))}"
+        _answer(as_json, said, result, page)
         return
-    require_extras("jinja2", "matplotlib")
     folder = out or Path("runs") / f"sweep-{datetime.now():%Y%m%d-%H%M%S}"
     how: dict[str, Any] = {"scheduler": scheduler, "workers": workers}
     named = f"{scenario} " if scenario and ":" in scenario else ""
@@ -70,9 +77,19 @@ def sweep(
             )  # fmt: skip
             report = sweeping.sweep(plan, out=folder, progress=step, **how)
     tell(found)
+    lines = Lines(folder / RESULTS)
+    _answer(as_json, report.summary, figures(lines.header, lines.in_order()), folder / HTML)
+
+
+def _answer(as_json: bool, sentence: str, found: dict[str, Any], page: Path | None) -> None:
+    if as_json:
+        made = found | {"report": None if page is None else str(page.resolve())}
+        print(json.dumps(made, ensure_ascii=False, allow_nan=False))
+        return
     console = Console(highlight=False)
-    console.print(Text(report.summary))
-    console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)
+    console.print(Text(sentence))
+    if page is not None:
+        console.print(Text(f"report: {page}"), soft_wrap=True)
 
 
 def _drawn(scenario: str, vary: Any, settings: Any) -> dict[str, Any]:

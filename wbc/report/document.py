@@ -49,7 +49,16 @@ class Marked:
     mood: str
 
 
-Cell = str | bool | int | float | Bar | Link | Marked | None
+@final
+@dataclass(frozen=True)
+class Address:
+    """A cell that leads to another page, ``href`` relative to this one."""
+
+    text: str
+    href: str
+
+
+Cell = str | bool | int | float | Bar | Link | Marked | Address | None
 
 
 @final
@@ -124,7 +133,8 @@ class Plot:
     """Curves, or strips, over ``x`` (N,): over the time of the run, with the cursor of the page, or something else.
 
     ``log`` names the axes that are logarithmic, "", "x", "y" or "xy"; ``zero``: the axis reaches down to zero;
-    ``bars``: a histogram; ``steps``: curves stay as they are until the next x; ``dots``: every value has a dot.
+    ``bars``: a histogram; ``steps``: curves stay as they are until the next x; ``dots``: every value has a dot, and
+    ``lines`` False: no lines between them.
     """
 
     name: str
@@ -141,6 +151,7 @@ class Plot:
     bars: bool = False
     steps: bool = False
     dots: bool = False
+    lines: bool = True
     wide: bool = False
 
 
@@ -253,7 +264,7 @@ def formatted(cell: Cell) -> str:
         return "–"
     if isinstance(cell, (bool, np.bool_)):
         return "yes" if cell else "no"
-    if isinstance(cell, Bar | Link | Marked):
+    if isinstance(cell, Bar | Link | Marked | Address):
         return cell.text
     if isinstance(cell, str):
         return cell
@@ -296,4 +307,4 @@ def number(value: float) -> str:
         return f"{value:,.0f}".replace(",", " ") if abs(value) < 1e9 else f"{value:.3g}"
     if abs(value) >= 1e-3:
         return f"{value:.4g}"
-    return f"{value:.3g}"
+    return f"{value:.3g}".replace("e-0", "e-")

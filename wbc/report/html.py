@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import NotSupported
-from wbc.report.document import Bar, Cell, Figure, Item, Link, Map, Marked, Plot, Report, formatted
+from wbc.report.document import Address, Bar, Cell, Figure, Item, Link, Map, Marked, Plot, Report, formatted
 from wbc.report.packed import data, scenes
 
 ASSETS = Path(__file__).with_name("assets")
@@ -40,7 +40,9 @@ def html(report: Report) -> str:
         anchor=_anchor, kind=_kind, cell=formatted, look=_look, source=_source, path=_path, view=_view, corners=_corners
     )
     environment.tests.update(
-        bar=lambda cell: isinstance(cell, Bar), link=lambda cell: isinstance(cell, Link) and cell.plot in names
+        bar=lambda cell: isinstance(cell, Bar),
+        address=lambda cell: isinstance(cell, Address),
+        link=lambda cell: isinstance(cell, Link) and cell.plot in names,
     )
     environment.globals["names"] = [*report.names]
     content = data(report)

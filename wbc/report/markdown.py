@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.report.document import Cell, Figure, Item, Map, Plot, Report, Scene, Table, Text, formatted
+from wbc.report.document import Address, Cell, Figure, Item, Map, Plot, Report, Scene, Table, Text, formatted
 
 FIGURES = "figures"
 
@@ -32,7 +32,11 @@ def picture_path(figure: Figure) -> str:
 def table(data: Table) -> list[str]:
     """A pipe table; numbers are set to the right."""
     lines = [_row(data.columns), _row(["--:" if right else ":--" for right in data.numeric])]
-    return lines + [_row([formatted(cell) for cell in row]) for row in data.rows]
+    return lines + [_row([_cell(cell) for cell in row]) for row in data.rows]
+
+
+def _cell(cell: Cell) -> str:
+    return f"[{cell.text}]({cell.href})" if isinstance(cell, Address) else formatted(cell)
 
 
 def _item(item: Item) -> list[str]:

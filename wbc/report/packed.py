@@ -138,5 +138,5 @@ def _plot(plot: Plot, arrays: Arrays, names: Sequence[str]) -> dict[str, Any]:
         "name": plot.name, "x": arrays.exact(plot.x[rows]), "curves": curves, "strips": strips, "over": plot.over,
         "bounds": [bound._asdict() for bound in plot.bounds if np.isfinite(bound.value)],
         "time": plot.over == TIME, "log": plot.log, "zero": plot.zero, "bars": plot.bars,
-        "steps": plot.steps, "dots": plot.dots,
+        "steps": plot.steps, "dots": plot.dots, "lines": plot.lines,
     }  # fmt: skip

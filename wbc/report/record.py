@@ -22,6 +22,7 @@ from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_firs
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
+    from wbc.report.document import Report
 
 #: What a report of a run cannot do without: metadata, and columns.
 NEEDED_META, NEEDED = ("dt", "joint_names", "statuses"), ("t", "q", "v", "status")
@@ -84,6 +85,15 @@ def report_again(
         shutil.rmtree(target / FIGURES, ignore_errors=True)  # those of the report before
     write(report, target)
     return target / HTML, drawn
+
+
+def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = silent) -> Report:
+    """Write the record of a run, what its scenario says of it, and its report into an existing folder."""
+    report = run_report(result, progress=progress)
+    result.run.meta |= judgement(result)
+    result.run.save(folder)
+    write(report, folder)
+    return report
 
 
 def judgement(result: ScenarioResult) -> dict[str, Any]:
@@ -152,10 +162,15 @@ def plain(value: Any, *, exact: bool = False) -> Any:
     return [plain(item, exact=exact) for item in value] if isinstance(value, Sequence) else str(value)
 
 
+def missing(run: Run) -> list[str]:
+    """What a report cannot do without, and the run does not have."""
+    return [*(name for name in NEEDED_META if name not in run.meta), *(name for name in NEEDED if name not in run)]
+
+
 def _check(run: Run, robot: RobotModel | None) -> None:
-    missing = [*(name for name in NEEDED_META if name not in run.meta), *(name for name in NEEDED if name not in run)]
-    if missing or not run.rows:
-        what = f"has no {', '.join(missing)}" if missing else "has no ticks"
+    lacks = missing(run)
+    if lacks or not run.rows:
+        what = f"has no {', '.join(lacks)}" if lacks else "has no ticks"
         raise InvalidInput(f"the run {what}; a report needs a run of wbc.Recorder.tick or of simulate")
     if robot is not None and not fits(robot, run):
         raise InvalidInput(f"robot is {robot.name}, with other joints or another base than the run's")

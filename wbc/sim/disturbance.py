@@ -86,8 +86,8 @@ class Push(Disturbance):
         return _Pushing(self, plant)
 
     def __str__(self) -> str:
-        force = ", ".join(f"{x:g}" for x in self.force)
-        return f"push of ({force}) N at {self.frame!r} from {self.start:g} s for {self.duration:g} s"
+        force = ", ".join(f"{x:.4g}" for x in self.force)
+        return f"push of ({force}) N at {self.frame!r} from {self.start:.4g} s for {self.duration:g} s"
 
 
 @final

@@ -178,9 +178,36 @@ def at_frame(option: str, text: str) -> tuple[str, Range]:
     return frame, read_range(f"{option} {frame}", numbers)
 
 
-def told(disturbances: Sequence[DrawnDisturbance]) -> list[str]:
-    """Each in one line."""
-    return [str(one) for one in disturbances]
+def axes(disturbances: Sequence[Disturbance]) -> dict[str, float]:
+    """What was drawn of each disturbance, by name with unit.
+
+    Example:
+        >>> from wbc.sim.disturbance import Push
+        >>> from wbc.sweep.draw import axes
+        >>> axes([Push("base", force=(0.0, 30.0, 0.0), start=1.5, duration=0.2)])
+        {'push at base [N]': 30.0, 'push at base, direction [°]': 90.0, 'push at base, start [s]': 1.5}
+    """
+    found: dict[str, float] = {}
+    for k, one in enumerate(disturbances):
+        match one:
+            case Push():
+                x, y, _ = one.force
+                name, angle = f"push at {one.frame}", float(np.degrees(np.arctan2(y, x)))
+                of = {
+                    f"{name} [N]": float(np.hypot(x, y)),
+                    f"{name}, direction [°]": angle,
+                    f"{name}, start [s]": one.start,
+                }
+            case Payload():
+                of = {f"payload at {one.frame} [kg]": one.mass}
+            case SensorNoise():
+                of = {"noise of joint velocities [rad/s]": one.velocity}
+            case Delay():
+                of = {"delay of commands [s]": one.seconds}
+            case _:
+                of = {}
+        found |= {key if key not in found else f"{key}, disturbance {k + 1}": value for key, value in of.items()}
+    return found
 
 
 #: The classes that a file of results may name.

@@ -13,13 +13,14 @@ from wbc.errors import InvalidInput
 from wbc.report.document import Report
 from wbc.report.folder import check_free, replaced
 from wbc.report.folder import write as write_report
+from wbc.report.record import missing, write_run
 from wbc.report.solvers.engine import remaining
 from wbc.sim.provenance import machine, versions
-from wbc.sim.scenario import Progress, silent
+from wbc.sim.scenario import Progress, ScenarioResult, silent
 from wbc.sweep.cluster import do_all
 from wbc.sweep.lines import RESULTS, Lines, write
 from wbc.sweep.plan import Sweep
-from wbc.sweep.summary import summary
+from wbc.sweep.summary import page_of, summary
 from wbc.sweep.trial import done
 
 
@@ -99,10 +100,32 @@ def repeat(folder: str | Path, run: int, *, scenario: str | None = None) -> dict
     Raises:
         InvalidInput: no sweep there, no such run, or code that ``scenario`` does not name.
     """
-    place = next((p / RESULTS for p in (Path(folder), unfinished(Path(folder))) if (p / RESULTS).is_file()), None)
+    return done(plan_of(_begun(Path(folder)), scenario).trial(run))
+
+
+def replay(folder: str | Path, run: int, *, scenario: str | None = None) -> tuple[dict[str, Any], Path | None]:
+    """One run once more, with its page in the folder of the sweep, whose own page leads there from now on.
+
+    Gives the result and the path of the page, None where there is nothing to draw. Raises as :func:`repeat`.
+    """
+    out, kept = Path(folder), list[ScenarioResult]()
+    lines = _begun(out)
+    result = done(plan_of(lines, scenario).trial(run), kept.append)
+    if not kept or missing(kept[0].run):
+        return result, None
+    page = out / page_of(run)
+    with replaced(page.parent) as pending:
+        write_run(kept[0], pending)
+    if (out / RESULTS).is_file():
+        write_report(summary(lines.header, lines.in_order(), out), out)
+    return result, page
+
+
+def _begun(folder: Path) -> Lines:
+    place = next((p / RESULTS for p in (folder, unfinished(folder)) if (p / RESULTS).is_file()), None)
     if place is None:
         raise InvalidInput(f"{folder} is not the folder of a sweep: it has no {RESULTS}")
-    return done(plan_of(Lines(place), scenario).trial(run))
+    return Lines(place)
 
 
 def unfinished(out: Path) -> Path:
@@ -145,7 +168,7 @@ def _finished(
     if undone:
         do_all(plan.trials(undone), take, scheduler=scheduler, workers=workers or os.cpu_count() or 1)
     header, results = lines.header, lines.in_order()
-    report = summary(header, results)
+    report = summary(header, results, out)
     with replaced(out) as pending:
         write(pending / RESULTS, header, results)
         write_report(report, pending)

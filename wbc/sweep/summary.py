@@ -1,29 +1,68 @@
-"""The report of a sweep: how often it went well, how the figures are spread, what it depends on, which "
-"runs were worst."""
+"""The report of a sweep: how often it went well, how near each demand was, what it depends on, the worst runs."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
 
 import numpy as np
 
-from wbc.report import style
-from wbc.report.document import Cell, Figure, Item, Report, Section, Table, Text, Tile, percent
+from wbc.report.document import (
+    Address,
+    Bound,
+    Cell,
+    Curve,
+    Item,
+    Marked,
+    Plot,
+    Report,
+    Section,
+    Table,
+    Text,
+    Tile,
+    number,
+    percent,
+)
+from wbc.report.folder import HTML
+from wbc.sim.scenario import RELATIONS, Check
 from wbc.types import Vec
 
 Result = dict[str, Any]
 
 #: Two-sided 95 % of a normal distribution.
 _Z = 1.959964
-_BINS = 6
-_WORST = 10
-_COLUMNS = 3
+_BINS, _BARS, _WORST = 6, 30, 10
+#: Figures that differ by less than this share of their size are the same, and demands that vary by less than that
+#: share of their bound are not drawn.
+_SAME, _VISIBLE = 1e-6, 1e-3
+#: Units at the end of a figure's name, as scenarios write them.
+_UNITS = {"m": "m", "mm": "mm", "N": "N", "Nm": "N m", "s": "s", "us": "µs", "rad": "rad", "kg": "kg", "J": "J"}
 
 
-def summary(header: dict[str, Any], results: Sequence[Result]) -> Report:
-    """The report of all results; the same results give the same bits."""
+@final
+@dataclass(frozen=True)
+class Demand:
+    """A demand of the scenario and what came out in each run: ``values`` (N,), NaN where a run did not end."""
+
+    text: str
+    relation: str
+    bound: float
+    unit: str
+    values: Vec
+    met: Sequence[bool]
+
+    @property
+    def varies(self) -> bool:
+        """Whether runs differ by more than a thousandth of the bound."""
+        finite = self.values[np.isfinite(self.values)]
+        return bool(finite.size and np.ptp(finite) > _VISIBLE * max(abs(self.bound), float(np.abs(finite).max())))
+
+
+def summary(header: dict[str, Any], results: Sequence[Result], folder: Path | None = None) -> Report:
+    """The report of all results; the same results give the same bits. Runs with a page in ``folder`` lead to it."""
     good = sum(r["ok"] for r in results)
     low, high = interval(good, len(results))
     failed = Counter(reason for r in results for reason in reasons(r))
@@ -32,22 +71,44 @@ def summary(header: dict[str, Any], results: Sequence[Result]) -> Report:
         f"{good} of {len(results)} runs of {header['scenario']} went well ({percent(good / len(results))}; 95 % "
         f"interval {percent(low)} to {percent(high)}).{most} Drawn or set: {header['sweep']}."
     )
-    figures = [*_figures(results)]
+    found = demands(results)
     sections = [
         Section("How often", list(_how_often(results))),
-        Section("Distributions", [_quantiles(figures), *_histograms(figures)]),
-        Section("What it depends on", list(_dependence(results))),
-        Section("Worst runs", list(_worst(results, figures))),
+        Section("Demands", list(_demands(found))),
+        Section("What it depends on", list(_dependence(results, found))),
+        Section("Worst runs", list(_worst(header, results, folder))),
         Section("Settings", [_settings(header)]),
         Section("Limits of this sweep", [Text(sentence) for sentence in _limits(header, results)]),
     ]
+    if found:
+        sections[1] = Section("Demands", [*sections[1].items, _others(results)])
     tiles = [
-        Tile("runs", str(len(results))), Tile("went well", percent(good / len(results))),
+        Tile("runs", str(len(results))),
+        Tile("went well", percent(good / len(results)), "good" if good == len(results) else "bad"),
         Tile("95 % interval", f"{percent(low)} to {percent(high)}"),
-    ]  # fmt: skip
+    ]
     return Report(
         f"Sweep · {header['scenario']}", text, None, [section for section in sections if section.items], tiles
     )
+
+
+def figures(header: dict[str, Any], results: Sequence[Result]) -> dict[str, Any]:
+    """The report in JSON's types: what ``wbc sweep --json`` prints."""
+    good = sum(r["ok"] for r in results)
+    return {
+        "scenario": header["scenario"],
+        "runs": len(results),
+        "good": good,
+        "share": good / len(results),
+        "interval": list(interval(good, len(results))),
+        "reasons": dict(Counter(reason for r in results for reason in reasons(r)).most_common()),
+        "demands": [
+            {"demand": one.text, "relation": one.relation, "bound": one.bound, "unit": one.unit, "met": sum(one.met),
+             **{name: _or_none(q) for name, q in zip(("least", "median", "largest"), _spread(one.values), strict=True)}}
+            for one in demands(results)
+        ],
+        "worst": [r["run"] for r in _ordered(results)[:_WORST] if not r["ok"]],
+    }  # fmt: skip
 
 
 def interval(good: int, count: int) -> tuple[float, float]:
@@ -72,9 +133,22 @@ def reasons(result: Result) -> list[str]:
         return []
     if result["error"] is not None:
         return [f"error: {str(result['error']).splitlines()[0]}"]
-    return [f"not met: {text}" for text in result["failed"]] or ["the scenario's own verdict"]
+    return [f"not met: {d['demand']}" for d in result["demands"] if not d["ok"]] or ["the scenario's own verdict"]
 
 
+def demands(results: Sequence[Result]) -> list[Demand]:
+    """Every demand of the scenario over all runs; one whose bound differs from run to run has the first one's."""
+    by_text = [{d["demand"]: d for d in r.get("demands", ())} for r in results]
+    found = []
+    for text in dict.fromkeys(text for one in by_text for text in one):
+        said = next(one[text] for one in by_text if text in one)
+        values = np.array([_number(one.get(text, {}).get("value")) for one in by_text])
+        met = [bool(one[text]["ok"]) for one in by_text if text in one]
+        found.append(Demand(text, said["relation"], _number(said["bound"]), said["unit"], values, met))
+    return found
+
+
+# ---- how often
 def _how_often(results: Sequence[Result]) -> Iterator[Item]:
     rows: list[list[Cell]] = [_share("all", "", results)]
     for what in ("solver", "hierarchy"):
@@ -84,18 +158,20 @@ def _how_often(results: Sequence[Result]) -> Iterator[Item]:
     for key in _choices(results):
         values = sorted({str(r["parameters"][key]) for r in results if "parameters" in r})
         rows += [_share(key, v, [r for r in results if str(r.get("parameters", {}).get(key)) == v]) for v in values]
-    columns = ("of", "value", "runs", "went well", "share", "95 % from", "to")
+    columns = ("of", "value", "runs", "went well", "share", "95 % interval")
     yield Table(columns, rows, "Runs that met every demand of the scenario; Wilson's interval.")
     failed = Counter(reason for r in results for reason in reasons(r))
     if failed:
-        counted: list[list[Cell]] = [[reason, n, percent(n / len(results))] for reason, n in failed.most_common()]
+        counted: list[list[Cell]] = [
+            [Marked(reason, "bad"), n, percent(n / len(results))] for reason, n in failed.most_common()
+        ]
         yield Table(("why not", "runs", "of all"), counted, "A run may miss several demands.")
 
 
 def _share(what: str, name: str, results: Sequence[Result]) -> list[Cell]:
     good = sum(r["ok"] for r in results)
     low, high = interval(good, len(results))
-    return [what, name, len(results), good, percent(good / len(results)), percent(low), percent(high)]
+    return [what, name, len(results), good, percent(good / len(results)), f"{percent(low)} to {percent(high)}"]
 
 
 def _choices(results: Sequence[Result]) -> list[str]:
@@ -113,23 +189,67 @@ def _parameters(results: Sequence[Result]) -> list[str]:
     return list(dict.fromkeys(key for r in results for key in r.get("parameters", {})))
 
 
-# ---- distributions
-def _figures(results: Sequence[Result]) -> Iterator[tuple[str, Vec]]:
-    """Everything that a run measures, as (name with unit, one number a run, NaN where there is none)."""
+# ---- demands, and what else was measured
+def _demands(found: Sequence[Demand]) -> Iterator[Item]:
+    if not found:
+        return
+    rows: list[list[Cell]] = []
+    for one in found:
+        sign = Check(one.text, 0.0, one.relation, one.bound).sign
+        met = percent(float(np.mean(one.met)))
+        all_met = all(one.met)
+        bound = f"{sign} {number(one.bound)} {one.unit}".rstrip()
+        rows.append([one.text, bound, met if all_met else Marked(met, "bad"), *_spread(one.values)])
+    yield Table(("demanded", "bound", "met", "least", "median", "largest"), rows, "Over all runs that ended.")
+    for k, one in enumerate(found):
+        if one.varies:
+            yield _histogram(f"demand-{k}", one)
+
+
+def _histogram(name: str, one: Demand) -> Plot:
+    """Bars of one width that reach to the bound, unless that is far from everything."""
+    finite = one.values[np.isfinite(one.values)]
+    edges = np.histogram_bin_edges(finite, bins=min(_BARS, max(5, len(finite) // 2)))
+    width, count = edges[1] - edges[0], len(edges) - 1
+    before, after = (max(0, int(np.ceil(gap / width))) for gap in (edges[0] - one.bound, one.bound - edges[-1]))
+    if max(before, after) <= count:
+        count += before + after
+        edges = edges[0] + width * np.arange(-before, count - before + 1)
+    bars = np.histogram(finite, edges)[0].astype(float)
+    curve = Curve("runs", np.append(np.where(bars > 0, bars, np.nan), np.nan))
+    return Plot(name, one.text, "runs", edges, [curve], [Bound(one.bound, "bound", "x")], over=one.unit or "value",
+                bars=True, zero=True)  # fmt: skip
+
+
+def _spread(values: Vec) -> list[float]:
+    finite = values[np.isfinite(values)]
+    return [float(q) for q in np.percentile(finite, [0, 50, 100])] if finite.size else [np.nan] * 3
+
+
+def _others(results: Sequence[Result]) -> Table:
+    """Everything that runs measure and that is no demand, each once: what always equals another is left out."""
+    known = [one.values for one in demands(results)]
+    rows: list[list[Cell]] = []
     flat = [dict(_flat(result)) for result in results]
     for name in dict.fromkeys(name for one in flat for name in one):
         values = np.array([_number(one.get(name)) for one in flat])
-        if np.isfinite(values).any():
-            yield name, values
+        if np.isfinite(values).any() and not any(np.allclose(values, other, _SAME, 0.0, True) for other in known):
+            known.append(values)
+            finite = values[np.isfinite(values)]
+            rows.append([name, len(finite), *(float(q) for q in np.percentile(finite, [0, 5, 50, 95, 100]))])
+    return Table(("figure", "runs", "least", "5 %", "median", "95 %", "largest"), rows, "What else was measured",
+                 folded=True)  # fmt: skip
 
 
 def _flat(result: Result) -> Iterator[tuple[str, Any]]:
     for task, rms in (result.get("tracking") or {}).items():
-        yield f"{task}, rms", rms
+        yield f"{task}, rms [{result['units'].get(task, '')}]".removesuffix(" []"), rms
     for kind, (worst, unit) in (result.get("violations") or {}).items():
         yield f"{kind} beyond its limit [{unit}]", worst
     for name, value in (result.get("figures") or {}).items():
-        yield name, None if isinstance(value, bool) else value
+        words, _, unit = name.rpartition("_")
+        said = f"{words} [{_UNITS[unit]}]" if unit in _UNITS else name
+        yield said.replace("_", " "), None if isinstance(value, bool) else value
     for name, value in zip(("tick, median [µs]", "tick, p99 [µs]"), result.get("tick_us") or (), strict=False):
         yield name, value
 
@@ -138,70 +258,51 @@ def _number(value: Any) -> float:
     return float(value) if isinstance(value, int | float) else np.nan
 
 
-def _quantiles(figures: Sequence[tuple[str, Vec]]) -> Table:
-    rows: list[list[Cell]] = []
-    for name, values in figures:
-        finite = values[np.isfinite(values)]
-        rows.append([name, len(finite), *(float(q) for q in np.percentile(finite, [0, 5, 50, 95, 100]))])
-    return Table(("figure", "runs", "least", "5 %", "median", "95 %", "largest"), rows, "Over all runs that gave them.")
-
-
-def _histograms(figures: Sequence[tuple[str, Vec]]) -> Iterator[Figure]:
-    spread = [(name, values[np.isfinite(values)]) for name, values in figures]
-    spread = [(name, values) for name, values in spread if np.ptp(values) > 0.0]
-    if not spread:
-        return
-    rows = -(-len(spread) // _COLUMNS)
-    with style.Canvas(rows, _COLUMNS, height=0.3 + 1.7 * rows) as canvas:
-        for axes, (name, values) in zip(canvas.axes, spread, strict=False):
-            axes.hist(values, bins=30, color=style.BLUE, linewidth=0)
-            axes.axvline(float(np.median(values)), color=style.ORANGE, linewidth=1.2)
-            axes.set_title(_wrapped(name), fontsize=8)
-            axes.ticklabel_format(axis="x", style="plain", useOffset=False)
-            axes.locator_params(axis="x", nbins=4)
-            axes.xaxis.set_major_formatter(lambda x, _: f"{x:.3g}")
-        for axes in canvas.axes[len(spread) :]:
-            axes.set_visible(False)
-        yield canvas.figure("distributions", "Number of runs over each figure; orange: the median.")
-
-
-def _wrapped(name: str) -> str:
-    words, lines = name.split(" "), [""]
-    for word in words:
-        if len(lines[-1]) + len(word) > 26 and lines[-1]:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}".strip()
-    return "\n".join(lines)
+def _or_none(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 # ---- dependence
-def _dependence(results: Sequence[Result]) -> Iterator[Item]:
-    """Success over each number that was drawn, in bins of equally many runs."""
-    with_parameters = [r for r in results if "parameters" in r]
-    drawn = []
-    for key in _parameters(results):
-        x = np.array([_number(_as_number(r["parameters"][key])) for r in with_parameters])
-        if key != "seed" and np.isfinite(x).all() and len(np.unique(x)) > _BINS:
-            drawn.append((key, x))
-    if not drawn:
+def _dependence(results: Sequence[Result], found: Sequence[Demand]) -> Iterator[Item]:
+    """Over each number that was drawn: how often it went well, and the demand that was missed most often."""
+    axes = list(_axes(results))
+    if not axes:
         return
-    good = np.array([bool(r["ok"]) for r in with_parameters])
-    with style.Canvas(1, max(len(drawn), 2), height=2.6) as canvas:
-        for axes, (key, x) in zip(canvas.axes, drawn, strict=False):
-            for part in np.array_split(np.argsort(x, kind="stable"), min(_BINS, len(x))):
-                low, high = interval(int(good[part].sum()), len(part))
-                centre, share = float(x[part].mean()), float(good[part].mean())
-                axes.plot([centre, centre], [100 * low, 100 * high], color=style.FAINT, linewidth=2.0)
-                axes.plot(centre, 100 * share, marker="o", markersize=4, color=style.BLUE)
-            axes.set_ylim(-4.0, 104.0)
-            axes.set_xlabel(key)
-        canvas.axes[0].set_ylabel("went well [%]")
-        for axes in canvas.axes[len(drawn) :]:
-            axes.set_visible(False)
-        caption = (
-            "Share of runs that went well over each parameter that was drawn, in parts of equally many runs, with its "
-        )
-        yield canvas.figure("dependence", caption + "95 % interval. The others vary at the same time.")
+    text = "Share of runs that went well, in parts of equally many runs, with its 95 % interval. The others vary too."
+    yield Text(text)
+    good = np.array([bool(r["ok"]) for r in results])
+    missed = max(found, key=lambda one: len(one.met) - sum(one.met), default=None)
+    for k, (name, x) in enumerate(axes):
+        known = np.flatnonzero(np.isfinite(x))
+        order = known[np.argsort(x[known], kind="stable")]
+        parts = np.array_split(order, min(_BINS, len(order)))
+        shares = [(float(good[part].mean()), *interval(int(good[part].sum()), len(part))) for part in parts]
+        share, low, high = (100.0 * np.array(column) for column in zip(*shares, strict=True))
+        curves = [Curve("went well", share), Curve("95 % from", low, faint=True), Curve("to", high, faint=True)]
+        centres = np.array([float(x[part].mean()) for part in parts])
+        yield Plot(f"share-{k}", "Went well", "%", centres, curves, over=name, zero=True, dots=True)
+        if missed is not None and missed.varies:
+            held = np.array([RELATIONS[missed.relation](value, missed.bound) for value in missed.values])
+            met = [Curve(word, np.where(held == which, missed.values, np.nan)[order])
+                   for word, which in (("met", True), ("not met", False))]  # fmt: skip
+            yield Plot(f"value-{k}", missed.text, missed.unit, x[order], met, [Bound(missed.bound, "bound")],
+                       over=name, dots=True, lines=False)  # fmt: skip
+
+
+def _axes(results: Sequence[Result]) -> Iterator[tuple[str, Vec]]:
+    """What was drawn, with its unit where it has one: one number a run."""
+    drawn = [r.get("axes", {}) for r in results]
+    for name in dict.fromkeys(name for one in drawn for name in one):
+        yield from _varied(name, [one.get(name) for one in drawn])
+    for key in _parameters(results):
+        if key != "seed":
+            yield from _varied(f"parameter {key}", [_as_number(r.get("parameters", {}).get(key)) for r in results])
+
+
+def _varied(name: str, values: Sequence[Any]) -> Iterator[tuple[str, Vec]]:
+    x = np.array([_number(value) for value in values])
+    if len(np.unique(x[np.isfinite(x)])) > _BINS:
+        yield name, x
 
 
 def _as_number(value: Any) -> Any:
@@ -212,33 +313,66 @@ def _as_number(value: Any) -> Any:
 
 
 # ---- worst runs
-def _worst(results: Sequence[Result], figures: Sequence[tuple[str, Vec]]) -> Iterator[Item]:
-    bad = [r for r in results if not r["ok"]]
-    if bad:
-        rows: list[list[Cell]] = [
-            [r["run"], "; ".join(reasons(r)), r.get("solver"), _told(r), "; ".join(r.get("disturbances", []))]
-            for r in bad[:_WORST]
-        ]
-        caption = (
-            f"The first {len(rows)} of {len(bad)} runs that did not go well; wbc sweep --repeat RUN --out FOLDER "
-            "does one again."
-        )
-        yield Table(("run", "why", "solver", "parameters", "disturbances"), rows, caption)
-    largest: list[list[Cell]] = []
-    for name, values in figures:
-        if np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values):
-            i = int(np.nanargmax(values))
-            largest.append([name, float(values[i]), results[i]["run"], _told(results[i])])
-    if largest:
-        yield Table(
-            ("figure", "largest", "in run", "parameters"), largest, "Where each figure is largest.", folded=True
-        )
-
-
-def _told(result: Result) -> str:
-    return ", ".join(
-        f"{k} = {v:.4g}" if isinstance(v, float) else f"{k} = {v}" for k, v in result.get("parameters", {}).items()
+def _worst(header: dict[str, Any], results: Sequence[Result], folder: Path | None) -> Iterator[Item]:
+    bad = [r for r in _ordered(results) if not r["ok"]]
+    if not bad:
+        return
+    given = [r["parameters"] for r in results if "parameters" in r]
+    drawn = [key for key in _parameters(results) if len({str(one.get(key)) for one in given}) > 1]
+    rows: list[list[Cell]] = []
+    for r in bad[:_WORST]:
+        page = page_of(r["run"])
+        there = folder is not None and (folder / page).is_file()
+        replay = Address("replay", page) if there else again(header, r["run"], folder)
+        rows.append([r["run"], "; ".join(_missed(r)), _told(r, drawn), replay])
+    caption = (
+        f"{len(rows)} of {len(bad)} runs that did not go well, the worst first: those that ended with an error, then "
+        "by how far a value is beyond its bound. The command makes the page of a run, with its replay, and links it."
     )
+    yield Table(("run", "not met", "drawn", "replay"), rows, caption)
+
+
+def page_of(run: int) -> str:
+    """The page of a run, relative to the folder of its sweep."""
+    return f"run-{run}/{HTML}"
+
+
+def again(header: Mapping[str, Any], run: int, folder: Path | None) -> str:
+    """The command that does a run once more and makes its page."""
+    scenario = str((header.get("plan") or {}).get("scenario", ""))
+    return f"wbc sweep {f'{scenario} ' if ':' in scenario else ''}--repeat {run} --out {folder or 'FOLDER'}"
+
+
+def _ordered(results: Sequence[Result]) -> list[Result]:
+    """The worst first."""
+    return sorted(results, key=lambda r: (r["ok"], r["error"] is None, -_beyond(r)))
+
+
+def _beyond(result: Result) -> float:
+    """How far the worst value is beyond its bound, as a share of the bound."""
+    found = [0.0]
+    for d in result.get("demands", ()):
+        value, bound = _number(d["value"]), _number(d["bound"])
+        if not d["ok"]:
+            found.append(abs(value - bound) / max(abs(bound), 1e-12) if np.isfinite(value - bound) else np.inf)
+    return max(found)
+
+
+def _missed(result: Result) -> list[str]:
+    if result["error"] is not None:
+        return reasons(result)
+    missed = [d for d in result["demands"] if not d["ok"]]
+    return [
+        f"{d['demand']}: {number(_number(d['value']))}, bound {number(_number(d['bound']))} {d['unit']}".rstrip()
+        for d in missed
+    ] or reasons(result)
+
+
+def _told(result: Result, drawn: Sequence[str]) -> str:
+    found = dict(result.get("axes", {})) | {
+        key: value for key, value in result.get("parameters", {}).items() if key in drawn
+    }
+    return ", ".join(f"{k} = {number(v) if isinstance(v, float) else v}" for k, v in found.items())
 
 
 def _settings(header: dict[str, Any]) -> Table:

@@ -102,6 +102,7 @@
             ctx.stroke();
             const place = (at - from) / ratio;
             if (axis === "y") lines[k].style.top = `${place < 14 ? place + 1 : place - 14}px`;
+            else if (size / ratio - place < 60) Object.assign(lines[k].style, { left: "auto", right: `${size / ratio - place + 3}px`, top: "0" });
             else Object.assign(lines[k].style, { left: `${place + 3}px`, right: "auto", top: "0" });
           });
           for (const event of spec.time ? data.events : []) {
@@ -151,7 +152,7 @@
     };
     const axis = { stroke: soft, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 },
                    font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif" };
-    const bars = spec.bars ? { paths: uPlot.paths.bars({ size: [1, Infinity], align: 1 }), fill: colour(0) } : spec.steps ? { paths: uPlot.paths.stepped({ align: 1 }) } : {};
+    const bars = spec.bars ? { paths: uPlot.paths.bars({ size: [1, Infinity], align: 1 }), fill: colour(0) } : spec.steps ? { paths: uPlot.paths.stepped({ align: 1 }) } : spec.lines ? {} : { paths: () => null };
     const u = new uPlot({
       width: Math.max(box.clientWidth, 200), height: spec.strips.length ? 40 + 22 * spec.strips.length : 190,
       scales: {
@@ -164,7 +165,7 @@
       series: [
         { label: spec.over, value: (_, v) => reduced(v) },
         ...spec.curves.map((curve) => ({
-          label: curve.label, stroke: curve.faint ? soft : colour(curve.colour), width: 1.3, show: curve.shown, points: { show: spec.dots, size: 5 },
+          label: curve.label, stroke: curve.faint ? soft : colour(curve.colour), width: 1.3, show: curve.shown, points: { show: spec.dots, size: 5, fill: spec.lines ? undefined : colour(curve.colour) },
           dash: curve.colour < 8 ? [] : [5, 3],
           value: (_, v) => reduced(v == null ? v : Number(v.toFixed(arrays[curve.values].decimals))), ...bars,
         })),

@@ -38,7 +38,7 @@ def section(result: ScenarioResult) -> Section:
 
 
 def _bound(check: Check) -> str:
-    return f"{check.sign} {number(check.bound).replace('e-0', 'e-')} {check.unit}".rstrip()
+    return f"{check.sign} {number(check.bound)} {check.unit}".rstrip()
 
 
 def _where(check: Check) -> str | Link:
