@@ -11,8 +11,8 @@ import numpy as np
 import wbc
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
@@ -163,7 +163,8 @@ def _judged(robot: PinocchioModel, seen: Sequence[Seen], early: Sequence[Seen]) 
         "without": {"stands": False, "task_rms_m": min(lost), "each": lost},
         "released": {"task_rms_m": [s.rms for s in by["release"]]},
     }  # fmt: skip
-    run = by["brake"][len(kept) // 2].run
+    shown = {answer: seen[len(kept) // 2].run for answer, seen in by.items()}
+    run = shown.pop("brake")
     verdict = [
         Check("tool's error without an answer, rms, least of all", min(lost), ">", 0.04, "m"),
         Check("with a brake, most of all", max(kept), "<", 5e-4, "m"),
@@ -174,33 +175,29 @@ def _judged(robot: PinocchioModel, seen: Sequence[Seen], early: Sequence[Seen]) 
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=measure.violations(run),
         tracking=measure.tracking(run), verdict=verdict, figures=figures, robot=robot,
+        called="brake", beside=shown,
         sections=[lambda result: _section(result, by), lambda result: _table(robot, by, early)],
     )  # fmt: skip
 
 
 def _section(result: ScenarioResult, by: Mapping[str, Sequence[Seen]]) -> Section:
     shown = len(by["brake"]) // 2
-    with style.Canvas(2, 1, height=5.2) as canvas:
-        first, second = canvas.axes
-        for answer, colour in zip(ANSWERS, (style.RED, style.ORANGE, style.BLUE), strict=True):
-            run = by[answer][shown].run
-            style.curve(first, measure.times(run), 1e3 * by[answer][shown].error, color=colour, label=answer)
-        style.logarithmic(first, "y")
-        residual = result.run["signal.MomentumObserver.residual"]
-        joints = result.run.meta["joint_names"]
-        near = (result.run["t"] > FAULT - 0.02) & (result.run["t"] < FAULT + 0.06)
-        t = 1e3 * (result.run["t"][near] - FAULT)
-        for i, joint in enumerate(joints):
-            second.plot(t, residual[near][:, i], label=joint[-6:], color=style.CYCLE[i % 6])
-        style.bound(second, THRESHOLD, "threshold")
-        second.set_xlabel("time since the fault [ms]")
-        second.set_ylabel("residual [N m]")
-        second.set_title("Residuals about the fault; restarted when the brake is set")
-        style.over_time(first, result.run, f"{by['brake'][shown].joint} dies", "tool's error [mm]")
-        for axes in canvas.axes:
-            style.legend(axes)
-        figure = canvas.figure("loss", "One of the joints. The path is three-dimensional: six joints can follow it.")
-    return Section("A dead motor", [figure])
+    t, joints = result.run["t"], result.run.meta["joint_names"]
+    near = (t > FAULT - 0.02) & (t < FAULT + 0.06)
+    residual = result.run["signal.MomentumObserver.residual"][near]
+    names = (result.called, *result.beside)
+    error = Plot(
+        "tool", f"{by['brake'][shown].joint} dies: the tool's error", "mm", measure.times(result.run),
+        [Curve(answer, np.maximum(1e3 * by[answer][shown].error, 1e-3), run=k, x=measure.times(by[answer][shown].run))
+         for k, answer in enumerate(names)], log="y",
+        caption="One of the joints. The path is three-dimensional: six joints can follow it.",
+    )  # fmt: skip
+    felt = Plot(
+        "residuals", "Residuals about the fault; restarted when the brake is set", "N m", 1e3 * (t[near] - FAULT),
+        [Curve(joint, residual[:, i]) for i, joint in enumerate(joints)], [Bound(THRESHOLD, "threshold")],
+        over="time since the fault [ms]",
+    )  # fmt: skip
+    return Section("A dead motor", [error, felt])
 
 
 def _table(robot: PinocchioModel, by: Mapping[str, Sequence[Seen]], early: Sequence[Seen]) -> Section:

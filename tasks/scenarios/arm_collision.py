@@ -13,8 +13,8 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.methods import ContactEstimate
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Push
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
@@ -192,6 +192,7 @@ def _judged(robot: PinocchioModel, hits: Sequence[Hit], stiff: Hit, link: str, f
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=measure.violations(run),
         tracking=measure.tracking(run), verdict=verdict, figures=figures, robot=robot,
+        called="yields", beside={"stiff": stiff.run},
         sections=[lambda result: _pictures(result, mine[0], stiff), lambda result: _every(hits)],
     )  # fmt: skip
 
@@ -207,27 +208,22 @@ def _pictures(result: ScenarioResult, hit: Hit, stiff: Hit) -> Section:
     run = result.run
     joints = run.meta["joint_names"]
     near = (run["t"] > START - 0.03) & (run["t"] < START + 0.08)
-    with style.Canvas(2, 1, height=5.2) as canvas:
-        first, second = canvas.axes
-        for i, joint in enumerate(joints):
-            residual = run["signal.MomentumObserver.residual"][near][:, i]
-            first.plot(1e3 * (run["t"][near] - START), residual, color=style.CYCLE[i % 6], label=joint[-6:])
-        for side in (THRESHOLD, -THRESHOLD):
-            style.bound(first, side, "threshold" if side > 0 else "")
-        if hit.diagnosis is not None:
-            style.bound(first, 1e3 * hit.delay, "answer", vertical=True)
-        first.set_xlabel("time since the push [ms]")
-        first.set_ylabel("residual [N m]")
-        first.set_title(f"A push on {hit.link}: joints behind it feel nothing")
-        style.legend(first)
-        name = next(name for name in run.columns if name.startswith("error.Position"))
-        for trial, colour, label in ((stiff, style.RED, "stiff"), (hit, style.BLUE, "yields")):
-            error = 1e3 * np.linalg.norm(trial.run[name], axis=1)
-            style.curve(second, measure.times(trial.run), error, color=colour, label=label)
-        style.over_time(second, run, "The tool", "distance from the path [mm]")
-        style.legend(second)
-        figure = canvas.figure("collision", "Shaded: the push. After it the arm stays soft, until somebody resets it.")
-    return Section("The push", [figure])
+    bounds = [Bound(THRESHOLD, "threshold"), Bound(-THRESHOLD, "")]
+    if hit.diagnosis is not None:
+        bounds.append(Bound(1e3 * hit.delay, "answer", "x"))
+    residual = run["signal.MomentumObserver.residual"][near]
+    felt = Plot(
+        "residuals", f"A push on {hit.link}: joints behind it feel nothing", "N m", 1e3 * (run["t"][near] - START),
+        [Curve(joint, residual[:, i]) for i, joint in enumerate(joints)], bounds, over="time since the push [ms]",
+    )  # fmt: skip
+    name = next(name for name in run.columns if name.startswith("error.Position"))
+    tool = Plot(
+        "tool", "The tool's distance from its path", "mm", measure.times(run),
+        [Curve(said, 1e3 * np.linalg.norm(trial.run[name], axis=1), run=k, x=measure.times(trial.run))
+         for k, (said, trial) in enumerate(zip((result.called, *result.beside), (hit, stiff), strict=True))],
+        caption="After the push the arm stays soft, until somebody resets it.",
+    )  # fmt: skip
+    return Section("The push", [felt, tool])
 
 
 def _every(hits: Sequence[Hit]) -> Section:

@@ -12,8 +12,8 @@ import wbc
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
@@ -191,36 +191,36 @@ def _judged(robot: PinocchioModel, runs: Mapping[Case, wbc.Run], mass: float) ->
         verdict.insert(1, Check("the same with noise and friction", rough, ">=", 15.0))
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
-        figures=figures, robot=robot,
+        figures=figures, robot=robot, called=str(Case(True)),
+        beside={str(case): runs[case] for case in errors if case != Case(True)},
         sections=[lambda result: _section(result, runs, errors), lambda result: _limits(most, joint, mass)],
     )  # fmt: skip
 
 
 def _section(result: ScenarioResult, runs: Mapping[Case, wbc.Run], errors: Mapping[Case, Vec]) -> Section:
-    with style.Canvas(3, 1, height=7.0) as canvas:
-        first, second, third = canvas.axes
-        for (case, error), colour in zip(errors.items(), style.CYCLE, strict=False):
-            style.curve(first, measure.times(runs[case]), 1e3 * error, color=colour, label=str(case))
-        style.logarithmic(first, "y")
-        first.set_ylim(0.01, 200.0)
-        t, run = measure.times(result.run), result.run
-        style.curve(second, t, run["signal.SlotineLi.a_hat"][:, -10], color=style.BLUE, label="mass of the last link")
-        style.bound(second, result.figures["true_mass_of_last_link"], "true")
-        style.curve(third, t, run["signal.SlotineLi.V"], color=style.BLUE, label="V")
-        style.logarithmic(third, "y")
-        for axes, title, label in (
-            (first, "The tool's distance from its path", "error [mm]"), (second, "What is learnt", "mass [kg]"),
-            (third, "V, with the true parameters", "V"),
-        ):  # fmt: skip
-            style.bound(axes, PICK, "load", vertical=True)
-            style.over_time(axes, run, title, label)
-            style.legend(axes)
-        figure = canvas.figure("payload", "Before the load comes, V knows of it already: it falls from then on.")
+    run, load = result.run, Bound(PICK, "load", "x")
+    t, shown = measure.times(run), {case: k for k, case in enumerate(case for case in runs if case in errors)}
+    plots = [
+        Plot(
+            "tool", "The tool's distance from its path", "mm", t,
+            [Curve(str(case), np.maximum(1e3 * errors[case], 1e-2), run=k) for case, k in shown.items()],
+            [load], log="y", wide=True,
+        ),
+        Plot(
+            "learnt", "What is learnt", "kg", t,
+            [Curve("mass of the last link", run["signal.SlotineLi.a_hat"][:, -10])],
+            [Bound(result.figures["true_mass_of_last_link"], "true"), load],
+        ),
+        Plot(
+            "V", "V, with the true parameters", "", t, [Curve("V", run["signal.SlotineLi.V"])], [load], log="y",
+            caption="Before the load comes, V knows of it already: it falls from then on.",
+        ),
+    ]  # fmt: skip
     text = Text(
         "The law without adaptation has the same gains. Parameters of the last link are projected onto those of bodies "
         "in every tick, exactly and in the metric of the adaptation, so that V does not grow by it."
     )
-    return Section("The load", [text, figure])
+    return Section("The load", [text, *plots])
 
 
 def _limits(most: float, joint: str, mass: float) -> Section:

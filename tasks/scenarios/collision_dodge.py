@@ -15,8 +15,8 @@ from wbc.errors import InvalidInput
 from wbc.models.collision import Distances
 from wbc.models.geometry import Cylinder, Sphere
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
@@ -185,6 +185,7 @@ def _judged(
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
         verdict=verdict, figures=figures, robot=robot, obstacles=around,
+        called="with collision avoidance", beside={"without": runs[1]},
         sections=[lambda result: _section(result, clearances, runs, margin)],
     )  # fmt: skip
 
@@ -196,35 +197,26 @@ def _error(run: wbc.Run) -> Vec:
 def _section(
     result: ScenarioResult, clearances: Sequence[Clearance], runs: Sequence[wbc.Run], margin: float
 ) -> Section:
-    kept, free = clearances
-    with style.Canvas(2, 1, height=5.2) as canvas:
-        distance, torque = canvas.axes
-        for name, made, look in (
-            ("without", free, {"color": "#f2b27a", "linewidth": 2.2}),
-            ("with collision avoidance", kept, {"color": style.BLUE, "linewidth": 1.6}),
-        ):
-            style.curve(distance, made.times, made.distances, label=name, **look)
-        style.bound(distance, margin, "margin")
-        style.bound(distance, 0.0, "touching")
-        style.over_time(distance, result.run, "The smallest distance of all pairs of shapes", "d [m]")
-        style.legend(distance)
-        error = np.linalg.norm(_error(runs[0]), axis=1)
-        style.curve(torque, measure.times(runs[0]), error, color=style.BLUE, label="with collision avoidance")
-        without = np.linalg.norm(_error(runs[1]), axis=1)
-        style.curve(torque, measure.times(runs[1]), without, color="#f2b27a", label="without")
-        style.over_time(torque, result.run, "What the way round costs the task", "tool error [m]")
-        style.legend(torque)
-        figure = canvas.figure(
-            "distance",
-            "Both runs have the same task, gains and other limits. Below zero shapes are inside one another: the "
-            "obstacles are not in the physics, so that nothing but the limit keeps the arm away from them.",
-        )
+    kept, names = clearances[0], (result.called, *result.beside)
+    distance = Plot(
+        "distance", "The smallest distance of all pairs of shapes", "m", kept.times,
+        [Curve(name, made.distances, run=k, x=None if made is kept else made.times)
+         for k, (name, made) in enumerate(zip(names, clearances, strict=True))],
+        [Bound(margin, "margin"), Bound(0.0, "touching")], wide=True,
+        caption="Both runs have the same task, gains and other limits. Below zero shapes are inside one another: the "
+        "obstacles are not in the physics, so that nothing but the limit keeps the arm away from them.",
+    )  # fmt: skip
+    costs = Plot(
+        "tool", "What the way round costs the task: error of the tool", "m", measure.times(runs[0]),
+        [Curve(name, np.linalg.norm(_error(run), axis=1), run=k, x=None if k == 0 else measure.times(run))
+         for k, (name, run) in enumerate(zip(names, runs, strict=True))], wide=True,
+    )  # fmt: skip
     table = Table(
         ("run", "smallest distance [m]", "between"),
-        [("with collision avoidance", kept.smallest, kept.closest), ("without", free.smallest, free.closest)],
+        [(name, made.smallest, made.closest) for name, made in zip(names, clearances, strict=True)],
     )
     text = Text(
         "The barrier has the distances of coal, measured in the tick; here they are measured again, for every pair of "
         "shapes of the robot that physics moved."
     )
-    return Section("Distances", [text, table, figure])
+    return Section("Distances", [text, table, distance, costs])

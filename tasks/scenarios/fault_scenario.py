@@ -85,9 +85,8 @@ def _judged(
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=measure.violations(run),
         tracking=measure.tracking(run), verdict=verdict, figures=figures(plan.fault, known, stand, pairs, varied),
-        robot=stand.robot(),
+        robot=stand.robot(), called="with an answer", beside={"without an answer": shown.without.run},
         sections=[
-            lambda result: sections.side_by_side(result, shown),
             lambda result: sections.signals(result, shown, known),
             lambda result: sections.outcomes(pairs, varied),
             lambda result: sections.lost(lost, reasons),

@@ -1,4 +1,4 @@
-"""What reports of failing motors show: both runs side by side, residuals and decisions, every outcome, and limits."""
+"""What reports of failing motors show: residuals and decisions, every outcome, and limits."""
 
 from __future__ import annotations
 
@@ -7,30 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.scenario import ScenarioResult
 
 if TYPE_CHECKING:
     from .. import Thresholds
     from .fault_trials import Pair, Stand
-
-
-def side_by_side(result: ScenarioResult, pair: Pair) -> Section:
-    """The same fault without and with the answer, in space, both at the time of the page."""
-    from wbc.report.replay import replay
-    from wbc.report.shapes import parts
-
-    robot = result.robot
-    assert robot is not None, "scenarios of faults have a robot to draw"
-    solid = parts(robot)
-    scenes = [
-        replay(trial.run, robot, solid, name=name, caption=f"{pair.label}, {said}: {trial.fate}.")
-        for name, said, trial in (
-            ("without", "without an answer", pair.without), ("with", "with an answer", pair.answered),
-        )
-    ]  # fmt: skip
-    return Section("The same fault, without an answer and with it", scenes)
 
 
 def signals(result: ScenarioResult, pair: Pair, known: Thresholds) -> Section:
@@ -41,37 +24,32 @@ def signals(result: ScenarioResult, pair: Pair, known: Thresholds) -> Section:
     near = (answered["t"] > start - 0.05) & (answered["t"] < start + 0.1)
     residual = answered["signal.MomentumObserver.residual"]
     others = np.argsort(-(np.abs(residual[near]) / known.value).max(axis=0))
-    with style.Canvas(2, 1, height=5.4) as canvas:
-        first, second = canvas.axes
-        t = 1e3 * (answered["t"][near] - start)
-        for k, joint in enumerate([i, *[j for j in others if j != i][:3]]):
-            colour = style.CYCLE[k]
-            first.plot(t, residual[near][:, joint] / known.value[joint], color=colour, label=joints[joint])
-        for side in (1.0, -1.0):
-            style.bound(first, side, "threshold" if side > 0 else "")
-        if pair.answered.found is not None:
-            style.bound(first, 1e3 * pair.answered.delay, "answer", vertical=True)
-        first.set_xlabel("time since the fault [ms]")
-        first.set_ylabel("residual / threshold")
-        first.set_title("Residuals")
-        first.margins(y=0.12)
-        style.legend(first)
-        for outcome, colour, label in (
-            (pair.without, style.RED, "without an answer"), (pair.answered, style.BLUE, "with it"),
-        ):  # fmt: skip
-            style.curve(second, measure.times(outcome.run), 1e3 * outcome.error, color=colour, label=label)
-        style.bound(second, start, "fault", vertical=True)
-        style.logarithmic(second, "y")
-        second.set_ylim(0.01, 1e3)
-        style.over_time(second, answered, "Centre of mass", "true error [mm]")
-        style.legend(second)
-        figure = canvas.figure("fault", f"{pair.label}. Residuals of the failing joint and of the three next to alarm.")
+    bounds = [Bound(1.0, "threshold"), Bound(-1.0, "")]
+    if pair.answered.found is not None:
+        bounds.append(Bound(1e3 * pair.answered.delay, "answer", "x"))
+    curves = [
+        Curve(joints[joint], residual[near][:, joint] / known.value[joint])
+        for joint in [i, *[j for j in others if j != i][:3]]
+    ]
+    said = f"{pair.label}. The failing joint and the three next to alarm."
+    first = Plot(
+        "residuals", "Residual over its threshold", "", 1e3 * (answered["t"][near] - start), curves, bounds,
+        caption=said, over="time since the fault [ms]",
+    )  # fmt: skip
+    trials = [(result.called, pair.answered), *((name, pair.without) for name in result.beside)]
+    fates = [f"{name}: {trial.fate}." for name, trial in trials]
+    second = Plot(
+        "true_error", "Centre of mass, true error", "mm", measure.times(answered),
+        [Curve(name, np.maximum(1e3 * trial.error, 0.01), run=run, x=measure.times(trial.run))
+         for run, (name, trial) in enumerate(trials)],
+        [Bound(start, "fault", "x")], caption=" ".join(fates), log="y",
+    )  # fmt: skip
     rows = [
         (d.t, d.alarmed, d.joint_name, d.kind, d.share if d.kind in ("partial", "total") else None)
         for d in pair.answered.diagnoses
     ]
     table = Table(("t [s]", "alarm [s]", "joint", "diagnosis", "share lost"), rows, "Every decision of this run.")
-    return Section("What was seen, and when", [figure, table])
+    return Section("What was seen, and when", [first, second, table])
 
 
 def outcomes(pairs: Sequence[Pair], varied: Sequence[Pair]) -> Section:

@@ -145,6 +145,7 @@ def _judged(runs: Mapping[str, Run], aim: _Aim, duration: float) -> ScenarioResu
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
         verdict=verdict, figures=figures, robot=aim.robot, sections=[_comparison],
+        called=asked, beside={name: each for name, each in runs.items() if name != asked},
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from wbc.control.recorder import Run
 from wbc.errors import UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
-from wbc.report.document import Cell, Section, Table, Text
+from wbc.report.document import Cell, Curve, Plot, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
 from wbc.sim.simulate import simulate
@@ -151,6 +151,7 @@ def _judged(
     return ScenarioResult(
         run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
         verdict=verdict, figures=figures, robot=robot, sections=[_Costs(runs, conditions, stance)],
+        called=asked, beside={kind: each for kind, each in runs.items() if kind != asked},
     )  # fmt: skip
 
 
@@ -178,4 +179,13 @@ class _Costs:
             "hierarchy", "up [s]", "centre of mass, rms [mm]", "hand at the end [m]", "condition number",
             "tick, median [µs]", "p99 [µs]",
         ]  # fmt: skip
-        return Section("What the hierarchy costs", [text, Table(columns, rows)])
+        plots = [
+            Plot(name, title, "mm", measure.times(result.run),
+                 [Curve(kind, 1e3 * np.linalg.norm(run[f"error.{task}"], axis=1), run=k, x=measure.times(run))
+                  for k, (kind, run) in enumerate(self._runs.items())])
+            for name, title, task in (
+                ("balance", "Error of the centre of mass", "CenterOfMass"),
+                ("hand", "Error of the hand", f"Position[{self._stance.hand}]"),
+            )
+        ]  # fmt: skip
+        return Section("What the hierarchy costs", [text, Table(columns, rows), *plots])

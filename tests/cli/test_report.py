@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.qp.zoo import random_qp
+from tests.report.conftest import reaching_run
 
 HERE = Path(__file__).parents[1]
 FLIP = f"{HERE / 'sweep' / 'flipping.py'}:flip"
@@ -46,6 +47,8 @@ def test_a_folder_of_problems_becomes_a_report_and_the_report_again(wbc, problem
         (("report", "solvers", "problems", "--set", "push=1"), "parameter of a scenario"),
         (("report", "solvers", "arm-reach", "--set", "pish=1"), "pish"),
         (("report", "solvers", "--from", "problems"), "data.json"),
+        (("compare", "problems", "nowhere"), "is not the folder of a run"),
+        (("compare", "problems"), "is not the folder of a run"),
         (("sweep",), "give a scenario"),
         (("sweep", FLIP, "--vary", "bias"), "LOW:HIGH"),
         (("sweep", FLIP, "--vary", "pias=0:1"), "pias"),
@@ -130,3 +133,17 @@ def test_a_record_of_an_unknown_robot_is_drawn_when_one_is_given(wbc, waving: st
 def test_a_folder_without_a_record_has_no_report(wbc, problems: Path, words, about):
     answer = wbc("report", "run", *words)
     assert answer.code == 2 and about in answer.err and answer.err.count("\n") == 1 and not answer.out
+
+
+def test_recorded_runs_become_one_page(wbc, tmp_path: Path):
+    for name in ("runs/a", "runs/b", "more/a"):
+        reaching_run().save(tmp_path / name)
+    answer = wbc("compare", "runs/a", "runs/b", "--out", "c")
+    assert answer.code == 0 and answer.out.strip() == "report: c/report.html"
+    text = (tmp_path / "c" / "report.md").read_text(encoding="utf-8")
+    assert text.startswith("# a · b") and "Every setting is the same" in text
+    assert "1 names are given for 2 runs" in wbc("compare", "runs/a", "runs/b", "--name", "one").err
+    assert "called the same" in wbc("compare", "runs/a", "runs/a").err
+    assert "nothing to compare" in wbc("compare", "runs/a").err
+    assert wbc("compare", "runs/a", "more/a", "--out", "c").code == 0
+    assert (tmp_path / "c" / "report.md").read_text(encoding="utf-8").startswith("# runs/a · more/a")

@@ -169,3 +169,36 @@ def test_a_column_of_gaps_takes_no_room_on_disk(tmp_path: Path):
     again = Run.load(folder)
     np.testing.assert_array_equal(again["gaps"], gaps)
     np.testing.assert_array_equal(again["noise"], noise)
+
+
+@pytest.mark.parametrize("rows", [3, 64, 1000])
+def test_columns_are_read_back_to_the_bit(rows: int, tmp_path: Path):
+    rng, t = np.random.default_rng(0), 1e-3 * np.arange(rows)
+    q = np.sin(np.outer(t, [1.0, 3.0]))
+    odd = rng.integers(0, 2**64, (rows, 3), dtype=np.uint64).view(np.float64)  # NaN of every kind, subnormal, huge
+    columns = {
+        "t": t, "q": q, "noise": rng.normal(size=(rows, 2)), "odd": odd,
+        "edges": np.resize([0.0, -0.0, np.inf, -np.inf, np.nan, 5e-324, -1.0], rows), "plant.q": q.copy(),
+        "count": np.arange(rows), "on": t > 0.5, "none": np.zeros((rows, 0)), "single": t.astype(np.float32),
+        "fortran": np.asfortranarray(rng.normal(size=(rows, 2))), "cube": rng.normal(size=(rows, 2, 2)),
+    }  # fmt: skip
+    again = Run.load(Run(columns).save(tmp_path))
+    assert list(again) == list(columns)
+    for name, values in columns.items():
+        assert (again[name].dtype, again[name].shape) == (values.dtype, values.shape), name
+        assert again[name].tobytes() == values.tobytes(), name
+    again["plant.q"][0] = 7.0
+    assert again["q"][0, 0] == 0.0  # one array on disk, two in memory
+
+
+def test_a_smooth_motion_takes_a_third_of_its_room_and_the_same_column_twice_no_more(tmp_path: Path):
+    t = 1e-3 * np.arange(10_000)
+    q = np.sin(np.outer(t, np.linspace(0.5, 2.0, 10)) + 0.3)
+    one = (Run({"q": q}).save(tmp_path / "one") / "run.npz").stat().st_size
+    two = (Run({"q": q, "plant.q": q.copy()}).save(tmp_path / "two") / "run.npz").stat().st_size
+    assert one < q.nbytes / 3 and two < one + 100
+
+
+def test_the_name_of_what_says_how_columns_are_stored_is_no_column(tmp_path: Path):
+    with pytest.raises(InvalidInput, match=r"no column may be called '\.stored'"):
+        Run({".stored": np.zeros(2)}).save(tmp_path)

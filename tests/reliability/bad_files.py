@@ -106,7 +106,7 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
     yield "QP, not there", lambda solver: QP.load("/nowhere.npz"), ("/nowhere.npz",), False
     yield "QP, to nowhere", lambda solver: QP(np.eye(1), [0.0]).save("/nowhere/qp.npz"), ("/nowhere/qp.npz",), False
 
-    column = npy(np.zeros(3))
+    column, packed = npy(np.zeros(3)), npy(np.zeros((8, 3), np.uint8))
     runs: dict[str, tuple[bytes, bytes]] = {
         "text": (b"hello", b"{}"), "a pickle": (archive(t=npy(np.array([Evil()], object))), b"{}"),
         "petabytes": (archive(t=promising("(1000000000, 1000000)")), b"{}"),
@@ -114,6 +114,11 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         "other lengths": (archive(t=column, q=npy(np.zeros(4))), b"{}"),
         "meta of text": (archive(t=column), b"hello"), "meta of a list": (archive(t=column), b"[]"),
         "meta nested deep": (archive(t=column), b"[" * 200_000), "meta of bytes": (archive(t=column), b"\xff\xfe"),
+        **{
+            f"stored as {said[:20]}": (archive(t=column, q=packed, **{".stored": npy(np.array(said))}), b"{}")
+            for said in ("hello", "[]", '{"t": 1}', '{"q": 99}', '{"q": Infinity}', '{"q": "t"}', '{"q": {}}',
+                         '{"gone": null}', '{"q": "q"}', "[" * 9999)
+        },
         "a member that climbs": (archive(**{"../../evil": column, "t": npy(np.zeros(4))}), b"{}"),
     }  # fmt: skip
     for name, (arrays, meta) in runs.items():

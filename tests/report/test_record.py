@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ import pytest
 import wbc
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
-from wbc.report import save_report
-from wbc.report.record import judged, judgement, report_again
+from wbc.report import run_report, save_report
+from wbc.report.record import beside, judged, judgement, report_again, write_run
 from wbc.sim.scenario import ScenarioResult
 
 from .conftest import reaching_run, standing_run
@@ -89,3 +90,19 @@ def test_a_verdict_that_somebody_broke_is_refused(standing: ScenarioResult, tmp_
         json.loads((folder / "meta.json").read_text())
         with pytest.raises(InvalidInput, match="judged"):
             report_again(folder)
+
+
+def test_runs_beside_a_run_are_saved_with_it_and_seen_through(standing: ScenarioResult, tmp_path: Path):
+    both = replace(standing, run=standing_run(), called="with", beside={"without": standing_run(60)})
+    write_run(both, tmp_path)
+    saved = Run.load(tmp_path)
+    found = beside(tmp_path, saved)
+    assert (
+        saved.meta["called"] == "with" and list(found) == ["without"] and found["without"].meta["called"] == "without"
+    )
+    np.testing.assert_array_equal(found["without"]["q"], standing_run(60)["q"])
+    scene = run_report(both).scene
+    assert scene is not None and [ghost["label"] for ghost in scene.ghosts] == ["without"]
+    before = (tmp_path / "report.html").read_bytes()
+    page, _ = report_again(tmp_path)
+    assert page.read_bytes() == before

@@ -10,6 +10,7 @@ import typer
 
 from wbc import __version__
 from wbc.cli.bench import bench
+from wbc.cli.compare import compare
 from wbc.cli.console import BAD_INPUT, complain
 from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
@@ -30,6 +31,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("run")(run)
+app.command("compare")(compare)
 app.command("list")(list_)
 app.command("doctor")(doctor)
 app.command("bench")(bench)

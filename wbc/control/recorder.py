@@ -2,7 +2,7 @@
 
 A :class:`Recorder` takes one row per tick and writes it into memory set aside beforehand. A :class:`Run` is the
 result: named columns that all have the same number of rows, and metadata that says what they are. On disk a run is
-a folder with ``run.npz`` (plain arrays, no pickle) and ``meta.json``.
+a folder with ``run.npz`` (arrays, packed by :mod:`wbc.control.packing`, no pickle) and ``meta.json``.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import json
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from math import isnan
 from operator import itemgetter
@@ -23,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
+from wbc.control.packing import packed, packs, unpacked
 from wbc.control.table import table
 from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.files import Place, located, made_folder, written
-from wbc.npz import read_json, read_npz
+from wbc.npz import MAX_BYTES, read_json, read_npz
 from wbc.qp.problem import QP
 from wbc.types import Mat, Vec
 
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 ARRAYS_FILE = "run.npz"
 META_FILE = "meta.json"
 FAILED_FILE = "failed.npz"
+#: The array of ``run.npz`` that is no column: it says how the columns are stored.
+HOW = ".stored"
 MISSING_INTEGER = -1
-#: A column is compressed when it is saved if that halves so many of its rows.
-SAMPLE = 256
 #: The most rows that a recorder is made for.
 MOST_ROWS = 10**9
 
@@ -121,8 +121,8 @@ class Run(Mapping[str, Column]):
     def save(self, folder: Place) -> Path:
         """Write ``run.npz`` and ``meta.json`` into ``folder`` (made if needed) and return it.
 
-        Both files are complete before either takes its name, so a reader never sees half of one. Infinite numbers
-        in ``meta`` are written as Python's json writes them (``Infinity``).
+        Columns are read back to the bit. Both files are complete before either takes its name, so a reader never sees
+        half of one. Infinite numbers in ``meta`` are written as Python's json writes them (``Infinity``).
 
         Raises:
             InvalidInput: a column of objects, metadata that json cannot hold, or nothing can be written there.
@@ -130,11 +130,14 @@ class Run(Mapping[str, Column]):
         for name, values in self.columns.items():
             if values.dtype.hasobject:
                 raise InvalidInput(f"column {name!r} holds Python objects; a run holds numbers")
+        if HOW in self.columns:
+            raise InvalidInput(f"no column may be called {HOW!r}: a saved run says there how it is stored")
+        arrays = _stored(self.columns)
         text = json.dumps(_plain("meta", self.meta), indent=1, ensure_ascii=False).encode()
         target = made_folder(folder)
-        with written(target / META_FILE) as meta, written(target / ARRAYS_FILE) as arrays:
-            with arrays.open("xb") as file:
-                _write_arrays(file, self.columns)
+        with written(target / META_FILE) as meta, written(target / ARRAYS_FILE) as packed_file:
+            with packed_file.open("xb") as file:
+                _write_arrays(file, arrays)
             meta.write_bytes(text)
         if self.failed is not None:
             self.failed.save(target / FAILED_FILE)
@@ -191,7 +194,7 @@ class Run(Mapping[str, Column]):
         for file in (ARRAYS_FILE, META_FILE):
             if not (source / file).is_file():
                 raise InvalidInput(f"{source} is not the folder of a run: it has no {file}")
-        columns = read_npz(source / ARRAYS_FILE)
+        columns = _unpacked(source / ARRAYS_FILE, read_npz(source / ARRAYS_FILE))
         meta = read_json(str(source / META_FILE), (source / META_FILE).read_bytes())
         if not isinstance(meta, dict):
             raise InvalidInput(f"{source / META_FILE} must hold an object, not a {type(meta).__name__}")
@@ -392,18 +395,46 @@ def _getter(names: list[str]) -> Callable[[Row], tuple[Any, ...]]:
     return itemgetter(*names)
 
 
-def _write_arrays(file: IO[bytes], columns: Mapping[str, Column]) -> None:
-    """An .npz by hand: np.savez would take columns called ``file`` or ``allow_pickle`` for its own arguments.
+def _stored(columns: Mapping[str, Column]) -> dict[str, Column]:
+    """The arrays to write. The last says in json how each column is one of them: packed, by so many differences; as it
+    is (null); or the same as that of another name."""
+    arrays, how, known = dict[str, Column](), dict[str, int | str | None](), dict[bytes, str]()
+    for name, values in columns.items():
+        if not packs(values):
+            arrays[name], how[name] = values, None
+            continue
+        earlier = known.setdefault(values.tobytes() + repr(values.shape).encode(), name)
+        if earlier != name:
+            how[name] = earlier
+        else:
+            arrays[name], how[name] = packed(values)
+    return {**arrays, HOW: np.array(json.dumps(how))}
 
-    Columns that are mostly gaps or repetitions are compressed; measured numbers would take the time for nothing.
-    """
-    with zipfile.ZipFile(file, "w") as archive:
-        for name, values in columns.items():
-            member = zipfile.ZipInfo(f"{name}.npy")
-            sample = values[:: max(1, len(values) // SAMPLE)].tobytes()
-            if len(zlib.compress(sample, 1)) < len(sample) // 2:
-                member.compress_type = zipfile.ZIP_DEFLATED
-            with archive.open(member, "w", force_zip64=True) as entry:
+
+def _unpacked(path: Path, arrays: dict[str, Column]) -> dict[str, Column]:
+    """The columns that :func:`_stored` was given; arrays that do not say how they are stored are columns."""
+    if HOW not in arrays:
+        return arrays
+    columns, size = dict[str, Column](), 0
+    try:
+        for name, said in read_json(f"{path}: {HOW}", str(arrays[HOW])).items():
+            if isinstance(said, str):
+                columns[name] = columns[said].copy()
+            else:
+                columns[name] = arrays[name] if said is None else unpacked(arrays[name], int(said))
+            size += columns[name].nbytes
+            if size > MAX_BYTES:
+                raise InvalidInput(f"its columns are larger than {MAX_BYTES >> 30} GiB")
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, InvalidInput) as cause:
+        raise InvalidInput(f"{path} cannot be read: {cause}") from cause
+    return columns
+
+
+def _write_arrays(file: IO[bytes], arrays: Mapping[str, Column]) -> None:
+    """An .npz by hand: np.savez would take columns called ``file`` or ``allow_pickle`` for its own arguments."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, values in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, values, allow_pickle=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wbc.report.build import run_report as run_report
+from wbc.report.comparison import save_comparison as save_comparison
 from wbc.report.document import Figure as Figure
 from wbc.report.document import Plot as Plot
 from wbc.report.document import Report as Report

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +13,7 @@ import numpy as np
 from wbc.errors import NotSupported
 from wbc.report import measure
 from wbc.report.document import Clock, Event, Report, Scene, Tile, formatted
-from wbc.report.replay import replay
+from wbc.report.replay import replay, together
 from wbc.report.sections import SECTIONS
 from wbc.report.shapes import obstacle_parts, parts
 from wbc.report.why import why
@@ -46,16 +48,25 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     ok = result.ok if result.verdict or not result.ok else None  # nothing was demanded
     run = result.run
     clock = Clock(measure.seconds(run), float(run.meta["dt"]), events(result)) if run.rows else None
-    return Report(title, summary(result), ok, sections, highlights(result), clock, _scene(result), why(run))
+    found = why(run)
+    whys = {} if found is None else {"": found}
+    return Report(title, summary(result), ok, sections, highlights(result), clock, scene(_together(result)), whys)
 
 
-def _scene(result: ScenarioResult) -> Scene | None:
-    """The robot that stands beside the plots."""
-    run, robot = result.run, result.robot
-    if robot is None or not run.rows:
-        return None
-    solid = [*parts(robot), *obstacle_parts(result.obstacles)]
-    return replay(run, robot, solid, name=robot.name, obstacles=result.obstacles) if solid else None
+def _together(result: ScenarioResult) -> dict[str, ScenarioResult]:
+    """The run with those beside it, by their names."""
+    return {result.called: result, **{name: replace(result, run=run) for name, run in result.beside.items()}}
+
+
+def scene(results: Mapping[str, ScenarioResult]) -> Scene | None:
+    """The robot that stands beside the plots, and with it those of the other runs, by their names."""
+    scenes = []
+    for place, (name, result) in enumerate(results.items()):
+        run, robot = result.run, result.robot
+        solid = [*parts(robot), *obstacle_parts(result.obstacles)] if robot is not None and run.rows else []
+        if robot is not None and solid:
+            scenes.append(replay(run, robot, solid, obstacles=result.obstacles, called=name, place=place))
+    return together(scenes) if len(scenes) > 1 else scenes[0] if scenes else None
 
 
 def events(result: ScenarioResult) -> list[Event]:

@@ -6,7 +6,7 @@ Nothing here knows HTML or Markdown; :mod:`wbc.report.html` and :mod:`wbc.report
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -102,12 +102,19 @@ TIME = "time [s]"
 @final
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line of a plot: ``values`` (N,), NaN where there is none; ``shown`` False: only when the legend is asked."""
+    """A line of a plot: ``values`` (N,), NaN where there is none; ``shown`` False: only when the legend is asked.
+
+    ``run``: the place of its run among those that are compared, which is its colour; curves of one run differ by
+    ``dash``, 0 for a whole line. ``x`` (N,): what it is drawn over where that is not the plot's.
+    """
 
     label: str
     values: Vec
     shown: bool = True
     faint: bool = False
+    run: int | None = None
+    dash: int = 0
+    x: Vec | None = None
 
 
 @final
@@ -121,10 +128,11 @@ class Bound(NamedTuple):
 
 @final
 class Strip(NamedTuple):
-    """A line of a plot that says when something was so: ``intervals`` (start, end) [s]."""
+    """A line of a plot that says when something was so: ``intervals`` (start, end) [s]; ``run``: as of a curve."""
 
     label: str
     intervals: Sequence[tuple[float, float]]
+    run: int | None = None
 
 
 @final
@@ -172,11 +180,15 @@ class Map:
 @final
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The motion in space, in the form that ``assets/scene.js`` reads (:mod:`wbc.report.replay` makes it)."""
+    """The motion in space, in the form that ``assets/scene.js`` reads (:mod:`wbc.report.replay` makes it).
+
+    ``ghosts``: other runs' motion at the same time, seen through.
+    """
 
     name: str
     caption: str
     content: Mapping[str, Any]
+    ghosts: Sequence[Mapping[str, Any]] = ()
 
 
 Item = Text | Table | Figure | Plot | Map | Scene
@@ -227,8 +239,8 @@ class Report:
     """``summary`` says in one sentence what happened; ``highlights`` are the few figures to see first.
 
     ``ok`` is the verdict, None where there is nothing to pass or fail. ``clock`` is the time of all its plots, and
-    ``scene`` stands beside them, with ``why`` at the cursor. ``names`` have one colour each on the whole page: curves
-    of that label, and cells.
+    ``scene`` stands beside them, with why at the cursor: of each run in ``whys``, by its name, "" of the only one.
+    ``names`` have one colour each on the whole page: curves of that label, and cells.
     """
 
     title: str
@@ -238,7 +250,7 @@ class Report:
     highlights: Sequence[Tile] = ()
     clock: Clock | None = None
     scene: Scene | None = None
-    why: Why | None = None
+    whys: Mapping[str, Why] = field(default_factory=dict)
     names: Sequence[str] = ()
 
     @property

@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.report.document import TIME, Map, Plot, Report, Scene
+from wbc.report.document import TIME, Curve, Map, Plot, Report, Scene
 from wbc.report.why import Why
 from wbc.types import Mat, Vec
 
@@ -34,8 +34,8 @@ def data(report: Report) -> dict[str, Any] | None:
         "events": [event._asdict() for event in clock.events] if clock else [],
         "plots": [_plot(plot, arrays, report.names) for plot in plots],
         "maps": [{key: arrays.exact(getattr(item, key)) for key in "txy"} for item in maps],
-        "why": None if report.why is None else _why(report.why, arrays),
-        "scenes": [scene.content for scene in found],
+        "whys": [{"name": name, **_why(why, arrays)} for name, why in report.whys.items()],
+        "scenes": [{**scene.content, "ghosts": scene.ghosts} for scene in found],
         "arrays": arrays.packed,
     }
 
@@ -126,16 +126,30 @@ def _why(why: Why, arrays: Arrays) -> dict[str, Any]:
 
 
 def _plot(plot: Plot, arrays: Arrays, names: Sequence[str]) -> dict[str, Any]:
-    values = np.column_stack([curve.values for curve in plot.curves]) if plot.curves else np.zeros((len(plot.x), 0))
-    rows = kept(values)
-    curves = [
-        {"label": curve.label, "values": arrays.stepped(curve.values[rows]), "shown": curve.shown, "faint": curve.faint,
-         "colour": names.index(curve.label) if curve.label in names else k}
-        for k, curve in enumerate(plot.curves)
-    ]  # fmt: skip
-    strips = [{"label": strip.label, "intervals": strip.intervals, "colour": k} for k, strip in enumerate(plot.strips)]
+    """The curves over each x that they have, those of the plot's own x first."""
+    over: dict[bytes, tuple[Vec, list[tuple[int, Curve]]]] = {plot.x.tobytes(): (plot.x, [])}
+    for k, curve in enumerate(plot.curves):
+        x = plot.x if curve.x is None else curve.x
+        place = names.index(curve.label) if curve.label in names else k
+        over.setdefault(x.tobytes(), (x, []))[1].append((place if curve.run is None else curve.run, curve))
+    tables = []
+    for x, mine in over.values():
+        values = np.column_stack([curve.values for _, curve in mine]) if mine else np.zeros((len(x), 0))
+        rows = kept(values)
+        tables.append({
+            "x": arrays.exact(x[rows]),
+            "curves": [
+                {"label": curve.label, "values": arrays.stepped(curve.values[rows]), "shown": curve.shown,
+                 "faint": curve.faint, "colour": colour, "dash": curve.dash}
+                for colour, curve in mine
+            ],
+        })  # fmt: skip
+    strips = [
+        {"label": strip.label, "intervals": strip.intervals, "colour": k if strip.run is None else strip.run}
+        for k, strip in enumerate(plot.strips)
+    ]
     return {
-        "name": plot.name, "x": arrays.exact(plot.x[rows]), "curves": curves, "strips": strips, "over": plot.over,
+        "name": plot.name, "tables": tables, "strips": strips, "over": plot.over,
         "bounds": [bound._asdict() for bound in plot.bounds if np.isfinite(bound.value)],
         "time": plot.over == TIME, "log": plot.log, "zero": plot.zero, "bars": plot.bars,
         "steps": plot.steps, "dots": plot.dots, "lines": plot.lines,

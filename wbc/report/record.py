@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 #: What a report of a run cannot do without: metadata, and columns.
 NEEDED_META, NEEDED = ("dt", "joint_names", "statuses"), ("t", "q", "v", "status")
 JUDGED = "judged"
+#: Where the runs beside a run lie, in a folder each; metadata of the run has their names, and its own.
+BESIDE, CALLED = "beside", "called"
 
 
 def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel | None = None) -> Path:
@@ -55,7 +58,7 @@ def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel |
         ...     save_report(recorder.run(), Path(folder) / "mine").name
         'report.html'
     """
-    _check(run, robot)
+    checked(run, robot)
     run = Run(run.columns, {"versions": versions(), "machine": machine(), **run.meta})
     target = Path(folder)
     with replaced(target) as pending:
@@ -78,9 +81,9 @@ def report_again(
         NotSupported: a package that reports need is not installed.
     """
     run = Run.load(folder)
-    _check(run, robot)
-    drawn, target = robot or named(run), Path(folder)
-    report = run_report(judged(run, drawn), progress=progress)
+    drawn, target = checked(run, robot) or named(run), Path(folder)
+    result = replace(judged(run, drawn), called=str(run.meta.get(CALLED, "")), beside=beside(target, run))
+    report = run_report(result, progress=progress)
     if (target / HTML).is_file():
         shutil.rmtree(target / FIGURES, ignore_errors=True)  # those of the report before
     write(report, target)
@@ -88,12 +91,26 @@ def report_again(
 
 
 def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = silent) -> Report:
-    """Write the record of a run, what its scenario says of it, and its report into an existing folder."""
-    report = run_report(result, progress=progress)
-    result.run.meta |= judgement(result)
-    result.run.save(folder)
+    """Write the record of a run, what its scenario says of it, and its report into an existing folder.
+
+    The runs beside it have folders of their own there.
+    """
+    report, run = run_report(result, progress=progress), result.run
+    run.meta |= judgement(result)
+    if result.beside:
+        run.meta |= {CALLED: result.called, BESIDE: {name: str(k) for k, name in enumerate(result.beside, 1)}}
+    run.save(folder)
+    for k, (name, other) in enumerate(result.beside.items(), 1):
+        Run(other.columns, {**other.meta, CALLED: name}).save(folder / BESIDE / str(k))
     write(report, folder)
     return report
+
+
+def beside(folder: Path, run: Run) -> dict[str, Run]:
+    """The runs that :func:`write_run` saved beside ``run`` in ``folder``, by their names."""
+    places = run.meta.get(BESIDE)
+    places = places if isinstance(places, Mapping) else {}
+    return {str(name): Run.load(folder / BESIDE / Path(str(place)).name) for name, place in places.items()}
 
 
 def judgement(result: ScenarioResult) -> dict[str, Any]:
@@ -167,7 +184,13 @@ def missing(run: Run) -> list[str]:
     return [*(name for name in NEEDED_META if name not in run.meta), *(name for name in NEEDED if name not in run)]
 
 
-def _check(run: Run, robot: RobotModel | None) -> None:
+def checked(run: Run, robot: RobotModel | None) -> RobotModel | None:
+    """The robot, once it is sure that a report can be made of the run and of it.
+
+    Raises:
+        InvalidInput: a run without the columns and metadata that a report needs, or of another robot.
+        NotSupported: a package that reports need is not installed.
+    """
     lacks = missing(run)
     if lacks or not run.rows:
         what = f"has no {', '.join(lacks)}" if lacks else "has no ticks"
@@ -175,3 +198,4 @@ def _check(run: Run, robot: RobotModel | None) -> None:
     if robot is not None and not fits(robot, run):
         raise InvalidInput(f"robot is {robot.name}, with other joints or another base than the run's")
     require_extras()
+    return robot

@@ -28,19 +28,26 @@ BUDGET = 60_000  # triangles of the whole robot
 VIEW = (1.15, -0.92, 0.42)  # where the camera stands, from the middle, in sizes of the scene
 
 SAID = "Drag to turn, scroll to come nearer. Red: a joint at a limit. An arrow of half a metre: the robot's weight."
+GHOSTS = "Seen through: what else was run, at the same time."
+#: Of the runs that are compared, in the scene and in the plots (``--curve-0`` and so on in ``assets/page.css``).
+RUNS = ("#2b6cb0", "#d2691e", "#2f8f5b", "#7a5bb5", "#1f9aa0", "#8c6d46", "#c2408a", "#6b7a1f")
 
 
 def replay(
-    run: Run, robot: RobotModel, solid: Sequence[Part], *, name: str = "motion", caption: str = "",
-    obstacles: Sequence[Obstacle] = ()
+    run: Run, robot: RobotModel, solid: Sequence[Part], *, obstacles: Sequence[Obstacle] = (), called: str = "",
+    place: int = 0
 ) -> Scene:  # fmt: skip
-    """The run of ``robot``, drawn as ``solid``: parts of the robot's links and of ``obstacles``."""
+    """The run of ``robot``, drawn as ``solid``: parts of the robot's links and of ``obstacles``.
+
+    ``called`` is the run's name and ``place`` its place among those that are compared.
+    """
     solid, rows = thinned(solid, BUDGET), _frames(run)
     moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
     number = {link: k for k, link in enumerate(moving.links)}
     middle, size = moving.extent
     worn, shown = strained(run, robot), marks(moving, robot)
     content = {
+        "label": called, "color": RUNS[place % len(RUNS)],
         "times": _floats(moving.times - moving.times[0]), "middle": middle.tolist(), "size": size, "view": VIEW,
         "links": [
             {"pose": _floats(np.column_stack([position, quaternions(rotation)])), "strained": worn.get(link)}
@@ -55,7 +62,16 @@ def replay(
         "points": [_drawn(m, path=_floats(m.points)) for m in shown if m.kind == "point"],
         "loops": [_drawn(m, count=m.points.shape[1], corners=_floats(m.points)) for m in shown if m.kind == "line"],
     }  # fmt: skip
-    return Scene(name, caption or SAID, content)
+    return Scene(robot.name, SAID, content)
+
+
+def together(scenes: Sequence[Scene]) -> Scene:
+    """Runs in one scene at the same time: the first as it is, the others seen through."""
+    first, *others = scenes
+    same = [{"parts": None} if one.content["parts"] == first.content["parts"] else {} for one in others]
+    ghosts = [{**one.content, **shared} for one, shared in zip(others, same, strict=True)]
+    size = min(max(one.content["size"] for one in scenes), 2.0 * first.content["size"])  # one that fell may fly far
+    return Scene(first.name, f"{GHOSTS} {first.caption}", {**first.content, "size": size}, ghosts)
 
 
 def _frames(run: Run) -> Index:

@@ -113,6 +113,9 @@ class ScenarioResult:
     task's own unit (:mod:`wbc.report.measure` reads both from a run); ``figures`` whatever else the scenario
     measures, JSON values; ``robot`` is drawn in the report, and with it ``obstacles``.
 
+    ``beside``: what other runs of the scenario came to, such as the one without what it is about, by name; ``called``
+    names this one among them. Their robots are seen through in the report, their records lie beside this one.
+
     ``sections`` are what the scenario itself has to show, in the form of a report's own sections: functions of this
     result giving a :class:`wbc.report.document.Section`, or None. They stand behind the verdict and are called when a
     report is drawn.
@@ -127,6 +130,8 @@ class ScenarioResult:
     robot: RobotModel | None = None
     obstacles: Sequence[Obstacle] = ()
     sections: Sequence[Callable[[ScenarioResult], Any]] = ()
+    called: str = ""
+    beside: Mapping[str, Run] = field(default_factory=dict)
 
 
 class Scenario(ABC):

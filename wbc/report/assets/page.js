@@ -47,6 +47,7 @@
   // ---- colours, which follow light and dark
   const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colour = (k) => () => style(`--curve-${k % 8}`);
+  const dashes = [undefined, [7, 4], [2, 3], [10, 3, 2, 3]];
   const ink = () => style("--ink"), line = () => style("--line"), soft = () => style("--soft");
 
   // ---- plots
@@ -137,7 +138,9 @@
 
   function make(box) {
     const spec = data.plots[box.dataset.plot];
-    const x = arrays[spec.x], first = x[0], final = x[x.length - 1];
+    const tables = spec.tables.map((table) => [arrays[table.x], ...table.curves.map((curve) => arrays[curve.values])]);
+    const [x, ...columns] = tables.length > 1 ? uPlot.join(tables) : tables[0], first = x[0], final = x[x.length - 1];
+    const curves = spec.tables.flatMap((table) => table.curves);
     const { head, hooks } = marks(spec);
     const whole = (u) => { const { min, max } = u.scales.x; return min == null || (min <= first + 1e-12 && max >= final - 1e-12); };
     const bounded = spec.bounds.filter((bound) => bound.along !== "x").map((bound) => bound.value);
@@ -164,10 +167,13 @@
                values: (_, ticks) => ticks.map((v) => (v == null || spec.strips.length ? "" : short(v))) }],
       series: [
         { label: spec.over, value: (_, v) => reduced(v) },
-        ...spec.curves.map((curve) => ({
+        ...curves.map((curve) => ({
           label: curve.label, stroke: curve.faint ? soft : colour(curve.colour), width: 1.3, show: curve.shown, points: { show: spec.dots, size: 5, fill: spec.lines ? undefined : colour(curve.colour) },
-          dash: curve.colour < 8 ? [] : [5, 3],
-          value: (_, v) => reduced(v == null ? v : Number(v.toFixed(arrays[curve.values].decimals))), ...bars,
+          dash: curve.colour < 8 ? dashes[curve.dash % dashes.length] : [5, 3],
+          value: (u, v, series, row) => {  // of a run with other ticks the last value before
+            for (let back = row - 20; v === undefined && row > Math.max(back, 0);) v = u.data[series][--row];
+            return reduced(v == null ? v : Number(v.toFixed(arrays[curve.values].decimals)));
+          }, ...bars,
         })),
         ...(spec.strips.length ? [{ show: false, label: "" }] : []),
       ],
@@ -177,7 +183,7 @@
       },
       legend: { show: !spec.strips.length },
       hooks,
-    }, [x, ...spec.curves.map((curve) => arrays[curve.values]), ...(spec.strips.length ? [x.map(() => null)] : [])], box);
+    }, [x, ...columns, ...(spec.strips.length ? [x.map(() => null)] : [])], box);
     box.plot = u;
     if (spec.time) {
       plots.push({ u, box, head });
@@ -298,9 +304,8 @@
   }
 
   // ---- why: what explain() says of the tick where the clock is
-  const panel = document.querySelector("[data-why]");
-  if (panel && data.why) {
-    const why = data.why, t = arrays[why.t], status = arrays[why.status];
+  for (const panel of document.querySelectorAll("[data-why]")) {
+    const why = data.whys[panel.dataset.why], t = arrays[why.t], status = arrays[why.status];
     const cell = (kind, text) => Object.assign(document.createElement(kind), { textContent: text });
     const table = (headings, rows) => {
       const made = document.createElement("table"), body = document.createElement("tbody"), first = document.createElement("tr");
@@ -320,6 +325,7 @@
       let k = Math.max(0, Math.min(t.length - 1, Math.round(((now - t[0]) / ((t[t.length - 1] - t[0]) || 1)) * (t.length - 1))));
       if (k === shown) return;
       shown = k;
+      const solved = why.statuses[Math.round(status[k])] === "solved";
       const rows = why.codes.flatMap((codes, slot) => {
         const code = arrays[codes][k];
         if (code == null) return [];
@@ -328,10 +334,10 @@
       });
       const tasks = why.tasks.map((task) => [task.task, sizes(task.error, k) || "–", sizes(task.residual, k) || "–", `${three(arrays[task.share][k])} %`]);
       panel.replaceChildren(
-        cell("h3", `Why, at ${t[k].toFixed(3)} s: ${why.statuses[Math.round(status[k])]}`),
+        cell("h3", `Why${why.name && `, ${why.name}`}, at ${t[k].toFixed(3)} s: ${why.statuses[Math.round(status[k])]}`),
         table(["task", "error", "residual", "of the cost"], tasks),
-        ...(why.statuses[Math.round(status[k])] === "solved" ? [] : [cell("p", "This tick has no certified answer, so nothing is said of its tasks and rows. The verdict has the words of the first such tick.")]),
-        ...(why.statuses[Math.round(status[k])] !== "solved" ? [] : [cell("h3", rows.length ? "Active rows, the dearest first" : "No row is active: no limit holds the robot back")]),
+        ...(solved ? [] : [cell("p", "This tick has no certified answer, so nothing is said of its tasks and rows. The verdict has the words of the first such tick.")]),
+        ...(!solved ? [] : [cell("h3", rows.length ? "Active rows, the dearest first" : "No row is active: no limit holds the robot back")]),
         ...(rows.length ? [table(["row", "bound", "multiplier"], rows)] : []),
       );
     });

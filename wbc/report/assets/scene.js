@@ -6,8 +6,7 @@ window.scenes = ({ data, followers, clock, go }) => {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const V = (a, k) => new THREE.Vector3(a[k], a[k + 1], a[k + 2]);
 
-  function arrow(color, size) {
-    const material = new THREE.MeshLambertMaterial({ color });
+  function arrow(material, size) {
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.008 * size, 0.008 * size, 1, 10), material);
     const tip = new THREE.Mesh(new THREE.ConeGeometry(0.022 * size, 0.05 * size, 14), material);
     const whole = new THREE.Group();
@@ -30,9 +29,8 @@ window.scenes = ({ data, followers, clock, go }) => {
   }
 
   function build(box) {
-    const spec = data.scenes[box.dataset.scene];
-    const times = floats(spec.times), count = times.length, size = spec.size;
-    const middle = new THREE.Vector3(...spec.middle);
+    const first = data.scenes[box.dataset.scene], size = first.size;
+    const middle = new THREE.Vector3(...first.middle);
     const scene = new THREE.Scene();
     let renderer;
     try {
@@ -45,7 +43,7 @@ window.scenes = ({ data, followers, clock, go }) => {
     box.append(renderer.domElement);
     const camera = new THREE.PerspectiveCamera(43, 1, 0.01 * size, 60 * size);
     camera.up.set(0, 0, 1);
-    camera.position.copy(middle).addScaledVector(new THREE.Vector3(...spec.view), size);
+    camera.position.copy(middle).addScaledVector(new THREE.Vector3(...first.view), size);
     const controls = new THREE.OrbitControls(camera, renderer.domElement);
     controls.target.copy(middle);
     scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 2.0));
@@ -62,100 +60,111 @@ window.scenes = ({ data, followers, clock, go }) => {
       scene.add(floor);
     };
 
-    const links = spec.links.map((link) => {
-      const node = new THREE.Group();
-      scene.add(node);
-      return { node, pose: floats(link.pose) };
-    });
-    const meshes = spec.parts.map((part) => {
-      const geometry = new THREE.BufferGeometry();
-      geometry.setAttribute("position", new THREE.BufferAttribute(floats(part.vertices), 3));
-      geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(part.faces)), 1));
-      const material = new THREE.MeshLambertMaterial({ color: part.color, flatShading: true, side: THREE.DoubleSide });
-      const mesh = new THREE.Mesh(geometry, material);
-      links[part.link].node.add(mesh);
-      return { mesh, part, colour: material.color.clone() };
-    });
-    const arrows = spec.arrows.map((set) => {
-      const ends = floats(set.ends), each = set.count;
-      const drawn = Array.from({ length: each }, () => arrow(set.color, size));
-      for (const one of drawn) scene.add(one);
-      return { set, ends, drawn };
-    });
-    const points = spec.points.map((point) => {
-      const path = floats(point.path);
-      const ball = new THREE.Mesh(new THREE.SphereGeometry(0.018 * size, 16, 12), new THREE.MeshLambertMaterial({ color: point.color, depthTest: false, transparent: true }));
-      ball.renderOrder = 2;  // seen through the robot
-      const geometry = new THREE.BufferGeometry();
-      geometry.setAttribute("position", new THREE.BufferAttribute(path, 3));
-      const trail = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: point.color, transparent: true, opacity: 0.7 }));
-      trail.frustumCulled = false;
-      scene.add(ball, trail);
-      return { point, path, ball, trail, geometry };
-    });
-    const loops = spec.loops.map((loop) => {
-      const corners = floats(loop.corners), each = loop.count;
-      const geometry = new THREE.BufferGeometry();
-      geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * each), 3));
-      const drawn = new THREE.LineLoop(geometry, new THREE.LineBasicMaterial({ color: loop.color }));
-      drawn.frustumCulled = false;
-      scene.add(drawn);
-      return { loop, corners, each, geometry, drawn };
-    });
+    // ---- a layer is the motion of one run: the robot of the page, and those that it is compared with, seen through
+    function layer(spec, ghost) {
+      const times = floats(spec.times), count = times.length;
+      const solid = (color, more = {}) => new THREE.MeshLambertMaterial({ color, ...more, ...(ghost ? { transparent: true, opacity: 0.4, depthWrite: false, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 4 } : {}) });
+      const root = new THREE.Group();
+      scene.add(root);
+      const links = spec.links.map((link) => {
+        const node = new THREE.Group();
+        root.add(node);
+        return { node, pose: floats(link.pose), strained: link.strained };
+      });
+      const meshes = (spec.parts ?? first.parts).map((part) => {
+        const geometry = new THREE.BufferGeometry();
+        geometry.setAttribute("position", new THREE.BufferAttribute(floats(part.vertices), 3));
+        geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(part.faces)), 1));
+        const material = solid(ghost ? spec.color : part.color, { flatShading: true, side: THREE.DoubleSide });
+        const mesh = new THREE.Mesh(geometry, material);
+        links[part.link].node.add(mesh);
+        return { mesh, link: links[part.link], colour: material.color.clone() };
+      });
+      const arrows = spec.arrows.map((set) => {
+        const ends = floats(set.ends), drawn = Array.from({ length: set.count }, () => arrow(solid(set.color), size));
+        for (const one of drawn) scene.add(one);
+        return { set, ends, drawn };
+      });
+      const points = spec.points.map((point) => {
+        const path = floats(point.path);
+        const ball = new THREE.Mesh(new THREE.SphereGeometry(0.018 * size, 16, 12), solid(point.color, { depthTest: false, transparent: true }));
+        ball.renderOrder = 2;  // seen through the robot
+        const geometry = new THREE.BufferGeometry();
+        geometry.setAttribute("position", new THREE.BufferAttribute(path, 3));
+        const trail = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: point.color, transparent: true, opacity: ghost ? 0.35 : 0.7 }));
+        trail.frustumCulled = false;
+        scene.add(ball, trail);
+        return { point, path, ball, trail, geometry };
+      });
+      const loops = spec.loops.map((loop) => {
+        const corners = floats(loop.corners), each = loop.count;
+        const geometry = new THREE.BufferGeometry();
+        geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * each), 3));
+        const drawn = new THREE.LineLoop(geometry, new THREE.LineBasicMaterial({ color: loop.color, transparent: true, opacity: ghost ? 0.4 : 1 }));
+        drawn.frustumCulled = false;
+        scene.add(drawn);
+        return { loop, corners, each, geometry, drawn };
+      });
+      const a = new THREE.Quaternion(), b = new THREE.Quaternion();
+      const at = (t) => {
+        root.visible = !spec.hidden;
+        let k = Math.min(Math.max(Math.floor(((t - times[0]) / (times[count - 1] - times[0] || 1)) * (count - 1)), 0), count - 1);
+        while (k > 0 && times[k] > t) k--;
+        while (k < count - 2 && times[k + 1] <= t) k++;
+        const n = Math.min(k + 1, count - 1), s = n > k ? Math.min(Math.max((t - times[k]) / (times[n] - times[k]), 0), 1) : 0;
+        for (const { node, pose } of links) {
+          const i = 7 * k, j = 7 * n;
+          node.position.lerpVectors(V(pose, i), V(pose, j), s);
+          a.set(pose[i + 4], pose[i + 5], pose[i + 6], pose[i + 3]);
+          b.set(pose[j + 4], pose[j + 5], pose[j + 6], pose[j + 3]);
+          node.quaternion.slerpQuaternions(a, b, s);
+        }
+        const near = s < 0.5 ? k : n;
+        for (const { set, ends, drawn } of arrows) {
+          drawn.forEach((one, m) => {
+            const i = 6 * (near * set.count + m);
+            one.set(V(ends, i), V(ends, i + 3));
+            one.visible &&= !set.hidden && !spec.hidden;
+          });
+        }
+        for (const { point, path, ball, trail, geometry } of points) {
+          ball.position.lerpVectors(V(path, 3 * k), V(path, 3 * n), s);
+          geometry.setDrawRange(0, k + 1);
+          ball.visible = trail.visible = !point.hidden && !spec.hidden && isFinite(ball.position.x);
+        }
+        for (const { loop, corners, each, geometry, drawn } of loops) {
+          geometry.attributes.position.array.set(corners.subarray(3 * each * near, 3 * each * (near + 1)));
+          geometry.attributes.position.needsUpdate = true;
+          drawn.visible = !loop.hidden && !spec.hidden;
+        }
+        for (const { mesh, link, colour } of meshes) {
+          const strained = link.strained && link.strained.some(([from, to]) => t >= from && t <= to);
+          mesh.material.color.copy(colour);
+          if (strained) mesh.material.color.set(0xd23b3b);
+        }
+      };
+      return { at, links };
+    }
 
-    const a = new THREE.Quaternion(), b = new THREE.Quaternion();
+    const all = [first, ...first.ghosts], layers = all.map((one, k) => layer(one, k > 0));
     let wanted = true;
     function at(t) {
-      let k = Math.min(Math.max(Math.floor(((t - times[0]) / (times[count - 1] - times[0] || 1)) * (count - 1)), 0), count - 1);
-      while (k > 0 && times[k] > t) k--;
-      while (k < count - 2 && times[k + 1] <= t) k++;
-      const n = Math.min(k + 1, count - 1), s = n > k ? Math.min(Math.max((t - times[k]) / (times[n] - times[k]), 0), 1) : 0;
-      for (const { node, pose } of links) {
-        const i = 7 * k, j = 7 * n;
-        node.position.lerpVectors(V(pose, i), V(pose, j), s);
-        a.set(pose[i + 4], pose[i + 5], pose[i + 6], pose[i + 3]);
-        b.set(pose[j + 4], pose[j + 5], pose[j + 6], pose[j + 3]);
-        node.quaternion.slerpQuaternions(a, b, s);
-      }
-      const near = s < 0.5 ? k : n;
-      for (const { set, ends, drawn } of arrows) {
-        drawn.forEach((one, m) => {
-          const i = 6 * (near * set.count + m);
-          one.set(V(ends, i), V(ends, i + 3));
-          one.visible &&= !set.hidden;
-        });
-      }
-      for (const { point, path, ball, trail, geometry } of points) {
-        ball.position.lerpVectors(V(path, 3 * k), V(path, 3 * n), s);
-        geometry.setDrawRange(0, k + 1);
-        ball.visible = trail.visible = !point.hidden && isFinite(ball.position.x);
-      }
-      for (const { loop, corners, each, geometry, drawn } of loops) {
-        geometry.attributes.position.array.set(corners.subarray(3 * each * near, 3 * each * (near + 1)));
-        geometry.attributes.position.needsUpdate = true;
-        drawn.visible = !loop.hidden;
-      }
-      for (const { mesh, part, colour } of meshes) {
-        const worn = spec.links[part.link].strained;
-        const strained = worn && worn.some(([from, to]) => t >= from && t <= to);
-        mesh.material.color.copy(colour);
-        if (strained) mesh.material.color.set(0xd23b3b);
-      }
+      for (const one of layers) one.at(t);
       wanted = true;
     }
     const key = box.parentElement.querySelector(".key");
     const named = new Map();
-    for (const shown of [...spec.arrows, ...spec.points, ...spec.loops]) {
+    for (const shown of [...(all.length > 1 ? all : []), ...all.flatMap((one) => [...one.arrows, ...one.points, ...one.loops])]) {
       const name = shown.group ?? shown.label;
       named.set(name, [...(named.get(name) ?? []), shown]);
     }
-    for (const [name, all] of named) {
+    for (const [name, same] of named) {
       const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
-      button.style.setProperty("--dot", all[0].color);
-      button.setAttribute("aria-pressed", String(!all[0].hidden));
+      button.style.setProperty("--dot", same[0].color);
+      button.setAttribute("aria-pressed", String(!same[0].hidden));
       button.addEventListener("click", () => {
-        for (const shown of all) shown.hidden = !shown.hidden;
-        button.setAttribute("aria-pressed", String(!all[0].hidden));
+        for (const shown of same) shown.hidden = !shown.hidden;
+        button.setAttribute("aria-pressed", String(!same[0].hidden));
         at(clock.t);
       });
       if (key) key.append(button);
@@ -172,7 +181,7 @@ window.scenes = ({ data, followers, clock, go }) => {
     dark.addEventListener("change", () => { paint(); wanted = true; });
     controls.addEventListener("change", () => { wanted = true; });
     followers.push(at);
-    box.at = () => links.map(({ node }) => node.position.toArray());
+    box.at = (k = 0) => layers[k].links.map(({ node }) => node.position.toArray());
     paint();
     controls.update();
     fit();

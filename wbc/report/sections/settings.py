@@ -31,7 +31,7 @@ def section(result: ScenarioResult) -> Section:
     if disturbances:
         items.append(Table(("", "disturbance"), disturbances))
     for key in ("machine", "plant", "versions"):
-        rows = [(name, shown(value)) for name, value in _flat(meta.get(key) or {})]
+        rows = [(name, shown(value)) for name, value in flat(meta.get(key) or {})]
         if rows:
             items.append(Table((key, "value"), rows))
     if meta.get("stack"):
@@ -48,9 +48,9 @@ def shown(value: Any) -> str:
     return formatted(value) if value is None or isinstance(value, (str, bool, int, float)) else str(value)
 
 
-def _flat(mapping: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+def flat(mapping: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     """Nested mappings as dotted names."""
     rows: list[tuple[str, Any]] = []
     for key, value in mapping.items():
-        rows += _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else [(f"{prefix}{key}", value)]
+        rows += flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else [(f"{prefix}{key}", value)]
     return rows

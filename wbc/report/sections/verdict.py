@@ -15,7 +15,7 @@ def section(result: ScenarioResult) -> Section:
     """Tables of the scenario's checks, those that failed first, of the limits that were broken, and of its figures."""
     items: list[Item] = []
     if result.verdict:
-        rows = [(c.text, c.value, _bound(c), margin(c), c.ok, _where(c)) for c in failed_first(result.verdict)]
+        rows = [(c.text, c.value, bound(c), margin(c), c.ok, _where(c)) for c in failed_first(result.verdict)]
         columns = ("demanded", "came out", "bound", "of the bound", "holds", "where")
         caption = (
             "Bar: what came out, with a line at the bound. Where: when and in which part it was first broken, or came "
@@ -37,7 +37,8 @@ def section(result: ScenarioResult) -> Section:
     return Section("Verdict", items)
 
 
-def _bound(check: Check) -> str:
+def bound(check: Check) -> str:
+    """What is demanded: the relation, the bound and its unit."""
     return f"{check.sign} {number(check.bound)} {check.unit}".rstrip()
 
 
