@@ -16,6 +16,7 @@ from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
 from wbc.cli.explain import explain
 from wbc.cli.export import export
+from wbc.cli.index import index
 from wbc.cli.list_ import list_
 from wbc.cli.report import report
 from wbc.cli.run import run
@@ -36,6 +37,7 @@ app.command("list")(list_)
 app.command("doctor")(doctor)
 app.command("bench")(bench)
 app.command("derive")(derive)
+report.command("index")(index)
 app.add_typer(report)
 app.command("export")(export)
 app.command("sweep")(sweep)

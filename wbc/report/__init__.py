@@ -12,6 +12,7 @@ from wbc.report.document import Table as Table
 from wbc.report.document import Text as Text
 from wbc.report.folder import replaced as replaced
 from wbc.report.folder import write as write
+from wbc.report.index import save_index as save_index
 from wbc.report.record import save_report as save_report
 from wbc.report.solvers import QpRecorder as QpRecorder
 from wbc.report.solvers import compare as compare

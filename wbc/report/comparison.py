@@ -30,7 +30,7 @@ from wbc.report.document import (
     number,
 )
 from wbc.report.folder import HTML, replaced, write
-from wbc.report.record import BESIDE, CALLED, JUDGED, checked, judged, named
+from wbc.report.record import RESULTS, checked, judged, named
 from wbc.report.sections import SECTIONS, motion, settings, verdict
 from wbc.report.why import why
 from wbc.sim.scenario import Progress, ScenarioResult, failed_first, silent
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 #: So many quantities of a plot are shown at first; the legend has the others.
 MOST = 3
-#: Metadata that is no setting: what came of the run.
-RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "statuses", "ended", "fallen")
 #: A table of more rows is shown when asked for.
 LONG = 24
 

@@ -58,7 +58,19 @@ class Address:
     href: str
 
 
-Cell = str | bool | int | float | Bar | Link | Marked | Address | None
+@final
+@dataclass(frozen=True)
+class Figure:
+    """A picture: ``kind`` "svg" or "png", ``data`` its bytes, ``name`` a file name without suffix. In a cell it is
+    drawn small."""
+
+    name: str
+    caption: str
+    data: bytes
+    kind: str = "svg"
+
+
+Cell = str | bool | int | float | Bar | Link | Marked | Address | Figure | None
 
 
 @final
@@ -72,28 +84,19 @@ class Text:
 @final
 @dataclass(frozen=True)
 class Table:
-    """Named columns (units in the name) and rows of cells. ``folded``: long, shown only when asked for."""
+    """Named columns (units in the name) and rows of cells. ``folded``: long, shown only when asked for; ``sorts``: by a
+    click in a heading."""
 
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     caption: str = ""
     folded: bool = False
+    sorts: bool = False
 
     @property
     def numeric(self) -> list[bool]:
         """For each column whether it holds numbers alone, to be set to the right."""
         return [all(_is_number(row[i]) for row in self.rows) for i in range(len(self.columns))]
-
-
-@final
-@dataclass(frozen=True)
-class Figure:
-    """A picture: ``kind`` "svg" or "png", ``data`` its bytes, ``name`` a file name without suffix."""
-
-    name: str
-    caption: str
-    data: bytes
-    kind: str = "svg"
 
 
 TIME = "time [s]"
@@ -278,6 +281,8 @@ def formatted(cell: Cell) -> str:
         return "yes" if cell else "no"
     if isinstance(cell, Bar | Link | Marked | Address):
         return cell.text
+    if isinstance(cell, Figure):
+        return ""
     if isinstance(cell, str):
         return cell
     if isinstance(cell, (int, np.integer)):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import NotSupported
-from wbc.report.document import Address, Bar, Cell, Figure, Item, Link, Map, Marked, Plot, Report, formatted
+from wbc.report.document import Address, Bar, Cell, Figure, Item, Link, Map, Marked, Plot, Report, Table, formatted
 from wbc.report.packed import data, scenes
 
 ASSETS = Path(__file__).with_name("assets")
@@ -42,6 +42,7 @@ def html(report: Report) -> str:
     environment.tests.update(
         bar=lambda cell: isinstance(cell, Bar),
         address=lambda cell: isinstance(cell, Address),
+        picture=lambda cell: isinstance(cell, Figure),
         link=lambda cell: isinstance(cell, Link) and cell.plot in names,
     )
     environment.globals["names"] = [*report.names]
@@ -49,12 +50,14 @@ def html(report: Report) -> str:
     order = [*plots, *(item for item in report.items if isinstance(item, Map)), *scenes(report)]
     places = {id(item): sum(type(one) is type(item) for one in order[:i]) for i, item in enumerate(order)}
     libraries = ["uPlot", *(["three"] if content and content["scenes"] else [])]
+    sorts = any(isinstance(item, Table) and item.sorts for item in report.items)
     own = ["scene.js", "page.js"] if content and content["scenes"] else ["page.js"]
     return environment.from_string((ASSETS / "page.html.jinja").read_text(encoding="utf-8")).render(
         report=report,
         styles=[_asset(name) for name in ("uPlot.min.css", "page.css")],
         notices=[(name, _asset(f"{name}.LICENSE")) for name in libraries] if content else [],
         scripts=[_asset(name) for name in (*(f"{name}.min.js" for name in libraries), *own)] if content else [],
+        sort=_asset("sort.js") if sorts else "",
         data=None if content is None else _packed(content),
         place=lambda item: places[id(item)],
     )

@@ -1,0 +1,29 @@
+"""``wbc report index``: the runs of a folder in one table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from wbc.cli.console import one_sentence
+
+
+@one_sentence
+def index(
+    folder: Annotated[Path, typer.Argument(help="Where the folders of the runs are.")] = Path("runs"),
+    *,
+    show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+) -> None:
+    """The runs of a folder in one table that sorts: verdicts, settings that differ, links to their pages."""
+    import webbrowser
+
+    from wbc.report import save_index
+
+    page = save_index(folder)
+    Console(highlight=False).print(Text(f"report: {page}"), soft_wrap=True)
+    if show:
+        webbrowser.open(page.resolve().as_uri())
