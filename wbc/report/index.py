@@ -52,7 +52,7 @@ def save_index(folder: Place) -> Path:
         ...         run = Run({"t": [0.0, 0.1]}, {"scenario": "reach", "parameters": {"gain": gain}})
         ...         _ = run.save(Path(folder) / f"gain {gain:g}")
         ...     page = save_index(folder)
-        ...     page.name, "parameters.gain" in page.read_text(encoding="utf-8")
+        ...     page.name, ">gain</th>" in page.read_text(encoding="utf-8")
         ('index.html', True)
     """
     require_extras()
