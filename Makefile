@@ -13,12 +13,13 @@ COMPILE := $(VENV_PYTHON) -c "import wbc.stack.plan, wbc.stack.follower, wbc.mod
 LOOK := $(VENV_PYTHON) -c "import pinocchio" || \
   { echo "If libgomp.so.1 is what is missing: apt install libgomp1 (Debian, Ubuntu) or dnf install libgomp (Fedora)" >&2; exit 1; }
 
-.PHONY: help run test lint types tests kernels deep mutations format clean
+.PHONY: help run test docs lint types tests kernels deep mutations format clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make run     install into .venv, run the scenario $(SCENARIO), write its report   (SCENARIO=name for another)"
 	@echo "make test    install everything permissive into .venv, then lint, types and tests"
+	@echo "make docs    build the documentation as a site: docs/_build/html/index.html"
 	@echo "make kernels the tests of the numerical core as other processors would run them (OpenBLAS, numba)"
 	@echo "make deep    the same tests and the long ones, with many more random examples"
 	@echo "make mutations   draw 200 slips in the sources and print those that no test notices: hours   (MUTATIONS=\"--count 20 --seed 2\")"
@@ -29,6 +30,10 @@ run: $(VENV)/ready-to-run
 	@$(VENV)/bin/wbc run $(SCENARIO)
 
 test: lint types tests
+
+docs: $(VENV)/ready-to-document
+	@$(VENV_PYTHON) docs/build.py
+	@echo "The site: docs/_build/html/index.html"
 
 lint: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m ruff check .
@@ -54,7 +59,7 @@ format: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m ruff format .
 
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) build dist docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 # One stamp per set of extras, newer than pyproject.toml: a second call finds it and downloads nothing.
 $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
@@ -64,6 +69,12 @@ $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
 	@$(LOOK)
 	@echo "Compiling the solver for this processor: about half a minute."
 	@$(COMPILE)
+	@touch $@
+
+$(VENV)/ready-to-document: pyproject.toml | $(VENV)/created
+	@echo "Installing the framework and Sphinx into $(VENV)."
+	@$(INSTALL) ".[docs]"
+	@$(LOOK)
 	@touch $@
 
 $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created

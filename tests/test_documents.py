@@ -1,7 +1,8 @@
 """What the documents show runs, and what they name exists.
 
-The python blocks of a document run in order as one program. Guide: each section is a folder of its own; its files are
-written and run as scripts, its commands are run. Docstrings: their examples run as doctests.
+The python blocks of a document run in order as one program. Documents whose first block begins with the name of a
+file, ``# own_task.py``: each block is written to its file and run as a script, and commands are run. Docstrings: their
+examples run as doctests.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from typing import Any, NamedTuple
 import pytest
 
 ROOT = Path(__file__).parent.parent
-README, GUIDE = ROOT / "README.md", ROOT / "docs" / "guide.md"
-DOCUMENTS = [README, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+README, DOCS = ROOT / "README.md", ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
+DOCUMENTS = [README, ROOT / "CHANGELOG.md", ROOT / "SECURITY.md", *PAGES]
 MODULES = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
     for package in ("wbc", "tasks")
@@ -54,10 +56,13 @@ def blocks(text: str, language: str | None = None) -> list[Block]:
     return [block for block in found if language in (None, block.language)]
 
 
-def sections(text: str) -> dict[str, list[Block]]:
-    """The blocks under each second-level heading that has some."""
-    parts = re.split(r"^## (.+)$", text, flags=re.MULTILINE)
-    return {title: found for title, body in zip(parts[1::2], parts[2::2], strict=True) if (found := blocks(body))}
+def shows_files(document: Path) -> bool:
+    """Whether the Python blocks of a document are files with names of their own."""
+    programs = blocks(document.read_text(), "python")
+    return bool(programs and FILE_NAME.match(programs[0].text))
+
+
+FILES = [document for document in DOCUMENTS if shows_files(document)]
 
 
 def commands(text: str) -> Iterator[list[str]]:
@@ -98,7 +103,7 @@ def run(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("document", [d for d in DOCUMENTS if d != GUIDE], ids=lambda path: path.name)
+@pytest.mark.parametrize("document", [d for d in DOCUMENTS if d not in FILES], ids=lambda path: path.name)
 def test_the_blocks_of_a_document_run_as_one_program(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     program = ModuleType(f"shown_in_{document.stem}")
@@ -108,17 +113,18 @@ def test_the_blocks_of_a_document_run_as_one_program(document: Path, tmp_path: P
         exec(compile("\n" * (block.line - 1) + block.text, str(document), "exec"), vars(program))
 
 
-def test_readme_and_guide_show_programs():
-    assert blocks(README.read_text(), "python")
-    assert len(sections(GUIDE.read_text())) >= 10
+def test_readme_concepts_and_guides_show_programs():
+    shown = [README, DOCS / "start.md", *(DOCS / "concepts").glob("*.md")]
+    assert all(blocks(document.read_text(), "python") for document in shown) and len(shown) > 8
+    assert len(FILES) >= 10
 
 
-@pytest.mark.parametrize("title", sections(GUIDE.read_text()))
-def test_the_guide_runs(title: str, tmp_path: Path):
-    for block in sections(GUIDE.read_text())[title]:
+@pytest.mark.parametrize("document", FILES, ids=lambda path: path.name)
+def test_the_files_of_a_document_run(document: Path, tmp_path: Path):
+    for block in blocks(document.read_text()):
         if block.language == "python":
             name = FILE_NAME.match(block.text)
-            assert name, f"a file of the guide begins with its name, not with {block.text.splitlines()[0]!r}"
+            assert name, f"a file begins with its name, not with {block.text.splitlines()[0]!r}"
             (tmp_path / name[1]).write_text(block.text)
             result = run(["python", "-W", "error", name[1]], tmp_path)
             assert result.returncode == 0, result.stderr
@@ -176,7 +182,7 @@ def test_commands_in_documents_exist(document: Path, tmp_path: Path):
             assert answer.returncode == 0, f"{document.name}: {' '.join(words)}"
             assert [option for option in options if option not in answer.stdout] == []
         else:
-            assert words[0] in ("git", "cd", "pip", "python3"), f"{document.name}: {' '.join(words)}"
+            assert words[0] in ("git", "cd", "pip", "python3", "source"), f"{document.name}: {' '.join(words)}"
 
 
 def test_what_is_not_there_is_found():

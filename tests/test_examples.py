@@ -32,6 +32,8 @@ def test_an_example_is_short_says_what_it_is_for_and_proves_it(example: Path):
     assert any(isinstance(node, ast.Assert) for node in tree.body), "at its end it asserts what it shows"
 
 
-def test_the_guide_lists_every_example_once():
-    listed = re.findall(r"^\| \[(\w+\.py)\]\(examples/\1\) \|", (FOLDER.parent / "guide.md").read_text(), re.MULTILINE)
+def test_the_page_of_examples_lists_every_one_once():
+    listed = re.findall(
+        r"^\| \[(\w+\.py)\]\(examples/\1\) \|", (FOLDER.parent / "examples.md").read_text(), re.MULTILINE
+    )
     assert sorted(listed) == [path.name for path in EXAMPLES] and len(EXAMPLES) > 10
