@@ -15,7 +15,7 @@ from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -77,6 +77,8 @@ class ArmActuatorLoss(Single):
     """
 
     name: ClassVar[str] = "arm-actuator-loss"
+    group: ClassVar[str] = "faults"
+    takes = 120.0
     summary: ClassVar[str] = "an arm loses one motor after the other; a brake and the other joints keep the tool going"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "joints": 6}
     plants = ("mujoco",)
@@ -91,11 +93,11 @@ class ArmActuatorLoss(Single):
             raise InvalidInput(f"duration is {duration:g} s; the fault comes at {FAULT:g} s: give at least 2 s more")
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         seen: list[Seen] = []
-        for i, joint in enumerate(robot.joint_names[:count]):
-            for k, answer in enumerate(ANSWERS):
-                progress((3 * i + k) / (3 * count), f"{joint}, {answer}")
-                fault = ActuatorFault(joint=joint, start=FAULT)
-                seen.append(_trial(robot, fault, answer, duration=duration, solver=solver, meta=meta))
+        wanted = [(joint, answer) for joint in robot.joint_names[:count] for answer in ANSWERS]
+        for (joint, answer), one in trials(progress, wanted):
+            one(0.0, f"{joint}, {answer}")
+            fault = ActuatorFault(joint=joint, start=FAULT)
+            seen.append(_trial(robot, fault, answer, duration=duration, solver=solver, meta=meta))
         early = [
             _trial(robot, ActuatorFault(joint=joint, start=EARLY), "brake", duration=duration, solver=solver, meta=meta)
             for joint in robot.joint_names[1:2]

@@ -17,7 +17,7 @@ from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Push
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -79,6 +79,8 @@ class ArmCollision(Single):
     """
 
     name: ClassVar[str] = "arm-collision"
+    group: ClassVar[str] = "arms"
+    takes = 90.0
     summary: ClassVar[str] = "an arm is pushed: felt without sensors, the link named, the arm yields"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "link": "auto", "force": 30.0}
     plants = ("mujoco",)
@@ -95,12 +97,12 @@ class ArmCollision(Single):
         meta = {"scenario": self.name, "parameters": dict(parameters), "duration": duration}
         wanted = [(link, direction) for direction in DIRECTIONS]
         wanted += [(other, direction) for other in links if other != link for direction in DIRECTIONS]
-        hits = []
-        for i, (pushed, direction) in enumerate(wanted):
-            progress(i / (len(wanted) + 1), f"push on {pushed}, {direction}")
-            hits.append(_trial(robot, pushed, direction, force=force, complies=True, solver=solver, meta=meta))
-        stiff = _trial(robot, link, "x", force=force, complies=False, solver=solver, meta=meta)
-        return _judged(robot, hits, stiff, link, force)
+        hits = list[Hit]()
+        for (pushed, direction), one in trials(progress, [*wanted, (link, "x")]):
+            one(0.0, f"push on {pushed}, {direction}")
+            complies = len(hits) < len(wanted)
+            hits.append(_trial(robot, pushed, direction, force=force, complies=complies, solver=solver, meta=meta))
+        return _judged(robot, hits[:-1], hits[-1], link, force)
 
 
 def moved_links(robot: PinocchioModel) -> list[str]:

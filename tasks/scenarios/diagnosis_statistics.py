@@ -78,6 +78,8 @@ class DiagnosisStatistics(Single):
     """
 
     name: ClassVar[str] = "diagnosis-statistics"
+    group: ClassVar[str] = "faults"
+    takes = 300.0
     summary: ClassVar[str] = "failing motors, pushes and loads drawn at random: what each is taken for"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "panda", "cases": 240, "noise": False, "masses": 0.0, "seed": 0,

@@ -50,6 +50,8 @@ class DualArm(Single):
     """
 
     name: ClassVar[str] = "dual-arm"
+    group: ClassVar[str] = "legs"
+    takes = 40.0
     summary: ClassVar[str] = "a humanoid holds a rigid bar in both hands, moves it and squeezes it"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "g1", "squeeze": 15.0}
     robots = HANDS

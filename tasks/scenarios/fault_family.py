@@ -93,6 +93,8 @@ class FaultFamily(Single):
     """
 
     name: ClassVar[str] = "fault-family"
+    group: ClassVar[str] = "faults"
+    takes = 3600.0
     summary: ClassVar[str] = "every joint of every leg fails, at moments all over the sway: a table of what stands"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "g1", "joints": "all", "moments": 8, "left": 0.0, "noise": False, "masses": 0.0, "seed": 0,

@@ -49,7 +49,7 @@ def run(plan: Plan, *, meta: Mapping[str, Any], progress: Progress) -> ScenarioR
 
     def step(text: str) -> None:
         nonlocal done
-        progress(done / total, text)
+        progress(done / total, f"{done + 1} of {total}, {text}")
         done += 1
 
     step("learning thresholds")

@@ -61,6 +61,8 @@ class FaultStatistics(Single):
     """
 
     name: ClassVar[str] = "fault-statistics"
+    group: ClassVar[str] = "faults"
+    takes = 300.0
     summary: ClassVar[str] = "many short faults of an arm's motors: how many are found, how soon; false alarms"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "panda", "faults": 1000, "nominal": 60.0, "learning": 40.0, "masses": 0.1, "seed": 0,

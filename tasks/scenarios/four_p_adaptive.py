@@ -11,7 +11,7 @@ import wbc
 from wbc.models import Planar4P
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.types import Vec
 
 from .. import SlotineLi, TorqueLimits
@@ -78,6 +78,8 @@ class FourPAdaptive(Single):
     """
 
     name: ClassVar[str] = "4p-adaptive"
+    group: ClassVar[str] = "planar"
+    takes = 30.0
     summary: ClassVar[str] = "adaptive tracking with unknown masses, with and without excitation"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "m": (2.0, 1.0, 1.5, 0.5), "kp": 100.0, "kd": 40.0, "gain": 20.0, "physical": True,
@@ -90,8 +92,10 @@ class FourPAdaptive(Single):
             "parameters": dict(parameters),
             "model": "the controller's model has other masses than the plant, and uses none of them",
         }
-        go = TorqueRun(solver, duration, progress, meta)
-        moving, still = (_adapted(parameters, go, still=still) for still in (False, True))
+        moving, still = (
+            _adapted(parameters, TorqueRun(solver, duration, one, meta), still=still)
+            for still, one in trials(progress, (False, True))
+        )
         return _judged(moving, still, parameters)
 
 

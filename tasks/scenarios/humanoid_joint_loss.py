@@ -61,6 +61,8 @@ class HumanoidJointLoss(Single):
     """
 
     name: ClassVar[str] = "humanoid-joint-loss"
+    group: ClassVar[str] = "faults"
+    takes = 400.0
     summary: ClassVar[str] = "a humanoid loses a leg's motor: it falls without an answer and stands with one"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "variants": True,

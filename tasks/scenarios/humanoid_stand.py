@@ -40,6 +40,8 @@ class HumanoidStand(Single):
     """
 
     name: ClassVar[str] = "humanoid-stand"
+    group: ClassVar[str] = "legs"
+    takes = 30.0
     summary: ClassVar[str] = "a humanoid sways on its feet, draws a circle with a hand and takes two pushes"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": "auto"}
     robots = STANCES

@@ -83,6 +83,8 @@ class PgStep(Single):
     """
 
     name: ClassVar[str] = "pg-step"
+    group: ClassVar[str] = "planar"
+    takes = 10.0
     summary: ClassVar[str] = "the largest step along a projected gradient, beside the QP over velocities"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "alpha_max": 80.0, "speed": 0.2}
     duration = 6.0

@@ -14,7 +14,7 @@ from wbc.report import measure
 from wbc.report.document import Cell, Section, Table, Text
 from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -57,6 +57,8 @@ class PositionControl(Single):
     """
 
     name: ClassVar[str] = "position-drives"
+    group: ClassVar[str] = "arms"
+    takes = 60.0
     summary: ClassVar[str] = "one stack on drives that follow positions, by what feedback and feed-forward they get"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "humanoid"}
     robots = (*STANCES, *arm_reach.TOOLS)
@@ -67,12 +69,11 @@ class PositionControl(Single):
     def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         aim = _aim(parameters["robot"])
         runs = dict[str, Run]()
-        for i, (name, way) in enumerate(WAYS.items()):
+        for (name, way), one in trials(progress, WAYS.items()):
             controller = wbc.Controller(aim.robot, aim.stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
             runs[name] = simulate(
                 wbc.Setpoint(controller, feedback=way.feedback), aim.plant(way.drives), duration=duration,
-                progress=lambda done, i=i: progress((i + done) / len(WAYS)),  # type: ignore[misc]
-                meta={"scenario": self.name, "parameters": dict(parameters)},
+                progress=one, meta={"scenario": self.name, "parameters": dict(parameters)},
             )  # fmt: skip
         return _judged(runs, aim, duration)
 

@@ -14,7 +14,7 @@ from wbc.models.planar import PlanarRobot
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.types import Vec
 
 from .. import MomentumObserver, Torque
@@ -66,6 +66,8 @@ class PrFault(Single):
     """
 
     name: ClassVar[str] = "pr-fault"
+    group: ClassVar[str] = "planar"
+    takes = 12.0
     summary: ClassVar[str] = "the PR robot's actuators fail; the momentum residual says which and how much"
     parameters: ClassVar[Mapping[str, Parameter]] = {"threshold": (0.5, 0.1)}
     duration = 1.0
@@ -73,8 +75,10 @@ class PrFault(Single):
     def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
         robot = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, v_max=[10.0, 40.0], tau_max=[10.0, 5.0])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        go = TorqueRun(solver, duration, progress, meta)
-        seen = {kind: _seen(robot, faults, parameters["threshold"], go) for kind, faults in FAULTS.items()}
+        seen = {
+            kind: _seen(robot, faults, parameters["threshold"], TorqueRun(solver, duration, one, meta))
+            for (kind, faults), one in trials(progress, FAULTS.items())
+        }
         return _judged(seen, robot, parameters["threshold"], solver)
 
 

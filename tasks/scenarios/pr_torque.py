@@ -14,7 +14,7 @@ from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
 from wbc.report import measure, style
 from wbc.report.document import Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.types import Vec
 
 from .. import MeasuredWrench, Position, Torque, TorqueLimits
@@ -58,6 +58,8 @@ class PrTorque(Single):
     """
 
     name: ClassVar[str] = "pr-torque"
+    group: ClassVar[str] = "planar"
+    takes = 10.0
     summary: ClassVar[str] = "the PR robot's optimal torque in exact numbers, and tracking with a force at its tip"
     parameters: ClassVar[Mapping[str, Parameter]] = {"damping": (0.0, 2.0), "kp": 100.0}
     duration = 4.0
@@ -68,8 +70,10 @@ class PrTorque(Single):
         )  # fmt: skip
         damping = np.array(parameters["damping"])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        go = TorqueRun(solver, duration, progress, meta)
-        damped, free = (Tracking(_tracked(robot, D, parameters["kp"], go), D) for D in (damping, np.zeros(2)))
+        damped, free = (
+            Tracking(_tracked(robot, D, parameters["kp"], TorqueRun(solver, duration, one, meta)), D)
+            for D, one in trials(progress, (damping, np.zeros(2)))
+        )
         return _judged(robot, damped, free, solver)
 
 

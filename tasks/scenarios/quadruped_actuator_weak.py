@@ -29,6 +29,8 @@ class QuadrupedActuatorWeak(Single):
     """
 
     name: ClassVar[str] = "quadruped-actuator-weak"
+    group: ClassVar[str] = "faults"
+    takes = 200.0
     summary: ClassVar[str] = "a quadruped's knee loses half its strength: found, measured, and asked for twice as much"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "go2", "joint": "auto", "left": 0.5, "moments": 4, "noise": False, "masses": 0.0, "seed": 0,

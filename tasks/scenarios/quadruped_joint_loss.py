@@ -32,6 +32,8 @@ class QuadrupedJointLoss(Single):
     """
 
     name: ClassVar[str] = "quadruped-joint-loss"
+    group: ClassVar[str] = "faults"
+    takes = 300.0
     summary: ClassVar[str] = "a quadruped loses a hip's motor: it falls without an answer and sways on with one"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "go2", "joint": "auto", "moments": 12, "noise": False, "masses": 0.0, "seed": 0, "variants": True,

@@ -15,7 +15,7 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, Push
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 
 from . import humanoid_stand, quadruped_stand
@@ -60,6 +60,8 @@ class StandFamily(Single):
     """
 
     name: ClassVar[str] = "stand-family"
+    group: ClassVar[str] = "legs"
+    takes = 120.0
     summary: ClassVar[str] = "a standing robot is pushed from eight sides and loaded in either hand: a table"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "g1", "sides": 8, "push": "auto", "load": "auto"}
     robots = STANCES
@@ -77,10 +79,10 @@ class StandFamily(Single):
         if not cases:
             raise InvalidInput("parameters 'push' and 'load' leave nothing to stand")
         rows = []
-        for i, (what, disturbance) in enumerate(cases):
-            progress(i / len(cases), what)
+        for (what, disturbance), one in trials(progress, cases):
+            one(0.0, what)
             meta = {"scenario": self.name, "parameters": dict(parameters)}
-            run, stands = _simulated(robot, stance, disturbance, duration=duration, solver=solver, meta=meta)
+            run, stands = _simulated(robot, stance, disturbance, duration=duration, solver=solver, meta=meta, one=one)
             error = np.linalg.norm(run["error.CenterOfMass"], axis=1)
             last = float(error[-1])
             off = OFF if isinstance(disturbance, Push) else OFF_LOADED
@@ -103,12 +105,12 @@ def _cases(
 
 def _simulated(
     robot: PinocchioModel, stance: Stance, disturbance: Disturbance, *, duration: float, solver: str,
-    meta: Mapping[str, Any],
+    meta: Mapping[str, Any], one: Progress,
 ) -> tuple[wbc.Run, bool]:  # fmt: skip
     stack = standing_stack(robot, stance)
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
     plant = standing_plant(robot, stance, stack.contacts)
-    run = simulate(controller, plant, duration=duration, disturbances=[disturbance], meta=dict(meta))
+    run = simulate(controller, plant, duration=duration, disturbances=[disturbance], progress=one, meta=dict(meta))
     return run, not plant.fallen
 
 

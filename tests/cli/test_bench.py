@@ -34,6 +34,13 @@ def test_a_table_has_one_line_for_each_workload(wbc):
     assert answer.code == 0 and answer.out.count("count") == 2 and "1.2" in answer.out and "9.0" in answer.out
 
 
+def test_columns_stay_whole_in_a_narrow_terminal(wbc, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "30")
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich takes it for a terminal
+    answer = wbc("bench", "count", "--repeats", 1)
+    assert "\n  median: 1.2\n" in answer.out and "\n  failures: 0\n" in answer.out
+
+
 def test_the_file_holds_every_row_whole(wbc, tmp_path):
     assert wbc("bench", "count", "--json", "rows.json", "--ticks", 7, "--repeats", 3, "--solver", "daqp").code == 0
     (row,) = json.loads((tmp_path / "rows.json").read_text())

@@ -28,6 +28,18 @@ def test_list_names_scenarios_solvers_robots_and_workloads(wbc, wave_is_register
         assert word in answer.out
 
 
+def test_a_scenario_is_one_whole_line_in_a_pipe(wbc, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    shown = scenario.scenarios()
+    lines = {line.split("\t")[1]: line for line in wbc("list").out.splitlines() if line.count("\t") == 4}
+    assert set(shown) <= set(lines) and all("  " not in line for line in lines.values())
+    for name, one in shown.items():
+        group, _, takes, what, _ = lines[name].split("\t")
+        assert group == one.group and takes and what == one.summary
+    groups = [line.split("\t")[0] for line in list(lines.values())[1:]]
+    assert groups == sorted(groups) and len(set(groups)) > 3
+
+
 def test_list_and_doctor_are_json_for_programs(wbc, wave_is_registered, monkeypatch):
     found = json.loads(wbc("list", "--json").out)
     assert found["scenarios"]["wave"]["parameters"]["axis"] == [0.0, 0.0, 1.0]

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import notes, one_sentence, progress, table, tell, whole_file
+from wbc.cli.console import notes, one_sentence, progress, say, table, tell, whole_file
 from wbc.cli.peers import Peers
 from wbc.errors import UnknownName
 from wbc.plugins import registered
@@ -113,8 +112,7 @@ def workloads() -> dict[str, Workload]:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    console = Console(highlight=False)
-    made = table("Time of one tick [µs]", "workload", "how", "median", "p99", "max", "failures")
+    made = table("Time of one tick [µs]", "workload", "how", "median", "p99", "max", "failures", numbers=True)
     for row in rows:
         times = row.get("total_us", {"median": inf, "p99": inf, "max": inf})
         how = row.get("variant", "") if _is_ours(row) else row["peer"] + ", measured before" * row.get("stored", False)
@@ -122,12 +120,12 @@ def _print(rows: list[dict[str, Any]]) -> None:
             row["workload"], Text(how), f"{times['median']:.1f}", f"{times['p99']:.1f}", f"{times['max']:.1f}",
             str(row.get("solver_failures", "")),
         )  # fmt: skip
-    console.print(made)
+    say(made)
     ours = [row for row in rows if _is_ours(row) and "split_us" in row]
     if ours:
-        console.print(_split(ours))
+        say("", _split(ours), "", _how_solved(ours))
     if any("ratio_to" in row for row in ours):
-        console.print(_ratios(ours))
+        say("", _ratios(ours))
 
 
 def _is_ours(row: dict[str, Any]) -> bool:
@@ -135,17 +133,20 @@ def _is_ours(row: dict[str, Any]) -> bool:
 
 
 def _split(rows: list[dict[str, Any]]) -> Any:
-    made = table(
-        "Where it goes [µs]; calls of numpy; guesses right, repaired, given up; times the bare model calls",
-        "", "update", "fill", "solve", "decode", "rest", "calls", "right", "rep.", "up", "×",
-    )  # fmt: skip
+    parts = ("update", "fill", "solve", "decode", "rest")
+    made = table("Where the time of a tick goes [µs]", "workload", *parts, numbers=True)
     for row in rows:
-        split, counts = row["split_us"], row["counts"]
-        made.add_row(
-            row["workload"], *(f"{split[part]:.1f}" for part in ("update", "fill", "solve", "decode", "rest")),
-            f"{row['numpy_calls']['median']:.0f}", *(str(counts[how]) for how in ("first", "repaired", "fallback")),
-            f"{row['total_over_pinocchio']:.1f}",
-        )  # fmt: skip
+        made.add_row(row["workload"], *(f"{row['split_us'][part]:.1f}" for part in parts))
+    return made
+
+
+def _how_solved(rows: list[dict[str, Any]]) -> Any:
+    made = table("Ticks by how their active set was found, and what a tick costs", "workload", "guessed", "repaired",
+                 "finite method", "numpy calls", "over bare model calls", numbers=True)  # fmt: skip
+    for row in rows:
+        counts = (str(row["counts"][how]) for how in ("first", "repaired", "fallback"))
+        calls, over = f"{row['numpy_calls']['median']:.0f}", f"{row['total_over_pinocchio']:.1f} times"
+        made.add_row(row["workload"], *counts, calls, over)
     return made
 
 

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from wbc.cli.console import notes, one_sentence, progress, tell
+from wbc.cli.console import notes, one_sentence, progress, reported, tell
 
 
 @one_sentence
@@ -33,8 +31,6 @@ def compare(
     show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
 ) -> None:
     """Compare recorded runs on one page: curves over each other, ghosts of the robots, what differs."""
-    import webbrowser
-
     from wbc.control.recorder import Run
     from wbc.errors import InvalidInput
     from wbc.models import load
@@ -59,9 +55,7 @@ def compare(
             raise InvalidInput(f"two runs are called the same: {', '.join(called)}; give each a --name of its own")
         page = save_comparison(dict(zip(called, loaded, strict=True)), folder, robot=model, progress=step)
     tell(found)
-    Console(highlight=False).print(Text(f"report: {page}"), soft_wrap=True)
-    if show:
-        webbrowser.open(page.resolve().as_uri())
+    reported(page, show=show)
 
 
 def _called(runs: list[Path]) -> list[str]:

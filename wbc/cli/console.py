@@ -8,15 +8,17 @@ import os
 import sys
 import tempfile
 import warnings
+import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from math import ceil
 from pathlib import Path
 from time import monotonic
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -27,6 +29,8 @@ NO, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 #: How often long work says how far it is where there is no terminal to draw a bar on [s].
 SECONDS_PER_LINE = 10.0
+#: How long work must have gone on before it says how long the rest will take [s].
+SECONDS_TO_GUESS = 2.0
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -95,25 +99,43 @@ def whole_file(path: Path | None) -> Iterator[Callable[[str], None]]:
 
 
 @contextmanager
-def progress(text: str) -> Iterator[Report]:
-    """A bar on stderr where that is a terminal, else a line every ten seconds. Nothing is drawn between reports, so
-    that drawing never disturbs a timing."""
+def progress(title: str) -> Iterator[Report]:
+    """One bar on stderr with the time that is left where that is a terminal, else a line every ten seconds. Nothing is
+    drawn between reports, so that drawing never disturbs a timing."""
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
     with Progress(
         *columns, console=console, transient=True, auto_refresh=False, disable=not console.is_terminal
     ) as bar:
-        task = bar.add_task(text, total=1.0)
-        spoken = monotonic()
+        task = bar.add_task(title, total=1.0)
+        start = spoken = monotonic()
+        first: float | None = None  # what an earlier life did took no time of this one
 
-        def report(done: float, text: str = text) -> None:
-            nonlocal spoken
-            bar.update(task, completed=done, description=text, refresh=True)
-            if not console.is_terminal and monotonic() - spoken > SECONDS_PER_LINE:
-                spoken = monotonic()
-                print(f"wbc: {text}, {100 * done:.0f} %", file=sys.stderr, flush=True)
+        def report(done: float, text: str = "") -> None:
+            nonlocal spoken, first
+            now, first = monotonic(), done if first is None else first
+            left = (now - start) * (1.0 - done) / (done - first) if done > first else 0.0
+            rest = f"{remaining(left)} left" if left and now - start > SECONDS_TO_GUESS else ""
+            said = ", ".join(part for part in (f"{title}: {text}" if text else title, rest) if part)
+            bar.update(task, completed=done, description=said, refresh=True)
+            if not console.is_terminal and now - spoken > SECONDS_PER_LINE:
+                spoken = now
+                print(f"wbc: {said}, {100 * done:.0f} %", file=sys.stderr, flush=True)
 
         yield report
+
+
+def remaining(seconds: float) -> str:
+    """A rough time: "40 s", "3 min", "2.5 h".
+
+    Example:
+        >>> from wbc.cli.console import remaining
+        >>> [remaining(x) for x in (7.3, 95.0, 8000.0)]
+        ['8 s', '2 min', '2.2 h']
+    """
+    if seconds < 60:
+        return f"{ceil(seconds)} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 @contextmanager
@@ -151,9 +173,49 @@ def tell(found: list[str]) -> None:
         print(f"note: {note}", file=sys.stderr)
 
 
-def table(title: str, *columns: str) -> Table:
-    """A plain table with a title."""
+def table(title: str, *columns: str, numbers: bool = False) -> Table:
+    """A plain table with a title. ``numbers``: no cell is ever broken into lines."""
     made = Table(title=Text(title, style="bold"), title_justify="left", box=None, pad_edge=False)
     for column in columns:
-        made.add_column(column, overflow="fold")
+        made.add_column(column, overflow="fold", no_wrap=numbers)
     return made
+
+
+def say(*things: str | Table) -> None:
+    """Text and tables on stdout. In a pipe a row is a line, its cells apart by tabs, and nothing is wrapped or padded.
+    In a terminal that is too narrow for a table of numbers every row is a block of lines."""
+    console = Console(highlight=False)
+    for thing in things:
+        if isinstance(thing, str):
+            console.print(Text(thing), soft_wrap=not console.is_terminal)
+        elif not console.is_terminal:
+            print("\n".join([_plain(thing.title), *("\t".join(row) for row in _rows(thing))]).strip("\n"))
+        elif thing.columns[0].no_wrap and _width(thing) > console.width:
+            heads, *rows = _rows(thing)
+            console.print(thing.title)
+            for row in rows:
+                console.print(Text("\n  ".join([row[0], *map(": ".join, zip(heads[1:], row[1:], strict=True))])))
+        else:
+            console.print(thing)
+
+
+def reported(page: Path, *, show: bool = False) -> None:
+    """Where a report is, as an address that terminals open on a click; ``show``: opened in a browser."""
+    place = page.resolve()
+    line = Text("report: ").append(str(place), style=f"link {place.as_uri()}")
+    Console(highlight=False).print(line, soft_wrap=True)
+    if show:
+        webbrowser.open(place.as_uri())
+
+
+def _width(made: Table) -> int:
+    return sum(2 + max(map(len, column)) for column in zip(*_rows(made), strict=True)) - 2
+
+
+def _rows(made: Table) -> list[list[str]]:
+    columns = [[_plain(column.header), *map(_plain, column.cells)] for column in made.columns]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _plain(cell: Any) -> str:
+    return " ".join(str(cell or "").split())

@@ -12,10 +12,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, on_stderr, one_sentence, progress, table
+from wbc.cli.console import NO, on_stderr, one_sentence, progress, say, table
 from wbc.errors import WbcError
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
@@ -38,7 +37,6 @@ def doctor(
     *, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
 ) -> None:
     """Look at python, packages, solvers, extras, threads and robots. Exit code 1: something installed does not work."""
-    console = Console(highlight=False, quiet=as_json)
     bad, all_findings = 0, {}
     parts = (
         ("Python and packages", packages),
@@ -52,17 +50,18 @@ def doctor(
             findings = []
             for k, finding in enumerate(look()):
                 findings.append(finding)
-                step(1.0 - 0.9**k, f"{title}: {finding.what}")
+                step(1.0 - 0.9**k, finding.what)
         made = table(title, "", "")
         for finding in findings:
             made.add_row(Text(finding.what), Text(finding.state, style="" if finding.good else "bold red"))
-        console.print(made)
-        console.print()
+        if not as_json:
+            say(made, "")
         bad += sum(not finding.good for finding in findings)
         all_findings[title] = [finding._asdict() for finding in findings]
     if as_json:
         print(json.dumps({"ok": not bad, "findings": all_findings}, ensure_ascii=False))
-    console.print("everything that is installed works" if not bad else f"{bad} not as it should be, in red above")
+    else:
+        say("everything that is installed works" if not bad else f"{bad} not as it should be, in red above")
     raise typer.Exit(NO if bad else 0)
 
 

@@ -7,10 +7,9 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, one_sentence, table
+from wbc.cli.console import NO, one_sentence, say, table
 from wbc.errors import InvalidInput
 from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
@@ -36,26 +35,25 @@ def explain(
     if index is not None and index >= len(qps):
         raise InvalidInput(f"{file} has no QP {index}: it holds {len(qps)}, the first is 0")
     qp = qps[index or 0]
-    console = Console(highlight=False)
-    console.print(Text(repr(qp)))
+    say(repr(qp))
     if not any(row.label or row.unit for row in qp.rows):
-        console.print(Text("The file names no rows: A[i] are its equalities, C[i] its inequalities, x[i] variables."))
+        say("The file names no rows: A[i] are its equalities, C[i] its inequalities, x[i] variables.")
     found = conflict(qp)
     if found is not None:
-        console.print(Text(f"cannot be met. {found}"), soft_wrap=True)
+        say(f"cannot be met. {found}")
         made = table("Rows in conflict: any one of these is enough", "owner", "row", "gives", "unit")
         for row, amount in found.gives:
             made.add_row(Text(row.owner), Text(row.label), f"{amount:+.4g}", Text(row.unit))
-        console.print(made)
+        say(made)
         raise typer.Exit(NO)
     solution = chosen.solve(qp)
-    console.print(Text(f"{solution.status}: {solution.status.value}; {solution.certificate}"), soft_wrap=True)
+    say(f"{solution.status}: {solution.status.value}; {solution.certificate}")
     if not solution.status.ok:
         raise typer.Exit(NO)
-    _print_active(console, qp, solution)
+    _print_active(qp, solution)
 
 
-def _print_active(console: Console, qp: QP, solution: Solution) -> None:
+def _print_active(qp: QP, solution: Solution) -> None:
     pushing = np.concatenate([solution.y, solution.z, solution.z_box])
     value = np.concatenate([qp.matrix @ solution.x, solution.x])
     active = np.flatnonzero(np.abs(pushing) > 1e-7 * max(1e-3, np.abs(pushing).max(initial=0.0)))
@@ -63,4 +61,4 @@ def _print_active(console: Console, qp: QP, solution: Solution) -> None:
     for i in active[np.argsort(-np.abs(pushing[active]))]:
         row = qp.rows[i]
         made.add_row(Text(row.owner), Text(row.label), f"{value[i]:.4g}", Text(row.unit), f"{pushing[i]:+.3g}")
-    console.print(made)
+    say(made)

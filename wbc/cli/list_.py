@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from wbc.cli import bench
-from wbc.cli.console import one_sentence, table
+from wbc.cli.console import one_sentence, remaining, say, table
 
 if TYPE_CHECKING:
     from wbc.sim.scenario import Scenario
@@ -27,10 +26,8 @@ def list_(
     if as_json:
         print(json.dumps(found, ensure_ascii=False, allow_nan=False))
         return
-    console = Console(highlight=False)
     for made in _tables(found):
-        console.print(made)
-        console.print()
+        say(made, "")
 
 
 def members() -> dict[str, Any]:
@@ -61,17 +58,21 @@ def described(scenarios: Mapping[str, Scenario]) -> dict[str, Any]:
             "plants": list(scenario.plants),
             "hierarchies": list(scenario.hierarchies),
             "duration_s": scenario.duration,
+            "group": scenario.group,
+            "takes_s": scenario.takes,
         }
-        for name, scenario in scenarios.items()
+        for name, scenario in sorted(scenarios.items(), key=lambda item: item[1].group)
     }
 
 
 def listed(scenarios: Mapping[str, Any]) -> Table:
-    """A table of what :func:`described` says, with what happens in each and its parameters."""
-    made = table("Scenarios (wbc run NAME)", "name", "what happens", "--set")
+    """A table of what :func:`described` says: groups, how long each takes, what happens, and its parameters."""
+    made = table("Scenarios (wbc run NAME)", "group", "name", "takes", "what happens", "--set")
     for name, scenario in scenarios.items():
         parameters = ", ".join(f"{key}={_typed(value)}" for key, value in scenario["parameters"].items())
-        made.add_row(name, Text(scenario["summary"]), Text(parameters))
+        group, takes = scenario["group"], scenario["takes_s"]
+        made.add_row(Text(group), name, "" if takes is None else remaining(takes), Text(scenario["summary"]),
+                     Text(parameters))  # fmt: skip
     return made
 
 

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from wbc.cli.console import kept, notes, one_sentence, progress, tell
+from wbc.cli.console import kept, notes, one_sentence, progress, reported, say, tell
 from wbc.errors import InvalidInput
 
 report = typer.Typer(
@@ -42,8 +40,6 @@ def run(
     show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
 ) -> None:
     """The report of a recorded run: made if there is none, or --again, from the record alone."""
-    import webbrowser
-
     from wbc.control.recorder import ARRAYS_FILE
     from wbc.report.folder import HTML
 
@@ -58,9 +54,7 @@ def run(
         if drawn is None:
             found.append("the motion is not drawn: the run's robot cannot be loaded by its name; give --robot")
         tell(found)
-    Console(highlight=False).print(Text(f"report: {page}"), soft_wrap=True)
-    if show:
-        webbrowser.open(page.resolve().as_uri())
+    reported(page, show=show)
 
 
 @report.command("solvers")
@@ -87,6 +81,7 @@ def solvers(
     loop: Annotated[bool, typer.Option(help="Run the scenarios with each solver in the loop.")] = True,
     torture: Annotated[bool | None, typer.Option(help="Give the solvers malformed problems too.")] = None,
     growth: Annotated[bool | None, typer.Option(help="Measure how times grow with size.")] = None,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
     """Which solver at which tolerance: replay QPs over every solver, each in its own process, and say what to use."""
     from wbc.report import solvers as comparing
@@ -94,7 +89,7 @@ def solvers(
     from wbc.report.folder import HTML
     from wbc.report.solvers.page import page
 
-    require_extras("jinja2", "matplotlib")
+    require_extras("jinja2")
     folder = out or Path("runs") / f"solvers-{datetime.now():%Y%m%d-%H%M%S}"
     if data is not None:
         summary = comparing.redraw(data, folder).summary
@@ -117,9 +112,8 @@ def solvers(
                 measured = comparing.compare(wanted, out=folder, progress=step, **options)
         tell(found)
         summary = page(measured).summary
-    console = Console(highlight=False)
-    console.print(Text(summary))
-    console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)
+    say(summary)
+    reported(folder / HTML, show=show)
 
 
 @report.command("scaling")
@@ -131,6 +125,7 @@ def scaling(
     solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
     ticks: Annotated[int, typer.Option(min=1, help="Ticks at each size.")] = 100,
     repeats: Annotated[int, typer.Option(min=1, help="How often; the least time of each tick counts.")] = 5,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
     """How the time of a tick grows with joints, tasks, contacts and active rows, with exponents."""
     import json
@@ -141,7 +136,7 @@ def scaling(
     from wbc.report.scaling.page import page
     from wbc.report.solvers.data import surroundings
 
-    require_extras("jinja2", "matplotlib")
+    require_extras("jinja2")
     known = axes()
     chosen = names or list(known)
     for name in chosen:
@@ -158,6 +153,5 @@ def scaling(
         made = page(data := {"surroundings": where, "settings": settings, "titles": titles, "rows": rows})
         (pending / "data.json").write_text(json.dumps(data, ensure_ascii=False, allow_nan=False), encoding="utf-8")
         write(made, pending)
-    console = Console(highlight=False)
-    console.print(Text(made.summary))
-    console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)
+    say(made.summary)
+    reported(folder / HTML, show=show)

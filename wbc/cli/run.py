@@ -9,11 +9,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.console import INTERRUPTED, NO, complain, notes, on_stderr, one_sentence, progress, tell
+from wbc.cli.console import (
+    INTERRUPTED,
+    NO,
+    complain,
+    notes,
+    on_stderr,
+    one_sentence,
+    progress,
+    reported,
+    say,
+    table,
+    tell,
+)
 
 if TYPE_CHECKING:
     from wbc.sim.scenario import Scenario, ScenarioResult
@@ -36,6 +46,7 @@ def run(
     settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/SCENARIO-TIME.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
     from wbc.cli.list_ import described, listed
@@ -52,7 +63,7 @@ def run(
         if (hierarchy, duration, plant, settings, out, as_json) != (None, None, None, None, None, False):
             here = "" if scenario is None else f" {scenario}"
             raise InvalidInput(f"name the scenario to run; wbc run{here} without anything else lists them")
-        Console(highlight=False).print(listed(described(there)))
+        say(listed(described(there)))
         return
     chosen = find(scenario)
     parameters = chosen.parse(settings or ())
@@ -73,7 +84,7 @@ def run(
         print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))
     else:
         tell(found)
-        _print(report.summary, result, folder)
+        _print(report.summary, result, folder, show=show)
     if interrupted:
         complain(f"{result.run.meta['ended']}; the run so far is in {folder}")
         raise typer.Exit(INTERRUPTED)
@@ -126,33 +137,26 @@ def _new_folder(scenario: Scenario) -> Path:
     return folder
 
 
-def _print(sentence: str, result: ScenarioResult, folder: Path) -> None:
+def _print(sentence: str, result: ScenarioResult, folder: Path, *, show: bool) -> None:
     from wbc.control.recorder import FAILED_FILE
     from wbc.report import measure
     from wbc.report.document import number
     from wbc.report.folder import HTML
     from wbc.sim.scenario import failed_first
 
-    console = Console(highlight=False)
-    table = Table(box=None, pad_edge=False)
-    table.add_column("")
-    table.add_column("came out", justify="right")
-    table.add_column("bound")
+    made = table("", "demanded", "came out", "bound", "holds", "where")
+    made.columns[1].justify = "right"
     for check in failed_first(result.verdict):
         word = Text("yes", style="green") if check.ok else Text("no", style="bold red")
         bound = Text(f"{check.sign} {number(float(check.bound))} {check.unit}")
-        table.add_row(Text(check.text), number(float(check.value)), bound, word, Text(str(check.place), style="dim"))
+        made.add_row(Text(check.text), number(float(check.value)), bound, word, Text(str(check.place), style="dim"))
     tick, period = measure.tick_times(result.run), 1e6 * float(result.run.meta["dt"])
     late = measure.late(result.run)
-    table.add_row("ticks late for real time", str(late), f"of {result.run.rows}")
-    table.add_row("tick, median", f"{tick.median:.0f}", f"of {period:g} µs")
-    table.add_row("tick, 99th percentile", f"{tick.p99:.0f}", f"of {period:g} µs")
-    console.print(Text(sentence))
-    console.print()
-    console.print(table)
-    console.print()
+    made.add_row("ticks late for real time", str(late), f"of {result.run.rows}")
+    made.add_row("tick, median", f"{tick.median:.0f}", f"of {period:g} µs")
+    made.add_row("tick, 99th percentile", f"{tick.p99:.0f}", f"of {period:g} µs")
+    say(sentence, "", made, "")
     failure = result.run.meta.get("failure")
     if failure:
-        console.print(Text(f"{failure['why']}\nwbc explain {folder / FAILED_FILE} tells more"), soft_wrap=True)
-        console.print()
-    console.print(Text(f"report: {folder / HTML}"), soft_wrap=True)
+        say(f"{failure['why']}\nwbc explain {folder / FAILED_FILE} tells more", "")
+    reported(folder / HTML, show=show)

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.console import NO, notes, one_sentence, progress, table, whole_file
+from wbc.cli.console import NO, notes, one_sentence, progress, say, table, whole_file
 from wbc.errors import InvalidInput, UnknownName
 from wbc.plugins import registered
 from wbc.sim.scenario import imported
@@ -92,7 +91,8 @@ def _row(found: Findings) -> dict[str, Any]:
 
 
 def _print(kind: str, rows: list[dict[str, Any]]) -> None:
-    made = table(f"Soak: {kind}", "subject", "ticks", "solved", "raised", "not finite", "beyond", "memory")
+    made = table(f"Soak: {kind}", "subject", "ticks", "solved", "raised", "not finite", "limits exceeded", "memory",
+                 numbers=True)  # fmt: skip
     for row in rows:
         made.add_row(
             Text(f"{row['subject']}, {row['solver']}"),
@@ -101,13 +101,10 @@ def _print(kind: str, rows: list[dict[str, Any]]) -> None:
             *(str(count) for count in (sum(row["exceptions"].values()), row["not_finite"], row["beyond"])),
             f"{row['grown_bytes'] / 1e6:+.1f} MB",
         )
-    console = Console(highlight=False)
-    console.print(made)
+    say(made)
     for row in rows:
-        rungs = ", ".join(f"{rung} {count:,}" for rung, count in row["rungs"].items())
-        console.print(Text(f"{row['subject']}: {rungs}"), soft_wrap=True)
-        if row["worst"]:
-            worst = ", ".join(f"{name} {value:+.0e}" for name, value in row["worst"].items())
-            console.print(Text(f"  least room and worst excess: {worst}"), soft_wrap=True)
-        for text, count in row["exceptions"].items():
-            console.print(Text(f"  {count} times {text}"), soft_wrap=True)
+        lines = [f"\n{row['subject']}: ticks by where their command came from"]
+        lines += [f"  {rung}: {count:,}" for rung, count in row["rungs"].items()]
+        lines += ["  least room to a limit (-), or worst excess (+)"] if row["worst"] else []
+        lines += [f"  {name}: {value:+.0e}" for name, value in row["worst"].items()]
+        say(*lines, *(f"  {count} times {text}" for text, count in row["exceptions"].items()))

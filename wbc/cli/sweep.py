@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from wbc.cli.console import kept, notes, on_stderr, one_sentence, progress, tell
+from wbc.cli.console import kept, notes, on_stderr, one_sentence, progress, reported, say, tell
 from wbc.errors import InvalidInput
 
 
@@ -41,6 +39,7 @@ def sweep(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep that --out began.")] = False,
     repeat: Annotated[int | None, typer.Option(metavar="RUN", help="Do one run of --out again, make its page.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
     """Run a scenario many times with drawn parameters, disturbances, solvers, hierarchies; report how it spreads."""
     from wbc import sweep as sweeping
@@ -57,7 +56,7 @@ def sweep(
             result, page = sweeping.replay(out, repeat, scenario=scenario)
         tell(found)
         said = f"run {repeat} went well" if result["ok"] else f"run {repeat}: {'; '.join(reasons(result))}"
-        _answer(as_json, said, result, page)
+        _answer(as_json, said, result, page, show=show)
         return
     folder = out or Path("runs") / f"sweep-{datetime.now():%Y%m%d-%H%M%S}"
     how: dict[str, Any] = {"scheduler": scheduler, "workers": workers}
@@ -78,18 +77,17 @@ def sweep(
             report = sweeping.sweep(plan, out=folder, progress=step, **how)
     tell(found)
     lines = Lines(folder / RESULTS)
-    _answer(as_json, report.summary, figures(lines.header, lines.in_order()), folder / HTML)
+    _answer(as_json, report.summary, figures(lines.header, lines.in_order()), folder / HTML, show=show)
 
 
-def _answer(as_json: bool, sentence: str, found: dict[str, Any], page: Path | None) -> None:
+def _answer(as_json: bool, sentence: str, found: dict[str, Any], page: Path | None, *, show: bool) -> None:
     if as_json:
         made = found | {"report": None if page is None else str(page.resolve())}
         print(json.dumps(made, ensure_ascii=False, allow_nan=False))
         return
-    console = Console(highlight=False)
-    console.print(Text(sentence))
+    say(sentence)
     if page is not None:
-        console.print(Text(f"report: {page}"), soft_wrap=True)
+        reported(page, show=show)
 
 
 def _drawn(scenario: str, vary: Any, settings: Any) -> dict[str, Any]:

@@ -38,11 +38,11 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     first, *others = SECTIONS
     wanted = [first, *result.sections, *others]
     for i, section in enumerate(wanted):
-        progress(i / len(wanted), "drawing the report")
+        progress(i / len(wanted))
         made = section(result)
         if made is not None:
             sections.append(made)
-    progress(1.0, "drawing the report")
+    progress(1.0)
     meta = result.run.meta
     title = f"{meta.get('scenario', 'run')} · {meta.get('robot', 'robot')}"
     ok = result.ok if result.verdict or not result.ok else None  # nothing was demanded

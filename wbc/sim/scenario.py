@@ -12,10 +12,10 @@ import inspect
 import operator
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, final
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar, final
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName, UnknownScenario, WbcError
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from wbc.models.model import RobotModel
 
 GROUP = "wbc.scenarios"
+T = TypeVar("T")
 Parameter = bool | int | float | str | tuple[float, ...]
 
 
@@ -38,6 +39,28 @@ class Progress(Protocol):
 
 def silent(done: float, text: str = "") -> None:
     """A :class:`Progress` that says nothing."""
+
+
+def trials(progress: Progress, items: Iterable[T]) -> Iterator[tuple[T, Progress]]:
+    """Each of several trials with a progress of its own, which is a part of the whole: "7 of 16".
+
+    Example:
+        >>> from wbc.sim.scenario import trials
+        >>> for name, one in trials(lambda done, text="": print(done, text), ["a", "b"]):
+        ...     one(0.5, name)
+        0.0 1 of 2
+        0.25 1 of 2, a
+        0.5 2 of 2
+        0.75 2 of 2, b
+    """
+    whole = list(items)
+    for i, item in enumerate(whole):
+
+        def one(done: float, text: str = "", i: int = i) -> None:
+            progress((i + done) / len(whole), f"{i + 1} of {len(whole)}{text and f', {text}'}")
+
+        one(0.0)
+        yield item, one
 
 
 @final
@@ -139,6 +162,7 @@ class Scenario(ABC):
 
     ``parameters`` names what ``--set key=value`` may change, with defaults that also give the type; ``plants`` and
     ``hierarchies`` what ``--plant`` and ``--hierarchy`` may be, the default first; ``duration`` is in seconds.
+    ``wbc list`` shows scenarios by ``group``, with ``takes``, roughly how long a run and its report take [s].
 
     Example:
         >>> from wbc.sim.scenario import Scenario
@@ -157,6 +181,8 @@ class Scenario(ABC):
     plants: ClassVar[Sequence[str]] = ("integrator",)
     hierarchies: ClassVar[Sequence[str]] = ("weighted",)
     duration: ClassVar[float] = 4.0
+    group: ClassVar[str] = ""
+    takes: ClassVar[float | None] = None
 
     @abstractmethod
     def run(

@@ -6,7 +6,6 @@ import os
 import shutil
 from datetime import datetime
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 from wbc.errors import InvalidInput
@@ -14,7 +13,6 @@ from wbc.report.document import Report
 from wbc.report.folder import check_free, replaced
 from wbc.report.folder import write as write_report
 from wbc.report.record import missing, write_run
-from wbc.report.solvers.engine import remaining
 from wbc.sim.provenance import machine, versions
 from wbc.sim.scenario import Progress, ScenarioResult, silent
 from wbc.sweep.cluster import do_all
@@ -41,7 +39,7 @@ def sweep(
         out: a folder that does not exist yet, or an older report.
         scheduler: address of a dask scheduler, "tcp://host:8786"; without one, an embedded cluster.
         workers: processes of the embedded cluster; by default one for each core.
-        progress: told how far it is and how long the rest will take.
+        progress: told how far it is.
 
     Raises:
         InvalidInput: a place that cannot be written, an unfinished sweep there, no scheduler at that address.
@@ -156,14 +154,12 @@ def _plain(plan: Sweep) -> dict[str, Any] | None:
 def _finished(
     plan: Sweep, lines: Lines, out: Path, progress: Progress, *, scheduler: str | None, workers: int | None
 ) -> Report:
-    start, before = monotonic(), len(lines.results)
-
     def take(result: dict[str, Any]) -> None:
         lines.add(result)
         count = len(lines.results)
-        left = (monotonic() - start) / max(count - before, 1) * (plan.runs - count)
-        progress(count / plan.runs, f"{count} of {plan.runs} runs, {remaining(left)} left")
+        progress(count / plan.runs, f"{count} of {plan.runs} runs")
 
+    progress(len(lines.results) / plan.runs)
     undone = [run for run in range(plan.runs) if run not in lines.results]
     if undone:
         do_all(plan.trials(undone), take, scheduler=scheduler, workers=workers or os.cpu_count() or 1)

@@ -55,7 +55,7 @@ def compare(
             one's own must be importable by name there.
         out: a folder for ``report.html``, ``report.md`` and ``data.json``; nothing is written without.
         settings: parameters of the scenarios, "key=value"; ``plant``, ``hierarchy``, ``duration`` likewise.
-        progress: told how far it is and how long the rest will take.
+        progress: told how far it is.
         options: fields of :class:`~wbc.report.solvers.request.Request`: classes, rounds, limit, patience, ticks,
             seed, loop, torture, growth.
 

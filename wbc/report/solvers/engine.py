@@ -79,7 +79,7 @@ def _still_wanted(job: Job, journal: Journal) -> list[int]:
 
 @final
 class _Clock:
-    """Tells how much is done and how long the rest will take, from what jobs of the same sort took so far."""
+    """Tells which share of the time is over, from what jobs of the same sort took so far."""
 
     def __init__(self, wanted: Sequence[Job], progress: Progress) -> None:
         self._progress = progress
@@ -105,7 +105,7 @@ class _Clock:
         if monotonic() - self._last < _TELL_EVERY:
             return
         self._last = monotonic()
-        left = self.seconds_left()
+        left = self._seconds_left()
         self._share = max(self._share, self._finished / max(self._finished + left, 1e-9))  # a bar never goes back
         what, name, solver = job.key[:3]
         words = {
@@ -115,10 +115,9 @@ class _Clock:
             "levels": "levels of",
             "ranked": "on",
         }
-        rest = f", {remaining(left)} left" if self._seconds else ""
-        self._progress(self._share, f"{solver} {words[str(what)]} {name}{rest}")
+        self._progress(self._share, f"{solver} {words[str(what)]} {name}")
 
-    def seconds_left(self) -> float:
+    def _seconds_left(self) -> float:
         """Expected from the mean of the same sort; else of the same kind; else of all."""
         kinds: dict[Any, tuple[float, int]] = {}
         for sort, (total, count) in self._seconds.items():
@@ -130,16 +129,3 @@ class _Clock:
             total, count = self._seconds.get(sort) or kinds.get(sort[0]) or kinds.get(None, (0.0, 1))
             left += number * total / count
         return left
-
-
-def remaining(seconds: float) -> str:
-    """A rough time: "40 s", "3 min", "2.5 h".
-
-    Example:
-        >>> from wbc.report.solvers.engine import remaining
-        >>> [remaining(x) for x in (7.3, 95.0, 8000.0)]
-        ['8 s', '2 min', '2.2 h']
-    """
-    if seconds < 60:
-        return f"{int(seconds) + 1} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

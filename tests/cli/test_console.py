@@ -1,0 +1,57 @@
+"""What all verbs share: one bar with the time that is left, lines in a pipe, addresses to click."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wbc.cli import console
+from wbc.sim.scenario import trials
+
+
+def test_a_pipe_gets_a_line_every_ten_seconds_with_what_is_left(monkeypatch, capsys):
+    now = 0.0
+    monkeypatch.setattr(console, "monotonic", lambda: now)
+    with console.progress("running it") as report:
+        for (_, one), k in zip(trials(report, range(4)), range(4), strict=True):
+            now = 11.0 * k + 5.5
+            one(0.5, "half way")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        "wbc: running it: 2 of 4, half way, 28 s left, 38 %",
+        "wbc: running it: 3 of 4, half way, 17 s left, 62 %",
+        "wbc: running it: 4 of 4, half way, 6 s left, 88 %",
+    ]
+
+
+def test_what_an_earlier_life_did_does_not_make_the_rest_look_short(monkeypatch, capsys):
+    now = 0.0
+    monkeypatch.setattr(console, "monotonic", lambda: now)
+    with console.progress("sweeping") as report:
+        report(0.5)
+        now = 20.0
+        report(0.6)
+    assert "80 s left" in capsys.readouterr().err.replace("1 min", "80 s")
+
+
+def test_trials_are_parts_of_the_whole():
+    seen = []
+    for _, one in trials(lambda done, text="": seen.append((done, text)), "ab"):
+        one(1.0)
+    assert seen == [(0.0, "1 of 2"), (0.5, "1 of 2"), (0.5, "2 of 2"), (1.0, "2 of 2")]
+
+
+def test_a_report_is_an_absolute_address_and_opened_when_asked(monkeypatch, capsys, tmp_path: Path):
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.chdir(tmp_path)
+    console.reported(Path("r/report.html"))
+    assert capsys.readouterr().out == f"report: {tmp_path / 'r' / 'report.html'}\n" and not opened
+    console.reported(Path("r/report.html"), show=True)
+    assert opened == [(tmp_path / "r" / "report.html").as_uri()]
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.2, "1 s"), (59.5, "60 s"), (300.0, "5 min"), (7200.0, "2.0 h")])
+def test_a_rough_time(seconds: float, said: str):
+    assert console.remaining(seconds) == said
