@@ -11,7 +11,10 @@
   const arrays = data.arrays.map((packed) => {
     if (packed.f64 !== undefined) return Array.from(new Float64Array(bytes(packed.f64)));
     if (packed.f32 !== undefined) return Array.from(new Float32Array(bytes(packed.f32)), (v) => (isFinite(v) ? v : null));
-    const steps = new Uint16Array(bytes(packed.u16)), step = (packed.high - packed.low) / 65534;
+    const raw = new Uint8Array(bytes(packed.u16)), count = raw.length / 2, step = (packed.high - packed.low) / 65534;
+    const steps = new Uint16Array(count);  // as differences of differences: lower bytes, then upper ones
+    for (let i = 0; i < count; i++) { const z = raw[i] | (raw[count + i] << 8); steps[i] = (z >>> 1) ^ -(z & 1); }
+    for (let times = packed.times; times > 0; times--) for (let i = 1; i < count; i++) steps[i] += steps[i - 1];
     const values = Array.from(steps, (k) => (k === 65535 ? null : packed.low + k * step));
     values.decimals = step > 0 ? Math.min(Math.max(Math.ceil(-Math.log10(step)), 0), 12) : 12;  // what a step can tell
     return values;
