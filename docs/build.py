@@ -1,7 +1,7 @@
 """Build the site into docs/_build/html: ``python docs/build.py``, or ``make docs``, which installs Sphinx first.
 
 The Markdown files in git are complete pages for a code host. What the site adds is made here, once, in
-docs/_build/source: a menu from the lists of ``index.md``, a page for each example, and the changelog.
+docs/_build/source: a menu from the lists of ``index.md``, a page for each example, the changelog, and the reference.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import reference  # beside this file
+
 DOCS = Path(__file__).resolve().parent
-sys.path[:0] = [str(DOCS.parent), str(DOCS)]
+sys.path.insert(0, str(DOCS.parent))
 
 BUILD = DOCS / "_build"
 SOURCE, HTML = BUILD / "source", BUILD / "html"
@@ -79,6 +81,15 @@ def inside(text: str) -> str:
     return re.sub(r"\[([^]\[]+)\]\(([^)\s]+)\)", place, text)
 
 
+def catalogue(text: str, members: list[str], modules: list[str]) -> str:
+    """The page of the library with links to the pages of members, and a list of modules."""
+    for page in members:
+        name = Path(page).stem
+        text = text.replace(f"| `{name}` |", f"| [`{name}`]({page}) |")
+    rows = [f"| [`{Path(page).stem}`]({page}) | {reference.MODULES[Path(page).stem]} |" for page in modules]
+    return "\n".join([text, "## Modules\n", "| | |", "| :-- | :-- |", *rows, contents([*members, *modules])])
+
+
 def prepare() -> None:
     """Write the pages of the site into docs/_build/source."""
     shutil.rmtree(BUILD, ignore_errors=True)
@@ -90,6 +101,9 @@ def prepare() -> None:
     for path in sorted((DOCS / "examples").glob("*.py")):
         made[f"examples/{path.stem}.md"] = example(path)
     made["examples.md"] += contents([name for name in made if name.startswith("examples/")])
+    members, modules = reference.pages()
+    made |= members | modules
+    made["library.md"] = catalogue(made["library.md"], list(members), list(modules))
     made["index.md"] = menu(relinked(made["index.md"], Path("index.md")))
     for name, text in made.items():
         target = SOURCE / name

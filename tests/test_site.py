@@ -38,6 +38,14 @@ def test_every_page_of_the_documents_is_in_the_menu(site: Path) -> None:
     assert 'href="changes.html"' in menu and len(pages) > 30
 
 
+def test_every_member_of_the_library_has_a_page_with_an_example(site: Path) -> None:
+    listed = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs" / "library.md").read_text(encoding="utf-8"), re.MULTILINE)
+    for name in listed:
+        page = (site / "reference" / f"{name}.html").read_text(encoding="utf-8")
+        assert "from wbc.tasks import" in page and "highlight-pycon" in page, name
+    assert len(listed) > 50
+
+
 def test_the_pages_ask_no_server(site: Path) -> None:
     for page in site.rglob("*.html"):
         assert not ASKED.search(page.read_text(encoding="utf-8")), page.name

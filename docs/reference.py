@@ -1,0 +1,237 @@
+"""Write the reference from the docstrings: a page for each task, limit, contact, component, and for each module."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from enum import Enum
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).resolve().parent
+#: Modules whose public names have a page, with what they are for.
+MODULES: Mapping[str, str] = {
+    "wbc": "Robots, stacks, controllers, quadratic programs: the names of everyday use.",
+    "wbc.types": "The symbol table, and the status of a solution.",
+    "wbc.errors": "What is raised.",
+    "wbc.models.feet": "The feet of a robot.",
+    "wbc.methods": "Closed forms beside quadratic programs.",
+    "wbc.qp": "Quadratic programs with named rows.",
+    "wbc.qp.solvers": "Solvers, by name and with their settings.",
+    "wbc.sim.simulate": "A controller and a plant in a loop.",
+    "wbc.sim.plant": "What commands act on.",
+    "wbc.sim.mujoco_": "Physics by MuJoCo.",
+    "wbc.sim.disturbance": "Pushes, loads and noise.",
+    "wbc.sim.scenario": "Scenarios and their verdicts.",
+    "wbc.report": "Reports of runs, solvers and comparisons.",
+    "wbc.robots": "From joints to the motors of a device.",
+    "wbc.testing": "Checks for tasks, limits and methods of your own.",
+}
+#: Levels of a row of docs/features.md: "`Frame`, `Position` (v a τ)".
+LEVELS = re.compile(r"((?:`\w+`(?:, )?)+) \(([vaτ ]+)\)")
+NAMES = {"v": "velocity", "a": "acceleration", "τ": "inverse dynamics"}
+ROLE = re.compile(r":\w+:`~?([\w.]+)`")
+SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields|Example|Examples|Source|Sources|Signals|Note):\s*(.*)$")
+
+
+def levels() -> dict[str, str]:
+    """The levels that each member serves, as docs/features.md has them, where a test proves them."""
+    found = {}
+    for members, letters in LEVELS.findall((DOCS / "features.md").read_text(encoding="utf-8")):
+        for name in re.findall(r"`(\w+)`", members):
+            found[name] = ", ".join(NAMES[letter] for letter in letters.split())
+    return found
+
+
+def prose(text: str) -> str:
+    """Text of a docstring as Markdown: code stays, every other sign stands for itself."""
+    text = ROLE.sub(lambda m: f"``{m[1].rpartition('.')[2]}``", text)
+    parts = re.split(r"(``.+?``)", " ".join(text.split()))
+    return "".join(
+        f"`{part[2:-2]}`" if part.startswith("``") and len(part) > 4 else re.sub(r"([\\*_\[\]<>$`])", r"\\\1", part)
+        for part in parts
+    )
+
+
+def blocks(lines: list[str]) -> Iterator[list[str]]:
+    """Runs of lines between empty ones."""
+    kept: list[str] = []
+    for line in [*lines, ""]:
+        if line.strip():
+            kept.append(line)
+        elif kept:
+            yield kept
+            kept = []
+
+
+def body(lines: list[str]) -> Iterator[str]:
+    """Paragraphs, indented formulas and examples of a docstring as Markdown."""
+    for block in blocks(lines):
+        text = inspect.cleandoc("\n".join(["", *block]))
+        if text.startswith(">>>"):
+            yield f"```pycon\n{text}\n```"
+        elif re.match("=+  +=", text):
+            yield table(text.splitlines())
+        elif all(line.startswith("    ") for line in block) or re.search(r"\S {3,}\S", text):
+            yield f"```text\n{text}\n```"
+        elif text.startswith(("- ", "* ")):
+            items = re.split(r"^[-*] ", text, flags=re.MULTILINE)[1:]
+            yield "\n".join(f"* {prose(item)}" for item in items)
+        else:
+            yield prose(text)
+
+
+def table(lines: list[str]) -> str:
+    """A table of a docstring, its columns under runs of equals signs, as a table of Markdown."""
+    starts = [found.start() for found in re.finditer("=+", lines[0])]
+    rows = []
+    for line in lines[1:]:
+        if not line.startswith("="):
+            ends = [*starts[1:], None]
+            rows.append([prose(line[a:b].replace("**", "")) for a, b in zip(starts, ends, strict=True)])
+    head, *others = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return "\n".join([head, "| :-- " * len(starts) + "|", *others])
+
+
+def listed(lines: list[str]) -> str:
+    """The arguments of a section ``Args``, or the errors of ``Raises``, as a list."""
+    items: list[str] = []
+    for line in inspect.cleandoc("\n".join(["", *lines])).splitlines():
+        if line.startswith(" ") and items:
+            items[-1] += f" {line.strip()}"
+        elif line.strip():
+            items.append(line)
+    named = (item.partition(": ") for item in items)
+    return "\n".join(f"* `{name}`: {prose(text)}" if text else f"* {prose(name)}" for name, _, text in named)
+
+
+def rendered(docstring: str) -> str:
+    """A docstring as Markdown."""
+    parts: list[str] = []
+    kept: list[str] = []
+    section, said, goes_on = "", "", False
+
+    def close() -> None:
+        if section:
+            parts.append(f"**{section}.** {prose(said)}".rstrip() if said else f"**{section}**")
+        if section in ("Args", "Attributes", "Raises") and not said:
+            parts.append(listed(kept))
+        else:
+            inner = inspect.cleandoc("\n".join(["", *kept])).splitlines() if section else kept
+            parts.extend(body(inner))
+
+    for line in docstring.splitlines():
+        if found := SECTION.match(line):
+            close()
+            section, said, kept, goes_on = found[1], found[2], [], bool(found[2])
+        elif goes_on and line.strip():
+            said += f" {line.strip()}"
+        elif section and line and not line.startswith(" "):
+            close()
+            section, said, kept = "", "", [line]
+        else:
+            kept.append(line)
+            goes_on = False
+    close()
+    return "\n\n".join(part for part in parts if part)
+
+
+def signature(name: str, value: Any) -> str:
+    """How something is called, without types; of an enumeration its members."""
+    if inspect.isclass(value) and issubclass(value, Enum):
+        return "\n".join(f"{name}.{entry.name}  # {entry.value}" for entry in value)
+    try:
+        given = inspect.signature(value)
+    except (TypeError, ValueError):
+        return name
+    bare = [p.replace(annotation=p.empty) for p in given.parameters.values() if p.name not in ("self", "cls")]
+    words = str(given.replace(parameters=bare, return_annotation=given.empty))[1:-1]
+    line = f"{name}({words})"
+    return line if len(line) < 90 else f"{name}(\n    " + words.replace(", ", ",\n    ") + ",\n)"
+
+
+def member(name: str, value: type, kind: str, serves: str) -> str:
+    """The page of a task, limit, contact or component."""
+    module = inspect.getmodule(value)
+    assert module is not None and module.__doc__ and value.__doc__
+    about = module.__doc__.splitlines()[0].removeprefix(f"{name}: ")
+    facts = [f"| kind | {kind} |", f"| import | `from wbc.tasks import {name}` |"]
+    if serves:
+        facts.append(f"| levels | {serves} |")
+    source = module.__name__.removeprefix("wbc.").replace(".", "/")
+    facts.append(f"| source | `{source}.py` |")
+    return "\n".join(
+        [
+            f"# {name}\n\n{prose(about[0].upper() + about[1:])}\n",
+            "| | |\n| :-- | :-- |",
+            *facts,
+            f"\n```python\n{signature(name, value)}\n```\n",
+            rendered(inspect.getdoc(value) or ""),
+            "",
+        ]
+    )
+
+
+def module_page(name: str) -> str:
+    """The page of a module: what it offers, with signatures, docstrings and methods."""
+    module = import_module(name)
+    parts = [f"# `{name}`\n\n{MODULES[name]}\n"]
+    if name == "wbc.types":
+        parts.append(rendered(inspect.getdoc(module) or "") + "\n")
+    for title, value in offered(name, module):
+        called = f"```python\n{signature(title, value)}\n```"
+        parts.append(f"## {title}\n\n{called}\n\n{rendered(inspect.getdoc(value) or '')}\n")
+        if inspect.isclass(value):
+            for way, what in own(value):
+                parts.append(f"### {title}.{way}\n\n{rendered(inspect.getdoc(what) or '')}\n")
+    return "\n".join(parts)
+
+
+def offered(name: str, module: Any) -> list[tuple[str, Any]]:
+    """Public classes and functions of a module, those of its own alone."""
+    names = getattr(module, "__all__", None) or [n for n in dir(module) if not n.startswith("_")]
+    values = [(n, getattr(module, n)) for n in names]
+    home = name.rpartition(".")[0] if name.endswith("_") else name
+    return [
+        (n, v)
+        for n, v in values
+        if (inspect.isclass(v) or inspect.isfunction(v)) and v.__module__.startswith(home) and inspect.getdoc(v)
+    ]
+
+
+def own(value: type) -> list[tuple[str, Any]]:
+    """Public methods and properties that a class defines with a docstring."""
+    return [
+        (name, thing)
+        for name, thing in vars(value).items()
+        if not name.startswith("_")
+        and isinstance(thing, property | classmethod | staticmethod) | inspect.isfunction(thing)
+        and inspect.getdoc(thing)
+        and getattr(thing, "__doc__", None)
+    ]
+
+
+def pages() -> tuple[dict[str, str], dict[str, str]]:
+    """Every page of the reference by its file name: those of members, those of modules."""
+    import tasks
+    from wbc.stack.component import Component
+    from wbc.stack.constraint import Constraint
+    from wbc.stack.contact import Contact
+    from wbc.stack.task import LinearTask, Task
+
+    kinds = {
+        Task: "task",
+        LinearTask: "task on torques or forces",
+        Constraint: "limit",
+        Contact: "contact",
+        Component: "component",
+    }
+    serves = levels()
+    found = {}
+    for name, value in sorted(vars(tasks).items()):
+        kind = next((k for base, k in kinds.items() if inspect.isclass(value) and issubclass(value, base)), None)
+        if kind:
+            found[f"reference/{name}.md"] = member(name, value, kind, serves.get(name, ""))
+    return found, {f"reference/{name}.md": module_page(name) for name in MODULES}
