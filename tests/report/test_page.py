@@ -103,6 +103,26 @@ def test_a_drag_zooms_every_plot_and_a_double_click_shows_the_whole_run(tab: Bro
     assert plot(tab, "slip", "u.scales.x.max") == pytest.approx(1.19)
 
 
+def test_two_fingers_zoom_every_plot_about_what_they_are_on(chromium: Browser, page: Path):
+    chromium.open(page, width=390, height=844)
+    left, top, width, height = shown(chromium, "torques")
+    y = top + height / 2
+
+    def touch(kind: str, *shares: float) -> None:
+        points = [{"x": left + share * width, "y": y, "id": k} for k, share in enumerate(shares)]
+        chromium.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    touch("touchStart", 0.4, 0.6)
+    for apart in (0.15, 0.2, 0.3):
+        touch("touchMove", 0.5 - apart, 0.5 + apart)
+    touch("touchEnd")
+    chromium.settle()
+    for name in ("torques", "slip"):  # what was a fifth of the width is three fifths: the middle third of the run
+        low, high = plot(chromium, name, "[u.scales.x.min, u.scales.x.max]")
+        assert low == pytest.approx(1.19 / 3, abs=0.02) and high == pytest.approx(1.19 * 2 / 3, abs=0.02)
+    assert not chromium.errors
+
+
 def test_a_click_in_a_legend_shows_a_curve_and_so_does_a_key(tab: Browser):
     shown(tab, "torques")
     last = "u.series[u.series.length - 1].show"

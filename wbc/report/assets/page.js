@@ -198,6 +198,18 @@
       u.over.addEventListener("mouseenter", () => { hovering = true; });
       u.over.addEventListener("mouseleave", () => { hovering = false; requestAnimationFrame(() => point(clock.t)); });
     }
+    let held = null;  // two fingers: the values that they were put on
+    const fingers = (event) => Array.from(event.touches, (touch) => touch.clientX - u.over.getBoundingClientRect().left);
+    u.over.addEventListener("touchstart", (event) => {
+      held = event.touches.length === 2 ? fingers(event).map((left) => u.posToVal(left, "x")) : null;
+    }, { passive: true });
+    u.over.addEventListener("touchmove", (event) => {
+      if (!held || event.touches.length !== 2 || spec.log.includes("x")) return;
+      event.preventDefault();
+      const [a, b] = fingers(event), each = (held[1] - held[0]) / (b - a), min = held[0] - a * each;
+      const low = Math.max(min, first), high = Math.min(min + u.over.clientWidth * each, final);
+      if (high - low > 2 * clock.step || (!spec.time && high > low)) u.setScale("x", { min: low, max: high });
+    }, { passive: false });
     for (const entry of box.querySelectorAll(".u-series th")) {
       entry.tabIndex = 0;
       entry.setAttribute("role", "button");
