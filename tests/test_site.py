@@ -42,7 +42,7 @@ def test_every_member_of_the_library_has_a_page_with_an_example(site: Path) -> N
     listed = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs" / "library.md").read_text(encoding="utf-8"), re.MULTILINE)
     for name in listed:
         page = (site / "reference" / f"{name}.html").read_text(encoding="utf-8")
-        assert "from wbc.tasks import" in page and "highlight-pycon" in page, name
+        assert "highlight-pycon" in page, name
     assert len(listed) > 50
 
 
