@@ -42,9 +42,10 @@ ARROWS = {
     "sim": LOOP | {"control"},
     "report": LOOP | {"control", "sim"},
     "export": LOOP | {"control", "sim", "report"},
+    "live": LOOP | {"control", "sim", "report"},
     "tasks": set(),
     "sweep": LOOP | {"control", "sim", "report"},
-    "cli": LOOP | {"control", "sim", "report", "export", "sweep", "testing"},
+    "cli": LOOP | {"control", "sim", "report", "export", "live", "sweep", "testing"},
     "__main__": {"cli"},
 }
 

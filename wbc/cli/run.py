@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,6 +48,8 @@ def run(
     plant: Annotated[str | None, typer.Option(help="What the commands act on.")] = None,
     settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/SCENARIO-TIME.")] = None,
+    live: Annotated[bool, typer.Option("--live", help="Show it in the browser while it runs, with sliders.")] = False,
+    port: Annotated[int, typer.Option(help="Of the address of --live.")] = 8080,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
     show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
@@ -73,7 +78,7 @@ def run(
     require_extras()
     interrupted = False
     with replaced(folder) as pending, notes() as found, on_stderr():
-        with progress(f"running {chosen.name}") as step:
+        with progress(f"running {chosen.name}") as step, _shown(live, port):
             try:
                 result = chosen.run(parameters, solver=solver, progress=step, **chosen_settings)
             except Interrupted as stop:
@@ -89,6 +94,20 @@ def run(
         complain(f"{result.run.meta['ended']}; the run so far is in {folder}")
         raise typer.Exit(INTERRUPTED)
     raise typer.Exit(0 if result.ok else NO)
+
+
+@contextmanager
+def _shown(live: bool, port: int) -> Iterator[None]:
+    """A view in the browser of what is simulated meanwhile, with ``live``."""
+    if not live:
+        yield
+        return
+    from wbc.live.beside import beside
+    from wbc.live.view import required
+
+    required(port)
+    with beside(port, lambda url: print(f"wbc: open {url} in a browser", file=sys.stderr, flush=True)):
+        yield
 
 
 def _unfinished(stop: Interrupted, name: str) -> ScenarioResult:

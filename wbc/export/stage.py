@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import NotSupported
 from wbc.models.mujoco_import import import_mujoco
-from wbc.report.marks import RED, Mark
+from wbc.report.marks import RED, Mark, above_ground
 from wbc.report.shapes import Part
 from wbc.types import Mat, Vec
 
@@ -108,9 +108,7 @@ class Stage:
     def _add(self, mark: Mark, points: Mat) -> None:
         kinds, thick = self._mj.mjtGeom, self._thick
         if mark.kind == "arrow":
-            for tail, tip in points.reshape(-1, 2, 3):
-                if tail[2] < 0.0:  # from the ground: it begins where it acts, or it would lie below the floor
-                    tail, tip = tip, 2.0 * tip - tail
+            for tail, tip in above_ground(points.reshape(-1, 2, 3)):
                 self._connect(kinds.mjGEOM_ARROW, 1.1 * thick, tail, tip, mark.color)
         elif mark.kind == "line":
             self._line(np.vstack([points, points[:1]]), 0.35 * thick, mark.color)

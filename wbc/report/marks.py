@@ -46,6 +46,13 @@ class Mark:
         return self.group or self.label
 
 
+def above_ground(ends: Mat) -> Mat:
+    """Arrows (k, 2, 3), those from below a floor that hides them moved to begin where they end: a force of the ground
+    then begins where it acts."""
+    below = ends[:, :1, 2:] < 0.0
+    return np.where(below, ends + (ends[:, 1:] - ends[:, :1]), ends)
+
+
 def marks(moving: Motion, robot: RobotModel) -> list[Mark]:
     """Every mark of the motion; none for what the run does not have."""
     return [*_arrows(moving), *_points(moving, robot), *_lines(moving)]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
@@ -21,6 +21,12 @@ def _look_away(tick: int, ticks: int, controller: Controller) -> None:
     """Watches nothing."""
 
 
+def _pass_by(row: dict[str, Any]) -> None:
+    """Reads nothing."""
+
+
+#: Called with what is recorded of each tick, the plant's truth too, before the tick is watched.
+See = Callable[[dict[str, Any]], None]
 #: Called after each tick, outside what is timed: which tick, of how many, and the controller that made it.
 Watch = Callable[[int, int, "Controller"], None]
 
@@ -32,17 +38,20 @@ class Guest:
 
     watch: Watch = _look_away
     disturbances: Sequence[Disturbance] = ()
+    see: See = _pass_by
 
 
 _PRESENT: ContextVar[tuple[Guest, ...]] = ContextVar("guests of a simulation", default=())
 
 
 @contextmanager
-def joined(watch: Watch = _look_away, disturbances: Sequence[Disturbance] = ()) -> Iterator[None]:
+def joined(
+    watch: Watch = _look_away, disturbances: Sequence[Disturbance] = (), *, see: See = _pass_by
+) -> Iterator[None]:
     """Join every simulation that this thread starts inside the block.
 
     ``watch(tick, ticks, controller)`` is called after each tick and must leave the controller as it is;
-    ``disturbances`` are added to the simulation's own.
+    ``disturbances`` are added to the simulation's own. ``see(row)`` is called before it with the columns of the tick.
 
     Example:
         >>> import wbc
@@ -57,7 +66,7 @@ def joined(watch: Watch = _look_away, disturbances: Sequence[Disturbance] = ()) 
         >>> costs
         [7, 7, 7]
     """
-    token = _PRESENT.set((*_PRESENT.get(), Guest(watch, tuple(disturbances))))
+    token = _PRESENT.set((*_PRESENT.get(), Guest(watch, tuple(disturbances), see)))
     try:
         yield
     finally:

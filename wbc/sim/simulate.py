@@ -105,6 +105,7 @@ def simulate(
                 record.append(row)
                 watched.watch(row["t"])
                 for guest in present:
+                    guest.see(row)
                     guest.watch(k, ticks, controller)
                 if problem is not None:
                     ended = problem
