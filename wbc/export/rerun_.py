@@ -43,6 +43,7 @@ def to_rerun(
     content = log(run, robot)
     with whole(path) as aside:
         recording = rr.RecordingStream(f"wbc {run.meta.get('scenario', 'run')}", send_properties=False)
+        recording.send_recording_name(str(run.meta.get("scenario", "run")))
         recording.save(aside, default_blueprint=_blueprint(content))
         _series(recording, content, progress)
         if content.scene is not None:
