@@ -16,7 +16,7 @@ ASKED = re.compile(r"""<(?:script|link|img)[^>]*(?:src|href)=["'](?:https?:)?//"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    for package in ("sphinx", "furo", "myst_parser"):
+    for package in ("sphinx", "furo", "latex2mathml", "myst_parser"):
         pytest.importorskip(package, reason='the site needs the extra "docs"')
     copy = tmp_path_factory.mktemp("clone")
     for name in ("docs", "wbc", "tasks"):
