@@ -63,7 +63,7 @@ class ArmPayload(Single):
 
     name: ClassVar[str] = "arm-payload"
     group: ClassVar[str] = "arms"
-    takes = 90.0
+    takes = 80.0
     summary: ClassVar[str] = "an arm picks up a load it was not told of, with and without adaptation"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "mass": 2.0, "rough": True}
     plants = ("mujoco",)

@@ -36,7 +36,7 @@ class ArmReach(Scenario):
 
     name: ClassVar[str] = "arm-reach"
     group: ClassVar[str] = "arms"
-    takes = 15.0
+    takes = 8.0
     summary: ClassVar[str] = "an arm follows a moving pose through a step beyond its speed limits"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "level": "velocity", "step": 0.25, "frame": ""}
     plants = ("integrator", "mujoco")

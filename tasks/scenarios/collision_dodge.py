@@ -71,7 +71,7 @@ class CollisionDodge(Scenario):
 
     name: ClassVar[str] = "collision-dodge"
     group: ClassVar[str] = "arms"
-    takes = 60.0
+    takes = 25.0
     summary: ClassVar[str] = "an arm keeps away from a post, a swinging ball and itself, where its task leads through"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "arm", "frame": "tool", "margin": 0.02}
     plants = ("mujoco", "integrator")

@@ -10,8 +10,8 @@ import numpy as np
 
 import wbc
 from wbc import checks
-from wbc.report import measure, style
-from wbc.report.document import Section
+from wbc.report import measure
+from wbc.report.document import Curve, Plot, Section
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
@@ -51,7 +51,7 @@ class DualArm(Single):
 
     name: ClassVar[str] = "dual-arm"
     group: ClassVar[str] = "legs"
-    takes = 40.0
+    takes = 20.0
     summary: ClassVar[str] = "a humanoid holds a rigid bar in both hands, moves it and squeezes it"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "g1", "squeeze": 15.0}
     robots = HANDS
@@ -112,7 +112,7 @@ def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, durati
         "certified_share": judge.certified_share(run),
         "torque_use": float(measure.use(run)["torque"].max()),
     }
-    away, squeezed = measure.place(run, way, BAR, plot=plot), measure.place(run, error, SQUEEZE)
+    away, squeezed = measure.place(run, way, BAR, plot=plot), measure.place(run, error, SQUEEZE, plot="bar-error")
     verdict = [
         judge.stood_check(run, duration),
         Check("distance of the bar from its target", bar["max"], "<", BAR, "m", away),
@@ -130,21 +130,13 @@ def _section(result: ScenarioResult, asked: Vec) -> Section:
     run, t = result.run, measure.times(result.run)
     size = float(np.linalg.norm(asked[-1]))
     along = asked[-1] / size if size else np.eye(3)[0]
-    with style.Canvas(2, 1, height=4.6) as canvas:
-        squeeze, miss = canvas.axes
-        for label, forces, colour in (
-            ("in physics", run["plant.f.bar"], style.ORANGE), ("commanded", run["f.bar"][:, :3], style.BLUE),
-            ("to be", asked, style.INK),
-        ):  # fmt: skip
-            style.curve(squeeze, t, forces @ along, color=colour, label=label, linewidth=1.0)
-        style.over_time(squeeze, run, "Force along the bar", "force [N]")
-        style.legend(squeeze)
-        error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
-        style.curve(miss, t, 1e3 * error, color=style.ORANGE, label="in physics, from what it is to be")
-        style.over_time(miss, run, "Error of the force", "error [mN]")
-        style.legend(miss)
-        caption = "What the left hand presses on the right through the bar, which is a weld and is not drawn below."
-        return Section("The bar", [canvas.figure("bar", caption)])
+    error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
+    forces = (("in physics", run["plant.f.bar"]), ("commanded", run["f.bar"][:, :3]), ("wanted", asked))
+    return Section("The bar", [
+        Plot("bar-force", "Force along the bar", "N", t, [Curve(label, force @ along) for label, force in forces],
+             caption="What the left hand presses on the right through the bar, a weld."),
+        Plot("bar-error", "Error of the force", "mN", t, [Curve("in physics minus wanted", 1e3 * error)]),
+    ])  # fmt: skip
 
 
 def _grip_error(run: wbc.Run, robot: Any, hands: tuple[str, str]) -> float:

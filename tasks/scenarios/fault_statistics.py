@@ -12,8 +12,7 @@ import numpy as np
 import wbc
 from wbc import checks
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import style
-from wbc.report.document import Section, Table, Text
+from wbc.report.document import Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Effect, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
@@ -221,29 +220,23 @@ def _section(
     trials: Sequence[Trial], windows: Sequence[tuple[int, float]], robot: PinocchioModel, known: Thresholds
 ) -> Section:
     peaks, ticks = np.array([peak for _, peak in windows]), sum(n for n, _ in windows)
-    with style.Canvas(1, 2, height=3.2) as canvas:
-        first, second = canvas.axes
-        for low, high, colour in ((0.5, 1.0, style.ORANGE), (1.0, 3.0, style.BLUE), (3.0, np.inf, style.GREEN)):
-            some = np.array([t.peak for t in trials if low <= t.size < high])
-            if len(some):
-                share = [float((some > c).mean()) for c in SCALES]
-                false = [1e6 * float((peaks > c).sum()) / ticks for c in SCALES]
-                label = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more"
-                first.plot(np.maximum(false, 0.5), share, color=colour, label=label, marker=".", markersize=3)
-        style.logarithmic(first, "x")
-        first.set_xlabel("alarms without a fault, per million ticks (0 drawn at 0.5)")
-        first.set_ylabel("share detected")
-        first.legend(loc="lower right", title="missing, of thresholds")
-        for kind, colour in zip(KINDS, style.CYCLE, strict=False):
-            seen = [t for t in trials if t.kind == kind and np.isfinite(t.delay)]
-            second.plot([t.size for t in seen], [1e3 * t.delay for t in seen], ".", color=colour, label=kind)
-        style.logarithmic(second, "x")
-        second.set_xlabel("missing torque / threshold")
-        second.set_ylabel("delay [ms]")
-        style.legend(second)
-        figure = canvas.figure(
-            "roc", "Left: each point of a curve is another multiple of all thresholds, 0.2 to 3. Right: how soon."
-        )
+    false = np.array([1e6 * float((peaks > c).sum()) / ticks for c in SCALES])[::-1]
+    sizes = [(low, high, np.array([t.peak for t in trials if low <= t.size < high]))
+             for low, high in ((0.5, 1.0), (1.0, 3.0), (3.0, np.inf))]  # fmt: skip
+    found = [
+        Curve(f"{low:g} to {high:g} thresholds" if np.isfinite(high) else f"{low:g} thresholds and more",
+              np.array([float((some > c).mean()) for c in SCALES])[::-1])
+        for low, high, some in sizes if len(some)
+    ]  # fmt: skip
+    seen = sorted((t for t in trials if np.isfinite(t.delay)), key=lambda t: t.size)
+    delays = [Curve(kind, np.array([1e3 * t.delay if t.kind == kind else np.nan for t in seen])) for kind in KINDS]
+    plots = [
+        Plot("roc", "Share detected", "", np.maximum(false, 0.5), found, over="false alarms per million ticks", log="x",
+             zero=True, dots=True, caption="By how much is missing. Each point is another multiple of all thresholds, "
+             "0.2 to 3; none is drawn at 0.5."),
+        Plot("delays", "Delay", "ms", np.array([t.size for t in seen]), delays, over="missing torque / threshold",
+             log="x", dots=True, lines=False),
+    ]  # fmt: skip
     rows = []
     for i, name in enumerate(robot.joint_names):
         mine = [t for t in trials if t.joint == i]
@@ -264,4 +257,4 @@ def _section(
         "fault shows as missing torque alone: a dead motor that is asked for nothing is not seen, and harms nothing. "
         "Times, torques and velocities in this report are those of the last two seconds alone."
     )
-    return Section("Faults found and missed", [text, figure, Table(columns, rows)])
+    return Section("Faults found and missed", [text, *plots, Table(columns, rows)])

@@ -9,8 +9,8 @@ import numpy as np
 
 import wbc
 from wbc.models import Planar4P
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.types import Vec
 
@@ -79,7 +79,7 @@ class FourPAdaptive(Single):
 
     name: ClassVar[str] = "4p-adaptive"
     group: ClassVar[str] = "planar"
-    takes = 30.0
+    takes = 25.0
     summary: ClassVar[str] = "adaptive tracking with unknown masses, with and without excitation"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "m": (2.0, 1.0, 1.5, 0.5), "kp": 100.0, "kd": 40.0, "gain": 20.0, "physical": True,
@@ -152,49 +152,36 @@ def _out_of_order(a_hat: Vec) -> float:
 
 
 def _coefficients(moving: Adapted, still: Adapted) -> Section:
-    with style.Canvas(2, 1, height=5.6) as canvas:
-        for axes, of, title in zip(
-            canvas.axes, (moving, still), ("Along a motion that excites all of them", "At rest"), strict=True
-        ):
-            t = measure.times(of.run)
-            for i, colour in enumerate(style.CYCLE[:4]):
-                style.curve(axes, t, of.signal("a_hat")[:, i], color=colour, label=f"â{i + 1}")
-                axes.axhline(of.truth[i], color=colour, linewidth=0.9, linestyle=(0, (4, 3)))
-            style.over_time(axes, of.run, title, "coefficient [kg]")
-            style.legend(axes)
-        caption = (
-            "Estimates from â = 0; dashed: the truth. At rest gravity alone excites, so a2 and a4 are found; a1 "
-            "and a3 stop where they happen to be, though the error vanishes."
+    plots = [
+        Plot(f"coefficients-{name}", title, "kg", measure.times(of.run),
+             [Curve(f"â{i + 1} ({of.truth[i]:g})", of.signal("a_hat")[:, i]) for i in range(4)],
+             [Bound(value, f"true a{i + 1}") for i, value in enumerate(of.truth)], caption=caption)
+        for name, of, title, caption in (
+            ("moving", moving, "Estimates along a motion that excites all of them", "From â = 0; dashed: the truth."),
+            ("rest", still, "Estimates at rest", "Gravity alone excites, so a2 and a4 are found; a1 and a3 stop where "
+             "they happen to be, though the error vanishes."),
         )
-        figure = canvas.figure("adaptive-coefficients", caption)
+    ]  # fmt: skip
     rows = [
         (NAMES[i], float(moving.truth[i]), float(moving.signal("a_hat")[-1, i]), float(still.signal("a_hat")[-1, i]))
         for i in range(4)
     ]
     table = Table(("coefficient [kg]", "truth", "moving, at the end", "at rest, at the end"), rows)
-    return Section("What is found out", [figure, table])
+    return Section("What is found out", [*plots, table])
 
 
 def _errors(moving: Adapted, still: Adapted) -> Section:
-    with style.Canvas(2, 1, height=5.0) as canvas:
-        error, energy = canvas.axes
-        for name, of, colour in (("moving", moving, style.BLUE), ("at rest", still, style.ORANGE)):
-            t = measure.times(of.run)
-            style.curve(error, t, np.maximum(1e3 * np.abs(of.error).max(axis=1), 1e-6), color=colour, label=name)
-            style.curve(energy, t, of.signal("V"), color=colour, label=name)
-        for axes in canvas.axes:
-            axes.set_yscale("log")
-            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-            style.legend(axes)
-        style.over_time(error, moving.run, "Largest error of the four joints", "|q_d − q| [mm]")
-        style.over_time(energy, moving.run, "Lyapunov's function", "V")
-        caption = (
-            "V = ½ sᵀM s + eᵀK_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â). What is left of it at rest is the part of a − â that "
-            "nothing excites; what is left of it and of the error in motion is what ticks of a millisecond leave."
-        )
-        figure = canvas.figure("adaptive-lyapunov", caption)
+    both, t = (("moving", moving), ("at rest", still)), measure.times(moving.run)
+    plots = [
+        Plot("adaptive-error", "Largest error of the four joints", "mm", t,
+             [Curve(name, np.maximum(1e3 * np.abs(of.error).max(axis=1), 1e-6)) for name, of in both], log="y"),
+        Plot("adaptive-lyapunov", "Lyapunov's function V", "", t,
+             [Curve(name, of.signal("V")) for name, of in both], log="y",
+             caption="V = ½ sᵀM s + eᵀK_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â). At rest the part of a − â that nothing excites "
+             "is left; in motion, what ticks of a millisecond leave."),
+    ]  # fmt: skip
     text = Text(
         f"No tick of the two runs raises V by more than {max(moving.rise, still.rise):.1g} of its first value. "
         "The law needs neither accelerations nor an inverse of the estimated inertia matrix, so â may start at zero."
     )
-    return Section("Errors and Lyapunov's function", [figure, text])
+    return Section("Errors and Lyapunov's function", [*plots, text])

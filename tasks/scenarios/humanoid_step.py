@@ -49,7 +49,7 @@ class HumanoidStep(Single):
 
     name: ClassVar[str] = "humanoid-step"
     group: ClassVar[str] = "legs"
-    takes = 40.0
+    takes = 60.0
     summary: ClassVar[str] = "a humanoid takes ten steps: shift the weight, lift a foot, place it ahead"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "steps": 10, "length": 0.0, "first": "left"}
     robots = GAITS

@@ -12,8 +12,8 @@ import wbc
 from wbc.errors import ModelError
 from wbc.methods import ProjectedGradientStep
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.sim.simulate import simulate
@@ -84,7 +84,7 @@ class PgStep(Single):
 
     name: ClassVar[str] = "pg-step"
     group: ClassVar[str] = "planar"
-    takes = 10.0
+    takes = 12.0
     summary: ClassVar[str] = "the largest step along a projected gradient, beside the QP over velocities"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "alpha_max": 80.0, "speed": 0.2}
     duration = 6.0
@@ -208,30 +208,20 @@ def _in_plane(plane: ProjectedGradientStep, by_qp: float) -> Section:
 
 def _along_the_path(result: ScenarioResult, of: Setting, beside: Beside) -> Section:
     t = measure.times(result.run)[beside.rows]
-    wide, thin = {"color": "#f2b27a", "linewidth": 3.4}, {"color": style.BLUE, "linewidth": 1.1}
-    with style.Canvas(3, 1, height=6.4) as canvas:
-        steps, climbs, speeds = canvas.axes
-        style.curve(steps, t, beside.alpha, color=style.BLUE, label="α*, closed form")
-        style.bound(steps, of.alpha_max, "α_max")
-        steps.set_ylim(0.0, 1.15 * of.alpha_max)
-        style.over_time(steps, result.run, "The largest feasible step along the projected gradient", "α*")
-        for name, v, look in (("QP over q̇", beside.v_qp, wide), ("projected gradient step", beside.v_step, thin)):
-            style.curve(climbs, t, beside.climb(v), label=name, **look)
-            style.curve(speeds, t, (np.abs(v) / of.v_max).max(axis=1), label=name, **look)
-        style.over_time(climbs, result.run, "How much faster the manipulability rises for it", "∇Hᵀ(q̇ − q̇_r) [m³/s]")
-        style.bound(speeds, 1.0, "limit")
-        speeds.set_ylim(0.0, 1.25)
-        style.over_time(speeds, result.run, "The fastest joint", "|q̇| / q̇_max")
-        for axes in canvas.axes:
-            style.legend(axes)
-        caption = (
-            "Blue: the closed form at the states of the run; orange: the QP, which drives the arm. Where blue is "
-            "missing the task alone is beyond a limit and no step exists. Elsewhere both are the same while no joint "
-            "is at its limit; then the QP leaves the ray of the gradient and is never the costlier one."
-        )
-        figure = canvas.figure("pg-path", caption)
+    both = (("QP over q̇", beside.v_qp), ("projected gradient step", beside.v_step))
+    plots = [
+        Plot("pg-alpha", "Largest feasible step along the projected gradient, α*", "", t,
+             [Curve("α*, closed form", beside.alpha)], [Bound(of.alpha_max, "α_max")], zero=True,
+             caption="A gap: the task alone is beyond a limit, and no step exists."),
+        Plot("pg-climb", "Rise of the manipulability by it, ∇Hᵀ(q̇ − q̇_r)", "m³/s", t,
+             [Curve(name, beside.climb(v)) for name, v in both],
+             caption="The same while no joint is at its limit; then the QP, which drives the arm, leaves the ray of "
+             "the gradient and is never the costlier one."),
+        Plot("pg-speed", "Speed of the fastest joint over its limit", "", t,
+             [Curve(name, (np.abs(v) / of.v_max).max(axis=1)) for name, v in both], [Bound(1.0, "limit")], zero=True),
+    ]  # fmt: skip
     text = Text(
         "Both get the same task velocity and the same limits of speed. The QP also knows the limits of position, and "
         "it needs no feasible q̇_r to start from."
     )
-    return Section("The step along the motion of the arm", [text, figure])
+    return Section("The step along the motion of the arm", [text, *plots])

@@ -11,8 +11,8 @@ import wbc
 from wbc.methods import FaultFraction
 from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.types import Vec
@@ -67,7 +67,7 @@ class PrFault(Single):
 
     name: ClassVar[str] = "pr-fault"
     group: ClassVar[str] = "planar"
-    takes = 12.0
+    takes = 8.0
     summary: ClassVar[str] = "the PR robot's actuators fail; the momentum residual says which and how much"
     parameters: ClassVar[Mapping[str, Parameter]] = {"threshold": (0.5, 0.1)}
     duration = 1.0
@@ -134,7 +134,7 @@ def _judged(seen: Mapping[str, Seen], robot: PlanarRobot, threshold: Sequence[fl
         ),
         Check("residual of the healthy joint, total fault", figures["largest_r2_Nm"], "<=", LEFT, "N m"),
         *(
-            Check(f"residual less its formula: {kind}", of.off(), "<=", LEFT, "N, N m")
+            Check(f"residual minus its formula: {kind}", of.off(), "<=", LEFT, "N, N m")
             for kind, of in seen.items()
         ),
         Check("alarm of joint 1 not before the time of the formula", late, ">=", 0.0, "s"),
@@ -155,26 +155,20 @@ def _judged(seen: Mapping[str, Seen], robot: PlanarRobot, threshold: Sequence[fl
 
 def _total_fault(result: ScenarioResult, total: Seen, momentum: Vec) -> Section:
     t = measure.times(result.run)
-    with style.Canvas(2, 1, height=5.2) as canvas:
-        first, second = canvas.axes
-        style.bound(first, TAU[0], "τ1 asked for")
-        for gain, colour in zip(PUBLISHED, (style.RED, style.BLUE), strict=True):
-            r, printed = total.residual(gain), gain * momentum[0] * np.exp(-gain * t)
-            style.curve(first, t, r[:, 0], color=colour, label=f"K1 = {gain:g}")
-            style.curve(first, t, total.expected(gain)[:, 0] - printed, color=colour, linestyle=":", linewidth=0.9)
-            style.curve(second, t, 1e3 * r[:, 1], color=colour, label=f"K2 = {gain:g}")
-            first.plot([AT], [PUBLISHED[gain]], "o", color=colour, markersize=4)
-        first.set_ylim(-2.0, 6.0)
-        second.set_ylim(-1.0, 1.0)
-        style.over_time(first, result.run, "Actuator 1 is dead from t = 0", "r1 [N]")
-        style.over_time(second, result.run, "The residual of the healthy actuator", "r2 [mN m]")
-        for axes in canvas.axes:
-            style.legend(axes)
-        caption = (
-            "Dots: 5 (1 − e^(−K/10)). Dotted: the residual without p(0), r = K (∫ … − p), which starts at −K p1(0), "
-            "far below the picture, whatever the fault. Once r1 stands at the command, the fault is total."
+    first = [Curve(f"K1 = {gain:g}", total.residual(gain)[:, 0]) for gain in PUBLISHED]
+    first += [
+        Curve(
+            f"K1 = {gain:g}, without p(0)", total.expected(gain)[:, 0] - gain * momentum[0] * np.exp(-gain * t), False
         )
-        figure = canvas.figure("fault-total", caption)
+        for gain in PUBLISHED
+    ]
+    second = [Curve(f"K2 = {gain:g}", 1e3 * total.residual(gain)[:, 1]) for gain in PUBLISHED]
+    plots = [
+        Plot("fault-dead", "Residual of actuator 1, dead from t = 0", "N", t, first, [Bound(TAU[0], "τ1 asked for")],
+             caption="Once r1 stands at the command, the fault is total. Without p(0) the residual, r = K (∫ … − p), "
+             "would start at −K p1(0), far below, whatever the fault: a click in the legend shows it."),
+        Plot("fault-healthy", "Residual of the healthy actuator", "mN m", t, second),
+    ]  # fmt: skip
     text = Text(
         f"At the fault p = ({momentum[0]:g} kg m/s, {momentum[1]:g} kg m²/s). The residual is "
         "r = K (∫ (τ − β − r) dt − (p − p(0))), and ṙ = K (τ_f − r) from r(0) = 0, whatever the robot does."
@@ -185,22 +179,19 @@ def _total_fault(result: ScenarioResult, total: Seen, momentum: Vec) -> Section:
         for gain in PUBLISHED
     ]  # fmt: skip
     table = Table(("gain", "r1(0.1 s) [N]", "by formula [N]", "r1(0) without p(0) [N]"), rows)
-    return Section("Total fault of actuator 1", [text, figure, table])
+    return Section("Total fault of actuator 1", [text, *plots, table])
 
 
 def _other_faults(seen: Mapping[str, Seen], solver: str) -> Section:
     others = list(seen.items())[1:]
     fast = max(PUBLISHED)
-    with style.Canvas(len(others), 1, height=1.9 * len(others) + 0.4) as canvas:
-        for axes, (kind, of) in zip(canvas.axes, others, strict=True):
-            t = measure.times(of.run)
-            for joint, colour in enumerate((style.BLUE, style.ORANGE)):
-                label = f"r{joint + 1} [{UNITS[joint]}]"
-                style.curve(axes, t, of.residual(fast)[:, joint], color=colour, label=label)
-                axes.axhline(of.missing[joint], color=colour, linewidth=0.9, linestyle=(0, (4, 3)))
-            style.over_time(axes, of.run, kind[0].upper() + kind[1:], "residual")
-            style.legend(axes)
-        figure = canvas.figure("fault-others", f"Residuals for K = {fast:g} 1/s; dashed: what is missing.")
+    plots = [
+        Plot(f"fault-{k}", f"{kind[0].upper()}{kind[1:]}: residuals for K = {fast:g} 1/s", ", ".join(UNITS),
+             measure.times(of.run),
+             [Curve(f"r{joint + 1} [{UNITS[joint]}]", of.residual(fast)[:, joint]) for joint in range(2)],
+             [Bound(of.missing[joint], f"missing of joint {joint + 1}") for joint in np.flatnonzero(of.missing)])
+        for k, (kind, of) in enumerate(others)
+    ]  # fmt: skip
     rows = []
     for kind, of in seen.items():
         by_formula, by_qp = _fractions(of, solver)
@@ -222,4 +213,4 @@ def _other_faults(seen: Mapping[str, Seen], solver: str) -> Section:
         "Residuals at the end. The share l of the command that is lost solves min |diag(τ) l − r|² under 0 ≤ l ≤ 1. A "
         "bias that takes away from the command looks like a loss, one that adds to it like none."
     )
-    return Section("Other faults", [figure, Table(columns, rows, caption)])
+    return Section("Other faults", [*plots, Table(columns, rows, caption)])

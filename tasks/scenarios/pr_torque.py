@@ -12,8 +12,8 @@ import wbc
 from wbc.methods import WeightedTorque
 from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
-from wbc.report import measure, style
-from wbc.report.document import Section, Table, Text
+from wbc.report import measure
+from wbc.report.document import Curve, Plot, Section, Table, Text
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.types import Vec
 
@@ -181,28 +181,22 @@ def _first_instant(solver: str) -> Section:
 
 
 def _the_run(result: ScenarioResult, damped: Tracking, free: Tracking) -> Section:
-    t = measure.times(result.run)
-    with style.Canvas(3, 1, height=6.6) as canvas:
-        path, turn, torque = canvas.axes
-        x = result.run["q"][:, 0] + 0.5 * np.cos(result.run["q"][:, 1])
-        style.curve(path, t, 1 - np.cos(3 * t), color="#f2b27a", linewidth=3.4, label="1 − cos 3t")
-        style.curve(path, t, x, color=style.BLUE, label="x of the tip")
-        style.over_time(path, result.run, "The task", "x [m]")
-        for name, of, colour in (("not damped", free, style.ORANGE), ("damped", damped, style.BLUE)):
-            style.curve(turn, measure.times(of.run), of.run["plant.v"][:, 1], color=colour, label=name)
-            style.curve(torque, measure.times(of.run), of.run["tau"][:, 1], color=colour, label=name)
-        style.over_time(turn, result.run, "What the task leaves free: how fast link 2 turns", "q̇2 [rad/s]")
-        style.over_time(torque, result.run, "Torque of joint 2", "τ2 [N m]")
-        for axes in canvas.axes:
-            style.legend(axes)
-        caption = (
-            "The task is met in both runs. τ₀ and the force keep turning link 2 faster and faster where nothing damps "
-            "it; τ₀ − D q̇ does, and does not touch the task."
-        )
-        figure = canvas.figure("pr-tracking", caption)
+    t, q = measure.times(result.run), result.run["q"]
+    both = (("damped", damped), ("not damped", free))
+    plots = [
+        Plot("pr-task", "The task: x of the tip", "m", t,
+             [Curve("x", q[:, 0] + 0.5 * np.cos(q[:, 1])), Curve("1 − cos 3t", 1 - np.cos(3 * t))]),
+        Plot("pr-off", "Error of the task", "mm", t,
+             [Curve(name, 1e3 * np.abs(of.run["error.x"]).max(axis=1)) for name, of in both]),
+        Plot("pr-turn", "What the task leaves free: speed of link 2", "rad/s", t,
+             [Curve(name, of.run["plant.v"][:, 1]) for name, of in both],
+             caption="τ₀ and the force keep turning link 2 faster where nothing damps it; τ₀ − D q̇ does, and does not "
+             "touch the task."),
+        Plot("pr-torque", "Torque of joint 2", "N m", t, [Curve(name, of.run["tau"][:, 1]) for name, of in both]),
+    ]  # fmt: skip
     rows = [
         (name, float(of.damping[0]), float(of.damping[1]), 1e3 * of.off, float(np.abs(of.run["plant.v"][:, 1]).max()))
         for name, of in (("damped", damped), ("not damped", free))
     ]
     table = Table(("run", "D1 [N s/m]", "D2 [N m s]", "largest error of x [mm]", "fastest turn [rad/s]"), rows)
-    return Section("Tracking with a force at the tip", [figure, table])
+    return Section("Tracking with a force at the tip", [*plots, table])

@@ -26,7 +26,7 @@ class QuadrupedStand(Single):
 
     name: ClassVar[str] = "quadruped-stand"
     group: ClassVar[str] = "legs"
-    takes = 20.0
+    takes = 15.0
     summary: ClassVar[str] = "a quadruped sways on four feet and takes two pushes"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2", "push": 30.0}
     robots = STANCES

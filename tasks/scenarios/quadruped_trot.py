@@ -85,7 +85,7 @@ class QuadrupedTrotInPlace(Single):
 
     name: ClassVar[str] = "quadruped-trot-in-place"
     group: ClassVar[str] = "legs"
-    takes = 40.0
+    takes = 25.0
     summary: ClassVar[str] = "a quadruped lifts two feet across from one another, then the other two, in place"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2"}
     robots = STANCES

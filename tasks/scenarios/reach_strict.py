@@ -41,7 +41,7 @@ class ReachStrict(Scenario):
 
     name: ClassVar[str] = "reach-strict"
     group: ClassVar[str] = "legs"
-    takes = 50.0
+    takes = 35.0
     summary: ClassVar[str] = "a humanoid reaches for what is out of reach; ranked strictly, its balance does not give"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "humanoid", "reach": 0.6}
     plants = ("mujoco", "integrator")

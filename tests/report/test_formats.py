@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from wbc.report import Report, Section, Table, Text
-from wbc.report.document import formatted
+from wbc.report.document import formatted, readable
 from wbc.report.html import html
 from wbc.report.markdown import markdown
 
@@ -112,3 +112,9 @@ def test_the_verdict_is_on_the_page_in_words():
 
 def test_the_report_folder_is_small(folder: Path):
     assert sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) < 10e6
+
+
+@pytest.mark.parametrize(("unit", "shown"), [("m", "mm"), ("rad", "mrad"), ("N m", "N m"), ("", "")])
+def test_small_errors_are_shown_in_small_units(unit: str, shown: str):
+    factor, text = readable(unit)
+    assert text == shown and factor == (1e3 if shown != unit else 1.0)

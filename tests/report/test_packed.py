@@ -67,3 +67,15 @@ def test_an_array_that_stands_twice_is_packed_once():
 
 def test_a_report_without_plots_has_nothing_for_a_script():
     assert data(Report("t", "s", None, [])) is None
+
+
+def test_plots_of_one_scale_reach_as_far():
+    x = np.arange(3.0)
+    plots = [
+        Plot("left", "left", "N", x, [Curve("f", np.array([1.0, 2.0, np.nan]))], scale="force"),
+        Plot("right", "right", "N", x, [Curve("f", x - 5.0), Curve("hidden", 1e6 * x, shown=False)], scale="force"),
+        Plot("other", "other", "m", x, [Curve("x", x)]),
+    ]
+    packed = data(Report("t", "s", None, [Section("a", plots)]))
+    assert packed is not None
+    assert [plot["reach"] for plot in packed["plots"]] == [[-5.0, 2.0], [-5.0, 2.0], None]

@@ -197,6 +197,13 @@ def test_the_page_is_as_wide_as_the_window(chromium: Browser, page: Path, width:
     assert not chromium.errors
 
 
+def test_the_contents_stay_in_sight(tab: Browser):
+    tab.run("scrollTo({top: document.body.scrollHeight, behavior: 'instant'})")
+    tab.settle()
+    assert tab.run("document.querySelector('nav').getBoundingClientRect().top") == 0
+    tab.run("scrollTo({top: 0, behavior: 'instant'})")
+
+
 def test_the_page_is_dark_where_that_is_wished(chromium: Browser, page: Path):
     chromium.open(page, dark=True)
     dark = chromium.run("getComputedStyle(document.body).backgroundColor")

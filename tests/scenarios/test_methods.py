@@ -10,7 +10,7 @@ import pytest
 from tasks.scenarios import SCENARIOS
 from wbc.errors import InvalidInput
 from wbc.report import run_report
-from wbc.report.document import Figure
+from wbc.report.document import Figure, Plot
 from wbc.sim.scenario import ScenarioResult, silent
 
 
@@ -25,9 +25,9 @@ def failed(result: ScenarioResult) -> list[str]:
 
 
 def pictures(result: ScenarioResult) -> list[str]:
-    """Names of the figures that the scenario's own sections hold."""
+    """Names of the figures and plots that the scenario's own sections hold."""
     sections: list[Any] = [section(result) for section in result.sections]
-    return [item.name for section in sections for item in section.items if isinstance(item, Figure)]
+    return [item.name for section in sections for item in section.items if isinstance(item, Figure | Plot)]
 
 
 def test_the_first_torque_is_that_of_the_exercise_and_so_is_the_one_with_the_wrong_sign():
@@ -37,7 +37,7 @@ def test_the_first_torque_is_that_of_the_exercise_and_so_is_the_one_with_the_wro
     np.testing.assert_allclose(start, [104 / 11, -71 / 22], atol=1e-8)
     assert result.figures["task_acceleration_start"] == pytest.approx(9.0, abs=1e-8)
     assert "τ(0) for r̈ = −9 minus (−2, 5/2)" in [check.text for check in result.verdict]
-    assert pictures(result) == ["pr-tracking"]
+    assert pictures(result) == ["pr-task", "pr-off", "pr-turn", "pr-torque"]
 
 
 def test_without_damping_the_two_runs_are_the_same_and_that_is_not_good():
@@ -51,7 +51,7 @@ def test_residuals_are_those_of_the_exercise_for_every_kind_of_fault():
     assert result.figures["r1_at_0.1_s_K_3_N"] == pytest.approx(1.2959, abs=5e-5)
     assert result.figures["largest_r2_Nm"] < 5e-4
     assert result.figures["share_lost_joint_1"] == pytest.approx(1.0, abs=1e-3)
-    assert pictures(result) == ["fault-total", "fault-others"]
+    assert pictures(result) == ["fault-dead", "fault-healthy", "fault-0", "fault-1", "fault-2"]
 
 
 def test_a_threshold_that_is_never_reached_is_not_called_a_detection():
@@ -65,7 +65,9 @@ def test_the_adaptive_law_is_the_command_from_the_first_tick_on():
     late = {"largest error of the last 2 s, moving", "largest error of the last 2 s, at rest"}
     assert set(failed(result)) <= {*late, "coefficients not found, moving"}
     assert (result.figures["cartesian_inertia_x_kg"], result.figures["cartesian_inertia_y_kg"]) == (2.0, 1.0)
-    assert pictures(result) == ["adaptive-coefficients", "adaptive-lyapunov"]
+    assert pictures(result) == [
+        "coefficients-moving", "coefficients-rest", "adaptive-error", "adaptive-lyapunov",
+    ]  # fmt: skip
 
 
 @pytest.mark.slow

@@ -145,7 +145,7 @@ class Plot:
 
     ``log`` names the axes that are logarithmic, "", "x", "y" or "xy"; ``zero``: the axis reaches down to zero;
     ``bars``: a histogram; ``steps``: curves stay as they are until the next x; ``dots``: every value has a dot, and
-    ``lines`` False: no lines between them.
+    ``lines`` False: no lines between them. Plots of the same ``scale`` have one range of values.
     """
 
     name: str
@@ -163,6 +163,7 @@ class Plot:
     steps: bool = False
     dots: bool = False
     lines: bool = True
+    scale: str = ""
     wide: bool = False
 
 
@@ -325,3 +326,22 @@ def number(value: float) -> str:
     if abs(value) >= 1e-3:
         return f"{value:.4g}"
     return f"{value:.3g}".replace("e-0", "e-")
+
+
+def short(value: float) -> str:
+    """A number as one writes it: 1e-6, not 1e-06.
+
+    Example:
+        >>> from wbc.report.document import short
+        >>> [short(x) for x in (1e-6, 0.001, 0.1, 20.0, 1e5)]
+        ['1e-6', '1e-3', '0.1', '20', '1e5']
+    """
+    if 1e-2 <= value < 1e4:
+        return f"{value:g}"
+    mantissa, _, exponent = f"{value:e}".partition("e")
+    return f"{float(mantissa):g}e{int(exponent)}"
+
+
+def readable(unit: str) -> tuple[float, str]:
+    """A factor and a unit in which small errors are read easily: m in mm, rad in mrad."""
+    return (1e3, f"m{unit}") if unit in ("m", "rad", "m/s", "rad/s") else (1.0, unit)

@@ -30,12 +30,12 @@ def data(report: Report) -> dict[str, Any] | None:
     found = scenes(report)
     if not (plots or maps or found):
         return None
-    arrays, clock = Arrays(), report.clock
+    arrays, clock, reaches = Arrays(), report.clock, _reaches(plots)
     return {
         "seconds": clock.seconds if clock else 0.0,
         "dt": clock.dt if clock else 1.0,
         "events": [event._asdict() for event in clock.events] if clock else [],
-        "plots": [_plot(plot, arrays, report.names) for plot in plots],
+        "plots": [_plot(plot, arrays, report.names) | {"reach": reaches.get(plot.scale)} for plot in plots],
         "maps": [{key: arrays.exact(getattr(item, key)) for key in "txy"} for item in maps],
         "whys": [{"name": name, **_why(why, arrays)} for name, why in report.whys.items()],
         "scenes": [{**scene.content, "ghosts": scene.ghosts} for scene in found],
@@ -140,6 +140,18 @@ def _why(why: Why, arrays: Arrays) -> dict[str, Any]:
             for part in why.parts
         ],
     }  # fmt: skip
+
+
+def _reaches(plots: Sequence[Plot]) -> dict[str, list[float]]:
+    """The least and the largest value of what is shown at first, of all plots of one scale."""
+    found: dict[str, list[float]] = {}
+    for plot in plots:
+        values = np.concatenate([np.zeros(0), *(curve.values for curve in plot.curves if curve.shown)])
+        values = values[np.isfinite(values)]
+        if plot.scale and values.size:
+            low, high = found.get(plot.scale, [np.inf, -np.inf])
+            found[plot.scale] = [min(low, float(values.min())), max(high, float(values.max()))]
+    return found
 
 
 def _plot(plot: Plot, arrays: Arrays, names: Sequence[str]) -> dict[str, Any]:

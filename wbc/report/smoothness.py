@@ -135,7 +135,7 @@ def derived(command: Vec, order: int, dt: float) -> Vec:
 def spectrum(signal: Vec, dt: float) -> tuple[Vec, Vec]:
     """Frequencies (m,) [Hz] above zero and the power of a signal (N, k) at each, all columns added.
 
-    The periodogram of the signal less its mean, under a Hann window.
+    The periodogram of the signal minus its mean, under a Hann window.
 
     Example:
         >>> import numpy as np

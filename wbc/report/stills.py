@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import BytesIO
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.report import measure, style
+from wbc.errors import NotSupported
+from wbc.report import measure
 from wbc.report.document import Figure
 from wbc.report.motion import Motion, motion
 from wbc.report.shapes import Part, thinned
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from wbc.models.model import RobotModel
 
 MOMENTS = 5
+WIDTH = 8.4  # inches
+GREEN, RED = "#2f8f5b", "#c53d3d"
 BUDGET = 20_000  # triangles of the robot in a still
 VIEW = np.array([1.15, -0.92, 0.42])  # towards the viewer
 LIGHT = np.array([0.35, -0.5, 0.8])
@@ -41,9 +45,17 @@ def stills(
     low = np.min([points.min(axis=0) for points in drawn if len(points)], axis=0)
     high = np.max([points.max(axis=0) for points in drawn if len(points)], axis=0)
     width, height = np.maximum(high - low, 0.2) * 1.08
-    tall = min(4.6, style.WIDTH / len(rows) * height / width)
-    with style.Canvas(1, len(rows), height=tall + 0.3) as canvas:
-        for i, (axes, (points, colours)) in enumerate(zip(canvas.axes, scene, strict=True)):
+    tall = min(4.6, WIDTH / len(rows) * height / width)
+    try:
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure as Drawing
+    except ImportError as cause:
+        raise NotSupported("figures need matplotlib; pip install 'wbc-qp[report]'") from cause
+    memory = BytesIO()
+    with rc_context({"font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "text.color": "#1f2a37"}):
+        drawing = Drawing(figsize=(WIDTH, tall + 0.3), layout="constrained", facecolor="white")
+        grid = drawing.subplots(1, len(rows), squeeze=False)[0]
+        for i, (axes, (points, colours)) in enumerate(zip(grid, scene, strict=True)):
             _floor(axes, right, up, moving)
             _draw(axes, points, colours)
             _force_lines(axes, moving, i, np.array([right, up]))
@@ -52,13 +64,10 @@ def stills(
             axes.set_ylim(middle[1] - height / 2, middle[1] + height / 2)
             axes.set_aspect("equal")
             axes.axis("off")
-            axes.set_title(f"{moving.times[i]:.1f} s", loc="center", fontweight="normal", fontsize=8.5)
-        return canvas.figure(
-            "motion",
-            "The robot at a few moments, the start, the end and the ends of pushes among them.",
-            kind="png",
-            dpi=170,
-        )
+            axes.set_title(f"{moving.times[i]:.1f} s", loc="center", fontsize=8.5)
+        drawing.savefig(memory, format="png", dpi=170, metadata={"Software": None})
+    caption = "The robot at a few moments, the start, the end and the ends of pushes among them."
+    return Figure("motion", caption, memory.getvalue(), "png")
 
 
 def _moments(run: Run, count: int) -> Index:
@@ -117,7 +126,7 @@ def _floor(axes: Axes, right: Vec, up: Vec, moving: Motion) -> None:
 
 def _force_lines(axes: Axes, moving: Motion, i: int, camera: Mat) -> None:
     """Contact forces in green, pushes in red."""
-    for arrows, colour in ((moving.forces[i], style.GREEN), (moving.pushes[i : i + 1], style.RED)):
+    for arrows, colour in ((moving.forces[i], GREEN), (moving.pushes[i : i + 1], RED)):
         for tail, tip in arrows @ camera.T:
             if np.linalg.norm(tip - tail) > 1e-6:
                 arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.1, "mutation_scale": 7}

@@ -146,7 +146,7 @@
     const curves = spec.tables.flatMap((table) => table.curves);
     const { head, hooks } = marks(spec);
     const whole = (u) => { const { min, max } = u.scales.x; return min == null || (min <= first + 1e-12 && max >= final - 1e-12); };
-    const bounded = spec.bounds.filter((bound) => bound.along !== "x").map((bound) => bound.value);
+    const bounded = [...spec.bounds.filter((bound) => bound.along !== "x").map((bound) => bound.value), ...(spec.reach || [])];
     const range = (u, low, high) => {
       if (spec.strips.length) return [0, 1];
       if (low == null) { low = 0; high = 1; }

@@ -82,7 +82,7 @@ def _forces(run: Run, name: str) -> Plot:
     ]
     if commanded is not None and true is not None:
         curves.append(Curve("true − commanded", true.normal - commanded.normal))
-    return Plot(f"force.{name}", f"{name}: normal force", "N", measure.times(run), curves)
+    return Plot(f"force.{name}", f"{name}: normal force", "N", measure.times(run), curves, scale="force")
 
 
 def _ratio(run: Run, name: str) -> Plot:
@@ -95,7 +95,7 @@ def _ratio(run: Run, name: str) -> Plot:
     if (floor := _floor(run, name)) is not None:
         bounds.append(Bound(floor, f"floor's friction {floor:g}"))
     title = f"{name}: tangential / normal force"
-    return Plot(f"ratio.{name}", title, "", measure.times(run), curves, bounds, zero=True)
+    return Plot(f"ratio.{name}", title, "", measure.times(run), curves, bounds, zero=True, scale="ratio")
 
 
 def _pressure(run: Run, name: str) -> list[Item]:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.report import measure, style
-from wbc.report.document import Curve, Item, Plot, Section, Table
+from wbc.report import measure
+from wbc.report.document import Curve, Item, Plot, Section, Table, readable
 from wbc.sim.scenario import ScenarioResult
 from wbc.types import Vec
 
@@ -21,7 +21,9 @@ def section(result: ScenarioResult) -> Section | None:
     for task in measure.tasks(run):
         labels = run.meta.get("tasks", {}).get(task, {}).get("labels") or ()
         for k, (unit, error) in enumerate(measure.errors(run, task).items()):
-            factor, shown = style.readable(unit)
+            if not np.any(error):  # a task without a target, such as a gradient, has no error
+                continue
+            factor, shown = readable(unit)
             name = f"tracking.{task}" + (f".{unit}" if k else "")
             own = labels if len(labels) == error.shape[1] else ()
             items.append(Plot(name, task, shown, measure.times(run), _curves(factor * error, own)))

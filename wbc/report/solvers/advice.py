@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.report.document import Cell, Marked, percent
+from wbc.report.document import Cell, Marked, percent, short
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.statistics import (
     PERIOD,
@@ -23,7 +23,6 @@ from wbc.report.solvers.statistics import (
     ratio,
     ratio_of_rounds,
 )
-from wbc.report.style import short
 
 #: Rounds of a quiet machine differ by less than this factor.
 QUIET = 1.25

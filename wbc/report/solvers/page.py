@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from wbc.report.document import Cell, Item, Report, Section, Table, Text, Tile, percent
+from wbc.report.document import Cell, Item, Report, Section, Table, Text, Tile, percent, short
 from wbc.report.solvers import appendix, closing, growth, robustness, solving
 from wbc.report.solvers.advice import Advice, advice, disturbances, overall, rounds_spread
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.statistics import TARGET, percentiles
-from wbc.report.style import short
 
 #: So many names of sets fit into a title.
 _FEW = 3

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.report.document import Bound, Cell, Curve, Item, Marked, Plot, Section, Table, Text, percent
+from wbc.report.document import Bound, Cell, Curve, Item, Marked, Plot, Section, Table, Text, percent, short
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.problems import slug
 from wbc.report.solvers.statistics import (
@@ -24,7 +24,6 @@ from wbc.report.solvers.statistics import (
     tolerance_of,
     wins,
 )
-from wbc.report.style import short
 from wbc.types import Vec
 
 #: What is drawn of a profile [times the fastest], and of accuracy.
