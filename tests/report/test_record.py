@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,8 @@ import wbc
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
 from wbc.report import run_report, save_report
+from wbc.report.document import Address, Bar, Bound, Curve, Figure, Link, Map, Marked, Plot, Section, Strip, Table, Text
+from wbc.report.kept import SECTIONS_FILE
 from wbc.report.record import beside, judged, judgement, report_again, write_run
 from wbc.sim.scenario import ScenarioResult
 
@@ -106,3 +109,39 @@ def test_runs_beside_a_run_are_saved_with_it_and_seen_through(standing: Scenario
     before = (tmp_path / "report.html").read_bytes()
     page, _ = report_again(tmp_path)
     assert page.read_bytes() == before
+
+
+def test_what_a_scenario_shows_is_made_again_to_the_bit(reaching: ScenarioResult, tmp_path: Path):
+    t = 0.01 * np.arange(300.0)
+    wave = np.where(t > 2.9, np.nan, np.sin(t))
+    curves = [Curve("a", wave, run=0), Curve("b", wave[::2], run=1, dash=1, x=t[::2], shown=False)]
+    bounds, strips = [Bound(0.5, "here"), Bound(1.0, "then", "x")], [Strip("on", [(0.0, 0.5), (1.0, 1.5)], 1)]
+    cells = [1, 2.5, float("nan"), float("inf"), None, True, np.float64(0.1), "é | <b>",
+             Bar(0.0, 0.5, "x", 0.25, False), Link("there", "wave", 0.5), Marked("bad", "bad"),
+             Address("page", "a b/report.html")]  # fmt: skip
+    section = Section("Own", [
+        Text("said"), Table(("what", "is"), [(str(k), cell) for k, cell in enumerate(cells)], "all", folded=True),
+        Plot("wave", "Wave", "m", t, curves, bounds, log="y", wide=True), Plot("when", "When", "", t, strips=strips),
+        Figure("dot", "a dot", b"<svg xmlns='http://www.w3.org/2000/svg'/>"),
+        Map("way", "Way", "m", t, np.cos(t), np.sin(t), [("edge", np.eye(2))]),
+    ])  # fmt: skip
+    shows = [lambda result: section, lambda result: None, lambda result: Section(result.run.meta["robot"], [])]
+    write_run(replace(reaching, run=reaching_run(), sections=shows), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert ">Own</h2>" in before["report.html"].decode()
+    report_again(tmp_path)
+    assert before == {path.name: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[", "{}", "[1]", '[{"is": "Plot"}]', '[{"is": "Run"}]', '[{"is": "Text", "text": "t"}]',
+             '[{"is": "array", "of": "AAAA", "shape": [9], "times": 9}]'],
+)  # fmt: skip
+def test_sections_that_are_none_are_refused(text: str, tmp_path: Path):
+    reaching_run().save(tmp_path)
+    (tmp_path / SECTIONS_FILE).write_bytes(gzip.compress(text.encode()))
+    with pytest.raises(InvalidInput, match=SECTIONS_FILE):
+        report_again(tmp_path)
+    (tmp_path / SECTIONS_FILE).write_bytes(b"no gzip")
+    with pytest.raises(InvalidInput, match=SECTIONS_FILE):
+        report_again(tmp_path)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,13 +18,14 @@ from wbc.errors import InvalidInput, WbcError
 from wbc.report import measure
 from wbc.report.build import require_extras, run_report
 from wbc.report.folder import HTML, replaced, write
+from wbc.report.kept import keep_sections, kept_sections
 from wbc.report.markdown import FIGURES
 from wbc.sim.provenance import machine, versions
 from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_first, silent
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
-    from wbc.report.document import Report
+    from wbc.report.document import Report, Section
 
 #: What a report of a run cannot do without: metadata, and columns.
 NEEDED_META, NEEDED = ("dt", "joint_names", "statuses"), ("t", "q", "v", "status")
@@ -75,8 +77,8 @@ def report_again(
 ) -> tuple[Path, RobotModel | None]:
     """Make the report in the folder of a run anew from ``run.npz`` and ``meta.json``; gives its path, and who is drawn.
 
-    Without ``robot`` the one of the run's name is drawn, if it can be loaded. What a scenario shows of its own is not
-    in a record: it is left out. The record itself stays.
+    Without ``robot`` the one of the run's name is drawn, if it can be loaded. Obstacles are not in a record: they are
+    left out. The record itself stays.
 
     Raises:
         InvalidInput: no run in the folder, or ``robot`` is another one.
@@ -84,7 +86,10 @@ def report_again(
     """
     run = Run.load(folder)
     drawn, target = checked(run, robot) or named(run), Path(folder)
-    result = replace(judged(run, drawn), called=str(run.meta.get(CALLED, "")), beside=beside(target, run))
+    result = replace(
+        judged(run, drawn), called=str(run.meta.get(CALLED, "")), beside=beside(target, run),
+        sections=_as_made(kept_sections(target)),
+    )  # fmt: skip
     report = run_report(result, progress=progress)
     if (target / HTML).is_file():
         shutil.rmtree(target / FIGURES, ignore_errors=True)  # those of the report before
@@ -95,8 +100,11 @@ def report_again(
 def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = silent) -> Report:
     """Write the record of a run, what its scenario says of it, and its report into an existing folder.
 
-    The runs beside it have folders of their own there.
+    The runs beside it have folders of their own there, and the scenario's own sections a file.
     """
+    made = [section for show in result.sections if (section := show(result)) is not None]
+    keep_sections(made, folder)
+    result = replace(result, sections=_as_made(made))
     report, run = run_report(result, progress=progress), result.run
     run.meta |= judgement(result)
     if result.beside:
@@ -106,6 +114,11 @@ def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = sile
         Run(other.columns, {**other.meta, CALLED: name}).save(folder / BESIDE / str(k))
     write(report, folder)
     return report
+
+
+def _as_made(sections: Sequence[Section]) -> list[Callable[[ScenarioResult], Section]]:
+    """Sections in the form in which a scenario hands them over."""
+    return [partial(lambda section, _: section, section) for section in sections]
 
 
 def beside(folder: Path, run: Run) -> dict[str, Run]:
