@@ -77,7 +77,7 @@ def watched():
 
         robot = wbc.load("arm")
         task = Position("tool", target=[0.4, 0.2, 0.5])
-        stack = wbc.Stack([task, Posture(robot.q0, weight=1e-3)], subject_to=[JointVelocityLimits()])
+        stack = wbc.Stack([task, Posture(robot.q0, weight=1e-6)], subject_to=[JointVelocityLimits()])
         controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel())
         done, failures = threading.Event(), []
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
 from time import monotonic, sleep
 from typing import Any
@@ -101,6 +102,25 @@ def test_a_loop_that_is_nobodys_to_stop_is_not_stopped(view):
     ticks(shown, 200)
     assert monotonic() - start < 5.0 and not shown.paused
     assert pushed and set(map(str, pushed)) == {"('base', [0.0, 30.0, 0.0])"} and len(pushed) <= 12
+
+
+def test_steps_are_single_ticks_however_fast_they_come():
+    pytest.importorskip("viser")
+    from wbc.live import View
+
+    with View(made(Position("tool", target=[0.4, 0.2, 0.5])), port=8160, pausing=True) as shown:
+        ticks(shown, 2)
+        for _ in range(5):
+            shown._do("step")
+        stopped = threading.Timer(1.5, lambda: setattr(shown, "paused", False))
+        seen: list[float] = []
+        show = shown._show
+        shown._show = lambda row: (seen.append(row["t"]), show(row))  # type: ignore[method-assign]
+        stopped.start()
+        start = monotonic()
+        ticks(shown, 6)
+        assert monotonic() - start > 1.0  # the sixth tick waits for somebody to let it go on
+        assert seen and max(seen) <= 0.0051
 
 
 def test_what_a_task_refuses_is_said_and_the_loop_goes_on(view):

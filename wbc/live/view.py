@@ -177,7 +177,7 @@ class View:
         if not microseconds <= self._worst:  # or it is not a number yet
             self._worst = microseconds
         now, t = monotonic(), self.controller.state.t
-        if now >= self._due or self._steps:
+        if now >= self._due or self.paused:
             self._due = now + PERIOD
             self._exchange(t, command, microseconds, row)
         if self._pausing:

@@ -77,7 +77,7 @@ class Window:
             due = monotonic() + self._setup["period"]
             with self._server.atomic():
                 self._draw(message["row"], message["pushed"])
-            if monotonic() >= self._words_due:
+            if message["paused"] or monotonic() >= self._words_due:  # a pause has one picture
                 self._words_due = monotonic() + WORDS_EVERY
                 self._tell(message)
             sleep(max(0.0, due - monotonic()))
