@@ -17,7 +17,7 @@ from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -81,11 +81,10 @@ class ArmPayload(Single):
         if parameters["rough"]:
             cases += [Case(True, True), Case(False, True)]
         runs: dict[Case, wbc.Run] = {}
-        for i, case in enumerate(cases):
-            progress(i / len(cases), str(case))
+        for case, one in trials(progress, cases):
             meta = {"scenario": self.name, "parameters": dict(parameters)}
             lasts = PICK + END if case.dt != 1e-3 else duration
-            runs[case] = _simulated(robot, case, mass, duration=lasts, solver=solver, meta=meta)
+            runs[case] = _simulated(robot, case, mass, duration=lasts, solver=solver, meta=meta, progress=one)
         return _judged(robot, runs, mass)
 
 
@@ -94,7 +93,14 @@ def _motion(robot: PinocchioModel) -> Sinusoid:
 
 
 def _simulated(
-    robot: PinocchioModel, case: Case, mass: float, *, duration: float, solver: str, meta: Mapping[str, Any]
+    robot: PinocchioModel,
+    case: Case,
+    mass: float,
+    *,
+    duration: float,
+    solver: str,
+    meta: Mapping[str, Any],
+    progress: Progress,
 ) -> wbc.Run:
     kd = np.array(DAMPING[robot.name.lower()], dtype=np.float64)
     adaptive = SlotineLi(
@@ -110,7 +116,7 @@ def _simulated(
     disturbances: list[Disturbance] = [Payload(TOOLS[robot.name.lower()], mass=mass, start=PICK)]
     if case.rough:
         disturbances.append(SensorNoise(position=ROUGH["position"], velocity=ROUGH["velocity"]))
-    return simulate(controller, plant, duration=duration, disturbances=disturbances, meta=meta)
+    return simulate(controller, plant, duration=duration, disturbances=disturbances, progress=progress, meta=meta)
 
 
 def _truth(robot: PinocchioModel, mass: float) -> Vec:

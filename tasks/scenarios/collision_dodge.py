@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -19,7 +18,7 @@ from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -96,12 +95,11 @@ class CollisionDodge(Scenario):
         avoidance = CollisionAvoidance(around, margin=parameters["margin"])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         runs = []
-        for part, limits in enumerate(([avoidance], [])):
+        for limits, one in trials(progress, ([avoidance], [])):
             controller = wbc.Controller(
                 robot, stack(robot, parameters["frame"], limits), level=wbc.InverseDynamics(), solver=solver
             )
-            half = partial(_half, progress, part)
-            runs.append(simulate(controller, _plant(robot, plant), duration=duration, progress=half, meta=meta))
+            runs.append(simulate(controller, _plant(robot, plant), duration=duration, progress=one, meta=meta))
         clearances = [clearance(run, robot, around) for run in runs]
         return _judged(runs, clearances, robot, parameters["margin"], around)
 
@@ -154,10 +152,6 @@ def _plant(robot: PinocchioModel, kind: str) -> Plant:
     plant: Plant = MujocoPlant(robot) if kind == "mujoco" else IntegratorPlant(robot, level="acceleration")
     plant.reset(np.array(robot.q0))
     return plant
-
-
-def _half(progress: Progress, part: int, done: float, text: str = "") -> None:
-    progress(0.5 * (part + done), text)
 
 
 def _judged(

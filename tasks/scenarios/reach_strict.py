@@ -14,7 +14,7 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Cell, Curve, Plot, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 from wbc.stack.hierarchy import Hierarchy
 
@@ -66,28 +66,17 @@ class ReachStrict(Scenario):
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         names = [hierarchy, *(name for name in HIERARCHIES if name != hierarchy)]
         runs, conditions = dict[str, Run](), dict[str, float]()
-        for i, kind in enumerate(names):
+        for kind, one in trials(progress, names):
             controller = wbc.Controller(
                 robot, _stack(robot, stance, parameters["reach"]), level=wbc.InverseDynamics(),
                 hierarchy=HIERARCHIES[kind], solver=solver, dt=1e-3,
             )  # fmt: skip
             runs[kind] = simulate(
                 controller, _plant(robot, stance, plant), duration=duration, meta=meta,
-                progress=_Half(progress, i, len(names)),
+                progress=one,
             )  # fmt: skip
             conditions[kind] = float(np.linalg.cond(controller.qp.H))
         return _judged(runs, conditions, asked=hierarchy, robot=robot, stance=stance, duration=duration)
-
-
-@final
-class _Half:
-    """The progress of one of several runs as that of all."""
-
-    def __init__(self, whole: Progress, i: int, runs: int) -> None:
-        self._whole, self._i, self._runs = whole, i, runs
-
-    def __call__(self, done: float) -> None:
-        self._whole((self._i + done) / self._runs)
 
 
 def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:

@@ -324,7 +324,7 @@
     const cell = (kind, text) => Object.assign(document.createElement(kind), { textContent: text });
     const table = (headings, rows) => {
       const made = document.createElement("table"), body = document.createElement("tbody"), first = document.createElement("tr");
-      first.append(...headings.map((text) => cell("th", text)));
+      first.append(...headings.map((text) => Object.assign(cell("th", text), { scope: "col" })));
       body.append(first, ...rows.map((row) => {
         const line = document.createElement("tr");
         line.append(...row.map((text) => cell("td", text)));
