@@ -66,12 +66,12 @@ def export(
             if path is not None:
                 if model is None:
                     raise InvalidInput("the run's robot cannot be loaded by its name; give --robot")
-                with progress("drawing the motion") as step:
+                with progress(f"exporting {path.name}") as step:
                     movie(run, model, path, size=pixels, fps=fps, start=start, end=end, speed=speed, camera=looks,
                           progress=step)  # fmt: skip
         for path, write in ((mcap, to_mcap), (rerun, to_rerun)):
             if path is not None:
-                with progress("writing the log") as step:
+                with progress(f"exporting {path.name}") as step:
                     write(run, path, robot=model, progress=step)
         if model is None:
             found.append("the robot is not drawn: it cannot be loaded by the run's name; give --robot")
