@@ -126,6 +126,7 @@ def test_nothing_stands_twice_and_rounding_is_no_picture(forces: list[dict[str, 
     report = summary(HEADER, forces)
     shown = [item for item in report.items if isinstance(item, Plot) and item.name.startswith("demand")]
     assert [plot.title for plot in shown] == ["error"]
+    assert np.nansum(shown[0].curves[0].values) == len(forces), "every run is in a bar"
     others = next(item for item in report.items if isinstance(item, Table) and item.columns[0] == "figure")
     assert [row[0] for row in others.rows] == ["slip [m]"], "both others are the demand's own values"
 
@@ -155,3 +156,11 @@ def test_the_page_in_figures_for_programs(forces: list[dict[str, Any]]):
         "demand": "error", "relation": "<", "bound": 0.05, "unit": "m", "met": 5, "least": 0.0, "median": 0.035,
         "largest": 0.07,
     }  # fmt: skip
+
+
+@given(st.lists(st.floats(0.0, 0.3), min_size=2, max_size=60))
+def test_every_run_is_in_a_bar(errors: list[float]):
+    plots = [item for item in summary(HEADER, [pushed(i, 20.0, e) for i, e in enumerate(errors)]).items
+             if isinstance(item, Plot) and item.name.startswith("demand")]  # fmt: skip
+    for plot in plots:
+        assert np.nansum(plot.curves[0].values) == len(errors) and np.all(np.diff(plot.x) > 0)

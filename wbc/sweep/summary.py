@@ -209,13 +209,12 @@ def _demands(found: Sequence[Demand]) -> Iterator[Item]:
 def _histogram(name: str, one: Demand) -> Plot:
     """Bars of one width that reach to the bound, unless that is far from everything."""
     finite = one.values[np.isfinite(one.values)]
-    edges = np.histogram_bin_edges(finite, bins=min(_BARS, max(5, len(finite) // 2)))
-    width, count = edges[1] - edges[0], len(edges) - 1
+    bars, edges = np.histogram(finite, bins=min(_BARS, max(5, len(finite) // 2)))
+    width, count = edges[1] - edges[0], len(bars)
     before, after = (max(0, int(np.ceil(gap / width))) for gap in (edges[0] - one.bound, one.bound - edges[-1]))
     if max(before, after) <= count:
-        count += before + after
-        edges = edges[0] + width * np.arange(-before, count - before + 1)
-    bars = np.histogram(finite, edges)[0].astype(float)
+        edges = edges[0] + width * np.arange(-before, count + after + 1)
+        bars = np.pad(bars, (before, after))
     curve = Curve("runs", np.append(np.where(bars > 0, bars, np.nan), np.nan))
     return Plot(name, one.text, "runs", edges, [curve], [Bound(one.bound, "bound", "x")], over=one.unit or "value",
                 bars=True, zero=True)  # fmt: skip
