@@ -1,4 +1,4 @@
-"""Admittance: admittance control: a frame moves as a chosen mass, spring and damper would under the measured force."""
+"""Admittance: admittance control: moves a frame like a chosen mass, spring and damper under the measured force."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""AngularMomentum: angular momentum about the centre of mass: how much the robot spins, as a whole."""
+"""AngularMomentum: tracks the angular momentum about the centre of mass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""AxisAlignment: an axis of a frame points along a direction of the world; turning about it is free."""
+"""AxisAlignment: points an axis of a frame along a direction of the world; rotation about the axis is free."""
 
 from __future__ import annotations
 

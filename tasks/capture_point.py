@@ -1,4 +1,4 @@
-"""CapturePoint: capture point (divergent component of motion): where the robot would have to step to come to rest."""
+"""CapturePoint: tracks the capture point (divergent component of motion), to balance or to follow a walking plan."""
 
 from __future__ import annotations
 

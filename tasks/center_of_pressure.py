@@ -1,4 +1,4 @@
-"""CenterOfPressure: centre of pressure of a contact: where its force acts on its surface."""
+"""CenterOfPressure: tracks the centre of pressure of a contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CentroidalMomentum: centroidal momentum: how much the robot moves and spins, as a whole."""
+"""CentroidalMomentum: tracks the linear and angular momentum of the whole robot."""
 
 from __future__ import annotations
 

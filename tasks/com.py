@@ -1,4 +1,4 @@
-"""CenterOfMass: centre of mass: where the robot's mass is, on the whole."""
+"""CenterOfMass: tracks a position of the centre of mass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ContactForce: wrench reference of a contact: which force and moment it should give."""
+"""ContactForce: tracks a force and moment of a contact."""
 
 from __future__ import annotations
 

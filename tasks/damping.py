@@ -1,4 +1,4 @@
-"""Damping: joint velocity damping: joints are drawn to rest."""
+"""Damping: penalises joint velocity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Distance: how far a frame of the robot is from another, or from a point of the world."""
+"""Distance: tracks the distance of a frame to another frame, or to a point of the world."""
 
 from __future__ import annotations
 

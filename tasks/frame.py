@@ -1,4 +1,4 @@
-"""Frame: position and orientation of a frame of the robot."""
+"""Frame: tracks position and orientation of a frame."""
 
 from __future__ import annotations
 

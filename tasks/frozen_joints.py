@@ -1,4 +1,4 @@
-"""FrozenJoints: some joints stay where they are."""
+"""FrozenJoints: keeps some joints where they are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gaze: look-at: an axis of a frame points at a point, as a camera looks at what it should see."""
+"""Gaze: points an axis of a frame, such as that of a camera, at a point of the world."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""GravityCompensation: gravity compensation: joints carry their own weight, and nothing else."""
+"""GravityCompensation: gives joints the torques of their own weight, so that a person can lead an arm by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Impedance: Cartesian impedance control: a frame complies with forces as a spring and a damper do."""
+"""Impedance: Cartesian impedance control: a frame yields to forces like a spring and a damper."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .trajectories import Sinusoid
 
 @final
 class Impedance(Tracking, LinearTask):
-    """Λ (ẍ − ẍ_target) = K e + D ė + F: the frame's own inertia, a spring and a damper, for a force F nobody measures.
+    """Λ (ẍ − ẍ_target) = K e + D ė + F: the frame's own inertia, a spring and a damper, for an unmeasured force F.
 
     Six rows on a: J a + J̇ v = ẍ_target + Λ⁻¹ (K e + D ė) with Λ⁻¹ = J M⁻¹ Jᵀ, e as :class:`~tasks.frame.Frame` has it,
     ė = ẋ_target − J v. Λ⁻¹ exists in every posture; where the frame cannot move, the spring does not move it. The

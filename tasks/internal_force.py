@@ -1,4 +1,4 @@
-"""InternalForce: internal forces: how hard contacts press against one another."""
+"""InternalForce: sets how strongly contacts press against each other."""
 
 from __future__ import annotations
 

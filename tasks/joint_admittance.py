@@ -1,4 +1,4 @@
-"""JointAdmittance: joint admittance control: joints move as chosen inertias on springs would under measured torques."""
+"""JointAdmittance: joint admittance control: moves joints like chosen inertias on springs under measured torques."""
 
 from __future__ import annotations
 

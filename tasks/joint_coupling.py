@@ -1,4 +1,4 @@
-"""JointCoupling: a joint moves as others do: gears, mimic joints, differentials."""
+"""JointCoupling: couples a joint to others: gears, mimic joints, differentials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointImpedance: joint impedance control: joints on springs and dampers, by their torques."""
+"""JointImpedance: joint impedance control: torques of springs and dampers on joints."""
 
 from __future__ import annotations
 

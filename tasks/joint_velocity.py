@@ -1,4 +1,4 @@
-"""JointVelocity: joint velocity reference: how fast every joint moves."""
+"""JointVelocity: tracks joint velocities."""
 
 from __future__ import annotations
 

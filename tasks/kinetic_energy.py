@@ -1,4 +1,4 @@
-"""KineticEnergy: kinetic-energy regularisation: motion goes to light parts rather than to heavy ones."""
+"""KineticEnergy: kinetic-energy regularisation: minimises ½ vᵀ M v, so light parts move rather than heavy ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LinearMomentum: linear momentum: how much the robot's mass moves, as a whole."""
+"""LinearMomentum: tracks the linear momentum of the robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LowAcceleration: joint acceleration minimisation: joints keep the velocity that they have."""
+"""LowAcceleration: minimises joint acceleration: keeps the current joint velocities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ManipulabilityTask: manipulability (Yoshikawa): a frame keeps a distance from singular postures."""
+"""ManipulabilityTask: keeps the manipulability (Yoshikawa) of a frame from falling to zero (a singular posture)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OmniWheel: a wheel with rollers on its rim rolls in its plane and slips where the rollers let it."""
+"""OmniWheel: lets a wheel with rollers on its rim roll in its plane and slip along its rollers."""
 
 from __future__ import annotations
 

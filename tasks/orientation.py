@@ -1,4 +1,4 @@
-"""Orientation: which way a frame of the robot points."""
+"""Orientation: tracks the orientation of a frame."""
 
 from __future__ import annotations
 

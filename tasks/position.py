@@ -1,4 +1,4 @@
-"""Position: where the origin of a frame of the robot is."""
+"""Position: tracks the position of the origin of a frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Posture: joint position reference: where every joint is."""
+"""Posture: tracks joint positions. With a low weight it uses the freedom that other tasks leave."""
 
 from __future__ import annotations
 

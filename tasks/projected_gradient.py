@@ -1,4 +1,4 @@
-"""ProjectedGradient: gradient projection: a redundant robot spends its spare joints on a criterion."""
+"""ProjectedGradient: gradient projection: increases a criterion with the redundant joints."""
 
 from __future__ import annotations
 

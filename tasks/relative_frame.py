@@ -1,4 +1,4 @@
-"""RelativeFrame: position and orientation of one frame of the robot seen from another."""
+"""RelativeFrame: tracks position and orientation of one frame of the robot, seen from another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""RelativeOrientation: which way one frame of the robot points, seen from another."""
+"""RelativeOrientation: tracks the orientation of one frame of the robot, seen from another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""RelativePosition: where the origin of one frame of the robot is, seen from another."""
+"""RelativePosition: tracks the position of one frame of the robot, seen from another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rolling: rolling without slip: a wheel on level ground."""
+"""Rolling: lets a wheel roll on level ground without slip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torque: joint torque reference: which torques to prefer."""
+"""Torque: prefers given joint torques."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Yaw: heading: which way an axis of a frame points on the map."""
+"""Yaw: tracks the heading: the direction of an axis of a frame, seen from above."""
 
 from __future__ import annotations
 

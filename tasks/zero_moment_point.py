@@ -1,4 +1,4 @@
-"""ZeroMomentPoint: zero-moment point (ZMP): where all contact forces together act on level ground."""
+"""ZeroMomentPoint: tracks the zero-moment point: the centre of pressure of all contacts on level ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ContactSchedule: which contacts hold when, and how the load goes onto them and off."""
+"""ContactSchedule: closes and opens contacts at given times, and ramps their normal forces."""
 
 from __future__ import annotations
 

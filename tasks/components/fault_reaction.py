@@ -1,4 +1,4 @@
-"""FaultReaction: a table of what to change in the stack when a motor fails or something touches the robot."""
+"""FaultReaction: changes the stack by a table when a motor fails or something touches the robot."""
 
 from __future__ import annotations
 

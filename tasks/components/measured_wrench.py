@@ -1,4 +1,4 @@
-"""MeasuredWrench: measured external force: what a sensor says pushes the robot, in its dynamics."""
+"""MeasuredWrench: adds a measured external force to the dynamics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MomentumObserver: generalised-momentum observer: which torques do not arrive, without measuring any."""
+"""MomentumObserver: estimates the torques that motors fail to deliver, without torque sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SlotineLi: adaptive control: track a motion of the joints without knowing the masses."""
+"""SlotineLi: adaptive control: tracks a joint motion without knowing the masses."""
 
 from __future__ import annotations
 

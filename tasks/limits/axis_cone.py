@@ -1,4 +1,4 @@
-"""AxisConeLimit: an axis of a frame stays within an angle of a direction."""
+"""AxisConeLimit: keeps an axis of a frame within an angle of a direction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""BoxLimits: a frame stays inside a box."""
+"""BoxLimits: keeps a frame inside a box."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CollisionAvoidance: collision avoidance by control barriers: links keep away from each other and from obstacles."""
+"""CollisionAvoidance: keeps links away from each other and from obstacles, by control barriers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ConeLimit: a frame stays inside a cone."""
+"""ConeLimit: keeps a frame inside a cone."""
 
 from __future__ import annotations
 

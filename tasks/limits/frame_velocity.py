@@ -1,4 +1,4 @@
-"""FrameVelocityLimits: Cartesian velocity limits: how fast a frame may move and turn."""
+"""FrameVelocityLimits: limits the linear and angular velocity of a frame."""
 
 from __future__ import annotations
 

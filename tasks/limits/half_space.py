@@ -1,4 +1,4 @@
-"""HalfSpaceLimit: a frame stays on one side of a plane."""
+"""HalfSpaceLimit: keeps a frame on one side of a plane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointLimits: everything that joints can and cannot do, in one object."""
+"""JointLimits: all limits of joints in one object: position, velocity, acceleration, jerk, torque."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointAccelerationLimits: joint acceleration limits: how hard joints may accelerate."""
+"""JointAccelerationLimits: limits joint accelerations."""
 
 from __future__ import annotations
 

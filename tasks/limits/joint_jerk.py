@@ -1,4 +1,4 @@
-"""JointJerkLimits: joint jerk limits: how fast accelerations may change."""
+"""JointJerkLimits: limits joint jerks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointPositionLimits: joint position limits: where joints may be."""
+"""JointPositionLimits: limits joint positions, with room to brake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JointVelocityLimits: joint velocity limits: how fast joints may move."""
+"""JointVelocityLimits: limits joint velocities."""
 
 from __future__ import annotations
 

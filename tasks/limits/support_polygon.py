@@ -1,4 +1,4 @@
-"""SupportPolygon: support polygon: the centre of mass stays above a convex region of the ground."""
+"""SupportPolygon: keeps the centre of mass above a convex region of the ground."""
 
 from __future__ import annotations
 

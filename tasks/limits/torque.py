@@ -1,4 +1,4 @@
-"""TorqueLimits: joint torque limits: how hard joints may push."""
+"""TorqueLimits: limits joint torques."""
 
 from __future__ import annotations
 

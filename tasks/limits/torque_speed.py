@@ -1,4 +1,4 @@
-"""TorqueSpeedLimits: torque-speed curve of motors: how hard joints may push at the speed they have."""
+"""TorqueSpeedLimits: limits joint torques by the torque-speed curve of the motors."""
 
 from __future__ import annotations
 
