@@ -27,23 +27,13 @@ from tasks import (
     Sole,
     TorqueLimits,
 )
-from tests.families.oracle import (
-    FEASIBLE,
-    Physical,
-    judge_scaled,
-    judge_strict,
-    judge_weighted,
-    margin,
-    read,
-    undamped,
-)
+from tests.families.oracle import judge, undamped
 from tests.families.progress import command, told
 from wbc.qp.solvers import usable
 
 #: The first stands for the compiled tick. One that is not installed is replaced by the default.
 SOLVERS = ("pdas", "pdas", "daqp", "proxqp", "piqp", "osqp", "clarabel", "quadprog")
 HIERARCHIES = (wbc.Weighted(), wbc.Strict(), wbc.Scaled())
-JUDGES = {"Weighted": judge_weighted, "Strict": judge_strict, "Scaled": judge_scaled}
 _HANDS = {"humanoid": ("left_hand", "right_hand", "head"), "quadruped": ("trunk", "front_left_foot", "rear_right_foot")}
 
 
@@ -118,30 +108,6 @@ def draw(seed: int) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
     return control, q, v, f"{kind} {solver}"
 
 
-def judge(control: wbc.Controller, command: Any, kind: str) -> tuple[str, str]:
-    """One word for the table, and why."""
-    p: Physical = read(control)
-    numbers = np.concatenate([command.tau, command.a, command.v])
-    if not np.isfinite(numbers).all():
-        return "wrong", "not finite"
-    low, high = control.plan.torque_range
-    beyond = float(np.maximum(command.tau - high, low - command.tau).max(initial=0.0))
-    if beyond > FEASIBLE:
-        return "wrong", f"torque {beyond:.2g} N m beyond its limit"
-    if not command.status.ok:
-        room = margin(p.constraints)
-        if command.status.name == "INFEASIBLE" and room > FEASIBLE:
-            return "wrong", f"called infeasible, and a point is {room:.2g} inside all limits"
-        return f"not ok: {command.rung}{', feasible' if room > FEASIBLE else ''}", str(command.status)
-    if not command.certificate.ok:
-        return "uncertified", str(command.certificate)
-    excess = p.constraints.excess(p.x)
-    if excess > FEASIBLE:
-        return "wrong", f"a constraint is violated by {excess:.2g}"
-    found = JUDGES[kind](p)
-    return found.word, found.why
-
-
 def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
     """Verdicts by hierarchy and solver, of cases ``first`` to ``first + count`` of this seed."""
     table: dict[str, Counter[str]] = {}
@@ -149,7 +115,7 @@ def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False, first: 
         control, q, v, kind = draw(seed * 1_000_003 + k)
         for tick in range(ticks):
             command = control.tick(1e-3 * tick, q, v)
-            word, why = judge(control, command, kind.split()[0])
+            word, why = judge(control, command)
             table.setdefault(kind, Counter())[word] += 1
             if verbose and word in ("wrong", "uncertified"):
                 print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)

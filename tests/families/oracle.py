@@ -28,7 +28,7 @@ _NONE = np.zeros(0)
 
 
 class Rows(NamedTuple):
-    """A task: ½ Σ w (A x − b)², A (m, n), in the task's unit."""
+    """The rows of a task that weigh something: ½ Σ w (A x − b)², A (m, n), in the task's unit."""
 
     name: str
     A: Mat
@@ -101,8 +101,10 @@ def _rows(task: Any, G: Mat, right: Vec, n: int) -> Rows:
         A, b = G[task.rows], -right[task.rows]
     else:
         A, b = np.eye(n)[task.unknowns], np.array(task.wanted, dtype=float)
-    asked = task.wanted + task.drift if task.scaled or task.kinematic else None
-    return Rows(task.name, A, b, np.array(task.weights), asked, task.rows is None)
+    weights = np.array(task.weights)
+    counts = weights > 0.0
+    asked = (task.wanted + task.drift)[counts] if task.scaled or task.kinematic else None
+    return Rows(task.name, A[counts], b[counts], weights[counts], asked, task.rows is None)
 
 
 def margin(c: Constraints) -> float:
@@ -315,3 +317,36 @@ def _stack(tasks: list[Rows], p: Physical) -> tuple[Mat, Vec]:
     F = np.concatenate([*(np.sqrt(task.w)[:, None] * task.A for task in tasks), np.diag(root)])
     f = np.concatenate([*(np.sqrt(task.w) * task.b for task in tasks), root * p.centre])
     return F, f
+
+
+JUDGES = {"Weighted": judge_weighted, "Strict": judge_strict, "Scaled": judge_scaled}
+
+
+def judge(control: wbc.Controller, command: wbc.Command, *, optimum: bool = True) -> Verdict:
+    """One word for the table, and why: a tick keeps its limits and its certificate, and says so when it does not.
+
+    An answer that is ok is compared with the oracle's if ``optimum``; else it is "certified". One that is not ok is
+    called by its fallback level, with "feasible" where a point lies within all constraints.
+    """
+    level = control.level
+    decided = command.v if level.order == 1 else command.tau if level.dynamics else command.a
+    if not np.isfinite(np.concatenate([decided, command.q, command.v])).all():
+        return Verdict("wrong", "not finite")
+    if level.dynamics:
+        low, high = control.plan.torque_range
+        beyond = float(np.maximum(command.tau - high, low - command.tau).max(initial=0.0))
+        if beyond > FEASIBLE:
+            return Verdict("wrong", f"torque {beyond:.2g} N m beyond its limit")
+    problem = read(control)
+    if not command.status.ok:
+        room = margin(problem.constraints)
+        if command.status.name == "INFEASIBLE" and room > FEASIBLE:
+            return Verdict("wrong", f"called infeasible, and a point is {room:.2g} inside all limits")
+        feasible = ", feasible" if room > FEASIBLE else ""
+        return Verdict(f"not ok: {command.rung}{feasible}", f"{command.status}: {control.why}")
+    if not command.certificate.ok:
+        return Verdict("uncertified", str(command.certificate))
+    excess = problem.constraints.excess(problem.x)
+    if excess > FEASIBLE:
+        return Verdict("wrong", f"a constraint is violated by {excess:.2g}")
+    return JUDGES[type(control.hierarchy).__name__](problem) if optimum else Verdict("certified")

@@ -24,7 +24,7 @@ from tasks import (
     Posture,
     TorqueLimits,
 )
-from tests.families.oracle import FEASIBLE, judge_strict, judge_weighted, margin, read, undamped
+from tests.families.oracle import judge, undamped
 from tests.families.progress import command, told
 
 LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
@@ -83,32 +83,6 @@ def draw(seed: int, folder: Path, light: float = 0.1) -> tuple[wbc.Controller, n
     )  # fmt: skip
     q = np.array(robot.q0)
     return control, q, np.zeros(robot.nv), f"{level.name}, {type(hierarchy).__name__}, {SOLVERS[index]}"
-
-
-def judge(control: wbc.Controller, command: Any, *, optimum: bool) -> tuple[str, str]:
-    """One word for the table, and why."""
-    level = control.level
-    decided = command.v if level.order == 1 else command.tau if level.dynamics else command.a
-    if not np.isfinite(decided).all():
-        return "wrong", "not finite"
-    if level.dynamics:
-        low, high = control.plan.torque_range
-        if np.maximum(command.tau - high, low - command.tau).max(initial=0.0) > FEASIBLE:
-            return "wrong", "torque beyond its limit"
-    if not command.status.ok:
-        problem = read(control)
-        if command.status.name == "INFEASIBLE" and margin(problem.constraints) > FEASIBLE:
-            return "wrong", "feasible, and called infeasible"
-        return f"not ok: {command.rung}", str(command.status)
-    if not command.certificate.ok:
-        return "uncertified", str(command.certificate)
-    problem = read(control)
-    if problem.constraints.excess(problem.x) > FEASIBLE:
-        return "wrong", "a constraint is violated"
-    if not optimum:
-        return "certified", ""
-    found = (judge_strict if isinstance(control.hierarchy, wbc.Strict) else judge_weighted)(problem)
-    return found.word, found.why
 
 
 def run(count: int, seed: int, *, ticks: int, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:

@@ -177,3 +177,9 @@ def test_an_x_so_large_that_its_rounding_hides_the_slope_is_not_certified(beside
     assert not certificate(qp, x, np.full(n - 2, -5.0), np.zeros(0), np.zeros(n)).ok
     near = certificate(qp, np.zeros(n), np.full(n - 2, -5.0), np.zeros(0), np.zeros(n))
     assert not near.ok and near.slope == pytest.approx(1.0)
+
+
+def test_a_certificate_says_in_words_what_it_lacks():
+    qp = QP([[1.0]], [0.0], lb=[0.5])
+    missed = certificate(qp, np.array([0.2]), np.zeros(0), np.zeros(0), np.array([-0.2]))
+    assert "a bound is missed by 0.3 of its unit" in missed.fault()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from dataclasses import FrozenInstanceError, dataclass, fields
 from pathlib import Path
@@ -348,13 +347,6 @@ def test_in_a_loop_no_limit_is_broken_by_more_than_a_millionth(name: str):
 def test_the_table_in_the_document_is_the_one_of_the_classes():
     text = DOCUMENT.read_text(encoding="utf-8")
     assert table() in text, f"write wbc.qp.solvers.table() into {DOCUMENT.name}"
-
-
-def test_what_the_document_shows_runs(capsys: pytest.CaptureFixture[str]):
-    for block in re.findall(r"^```python\n(.*?)^```$", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
-        exec(compile(block, str(DOCUMENT), "exec"), {"__name__": "__main__"})
-    said = capsys.readouterr().out.splitlines()
-    assert said[-3:] == ["solved", "solved [0.5 0.5]", "a bound is missed by 0.3 of its unit"]
 
 
 def test_the_table_has_every_solver():

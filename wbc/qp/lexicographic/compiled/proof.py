@@ -69,8 +69,8 @@ def fit_pushes(at: int) -> None:
             if w.side[item] != 0.0 and pulls(w, s, item):
                 w.idle[item], is_right = 1.0, False
             w.push[item] = 0.0
-            if w.side[item] != 0.0 and w.idle[item] == 0.0:
-                w.rho[count] = item_in_space(at, item)
+            if w.side[item] != 0.0 and w.idle[item] == 0.0 and item_in_space(at, item) > 0.0:
+                w.rho[count] = w.span[item]
                 for c in range(d):
                     w.C[count, c] = w.R[item, c] / w.rho[count]
                 w.size[count], w.v[count] = 1.0, item

@@ -79,7 +79,7 @@ def ranking(at: int) -> Ranking:
     a = carray(integers(at), 11)
     z = carray(integers(a[10]), 13)
     k, rows = z[LEVELS], z[TOTAL]
-    m = carray(integers(carray(integers(z[SPACE]), 49)[48]), 16)[ITEMS]
+    m = space(z[SPACE]).sizes[ITEMS]
     return Ranking(
         carray(integers(a[0]), (k, 6)), carray(floats(a[1]), k), carray(floats(a[2]), k), carray(floats(a[3]), rows),
         carray(floats(a[4]), (k, m)), carray(floats(a[5]), rows), carray(floats(a[6]), k), carray(floats(a[7]), (k, 5)),

@@ -233,7 +233,7 @@ def stopped(at: int, falls: bool) -> bool:
     for item in range(w.sizes[ITEMS]):
         if w.idle[item] == 0.0:
             ahead = dot(w.R[item], w.step, d)
-            square = abs(ahead) / w.whole[item]
+            square = abs(ahead) / w.whole[item] if w.whole[item] > 0.0 else 0.0
             if square > _STILL * length and square > squarest:
                 room = max(room_of(w, item, ahead, d), 0.0) / abs(ahead)
                 if room <= limit and room < 1.0:

@@ -77,6 +77,7 @@ class Space(NamedTuple):
     which: Index  # (k): which of y each row behind those in G is about, −1 − c of u where it is c
     toward: Vec  # (k): where it pulls
     noise: Vec  # (1): what rounding can make, as a share of the length of a row in the space
+    base: Vec  # (1): the length of X in √D y
     sizes: Index  # (16): see below
 
 
@@ -92,8 +93,8 @@ FINDER, FINDS = range(14, 16)
 @small_kernel
 def space(at: int) -> Space:
     """The arrays whose addresses are at ``at``, in the order of :class:`Space`."""
-    a = carray(integers(at), 49)
-    s = carray(integers(a[48]), 16)
+    a = carray(integers(at), 50)
+    s = carray(integers(a[49]), 16)
     n, m, k, long = s[N], s[ITEMS], s[MOST], s[LONG]
     return Space(
         carray(floats(a[0]), (n, n)), carray(floats(a[1]), n), carray(floats(a[2]), n), carray(floats(a[3]), m),
@@ -109,7 +110,8 @@ def space(at: int) -> Space:
         carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
         carray(floats(a[38]), n), carray(floats(a[39]), (m - n, n)), carray(floats(a[40]), m),
         carray(floats(a[41]), (m, n)), carray(floats(a[42]), m), carray(floats(a[43]), 5), carray(floats(a[44]), m),
-        carray(integers(a[45]), k), carray(floats(a[46]), k), carray(floats(a[47]), 1), s,
+        carray(integers(a[45]), k), carray(floats(a[46]), k), carray(floats(a[47]), 1),
+        carray(floats(a[48]), 1), s,
     )  # fmt: skip
 
 
@@ -188,14 +190,25 @@ def triangular(at: int, A: Mat, m: int, first: int, last: int, size: Vec, order:
 
 @part
 def gradient_of_row(at: int, row: int) -> float:
-    """The gradient of a row of G in √D y with the base eliminated, in ``g``; its length."""
+    """The gradient of a row of G in √D y with the base eliminated, in ``g``; its length.
+
+    A row of which the base takes all but rounding is zero: without contacts no torque moves the centre of mass.
+    """
     w = space(at)
     s = views(w.sizes[CORE])
     n = w.sizes[N]
     reduced(s, s.G[row], w.g)
+    square, size = 0.0, 0.0
     for c in range(n):
         w.g[c] *= w.root[c]
-    return sqrt(dot(w.g, w.g, n))
+        square += w.g[c] * w.g[c]
+    for j in range(s.sizes[0]):
+        size += abs(s.G[row, j]) * w.base[0]
+    if square <= (ROUNDING * size) ** 2:
+        for c in range(n):
+            w.g[c] = 0.0
+        return 0.0
+    return sqrt(square)
 
 
 @small_kernel
@@ -260,11 +273,15 @@ def in_space(at: int, out: Vec) -> float:
 
 @part
 def item_in_space(at: int, item: int) -> float:
-    """Write row ``item`` of R, if it is not there; its length."""
+    """Write row ``item`` of R, if it is not there; its length. What rounding leaves of a row in the space is zero."""
     w = space(at)
     if w.span[item] < 0.0:
         gradient_of_item(w, item)
         w.span[item] = in_space(at, w.R[item])
+        if w.span[item] <= DEPENDENT * w.whole[item]:
+            w.span[item] = 0.0
+            for c in range(w.sizes[N] - w.sizes[FREE]):
+                w.R[item, c] = 0.0
     return float(w.span[item])
 
 
@@ -319,6 +336,11 @@ def open_space(at: int, first: int) -> float:
     s = views(w.sizes[CORE])
     n, rows = w.sizes[N], len(s.G)
     nu = s.sizes[0]
+    square = 0.0
+    for j in range(nu):
+        for c in range(n):
+            square += (s.X[j, c] * w.root[c]) ** 2
+    w.base[0] = sqrt(square)
     for i in range(n):
         for c in range(n):
             w.V[i, c] = 0.0

@@ -4,7 +4,8 @@ It starts from the best guess, less what pushes the wrong way there. Each step t
 raises its push by t. With f = M^−½ n, the held rows' pushes change by −t r, K r = F f, and the violation shrinks by
 t (|f − Fᵀ r|² + rᵀ C r). The first event ends the step: the item is met and held, or a push comes to zero and its item
 is let go. The cost of the optimum grows with each item that is held, so that no working set comes twice. Where nothing
-is left of f and no push comes to zero, −r combines the held rows to a contradiction.
+is left of f and no push comes to zero, −r combines the held rows to a contradiction. One that is none once each row may
+be off by what counts as met leaves the item as it is, and the certificate judges.
 
 Goldfarb, Idnani: A numerically stable dual method for solving strictly convex quadratic programs, Mathematical
 Programming 27, 1983.

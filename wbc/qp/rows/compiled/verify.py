@@ -306,13 +306,13 @@ def exchange(at: int) -> None:
 def disproved(at: int) -> bool:
     """Whether the multipliers in ``push`` (range rows, equalities) and bounds of y prove that no point meets them all.
 
-    Farkas: their sum cancels in every unknown, and what the bounds allow of it is less than its constant; what does not
-    cancel must be too little for every y within a radius.
+    Farkas: their sum cancels in every unknown, and what the bounds allow of it is less than its constant, even if each
+    is off by what counts as met; what does not cancel must be too little for every y within a radius.
     """
     s = views(at)
     nu, ny = s.sizes[0], s.sizes[1]
     n, first_item = nu + ny, nu + ny + 1
-    constant, support, size, left = 0.0, 0.0, 0.0, 0.0
+    constant, support, size, left, forces = 0.0, 0.0, 0.0, 0.0, 0.0
     for c in range(nu):
         s.base[c] = 0.0
     for c in range(ny):
@@ -327,6 +327,7 @@ def disproved(at: int) -> bool:
             bound = s.upper[place] if force > 0.0 else s.lower[place]
             support += force * bound
             size += abs(force) * (1.0 + abs(row[n]) + abs(bound))
+            forces += abs(force)
     forward(s.B, 0, nu, s.base)
     backward(s.B, 0, nu, s.base)
     for j in range(nu):
@@ -335,6 +336,7 @@ def disproved(at: int) -> bool:
         add(force, s.G[j][nu:], ny, s.z[nu:])
         constant += force * s.G[j, n]
         size += abs(force * s.G[j, n])
+        forces += abs(force)
     for c in range(nu):
         sum_of = 0.0
         for i in range(len(s.G)):
@@ -350,5 +352,6 @@ def disproved(at: int) -> bool:
             s.z[c] = force
             support += force * bound
             size += abs(force) * (1.0 + abs(bound))
-    margin = constant - support - _BROKEN * size  # not even if all bounds are off by what counts as met
+            forces += abs(force)
+    margin = constant - support - MET * forces - _BROKEN * size
     return bool(margin > 0.0 and margin > _RADIUS * left)
