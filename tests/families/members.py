@@ -79,31 +79,19 @@ def stack(robot: int, rng: np.random.Generator) -> wbc.Stack:
     return wbc.Stack(levels, contacts=some(Contact, robot, rng, 3), subject_to=limits)
 
 
-def made(robot: int, rng: np.random.Generator) -> wbc.Stack | None:
-    """A stack whose members may stand beside one another; None where one is refused."""
-    try:
-        return stack(robot, rng)
-    except WbcError:
-        return None
-
-
-def draw(seed: int) -> tuple[wbc.Controller, str, np.random.Generator, int] | None:
-    """A controller and what it is; None where the combination is refused."""
+def draw(seed: int) -> tuple[wbc.Controller, str, np.random.Generator, int]:
+    """A controller and what it is; combinations that are refused while building are drawn again."""
     rng = np.random.default_rng(seed)
-    robot = int(rng.integers(len(robots())))
-    hierarchy, level = HIERARCHIES[rng.integers(3)], LEVELS[rng.integers(3)]
-    solver = SOLVERS[rng.integers(len(SOLVERS))]
-    solver = solver if solver in usable() else "pdas"
-    members = made(robot, rng)
-    if members is None:
-        return None
-    try:
-        control = wbc.Controller(
-            robots()[robot], members, level=undamped(level, hierarchy), hierarchy=hierarchy, solver=solver
-        )
-    except WbcError:
-        return None
-    return control, f"{type(level).__name__} {type(hierarchy).__name__}", rng, robot
+    while True:
+        robot = int(rng.integers(len(robots())))
+        hierarchy, level = HIERARCHIES[rng.integers(3)], LEVELS[rng.integers(3)]
+        solver = SOLVERS[rng.integers(len(SOLVERS))]
+        solver = solver if solver in usable() else "pdas"
+        with contextlib.suppress(WbcError):
+            control = wbc.Controller(
+                robots()[robot], stack(robot, rng), level=undamped(level, hierarchy), hierarchy=hierarchy, solver=solver
+            )
+            return control, f"{type(level).__name__} {type(hierarchy).__name__}", rng, robot
 
 
 def change(control: wbc.Controller, rng: np.random.Generator, robot: int) -> None:
@@ -118,15 +106,13 @@ def change(control: wbc.Controller, rng: np.random.Generator, robot: int) -> Non
             task.weight = float(10.0 ** rng.uniform(-4, 4))
         elif way == 2 and hasattr(task, "kp"):
             task.kp = float(10.0 ** rng.uniform(-1, 2))
-        elif way == 3 and (other := made(robot, rng)) is not None:
-            control.replace(other)
+        elif way == 3:
+            control.replace(stack(robot, rng))
 
 
 def ticked(case: int, ticks: int) -> Iterator[tuple[wbc.Controller, wbc.Command, str]]:
-    """The controller, each of its commands, and what it is; none where the combination is refused."""
-    if (drawn := draw(case)) is None:
-        return
-    control, kind, rng, robot = drawn
+    """The controller, each of its commands, and what it is."""
+    control, kind, rng, robot = draw(case)
     model = robots()[robot]
     q, v = model.integrate(model.q0, 0.1 * rng.normal(size=model.nv)), 0.1 * rng.normal(size=model.nv)
     for tick in range(ticks):
@@ -149,14 +135,11 @@ def run(count: int, seed: int, *, ticks: int = 20, verbose: bool = False, first:
     """Verdicts by level and hierarchy, of cases ``first`` to ``first + count`` of this seed."""
     table: dict[str, Counter[str]] = {}
     for k in told(range(first, first + count), table.values(), loud=verbose):
-        tick = -1
         for tick, (control, decided, kind) in enumerate(ticked(seed * 1_000_003 + k, ticks)):
             word, why = judge(control, decided, optimum=tick % 5 == 0)
             table.setdefault(kind, Counter())[word] += 1
             if verbose and (word in ("wrong", "uncertified") or "feasible" in word):
                 print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)
-        if tick < 0:
-            table.setdefault("refused while building", Counter())["refused"] += 1
     return table
 
 
