@@ -12,8 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import wbc
 from wbc.control.recorder import Recorder, Run, UnknownColumn
 from wbc.errors import InvalidInput, WbcError
+from wbc.tasks import Posture
 
 names = st.text(st.characters(codec="utf-8", exclude_characters="/\\\0:", exclude_categories=["C"]), min_size=1)
 numbers = st.floats(width=64, allow_nan=True)
@@ -202,3 +204,10 @@ def test_a_smooth_motion_takes_a_third_of_its_room_and_the_same_column_twice_no_
 def test_the_name_of_what_says_how_columns_are_stored_is_no_column(tmp_path: Path):
     with pytest.raises(InvalidInput, match=r"no column may be called '\.stored'"):
         Run({".stored": np.zeros(2)}).save(tmp_path)
+
+
+def test_a_controller_in_the_place_of_the_number_of_rows_is_told_where_it_belongs():
+    robot = wbc.load("arm")
+    controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.VelocityLevel())
+    with pytest.raises(InvalidInput, match=r"takes a number of rows, and its tick\(controller"):
+        Recorder(controller)

@@ -226,6 +226,8 @@ class Recorder:
     )  # fmt: skip
 
     def __init__(self, capacity: int) -> None:
+        if hasattr(capacity, "tick"):
+            raise InvalidInput("Recorder takes a number of rows, and its tick(controller, t, q, v) the controller")
         self.capacity = int(checks.number("capacity", capacity, low=1, high=MOST_ROWS))
         if self.capacity != capacity:
             raise InvalidInput(f"capacity is {capacity!r}; it must be a whole number of rows, at least 1")
