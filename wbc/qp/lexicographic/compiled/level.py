@@ -55,8 +55,8 @@ from wbc.qp.rows.compiled.work import place_of, views
 from wbc.tolerances import SHARP
 
 #: Held items depend on others where no more than this share of their length is left: with less, what their bounds are
-#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to rounding.
-_HELD = 1e-7
+#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to the second.
+_HELD, _BESIDE = 1e-7, 1e-12
 #: A pull below this share of what it is made of is rounding.
 ROUNDING = 1e-11
 #: Newton steps on the last level.
@@ -134,7 +134,7 @@ def reduce(at: int, rank: int, d: int) -> None:
     for i in range(k):
         w.size[i] = sqrt(dot(w.W[i], w.W[i], d))
         w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
-    decided = triangular(at, w.A, k, rank, d, w.size, w.order, w.noise[0])
+    decided = triangular(at, w.A, k, rank, d, w.size, w.order, _BESIDE)
     w.sizes[DECIDED] = rank + decided
     for i in range(k):
         w.missing[i] = w.v[w.order[i]]
