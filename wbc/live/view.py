@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import socket
 import subprocess
 import sys
@@ -114,7 +113,7 @@ class View:
         theirs.close()
         self._line: Any = Connection(ours.detach())
         try:
-            self._line.send_bytes(pickle.dumps(setup))
+            self._line.send(setup)
             answer = self._line.recv() if self._line.poll(STARTS_WITHIN) else None
             self._ready = answer is not None
         except (OSError, EOFError):

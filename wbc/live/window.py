@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import os
-import pickle
 import sys
 import threading
 from collections import defaultdict, deque
@@ -268,7 +267,7 @@ def main(descriptor: int) -> None:
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # a browser that goes away is no error
     line: Any = Connection(descriptor)
     try:
-        Window(line, pickle.loads(line.recv_bytes())).run()
+        Window(line, line.recv()).run()
     except (EOFError, OSError):
         pass
     os._exit(0)  # viser's threads need not be waited for
