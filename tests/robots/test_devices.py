@@ -1,0 +1,277 @@
+"""Devices: frames are those of the published layouts to the bit, come back as they went, and bad ones are named."""
+
+from __future__ import annotations
+
+import random
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tests.robots import layouts
+from tests.robots.examples import needs_examples
+from wbc.errors import InvalidInput, UnknownSlot
+from wbc.robots import Franka, LeRobot, Ros2Control, UnitreeG1, UnitreeG1Arms, UnitreeGo2
+from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Unitree, checksum
+
+STRUCTURES = layouts.structures()
+UNITREE: list[Unitree] = [UnitreeG1(), UnitreeG1Arms(), UnitreeG1Arms(waist=True), UnitreeGo2()]
+SLOTS = {"UnitreeG1": [*range(29)], "UnitreeGo2": [*range(12)]}
+seeds = st.integers(0, 2**32 - 1)
+
+
+def slots(device: Unitree) -> list[int]:
+    """The published slot of each motor, written down here once more."""
+    if isinstance(device, UnitreeG1Arms):
+        return [*range(15, 29), *([12, 13, 14] if len(device.motors) == 17 else [])]
+    return SLOTS[type(device).__name__]
+
+
+def order_for(device: Device, seed: int, weight: float = 1.0) -> Order:
+    rng, n = np.random.default_rng(seed), len(device.motors)
+    q, dq, tau = (np.float32(rng.normal(0, 3, n)) for _ in range(3))
+    kp, kd = (np.float32(rng.uniform(0, 200, n)) for _ in range(2))
+    return Order(q, dq, tau, kp, kd, weight=weight)
+
+
+def reading_for(device: Device, seed: int) -> Reading:
+    rng, n = np.random.default_rng(seed), len(device.motors)
+    q, dq, tau = (np.float64(np.float32(rng.normal(0, 3, n))) for _ in range(3))
+    more: dict[str, Any] = {}
+    if device.has_imu:
+        quaternion = np.float64(np.float32(rng.normal(size=4)))
+        gyro, acceleration = (np.float64(np.float32(rng.normal(size=3))) for _ in range(2))
+        more = {"quaternion": quaternion, "gyro": gyro, "acceleration": acceleration}
+    if isinstance(device, UnitreeGo2):
+        more["feet"] = np.float64(rng.integers(-3000, 3000, 4))
+    if device.motors[0].startswith("left"):
+        more |= {"mode_machine": int(rng.integers(256)), "mode_pr": int(rng.integers(2))}
+    return Reading(q=q, dq=dq, tau=tau, time=int(rng.integers(10**6)) / 1000, **more)
+
+
+@pytest.mark.parametrize("algorithm", [layouts.crc_bit_by_bit, layouts.crc_by_division])
+def test_the_checksum_is_that_of_two_other_algorithms(algorithm: Any):
+    rng = random.Random(1)
+    for size in (4, 8, 20, 812, 1004):
+        frame = rng.randbytes(size)
+        assert checksum(frame) == algorithm(frame)
+
+
+def test_the_checksum_is_the_catalogued_one():
+    # CRC-32/MPEG-2 of "123456789" is 0376E6E7 in the catalogue of parametrised CRCs; words swap their bytes here.
+    swapped = b"".join(b"12345678"[i : i + 4][::-1] for i in (0, 4))
+    register = checksum(swapped + bytes(4))
+    for bit in reversed(range(8)):  # the ninth byte, which is no whole word
+        leaves = register >> 31 ^ (ord("9") >> bit & 1)
+        register = (register << 1 & 0xFFFFFFFF) ^ (0x04C11DB7 * leaves)
+    assert register == 0x0376E6E7
+
+
+@pytest.mark.parametrize(
+    ("layout", "module", "name", "size"),
+    [
+        (HG_COMMAND, "unitree_hg", "LowCmd", 1004),
+        (HG_STATE, "unitree_hg", "LowState", 2092),
+        (GO_COMMAND, "unitree_go", "LowCmd", 812),
+        (GO_STATE, "unitree_go", "LowState", 1180),
+    ],
+)
+def test_records_are_the_structures_of_the_idl(layout: np.dtype[Any], module: str, name: str, size: int):
+    structure = STRUCTURES[module][name]
+    noise = np.random.default_rng(3).integers(0, 256, size, dtype=np.uint8).tobytes()
+
+    def same(record: Any, made: Any) -> None:
+        for field, *_ in made._fields_:
+            one, other = record[field], getattr(made, field)
+            if hasattr(other, "_fields_"):
+                same(one, other)
+            elif hasattr(other, "_length_") and hasattr(other[0], "_fields_"):
+                for a, b in zip(one, other, strict=True):
+                    same(a, b)
+            else:
+                values = list(other) if hasattr(other, "_length_") else other
+                np.testing.assert_array_equal(one, values)
+
+    same(np.frombuffer(noise, layout)[0], structure.from_buffer_copy(noise))
+
+
+@pytest.mark.parametrize("device", UNITREE, ids=repr)
+@given(seed=seeds, mode_machine=st.integers(0, 255), mode_pr=st.sampled_from([0, 1]), weight=st.floats(0, 1, width=32))
+def test_commands_are_those_of_a_second_implementation(
+    device: Unitree, seed: int, mode_machine: int, mode_pr: int, weight: float
+):
+    made = STRUCTURES[device.package]["LowCmd"]()
+    order = order_for(device, seed, weight)
+    if device.package == "unitree_go":
+        made.head[0], made.head[1], made.level_flag = 0xFE, 0xEF, 0xFF
+        for motor in made.motor_cmd:
+            motor.mode, motor.q, motor.dq = 1, 2.146e9, 16000.0
+    else:
+        made.mode_machine, made.mode_pr = mode_machine, mode_pr
+    for k, slot in enumerate(slots(device)):
+        motor = made.motor_cmd[slot]
+        motor.mode = 1
+        for name in ("q", "dq", "tau", "kp", "kd"):
+            setattr(motor, name, getattr(order, name)[k])
+    if isinstance(device, UnitreeG1Arms):
+        made.motor_cmd[29].q = weight
+    reading = Reading(q=order.q, dq=order.dq, tau=order.tau, mode_machine=mode_machine, mode_pr=mode_pr)
+    frame = device.encode(order, reading)
+    assert frame == layouts.sealed(made)
+    back = device.decode(frame, reading)
+    for name in ("q", "dq", "tau", "kp", "kd"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(order, name))
+    assert back.weight == (weight if isinstance(device, UnitreeG1Arms) else 1.0)
+    if not isinstance(device, UnitreeG1Arms):
+        again = device.pack(
+            order.q, order.dq, order.tau, order.kp, order.kd, mode_machine=mode_machine, mode_pr=mode_pr
+        )
+        assert again == frame
+
+
+@pytest.mark.parametrize("device", UNITREE, ids=repr)
+@given(seed=seeds)
+def test_states_are_those_of_a_second_implementation(device: Unitree, seed: int):
+    reading = reading_for(device, seed)
+    made = STRUCTURES[device.package]["LowState"]()
+    made.tick = round(1000 * reading.time)
+    x, y, z, w = reading.quaternion
+    made.imu_state.quaternion[:] = [w, x, y, z]
+    made.imu_state.gyroscope[:], made.imu_state.accelerometer[:] = reading.gyro, reading.acceleration
+    if device.package == "unitree_go":
+        made.head[0], made.head[1], made.level_flag = 0xFE, 0xEF, 0xFF
+        made.foot_force[:] = [int(force) for force in reading.feet]
+    else:
+        made.mode_machine, made.mode_pr = reading.mode_machine, reading.mode_pr
+    for k, slot in enumerate(slots(device)):
+        motor = made.motor_state[slot]
+        motor.mode, motor.q, motor.dq, motor.tau_est = 1, reading.q[k], reading.dq[k], reading.tau[k]
+    frame = layouts.sealed(made)
+    assert device.report(reading) == frame
+    assert same(device.unpack(frame), reading)
+
+
+def same(one: Reading, other: Reading) -> bool:
+    return all(np.array_equal(getattr(one, k), getattr(other, k), equal_nan=True) for k in vars(other))
+
+
+@pytest.mark.parametrize(
+    "device", [*UNITREE, Franka(), Ros2Control(["b", "a"], interface="position"), LeRobot()], ids=repr
+)
+@given(seed=seeds)
+def test_readings_and_orders_come_back_as_they_went(device: Device, seed: int):
+    reading = reading_for(device, seed)
+    back = device.unpack(device.report(reading))
+    np.testing.assert_array_equal(back.q, reading.q)
+    if device.has_torque:
+        np.testing.assert_array_equal(back.dq, reading.dq)
+        np.testing.assert_array_equal(back.tau, reading.tau)
+        assert back.time == pytest.approx(reading.time, abs=1e-9)
+    order = order_for(device, seed)
+    obeyed = device.decode(device.encode(order, back), back)
+    if device.law != "torque":
+        np.testing.assert_array_equal(obeyed.q, order.q)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, 5, 700, 803, 811])
+def test_a_flipped_bit_is_refused(place: int):
+    go2 = UnitreeGo2()
+    frame = bytearray(go2.encode(order_for(go2, 0), reading_for(go2, 0)))
+    frame[place] ^= 1
+    with pytest.raises(BadFrame, match="crc"):
+        go2.decode(bytes(frame), reading_for(go2, 0))
+
+
+def test_frames_that_a_robot_would_not_take_are_named():
+    g1, go2 = UnitreeG1(), UnitreeGo2()
+    reading = reading_for(g1, 0)
+    order = order_for(g1, 0)
+    other = g1.pack(order.q, order.dq, order.tau, order.kp, order.kd, mode_machine=(reading.mode_machine + 1) % 256)
+    with pytest.raises(BadFrame, match=r"mode_machine is .*; it must be"):
+        g1.decode(other, reading)
+    off = np.frombuffer(g1.encode(order, reading), HG_COMMAND).copy()
+    off["motor_cmd"]["mode"][0, 7] = 0
+    with pytest.raises(BadFrame, match="right_hip_roll_joint is 0, so it is off"):
+        g1.decode(g1._sealed(off), reading)
+    beheaded = np.frombuffer(go2.encode(order_for(go2, 0), reading_for(go2, 0)), GO_COMMAND).copy()
+    beheaded["head"] = 0
+    with pytest.raises(BadFrame, match="head"):
+        go2.decode(go2._sealed(beheaded), reading_for(go2, 0))
+    for frame in (b"", bytes(811), "text", None):
+        with pytest.raises(BadFrame, match="must be 1180 bytes"):
+            go2.unpack(frame)
+    with pytest.raises(BadFrame, match="crc"):
+        go2.unpack(bytes(1180))
+    assert UnitreeGo2(check=False).unpack(bytes(1180)).time == 0.0
+
+
+@pytest.mark.parametrize("size", [11, 13, 20])
+def test_an_order_for_other_motors_is_refused(size: int):
+    with pytest.raises(InvalidInput, match="12 motors"):
+        UnitreeGo2().pack(np.zeros(size), 0.0, 0.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("bad", [{"kp": -1.0}, {"tau": np.nan}, {"dq": [1.0, 2.0]}, {"weight": 1.5}])
+def test_an_order_that_makes_no_sense_is_refused(bad: dict[str, Any]):
+    with pytest.raises(InvalidInput, match=next(iter(bad))):
+        Order(np.zeros(3), **bad)
+
+
+@given(seed=seeds)
+def test_what_a_franka_is_sent_changes_by_a_newton_metre_at_most_and_leaves_gravity_out(seed: int):
+    rng = np.random.default_rng(seed)
+    arm, order = Franka(), order_for(Franka(), seed)
+    gravity, sent = rng.normal(0, 20, 7), rng.normal(0, 20, 7)
+    order = Order(order.q, order.dq, order.tau, order.kp, order.kd, gravity=gravity)
+    reading = Reading(q=rng.normal(size=7), dq=rng.normal(size=7), tau=np.zeros(7), sent=sent)
+    frame = arm.encode(order, reading)
+    wanted = order.tau + order.kp * (order.q - reading.q) + order.kd * (order.dq - reading.dq) - gravity
+    assert (np.abs(frame - sent) <= 1.0).all()
+    near = np.abs(wanted - sent) < 0.99
+    np.testing.assert_allclose(frame[near], wanted[near])
+    assert (np.sign(frame - sent)[~near] == np.sign(wanted - sent)[~near]).all()
+    arm.decode(frame, reading)
+    with pytest.raises(BadFrame, match=r"changes by 1\.01 N m"):
+        arm.decode(sent + 1.01, reading)
+
+
+def test_a_group_of_ros2_control_is_read_by_name_and_written_in_its_own_order():
+    group = Ros2Control(["hip", "knee"], adds_gravity=True)
+    state = SimpleNamespace(name=["other", "knee", "hip"], position=[9, 2, 1], velocity=[9, 4, 3], effort=[9, 6, 5])
+    reading = group.unpack(state)
+    assert (reading.q.tolist(), reading.dq.tolist(), reading.tau.tolist()) == ([1, 2], [3, 4], [5, 6])
+    order = Order([1.5, 2.0], dq=3.0, tau=[10.0, 20.0], kp=2.0, kd=1.0, gravity=[1.0, 2.0])
+    np.testing.assert_allclose(group.encode(order, reading), [10 + 1.0 - 1.0, 20 - 1.0 - 2.0])
+    with pytest.raises(BadFrame, match="no 'hip'"):
+        group.unpack(SimpleNamespace(name=["knee"], position=[1.0], velocity=[], effort=[]))
+
+
+def test_dictionaries_of_degrees_become_radians_through_their_map():
+    robot, arm = wbc.load("arm"), LeRobot(wbc.load("arm").joint_names)
+    joint_map = arm.joint_map(robot)
+    frame = arm.encode(Order(joint_map.position_to_device(np.full(7, np.pi / 6))), None)
+    assert frame["elbow.pos"] == pytest.approx(30.0)
+    np.testing.assert_allclose(joint_map.position_from_device(arm.unpack(frame).q), np.pi / 6)
+    with pytest.raises(BadFrame, match=r"no 'elbow\.pos'"):
+        arm.unpack({k: v for k, v in frame.items() if k != "elbow.pos"})
+
+
+@needs_examples
+@pytest.mark.parametrize(("name", "device"), [("g1", UnitreeG1()), ("go2", UnitreeGo2()), ("panda", Franka())])
+def test_motors_have_the_names_of_the_published_descriptions(name: str, device: Device):
+    joint_map = device.joint_map(wbc.load(name))
+    assert sorted(joint_map.index.tolist()) == [*range(len(device.motors))] and joint_map.idle == ()
+
+
+@needs_examples
+def test_a_part_of_the_robot_is_mapped_by_name():
+    robot, arms = wbc.load("g1"), UnitreeG1Arms()
+    joint_map = arms.joint_map(robot, joints=arms.motors)
+    assert joint_map.index.tolist() == [*range(14)]
+    with pytest.raises(UnknownSlot):
+        arms.joint_map(robot)

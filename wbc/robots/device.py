@@ -1,0 +1,142 @@
+"""Device: the frames of one kind of robot, what its motors make of them, and what it reports. Not tried on hardware.
+
+A motor that is sent position, velocity, torque and two gains gives
+
+    τ = τ* + kp (q* − q) + kd (q̇* − q̇)
+
+Arrays are in the order of the device's motors and in its units; :class:`~wbc.robots.joint_map.JointMap` turns those
+of a robot into them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
+from wbc.robots.joint_map import JointMap
+from wbc.types import Vec
+
+
+class BadFrame(InvalidInput):
+    """A frame that a robot would not take, or that is not from this robot; the message says what is wrong with it."""
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reading:
+    """What a robot reports: ``q``, ``dq`` and ``tau`` (n,) in the order and units of its motors; NaN where it has none.
+
+    ``time`` [s] is the robot's own clock, not the time of day. ``quaternion`` (4,) is **x y z w**, from the axes of
+    the IMU to the world; ``gyro`` (3,) [rad/s] and ``acceleration`` (3,) [m/s²] (at rest: 9.81 upwards) in the axes
+    of the IMU. ``feet``: what sensors in the feet say, in the device's order and unit. ``sent`` (n,) [N m] is the
+    torque that the robot got last, where it says so.
+    """
+
+    q: Vec
+    dq: Vec
+    tau: Vec
+    time: float = float("nan")
+    quaternion: Vec = field(default_factory=partial(np.full, 4, np.nan))
+    gyro: Vec = field(default_factory=partial(np.full, 3, np.nan))
+    acceleration: Vec = field(default_factory=partial(np.full, 3, np.nan))
+    feet: Vec = field(default_factory=partial(np.zeros, 0))
+    sent: Vec = field(default_factory=partial(np.zeros, 0))
+    mode_machine: int = 0
+    mode_pr: int = 0
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Order:
+    """What motors are sent: ``q``, ``dq``, ``tau``, ``kp``, ``kd`` (n,), each one for all or one for each motor.
+
+    ``gravity`` (n,) [N m] is what gravity asks of the motors, for robots that add it themselves. ``weight`` in [0, 1]
+    is the share of the robot's own controller that gives way, for robots that have one.
+
+    Raises:
+        InvalidInput: another size, not finite, a negative gain.
+    """
+
+    q: Any
+    dq: Any = 0.0
+    tau: Any = 0.0
+    kp: Any = 0.0
+    kd: Any = 0.0
+    gravity: Any = 0.0
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        size = len(checks.array("q", self.q, (None,)))
+        for name in ("q", "dq", "tau", "gravity"):
+            object.__setattr__(self, name, checks.each(name, getattr(self, name), size))
+        for name in ("kp", "kd"):
+            object.__setattr__(self, name, checks.gains(name, getattr(self, name), size))
+        checks.number("weight", self.weight, low=0.0, high=1.0)
+
+    def torque(self, q: Vec, dq: Vec) -> Vec:
+        """τ (n,) of a motor that stands at q (n,) and turns with dq (n,)."""
+        torque: Vec = self.tau + self.kp * (self.q - q) + self.kd * (self.dq - dq)
+        return torque
+
+
+class Device(ABC):
+    """Frames of one kind of robot: ``encode`` and ``unpack`` are ours, ``decode`` and ``report`` the robot's own side.
+
+    ``law`` is what its motors follow: "impedance" (the law above, on the robot), "torque" or "position".
+    """
+
+    motors: tuple[str, ...]
+    rate: float
+    law: ClassVar[str] = "impedance"
+    unit: ClassVar[str] = "rad"
+    #: Whether the robot adds the torques that gravity asks for to those that it is sent.
+    adds_gravity: ClassVar[bool] = False
+    #: By how much a torque that is sent may change in a second [N m/s].
+    torque_rate: ClassVar[float] = np.inf
+    has_imu: ClassVar[bool] = False
+    #: Whether it reports the torques of its motors.
+    has_torque: ClassVar[bool] = True
+
+    def joint_map(self, robot: RobotModel, **conventions: Any) -> JointMap:
+        """The map of a robot whose joints are called as the motors; those that it does not have are idle.
+
+        ``conventions`` as for :meth:`~wbc.robots.joint_map.JointMap.of`.
+        """
+        names = conventions.get("names") or {}
+        wanted = {names.get(joint, joint) for joint in conventions.get("joints") or robot.joint_names}
+        idle = [motor for motor in self.motors if motor not in wanted]
+        return JointMap.of(robot, self.motors, **{"unit": self.unit, "idle": idle} | conventions)
+
+    @abstractmethod
+    def encode(self, order: Order, reading: Reading) -> Any:
+        """The frame to send; ``reading`` is the last one, for robots that want to be answered to it."""
+
+    @abstractmethod
+    def unpack(self, frame: Any) -> Reading:
+        """What a robot's frame says.
+
+        Raises:
+            BadFrame: it is not a sound frame of this device.
+        """
+
+    @abstractmethod
+    def decode(self, frame: Any, reading: Reading) -> Order:
+        """What the robot would take from a frame that it is sent while it reports ``reading``.
+
+        Raises:
+            BadFrame: it would not take it; the sentence says why.
+        """
+
+    @abstractmethod
+    def report(self, reading: Reading) -> Any:
+        """The frame in which the robot says ``reading``."""
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({len(self.motors)} motors)"

@@ -1,0 +1,316 @@
+"""Unitree G1 and Go2: LowCmd and LowState as bytes, in the layout that the robots check. Not tried on hardware.
+
+Bytes are little-endian, in the memory layout of the makers' C structures, which their checksum is about. A DDS message
+is made of them field by field (:mod:`wbc.robots.dds`). The layouts are those that the IDL files ``unitree_hg`` and
+``unitree_go`` of ``unitree_sdk2`` declare.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.types import Index, Vec
+
+#: What the makers send to motors that are not there: position [rad] and velocity [rad/s] that mean "none".
+NO_POSITION, NO_VELOCITY = 2.146e9, 16000.0
+#: The slot of G1 whose position is how far the arms follow ``rt/arm_sdk``.
+WEIGHT_SLOT = 29
+_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+
+
+def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
+    return np.dtype(list(fields), align=True)
+
+
+_DRIVE = [(name, "<f4") for name in ("q", "dq", "tau", "kp", "kd")]
+_IMU = [("quaternion", "<f4", 4), ("gyroscope", "<f4", 3), ("accelerometer", "<f4", 3), ("rpy", "<f4", 3)]
+_GO_HEAD = [
+    ("head", "u1", 2), ("level_flag", "u1"), ("frame_reserve", "u1"), ("sn", "<u4", 2), ("version", "<u4", 2),
+    ("bandwidth", "<u2"),
+]  # fmt: skip
+HG_COMMAND = _record(
+    ("mode_pr", "u1"), ("mode_machine", "u1"),
+    ("motor_cmd", _record(("mode", "u1"), *_DRIVE, ("reserve", "<u4")), 35),
+    ("reserve", "<u4", 4), ("crc", "<u4"),
+)  # fmt: skip
+HG_STATE = _record(
+    ("version", "<u4", 2), ("mode_pr", "u1"), ("mode_machine", "u1"), ("tick", "<u4"),
+    ("imu_state", _record(*_IMU, ("temperature", "<i2"))),
+    ("motor_state", _record(
+        ("mode", "u1"), ("q", "<f4"), ("dq", "<f4"), ("ddq", "<f4"), ("tau_est", "<f4"), ("temperature", "<i2", 2),
+        ("vol", "<f4"), ("sensor", "<u4", 2), ("motorstate", "<u4"), ("reserve", "<u4", 4),
+    ), 35),
+    ("wireless_remote", "u1", 40), ("reserve", "<u4", 4), ("crc", "<u4"),
+)  # fmt: skip
+GO_COMMAND = _record(
+    *_GO_HEAD, ("motor_cmd", _record(("mode", "u1"), *_DRIVE, ("reserve", "<u4", 3)), 20),
+    ("bms_cmd", _record(("off", "u1"), ("reserve", "u1", 3))),
+    ("wireless_remote", "u1", 40), ("led", "u1", 12), ("fan", "u1", 2), ("gpio", "u1"),
+    ("reserve", "<u4"), ("crc", "<u4"),
+)  # fmt: skip
+GO_STATE = _record(
+    *_GO_HEAD, ("imu_state", _record(*_IMU, ("temperature", "u1"))),
+    ("motor_state", _record(
+        ("mode", "u1"), *((name, "<f4") for name in ("q", "dq", "ddq", "tau_est", "q_raw", "dq_raw", "ddq_raw")),
+        ("temperature", "u1"), ("lost", "<u4"), ("reserve", "<u4", 2),
+    ), 20),
+    ("bms_state", _record(
+        *((name, "u1") for name in ("version_high", "version_low", "status", "soc")), ("current", "<i4"),
+        ("cycle", "<u2"), ("bq_ntc", "u1", 2), ("mcu_ntc", "u1", 2), ("cell_vol", "<u2", 15),
+    )),
+    ("foot_force", "<i2", 4), ("foot_force_est", "<i2", 4), ("tick", "<u4"), ("wireless_remote", "u1", 40),
+    ("bit_flag", "u1"), ("adc_reel", "<f4"), ("temperature_ntc1", "u1"), ("temperature_ntc2", "u1"),
+    ("power_v", "<f4"), ("power_a", "<f4"), ("fan_frequency", "<u2", 4), ("reserve", "<u4"), ("crc", "<u4"),
+)  # fmt: skip
+
+
+def checksum(frame: bytes) -> int:
+    """The makers' CRC of a frame without its last word: polynomial 04C11DB7, from FFFFFFFF, over little-endian words
+    from their highest bit, nothing reflected.
+
+    zlib has the same polynomial with all bits the other way round.
+
+    Example:
+        >>> from wbc.robots.unitree import checksum
+        >>> hex(checksum(bytes(8)))
+        '0xc704dd7b'
+    """
+    words = np.frombuffer(frame, "<u4")[:-1].byteswap().tobytes()
+    turned = zlib.crc32(words.translate(_BITS)) ^ 0xFFFFFFFF
+    return int(f"{turned:032b}"[::-1], 2)
+
+
+class Unitree(Device):
+    """What the robots share: records with a checksum at the end, IMUs with w first, motors in numbered slots.
+
+    Args:
+        check: whether a state frame with a wrong checksum is refused; some simulators leave it 0.
+    """
+
+    has_imu: ClassVar[bool] = True
+    command: ClassVar[np.dtype[Any]]
+    state: ClassVar[np.dtype[Any]]
+    #: Names of the DDS topics and of the maker's package.
+    topics: ClassVar[tuple[str, str]] = ("rt/lowcmd", "rt/lowstate")
+    package: ClassVar[str]
+    #: Slot of each motor.
+    index: Index
+    rate = 500.0
+
+    def __init__(self, *, check: bool = True) -> None:
+        self.check = check
+
+    def pack(self, q: Any, dq: Any, tau: Any, kp: Any, kd: Any, *, mode_machine: int = 0, mode_pr: int = 0) -> bytes:
+        """The LowCmd frame of q [rad], dq [rad/s], tau [N m], kp [N m/rad], kd [N m s/rad], one for each motor.
+
+        ``mode_machine`` must be what the last LowState said; ``mode_pr`` 0: ankles in pitch and roll. Robots without
+        such fields ignore both.
+
+        Raises:
+            InvalidInput: another size, not finite, a negative gain.
+        """
+        return self._packed(Order(q, dq, tau, kp, kd), mode_machine, mode_pr)
+
+    def encode(self, order: Order, reading: Reading) -> bytes:
+        return self._packed(order, reading.mode_machine, reading.mode_pr)
+
+    def _packed(self, order: Order, mode_machine: int, mode_pr: int) -> bytes:
+        if len(order.q) != len(self.index):
+            raise InvalidInput(f"q has {len(order.q)} entries; {type(self).__name__} has {len(self.index)} motors")
+        frame = self._empty(mode_machine, mode_pr)
+        motors = frame["motor_cmd"]
+        for name, _ in _DRIVE:
+            motors[name][0, self.index] = getattr(order, name)
+        motors["mode"][0, self.index] = 1
+        self._weigh(motors, order.weight)
+        return self._sealed(frame)
+
+    def unpack(self, frame: Any) -> Reading:
+        state = self._opened(frame, self.state, check=self.check)
+        motors, imu = state["motor_state"][self.index], state["imu_state"]
+        w, x, y, z = imu["quaternion"].astype(np.float64)
+        return Reading(
+            q=_doubles(motors["q"]), dq=_doubles(motors["dq"]), tau=_doubles(motors["tau_est"]),
+            time=int(state["tick"]) / 1000, quaternion=np.array([x, y, z, w]), gyro=_doubles(imu["gyroscope"]),
+            acceleration=_doubles(imu["accelerometer"]), **self._more(state),
+        )  # fmt: skip
+
+    def decode(self, frame: Any, reading: Reading) -> Order:
+        command = self._opened(frame, self.command, check=True)
+        self._refuse(command, reading)
+        motors = command["motor_cmd"][self.index]
+        if not motors["mode"].all():
+            raise BadFrame(f"the mode of motor {self.motors[int(motors['mode'].argmin())]} is 0, so it is off; it is 1")
+        q, dq, tau, kp, kd = (_doubles(motors[name]) for name, _ in _DRIVE)
+        return Order(q, dq, tau, kp, kd, weight=self._weight(command))
+
+    def report(self, reading: Reading) -> bytes:
+        frame = np.zeros(1, self.state)
+        self._fill(frame, reading)
+        motors, imu = frame["motor_state"], frame["imu_state"]
+        motors["mode"][0, self.index] = 1
+        for name, values in (("q", reading.q), ("dq", reading.dq), ("tau_est", reading.tau)):
+            motors[name][0, self.index] = values
+        imu["quaternion"][0] = np.roll(reading.quaternion, 1)
+        imu["gyroscope"][0], imu["accelerometer"][0] = reading.gyro, reading.acceleration
+        frame["tick"] = round(1e3 * reading.time) % 2**32
+        return self._sealed(frame)
+
+    @staticmethod
+    def _opened(frame: Any, layout: np.dtype[Any], *, check: bool) -> Any:
+        if not isinstance(frame, bytes | bytearray | memoryview) or len(frame) != layout.itemsize:
+            what = f"{len(frame)} bytes" if isinstance(frame, bytes | bytearray | memoryview) else checks.shown(frame)
+            raise BadFrame(f"the frame is {what}; it must be {layout.itemsize} bytes")
+        record = np.frombuffer(frame, layout)[0]
+        if check and record["crc"] != (wanted := checksum(bytes(frame))):
+            raise BadFrame(f"the frame's crc is {int(record['crc']):#010x}; it must be {wanted:#010x}")
+        return record
+
+    @staticmethod
+    def _sealed(frame: Any) -> bytes:
+        frame["crc"] = checksum(frame.tobytes())
+        return bytes(frame.tobytes())
+
+    def _empty(self, mode_machine: int, mode_pr: int) -> Any:
+        del mode_machine, mode_pr
+        return np.zeros(1, self.command)
+
+    def _weigh(self, motors: Any, weight: float) -> None:
+        """Say how far the robot's own controller gives way, where it has one."""
+
+    def _fill(self, frame: Any, reading: Reading) -> None:
+        """What a state frame has beside motors and IMU."""
+
+    def _refuse(self, command: Any, reading: Reading) -> None:
+        """What else the robot does not take."""
+
+    def _weight(self, command: Any) -> float:
+        del command
+        return 1.0
+
+    def _more(self, state: Any) -> dict[str, Any]:
+        del state
+        return {}
+
+
+_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
+_WAIST = tuple(f"waist_{name}_joint" for name in ("yaw", "roll", "pitch"))
+_SIDES = ("left", "right")
+_ARMS = tuple(f"{side}_{name}_joint" for side in _SIDES for name in _ARM)
+
+
+class _Humanoid(Unitree):
+    command, state, package = HG_COMMAND, HG_STATE, "unitree_hg"
+
+    def _empty(self, mode_machine: int, mode_pr: int) -> Any:
+        frame = super()._empty(mode_machine, mode_pr)
+        frame["mode_machine"] = checks.number("mode_machine", mode_machine, low=0, high=255)
+        frame["mode_pr"] = checks.one_of("mode_pr", mode_pr, (0, 1))
+        return frame
+
+    def _fill(self, frame: Any, reading: Reading) -> None:
+        frame["mode_machine"], frame["mode_pr"] = reading.mode_machine, reading.mode_pr
+
+    def _more(self, state: Any) -> dict[str, Any]:
+        return {name: int(state[name]) for name in ("mode_machine", "mode_pr")}
+
+    def _refuse(self, command: Any, reading: Reading) -> None:
+        if command["mode_machine"] != reading.mode_machine:
+            raise BadFrame(f"mode_machine is {command['mode_machine']}; it must be {reading.mode_machine}, as LowState")
+
+
+@final
+class UnitreeG1(_Humanoid):
+    """G1 with 29 motors: ``unitree_hg``, 35 slots, ankles in pitch and roll (``mode_pr`` 0). Not tried on hardware.
+
+    Release the robot's own controller first (``MotionSwitcherClient.ReleaseMode``): LowState has no position of the
+    base, and two controllers on ``rt/lowcmd`` fight. Where the waist is locked, its roll and pitch are not valid.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.robots import UnitreeG1
+        >>> g1 = UnitreeG1()
+        >>> frame = g1.pack(np.zeros(29), 0.0, 0.0, 60.0, 1.0, mode_machine=5)
+        >>> len(frame), frame[1], g1.motors[3]
+        (1004, 5, 'left_knee_joint')
+    """
+
+    motors = (*(f"{side}_{name}_joint" for side in _SIDES for name in _LEG), *_WAIST, *_ARMS)
+    index = np.arange(29)
+
+
+@final
+class UnitreeG1Arms(_Humanoid):
+    """The arms of a G1 that balances on its own: ``rt/arm_sdk``, the weight in slot 29. Not tried on hardware.
+
+    The robot's controller keeps the legs; the arms follow by the ``weight`` in [0, 1] of an order, which should rise
+    and fall over seconds: an arm that is dropped falls. ``waist`` adds the three joints of the waist.
+
+    Example:
+        >>> from wbc.robots import UnitreeG1Arms
+        >>> UnitreeG1Arms().motors[3], UnitreeG1Arms(waist=True).motors[14]
+        ('left_elbow_joint', 'waist_yaw_joint')
+    """
+
+    topics: ClassVar[tuple[str, str]] = ("rt/arm_sdk", "rt/lowstate")
+
+    def __init__(self, *, waist: bool = False, check: bool = True) -> None:
+        super().__init__(check=check)
+        self.motors = (*_ARMS, *(_WAIST if waist else ()))
+        self.index = np.array([*range(15, 29), *(range(12, 15) if waist else ())])
+
+    def _weigh(self, motors: Any, weight: float) -> None:
+        motors["q"][0, WEIGHT_SLOT] = weight
+
+    def _weight(self, command: Any) -> float:
+        return min(max(float(command["motor_cmd"]["q"][WEIGHT_SLOT]), 0.0), 1.0)
+
+
+@final
+class UnitreeGo2(Unitree):
+    """Go2: ``unitree_go``, 20 slots of which 12 have motors, FR FL RR RL times hip, thigh, calf. Not tried on hardware.
+
+    Slots without motors are sent the maker's "no position, no velocity".
+
+    Example:
+        >>> from wbc.robots import UnitreeGo2
+        >>> go2 = UnitreeGo2()
+        >>> frame = go2.pack([0.0, 0.8, -1.6] * 4, 0.0, 0.0, 60.0, 5.0)
+        >>> len(frame), frame[:3].hex(), go2.motors[:3]
+        (812, 'feefff', ('FR_hip_joint', 'FR_thigh_joint', 'FR_calf_joint'))
+    """
+
+    command, state, package = GO_COMMAND, GO_STATE, "unitree_go"
+    motors = tuple(f"{leg}_{name}_joint" for leg in ("FR", "FL", "RR", "RL") for name in ("hip", "thigh", "calf"))
+    index = np.arange(12)
+
+    def _empty(self, mode_machine: int, mode_pr: int) -> Any:
+        frame = super()._empty(mode_machine, mode_pr)
+        frame["head"], frame["level_flag"] = (0xFE, 0xEF), 0xFF
+        frame["motor_cmd"]["mode"] = 1
+        frame["motor_cmd"]["q"], frame["motor_cmd"]["dq"] = NO_POSITION, NO_VELOCITY
+        return frame
+
+    def _fill(self, frame: Any, reading: Reading) -> None:
+        frame["head"], frame["level_flag"] = (0xFE, 0xEF), 0xFF
+        if len(reading.feet):
+            frame["foot_force"] = reading.feet
+
+    def _more(self, state: Any) -> dict[str, Any]:
+        return {"feet": _doubles(state["foot_force"])}
+
+    def _refuse(self, command: Any, reading: Reading) -> None:
+        if bytes(command["head"]) != b"\xfe\xef" or command["level_flag"] != 0xFF:
+            raise BadFrame("the head of a command for a Go2 is FE EF FF")
+
+
+def _doubles(values: Any) -> Vec:
+    result: Vec = values.astype(np.float64)
+    return result
