@@ -32,9 +32,11 @@ def updates(draw: Any, kinds: tuple[str, ...] = ("free", "box", "coupled box", "
     s = draw(magnitudes()) * rng.normal(size=n)
     a_hat = draw(magnitudes()) * rng.normal(size=p)
     diagonal = kind == "box" or (kind == "free" and draw(st.booleans()))
-    gain = draw(magnitudes()) * (10.0 ** rng.uniform(-3, 3, p) if diagonal else draw(spd(p)))
+    spread = draw(st.sampled_from([3, 8]))  # half the decades between gains
+    gain = draw(magnitudes()) * (10.0 ** rng.uniform(-spread, spread, p) if diagonal else draw(spd(p)))
     options: dict[str, Any] = {}
-    room = np.abs(a_hat).max() * np.where(rng.uniform(size=(2, p)) < 0.7, 0.0, rng.uniform(size=(2, p)))
+    a_hat[rng.uniform(size=p) < draw(st.sampled_from([0.0, 0.0, 0.3, 1.0]))] = 0.0
+    room = (np.abs(a_hat).max() or 1.0) * np.where(rng.uniform(size=(2, p)) < 0.7, 0.0, rng.uniform(size=(2, p)))
     room[rng.uniform(size=(2, p)) < 0.3] = np.inf
     if kind in ("box", "coupled box", "both"):
         options |= {"lower": a_hat - room[0], "upper": a_hat + room[1]}
@@ -143,6 +145,36 @@ def test_in_a_polyhedron_what_is_taken_from_the_rate_is_a_push_of_its_rows(updat
     assert lengths(update, update.solve().a_hat_dot - expected) <= 1e-6 * lengths(update, rate)
 
 
+@given(st.integers(1, 8), SEEDS)
+def test_a_parameter_is_held_by_a_bound_that_it_is_on_whatever_the_other_gains_are(p: int, seed: int):
+    """Gains 16 decades apart: one of little gain is long in the metric Γ⁻¹, and what is near beside it is not on it."""
+    rng = np.random.default_rng(seed)
+    gain, a_hat, rate = 10.0 ** rng.uniform(-8, 8, p), rng.normal(size=p), rng.normal(size=p)
+    on = rng.uniform(size=p) < 0.5
+    room = np.where(on, 0.0, 10.0 ** rng.uniform(-6, 0, p) * np.abs(a_hat))
+    lower = np.where(rate < 0.0, a_hat - room, -np.inf)
+    upper = np.where(rate > 0.0, a_hat + room, np.inf)
+    expected = np.where(on, 0.0, gain * rate)
+    C = np.vstack([np.diag(np.sign(rate)), np.zeros((1, p))])
+    d = np.append(np.sign(rate) * (a_hat + np.sign(rate) * room), 0.0)
+    box = ParameterUpdate(np.eye(p), rate, gain=gain, a_hat=a_hat, lower=lower, upper=upper)
+    rows = ParameterUpdate(np.eye(p), rate, gain=gain, a_hat=a_hat, C=C, d=d)
+    for answer in (box.closed_form(), box.solve(), rows.solve()):
+        assert lengths(box, answer.a_hat_dot - expected) <= 1e-7 * lengths(box, expected)
+
+
+@given(st.integers(1, 10), st.integers(-330, -300), SEEDS)
+def test_steps_of_numbers_next_to_zero_are_steps(p: int, exponent: int, seed: int):
+    """A chain without mass, driven by what is all but nothing."""
+    rng = np.random.default_rng(seed)
+    C, d = ParameterUpdate.partial_sums(p)
+    a_hat = np.zeros(p)
+    for _ in range(3):
+        push = rng.normal(size=p) * 10.0**exponent
+        a_hat = ParameterUpdate(np.eye(p), push, gain=10.0 ** rng.uniform(-3, 3, p), a_hat=a_hat, C=C, d=d).step(1.0)
+        assert (np.abs(a_hat) <= 1e-290).all()
+
+
 # ---- what the projection is for
 @given(updates(), SEEDS)
 def test_projection_never_makes_the_lyapunov_function_grow(update: ParameterUpdate, seed: int):
@@ -184,7 +216,7 @@ def test_short_steps_follow_the_rate(update: ParameterUpdate):
     size = lengths(update, answer.a_hat_dot) + lengths(update, free_rate(update))
     if size == 0.0:
         return
-    dt = 1e-6 * lengths(update, update.a_hat) / size
+    dt = 1e-6 * (lengths(update, update.a_hat) or 1.0) / size
     assert lengths(update, (update.step(dt) - update.a_hat) / dt - answer.a_hat_dot) <= 1e-3 * size
 
 

@@ -28,7 +28,7 @@ from wbc.methods.farthest import shortest
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
-from wbc.tolerances import ROUNDING, SAME, SHARP
+from wbc.tolerances import ROUNDING, SAME, SHARP, TINY
 from wbc.types import Mat, Status, Vec
 
 #: A row whose part that is independent of the others is smaller than this (of its length) depends on them.
@@ -213,9 +213,9 @@ class _NormalForm:
 
     @property
     def size(self) -> float:
-        """How far from the origin u must at least be, up to √n: the largest violation there; 1 where there is none."""
-        outside = float(np.maximum(self.low, -self.high).max(initial=0.0))
-        return max(float(np.linalg.norm(self.e)), outside) or 1.0
+        """How far from the origin u must be, up to √n: the largest violation there, or 1 where that is nothing."""
+        outside = max(float(np.linalg.norm(self.e)), float(np.maximum(self.low, -self.high).max(initial=0.0)))
+        return outside if outside > TINY else 1.0
 
     def qp(self, unit: float) -> QP:
         """The problem in u / unit."""

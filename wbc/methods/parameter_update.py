@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm, SolverFailed
@@ -33,8 +34,10 @@ from wbc.methods.shared import box
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
-from wbc.tolerances import SHARP
+from wbc.tolerances import SHARP, TINY
 from wbc.types import Mat, Vec
+
+Flags = NDArray[np.bool_]
 
 #: The most masses of a chain.
 LARGEST_SET = 10_000
@@ -146,7 +149,23 @@ class ParameterUpdate(Method):
         )  # fmt: skip
 
     def _rounding(self) -> float:
-        return SHARP * float(np.linalg.norm(np.linalg.solve(root(self.gain), self.a_hat)))
+        """How far outside the set, in the metric Γ⁻¹, an estimate is by rounding."""
+        return max(TINY, SHARP * float(np.linalg.norm(np.linalg.solve(root(self.gain), self.a_hat))))
+
+    def _on_boundary(self) -> tuple[Flags, Flags, Flags]:
+        """Which rows of C, lower and upper bounds â is on: nearer than a share of the terms of their own sums.
+
+        The size of the whole estimate in the metric Γ⁻¹ does not count: a parameter of little gain is long in it, and
+        would hold all others.
+        """
+        rows, low, high = self._margins()
+        lengths, sides = self._lengths()
+        terms = np.abs(self.d) + np.abs(self.C) @ np.abs(self.a_hat)
+        at_low, at_high = (
+            np.isfinite(bound) & (room <= SHARP * np.maximum(np.abs(self.a_hat), np.abs(bound)) / sides)
+            for room, bound in ((low, self.lower), (high, self.upper))
+        )
+        return rows <= SHARP * terms / lengths, at_low, at_high
 
     def _refuse_outside(self) -> None:
         rows, low, high = self._margins()
@@ -180,21 +199,19 @@ class ParameterUpdate(Method):
         """
         if not self._has_formula():
             raise NoClosedForm("rows C, or a box with a gain that is not diagonal, have no closed form; use solve")
-        _, low, high = self._margins()
-        rate, rounding = self._free_rate, self._rounding()
-        held = ((low <= rounding) & (rate < 0.0)) | ((high <= rounding) & (rate > 0.0))
+        _, low, high = self._on_boundary()
+        rate = self._free_rate
+        held = (low & (rate < 0.0)) | (high & (rate > 0.0))
         return ParameterRate(np.where(held, 0.0, rate), tuple(int(i) for i in held.nonzero()[0]), True)
 
     # ---- QP
     def qp(self) -> QP:
         """The rate x (p): H = Γ⁻¹, g = −Yᵀ s; C x ≤ 0 for rows on the boundary, x ≥ 0 or ≤ 0 for such bounds."""
-        rows, low, high = self._margins()
-        rounding = self._rounding()
+        rows, low, high = self._on_boundary()
         inverse = np.linalg.inv(self.gain)
         return QP(
             0.5 * (inverse + inverse.T), -self.Y.T @ self.s,
-            C=self.C, cu=np.where(rows <= rounding, 0.0, np.inf),
-            lb=np.where(low <= rounding, 0.0, -np.inf), ub=np.where(high <= rounding, 0.0, np.inf),
+            C=self.C, cu=np.where(rows, 0.0, np.inf), lb=np.where(low, 0.0, -np.inf), ub=np.where(high, 0.0, np.inf),
             rows=[
                 *(Row("set", f"row {i}") for i in range(len(self.C))),
                 *(Row("bounds", f"parameter {i}") for i in range(len(self.a_hat))),
@@ -249,10 +266,9 @@ class ParameterUpdate(Method):
             return {"feasible": np.inf}
         inverse = np.linalg.inv(root(self.gain))
         size = float(np.linalg.norm(inverse @ self._free_rate)) or 1.0
-        near, x = self._rounding(), result.a_hat_dot
-        (rows, low, high), (row_lengths, sides) = self._margins(), self._lengths()
+        x, (row_lengths, sides) = result.a_hat_dot, self._lengths()
         outwards = [self.C @ x / row_lengths, -x / sides, x / sides]
-        leaves = np.concatenate([np.where(m <= near, o, 0.0) for m, o in zip((rows, low, high), outwards, strict=True)])
+        leaves = np.concatenate([np.where(on, o, 0.0) for on, o in zip(self._on_boundary(), outwards, strict=True)])
         return {
             "a_hat_dot": float(np.linalg.norm(inverse @ (x - reference.a_hat_dot))) / size,
             "set": max(0.0, float(leaves.max(initial=0.0))) / size,
