@@ -7,9 +7,12 @@ from dataclasses import replace
 from typing import Any, ClassVar, final
 
 import numpy as np
+import pinocchio as pin
 
 import wbc
 from wbc import checks
+from wbc.models.collision import Obstacle
+from wbc.models.geometry import Cylinder
 from wbc.report import measure
 from wbc.report.document import Curve, Plot, Section
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
@@ -40,6 +43,8 @@ WAY, FREQUENCY, TURN = (0.02, 0.0, 0.04), 0.4, 0.1
 START, SQUEEZED = 0.5, 1.0
 #: What a good run keeps to: the bar from where it is to be [m], the squeeze from what it is to be [N].
 BAR, SQUEEZE = 2e-3, 1.0
+#: How thick the bar is drawn, where it is to be [m].
+RADIUS = 0.012
 
 
 @final
@@ -71,7 +76,8 @@ class DualArm(Single):
         state.update(0.0, floor.q, floor.v)
         hand = state.frame(left)
         along = hand.rotation.T @ (state.frame(right).position - hand.position)
-        along /= np.linalg.norm(along)
+        length = float(np.linalg.norm(along))
+        along /= length
         motion = pose_motion(
             Sinusoid(hand.position, amplitude=WAY, frequency=FREQUENCY),
             swing(np.array(hand.rotation), [0.0, 1.0, 0.0], angle=TURN, frequency=FREQUENCY),
@@ -94,7 +100,9 @@ class DualArm(Single):
             meta={"scenario": self.name, "parameters": dict(parameters)},
         )  # fmt: skip
         asked = np.array([press(t)[0][:3] for t in run["t"]])
-        return _judged(run, robot, (left, right), asked, duration)
+        middle = pin.SE3(pin.Quaternion.FromTwoVectors(np.eye(3)[2], along).matrix(), 0.5 * length * along)
+        drawn = Obstacle("bar", Cylinder(RADIUS, length), lambda t: motion(t)[0] * middle)
+        return replace(_judged(run, robot, (left, right), asked, duration), obstacles=[drawn])
 
 
 def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, duration: float) -> ScenarioResult:

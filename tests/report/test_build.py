@@ -11,6 +11,7 @@ from wbc.models import load
 from wbc.report import Report, Table, Text, run_report
 from wbc.report.build import highlights, summary
 from wbc.report.document import formatted
+from wbc.report.happened import story
 from wbc.report.sections import SECTIONS, contacts, joints, solver, timing, tracking, verdict
 from wbc.sim.scenario import Check, Place, ScenarioResult
 
@@ -51,7 +52,7 @@ def test_the_summary_says_who_did_what_and_how_it_ended(standing: ScenarioResult
         "Humanoid ran made-up for 1.2 s at 100 Hz (inverse dynamics, Weighted(), pdas) under 1 disturbance; "
         "119 of 120 ticks solved and certified; every demand was met."
     )
-    assert summary(reaching).endswith("every tick solved and certified; not met: stays | up.")
+    assert summary(reaching).endswith("every tick solved and certified; not met: 1 of 1 demands, first stays | up.")
 
 
 def test_the_summary_says_when_a_run_ended_early():
@@ -121,10 +122,24 @@ def test_the_verdict_names_the_side_and_puts_what_failed_first(standing: Scenari
     section = verdict.section(replace(standing, verdict=checks, ok=False))
     table = section.items[0]
     assert isinstance(table, Table)
-    assert [(row[0], row[2], row[4], formatted(row[5])) for row in table.rows] == [
+    assert [(row[0], row[2], row[3], formatted(row[4])) for row in table.rows] == [
         ("early", "≥ 2 m", False, "t = 0.200 s"), ("late", "< 1 m", False, "t = 0.900 s, left_foot"),
         ("met", "≤ 1 m", True, ""),
     ]  # fmt: skip
+
+
+def test_the_verdict_tells_what_led_to_the_first_failure(standing: ScenarioResult):
+    slipped = Check("slip", 3.0, "<", 1.0, "mm", Place(0.45, "left_foot", "slip"))
+    standing.run.meta["disturbances"] = ["push of (0, 60, 0) N at 'pelvis' from 0.3 s for 0.2 s"]
+    told = story(replace(standing, verdict=[slipped], ok=False))
+    assert [round(event.start, 9) for event in told] == sorted(round(event.start, 9) for event in told)
+    labels = [event.label for event in told]
+    assert labels[0] == "push of (0, 60, 0) N at 'pelvis'" and told[0].start == pytest.approx(0.3)
+    assert "not met: slip, left_foot" in labels
+    rows = [event for event in told if event.kind == "row"]
+    assert rows and all(event.start == pytest.approx(0.3) and event.end == pytest.approx(0.5) for event in rows)
+    assert "no certified answer" not in labels  # of the tick long before the push
+    assert story(replace(standing, verdict=[replace(slipped, value=0.5)])) == []
 
 
 @pytest.mark.parametrize("relation", ["<=", ">="])

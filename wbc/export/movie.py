@@ -17,8 +17,8 @@ from wbc.export.whole import whole
 from wbc.report import measure
 from wbc.report.marks import RED, marks, strained
 from wbc.report.motion import Motion, motion, quaternions
-from wbc.report.replay import BUDGET, VIEW
-from wbc.report.shapes import Part, parts, thinned
+from wbc.report.replay import BUDGET
+from wbc.report.shapes import VIEW, Part, parts, thinned
 from wbc.sim.scenario import Progress, silent
 from wbc.types import Index, Mat, Vec
 

@@ -23,7 +23,7 @@ from wbc.control.recorder import Run
 from wbc.live.knobs import Knob
 from wbc.report.marks import RED, Mark, above_ground, marks, strained
 from wbc.report.motion import motion, quaternions
-from wbc.report.replay import VIEW
+from wbc.report.shapes import view
 from wbc.types import Vec
 
 WORDS_EVERY = 0.1  # [s]: nobody reads faster
@@ -179,7 +179,7 @@ class Window:
         places = np.array([frame.position for frame in self._frames.values()])
         middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
         size = max(float(np.linalg.norm(np.ptp(places, axis=0))), 0.5)
-        client.camera.position = middle + FAR * size * np.array(VIEW)
+        client.camera.position = middle + FAR * size * np.array(view(self._robot))
         client.camera.look_at = middle
         self.say("clients", len(self._server.get_clients()))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib.util import find_spec
@@ -12,7 +11,8 @@ import numpy as np
 
 from wbc.errors import NotSupported
 from wbc.report import measure
-from wbc.report.document import Clock, Event, Report, Scene, Tile, formatted
+from wbc.report.document import Clock, Report, Scene, Tile, formatted
+from wbc.report.happened import events
 from wbc.report.replay import replay, together
 from wbc.report.sections import SECTIONS
 from wbc.report.shapes import obstacle_parts, parts
@@ -21,11 +21,6 @@ from wbc.sim.scenario import Progress, ScenarioResult, failed_first, silent
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
-
-#: How a disturbance says when it began, and perhaps ended.
-SINCE = re.compile(r" from ([\d.e+-]+) s(?: to ([\d.e+-]+) s)?")
-#: More marks than these hide one another: changes of contacts are left out.
-MOST_EVENTS = 200
 
 
 def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report:
@@ -69,27 +64,6 @@ def scene(results: Mapping[str, ScenarioResult]) -> Scene | None:
     return together(scenes) if len(scenes) > 1 else scenes[0] if scenes else None
 
 
-def events(result: ScenarioResult) -> list[Event]:
-    """What happened in a run, and which demands failed when: the marks of its clock."""
-    run = result.run
-    end, disturbances = measure.seconds(run), [str(line) for line in run.meta.get("disturbances", [])]
-    found = [Event(start, stop, "push", "push") for start, stop in measure.pushes(run)]
-    for line in disturbances:
-        said = None if line.startswith("push") else SINCE.search(line)
-        if said and float(said[1]) < end:
-            found.append(Event(float(said[1]), float(said[2] or end), line, "fault"))
-    for name, standing in measure.standing(run).items():
-        spans = measure.intervals(run, standing)
-        found += [Event(start, start, f"{name} carries", "contact") for start, _ in spans if start > 0.0]
-        found += [Event(stop, stop, f"{name} is free", "contact") for _, stop in spans if stop < end]
-    found = found if len(found) <= MOST_EVENTS else [event for event in found if event.kind != "contact"]
-    for check in failed_first(result.verdict):
-        at, part, plot = check.place
-        if not check.ok and at is not None:
-            found.append(Event(at, at, f"{check.text}{f', {part}' if part else ''}", "failed", plot))
-    return found
-
-
 def require_extras(*modules: str) -> None:
     """Check that a report can be drawn, before any long work. ``modules``: those it needs; by default, those of a run.
 
@@ -108,12 +82,15 @@ def summary(result: ScenarioResult) -> str:
     ticks = "every tick" if solved == run.rows else f"{solved} of {run.rows} ticks"
     disturbances = meta.get("disturbances", [])
     under = f" under {len(disturbances)} disturbance{'s' if len(disturbances) > 1 else ''}" if disturbances else ""
-    failed = [f"{c.text} ({c.place})" if str(c.place) else c.text for c in result.verdict if not c.ok]
+    failed = [check for check in failed_first(result.verdict) if not check.ok]
     early = meta.get("ended", "complete")
     stopped = "" if early == "complete" else f" and ended early ({early})"
     end = "; every demand was met" if result.verdict else ""
     if not result.ok:
-        end = "; not met: " + ("; ".join(failed) or "the scenario's own verdict")
+        end = "; not met: the scenario's own verdict"
+    if failed:
+        first = f"{failed[0].text} ({failed[0].place})" if str(failed[0].place) else failed[0].text
+        end = f"; not met: {len(failed)} of {len(result.verdict)} demands, first {first}"
     how = ", ".join(str(meta[key]) for key in ("level", "hierarchy", "solver") if key in meta)
     return (
         f"{_named(str(meta.get('robot', 'the robot')))} ran {meta.get('scenario', 'a recorded loop')} for "

@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.errors import InvalidInput
 from wbc.report import measure
-from wbc.report.build import events, scene
+from wbc.report.build import scene
 from wbc.report.document import (
     Cell,
     Clock,
@@ -30,6 +30,7 @@ from wbc.report.document import (
     number,
 )
 from wbc.report.folder import HTML, replaced, write
+from wbc.report.happened import events
 from wbc.report.record import RESULTS, checked, judged, named
 from wbc.report.sections import SECTIONS, motion, settings, verdict
 from wbc.report.why import why

@@ -37,7 +37,15 @@ def html(report: Report) -> str:
     plots = [item for item in report.items if isinstance(item, Plot)]
     names = {plot.name for plot in plots}
     environment.filters.update(
-        anchor=_anchor, kind=_kind, cell=formatted, look=_look, source=_source, path=_path, view=_view, corners=_corners
+        anchor=_anchor,
+        cards=_cards,
+        kind=_kind,
+        cell=formatted,
+        look=_look,
+        source=_source,
+        path=_path,
+        view=_view,
+        corners=_corners,
     )
     environment.tests.update(
         bar=lambda cell: isinstance(cell, Bar),
@@ -79,6 +87,11 @@ def _kind(item: Item) -> str:
 
 def _anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+
+
+def _cards(table: Table) -> bool:
+    """Whether rows are read one by one, as those with words are: a narrow page shows each as a block of lines."""
+    return len(table.columns) > 3 and any(" " in formatted(row[0]) for row in table.rows)
 
 
 def _look(cell: Cell, numeric: bool) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html as markup
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -78,7 +78,8 @@ def index(folder: Path) -> Report:
         raise InvalidInput(f"{folder} has no folder of a run in it: none with {ARRAYS_FILE} and {META_FILE}")
     flat = {place: _settings(meta) for place, meta in metas.items()}
     keys = dict.fromkeys(key for one in flat.values() for key in one)
-    differing = [key for key in keys if len({one.get(key) for one in flat.values()}) > 1]
+    differing = [key for key in keys if len({one[key] for one in flat.values() if key in one}) > 1]
+    differing = [key for key in differing if not _twice(key, [*flat.values()])]
     differing.sort(key=lambda key: (key not in FIRST, not key.startswith(PARAMETER)))
     rows: list[list[Cell]] = []
     for place, meta in metas.items():
@@ -87,7 +88,7 @@ def index(folder: Path) -> Report:
         link = Address(name, page) if (place / HTML).is_file() else name
         rows.append([_thumbnail(place), link, *_fate(meta), *(flat[place].get(key) for key in differing)])
     columns = ("", "run", "verdict", "not met", *(key.removeprefix(PARAMETER) for key in differing))
-    same = [(key, one[key]) for one in list(flat.values())[:1] for key in one if key not in differing]
+    same = [(key, next(iter(flat.values()))[key]) for key in keys if len({one.get(key) for one in flat.values()}) == 1]
     items = [
         Table(
             columns,
@@ -141,6 +142,12 @@ def _settings(meta: Mapping[str, Any]) -> dict[str, Cell]:
         key: value for key, value in settings.flat(kept)
         if isinstance(value, bool | int | float) or (isinstance(value, str) and len(value) <= LONGEST)
     }  # fmt: skip
+
+
+def _twice(key: str, runs: Sequence[Mapping[str, Cell]]) -> bool:
+    """Whether a parameter, such as the robot, is what the run itself says."""
+    own = key.removeprefix(PARAMETER)
+    return own != key and all(one.get(own) == one[key] for one in runs if key in one)
 
 
 def _fate(meta: Mapping[str, Any]) -> tuple[Cell, Cell]:

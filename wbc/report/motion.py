@@ -45,10 +45,15 @@ class Motion:
     support: list[Mat | None]
 
     @property
+    def reach(self) -> tuple[Vec, Vec]:
+        """The least and the largest coordinates of all places that the links go to (3,) [m]."""
+        points = np.vstack([position for position, _ in self.links.values()])
+        return points.min(axis=0), points.max(axis=0)
+
+    @property
     def extent(self) -> tuple[Vec, float]:
         """Middle of all places the links go to (3,) [m], and how large that room is [m]."""
-        points = np.vstack([position for position, _ in self.links.values()])
-        low, high = points.min(axis=0), points.max(axis=0)
+        low, high = self.reach
         return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 0.5)
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from wbc.report.document import Scene
 from wbc.report.marks import Mark, marks, strained
-from wbc.report.motion import motion, quaternions
+from wbc.report.motion import Motion, motion, quaternions
 from wbc.report.packed import text
-from wbc.report.shapes import Part, thinned
+from wbc.report.shapes import Part, thinned, view
 from wbc.types import Index, Vec
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 FRAMES_PER_SECOND = 25.0  # the page moves the robot evenly between two of them
 MAX_FRAMES = 1500  # a minute; a longer run is shown with fewer frames a second
 BUDGET = 60_000  # triangles of the whole robot
-VIEW = (1.15, -0.92, 0.42)  # where the camera stands, from the middle, in sizes of the scene
 
-SAID = "Drag to turn, scroll to come nearer. Red: a joint at a limit. An arrow of half a metre: the robot's weight."
+SAID = "Drag to turn, scroll to come nearer. Red: a joint at a limit."
+ARROWS = " An arrow of half a metre: the robot's weight."
 GHOSTS = "Seen through: what else was run, at the same time."
 #: Of the runs that are compared, in the scene and in the plots (``--curve-0`` and so on in ``assets/page.css``).
 RUNS = ("#2b6cb0", "#d2691e", "#2f8f5b", "#7a5bb5", "#1f9aa0", "#8c6d46", "#c2408a", "#6b7a1f")
@@ -44,11 +44,11 @@ def replay(
     solid, rows = thinned(solid, BUDGET), _frames(run)
     moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
     number = {link: k for k, link in enumerate(moving.links)}
-    middle, size = moving.extent
+    middle, size = _room(moving, solid)
     worn, shown = strained(run, robot), marks(moving, robot)
     content = {
         "label": called, "color": RUNS[place % len(RUNS)],
-        "times": _floats(moving.times - moving.times[0]), "middle": middle.tolist(), "size": size, "view": VIEW,
+        "times": _floats(moving.times - moving.times[0]), "middle": middle.tolist(), "size": size, "view": view(robot),
         "links": [
             {"pose": _floats(np.column_stack([position, quaternions(rotation)])), "strained": worn.get(link)}
             for link, (position, rotation) in moving.links.items()
@@ -62,7 +62,7 @@ def replay(
         "points": [_drawn(m, path=_floats(m.points)) for m in shown if m.kind == "point"],
         "loops": [_drawn(m, count=m.points.shape[1], corners=_floats(m.points)) for m in shown if m.kind == "line"],
     }  # fmt: skip
-    return Scene(robot.name, SAID, content)
+    return Scene(robot.name, SAID + ARROWS * bool(content["arrows"]), content)
 
 
 def together(scenes: Sequence[Scene]) -> Scene:
@@ -79,6 +79,16 @@ def _frames(run: Run) -> Index:
     dt = float(run.meta["dt"])
     step = max(1, round(1.0 / (FRAMES_PER_SECOND * dt)), -(-run.rows // MAX_FRAMES))
     return np.unique(np.append(np.arange(0, run.rows, step), run.rows - 1))
+
+
+def _room(moving: Motion, solid: Sequence[Part]) -> tuple[Vec, float]:
+    """Middle (3,) [m] and size [m] of where the links go, and of what is drawn of them at first."""
+    low, high = moving.reach
+    for part in solid:
+        position, rotation = (values[0] for values in moving.links[part.link])
+        corners = part.vertices @ rotation.T + position
+        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 0.5)
 
 
 def _drawn(mark: Mark, **more: Any) -> dict[str, Any]:

@@ -24,6 +24,7 @@ Color = tuple[int, int, int]
 
 #: Red, green, blue, opacity.
 _OBSTACLE = (0.78, 0.36, 0.30, 1.0)
+VIEW = (1.15, -0.92, 0.42)
 LIGHT: Color = (214, 219, 226)
 DARK: Color = (74, 85, 104)
 
@@ -99,6 +100,11 @@ def skeleton(robot: PinocchioModel) -> list[Part]:
             vertices, faces = box((2 * foot.half_size[0], 2 * foot.half_size[1], 0.02))
             bones.append(Part(frame, vertices + np.array(foot.origin) + [0.0, 0.0, 0.01], faces, DARK))
     return bones
+
+
+def view(robot: RobotModel) -> tuple[float, float, float]:
+    """Where one stands to look at the robot, from its middle, in sizes of the scene: above one that is planar."""
+    return (0.0, -0.05, 1.3) if isinstance(robot, PlanarRobot) else VIEW
 
 
 # ---- primitives

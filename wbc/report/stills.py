@@ -13,7 +13,7 @@ from wbc.errors import NotSupported
 from wbc.report import measure
 from wbc.report.document import Figure
 from wbc.report.motion import Motion, motion
-from wbc.report.shapes import Part, thinned
+from wbc.report.shapes import Part, thinned, view
 from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ MOMENTS = 5
 WIDTH = 8.4  # inches
 GREEN, RED = "#2f8f5b", "#c53d3d"
 BUDGET = 20_000  # triangles of the robot in a still
-VIEW = np.array([1.15, -0.92, 0.42])  # towards the viewer
 LIGHT = np.array([0.35, -0.5, 0.8])
 
 
@@ -38,7 +37,7 @@ def stills(
     solid = thinned(solid, BUDGET)
     rows = _moments(run, moments)
     moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
-    right, up, towards = _camera()
+    right, up, towards = _camera(robot)
     scene = [_projected(solid, moving, i, np.array([right, up, towards])) for i in range(len(rows))]
     arrows = np.concatenate([moving.forces.reshape(-1, 3), moving.pushes.reshape(-1, 3)]) @ np.array([right, up]).T
     drawn = [points[..., :2].reshape(-1, 2) for points, _ in scene] + [arrows[np.any(arrows != 0, axis=1)]]
@@ -84,8 +83,8 @@ def _moments(run: Run, count: int) -> Index:
     return np.array(rows)
 
 
-def _camera() -> tuple[Vec, Vec, Vec]:
-    towards = VIEW / np.linalg.norm(VIEW)
+def _camera(robot: RobotModel) -> tuple[Vec, Vec, Vec]:
+    towards = np.array(view(robot)) / np.linalg.norm(view(robot))
     right = np.cross([0.0, 0.0, 1.0], towards)
     right /= np.linalg.norm(right)
     return right, np.cross(towards, right), towards

@@ -66,7 +66,7 @@ def summary(header: dict[str, Any], results: Sequence[Result], folder: Path | No
     good = sum(r["ok"] for r in results)
     low, high = interval(good, len(results))
     failed = Counter(reason for r in results for reason in reasons(r))
-    most = f" Most often: {failed.most_common(1)[0][0]}." if failed else ""
+    most = f" Most often not met: {failed.most_common(1)[0][0]}." if failed else ""
     text = (
         f"{good} of {len(results)} runs of {header['scenario']} went well ({percent(good / len(results))}; 95 % "
         f"interval {percent(low)} to {percent(high)}).{most} Drawn or set: {header['sweep']}."
@@ -133,7 +133,7 @@ def reasons(result: Result) -> list[str]:
         return []
     if result["error"] is not None:
         return [f"error: {str(result['error']).splitlines()[0]}"]
-    return [f"not met: {d['demand']}" for d in result["demands"] if not d["ok"]] or ["the scenario's own verdict"]
+    return [d["demand"] for d in result["demands"] if not d["ok"]] or ["the scenario's own verdict"]
 
 
 def demands(results: Sequence[Result]) -> list[Demand]:
@@ -362,9 +362,13 @@ def _missed(result: Result) -> list[str]:
         return reasons(result)
     missed = [d for d in result["demands"] if not d["ok"]]
     return [
-        f"{d['demand']}: {number(_number(d['value']))}, bound {number(_number(d['bound']))} {d['unit']}".rstrip()
-        for d in missed
+        f"{d['demand']}: {number(_number(d['value']))}, must be {_bound(d)} {d['unit']}".rstrip() for d in missed
     ] or reasons(result)
+
+
+def _bound(demand: Mapping[str, Any]) -> str:
+    check = Check(demand["demand"], 0.0, demand["relation"], _number(demand["bound"]))
+    return f"{check.sign} {number(check.bound)}"
 
 
 def _told(result: Result, drawn: Sequence[str]) -> str:

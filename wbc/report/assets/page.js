@@ -84,7 +84,7 @@
             const height = 1 / spec.strips.length;
             const paint = colour(strip.colour)();
             u.ctx.globalAlpha = 0.5;
-            strip.intervals.forEach(([a, b]) => rectangle(u, a, b, (k + 0.15) * height, (k + 0.95) * height, paint));
+            strip.intervals.forEach(([a, b]) => rectangle(u, a, b, (k + 0.55) * height, (k + 0.95) * height, paint));
           });
           u.ctx.restore();
         }],
@@ -120,7 +120,7 @@
             ctx.stroke();
           }
           ctx.restore();
-          spec.strips.forEach((_, k) => { names[k].style.top = `${((k + 0.5) / spec.strips.length) * bbox.height / ratio - 9}px`; });
+          spec.strips.forEach((_, k) => { names[k].style.top = `${(k / spec.strips.length) * bbox.height / ratio - 1}px`; });
           place(u, head);
         }],
       },
@@ -160,9 +160,9 @@
                    font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif" };
     const bars = spec.bars ? { paths: uPlot.paths.bars({ size: [1, Infinity], align: 1 }), fill: colour(0) } : spec.steps ? { paths: uPlot.paths.stepped({ align: 1 }) } : spec.lines ? {} : { paths: () => null };
     const u = new uPlot({
-      width: Math.max(box.clientWidth, 200), height: spec.strips.length ? 40 + 22 * spec.strips.length : 190,
+      width: Math.max(box.clientWidth, 200), height: spec.strips.length ? 40 + 28 * spec.strips.length : 190,
       scales: {
-        x: { time: false, distr: spec.log.includes("x") ? 3 : 1, range: (_, low, high) => [low, high] },
+        x: { time: false, distr: spec.log.includes("x") ? 3 : 1, range: (_, low, high) => (spec.log.includes("x") ? uPlot.rangeLog(low, high, 10, false) : [low, high]) },
         y: { distr: spec.log.includes("y") ? 3 : 1, range },
       },
       axes: [{ ...axis, size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
@@ -334,7 +334,7 @@
       return made;
     };
     const sizes = (list, k) => list.map(([values, unit]) => `${three(arrays[values][k])} ${unit}`).join(", ");
-    const three = (v) => (v == null ? "–" : Number(v.toPrecision(3)).toString());
+    const three = (v) => (v == null ? "–" : v !== 0 && Math.abs(v) < 1e-3 ? v.toExponential(2) : Number(v.toPrecision(3)).toString());
     let shown = -1;
     followers.push((now) => {
       let k = Math.max(0, Math.min(t.length - 1, Math.round(((now - t[0]) / ((t[t.length - 1] - t[0]) || 1)) * (t.length - 1))));
@@ -367,7 +367,7 @@
     play(false);
     for (const fold of document.querySelectorAll("details:not([open])")) { folded.push(fold); fold.open = true; }
     document.documentElement.classList.add("printed");
-    for (const box of document.querySelectorAll("[data-plot]")) box.plot.setSize({ width: 330, height: box.plot.height });
+    for (const box of document.querySelectorAll("[data-plot]")) box.plot.setSize({ width: box.parentElement.classList.contains("broad") ? 680 : 330, height: box.plot.height });
     redraw();
   });
   addEventListener("afterprint", () => {

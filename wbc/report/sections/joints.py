@@ -16,13 +16,15 @@ def section(result: ScenarioResult) -> Section | None:
     if not run.meta["joint_names"] or not run.rows:
         return None
     _, velocity = measure.joint_state(run)
+    low, high = (measure.limits(run)[name] for name in ("q_min", "q_max"))
+    between = [_positions(result)] if np.any(np.isfinite(low) & np.isfinite(high)) else []
     share = measure.use(run)["velocity"]
     units = [f"{unit}/s" for unit in run.meta.get("joint_units", [])]
     return Section(
         "Joint velocities and positions",
         [
             use_plot(run, share, "velocities", "Speed in use, |v| / v_max"),
-            _positions(result),
+            *between,
             use_table(run, velocity, share, measure.limits(run)["v_max"], units, kind="velocity"),
             _table(result),
         ],

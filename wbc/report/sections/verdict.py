@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.report.document import Bar, Item, Link, Section, Table, Text, number, percent
+from wbc.report.document import Bar, Event, Item, Link, Section, Table, Text, number, percent
+from wbc.report.happened import story
 from wbc.sim.scenario import Check, ScenarioResult, failed_first
 
 #: Where the bound stands in the bar of a demand, in shares of its width.
@@ -15,13 +16,19 @@ def section(result: ScenarioResult) -> Section:
     """Tables of the scenario's checks, those that failed first, of the limits that were broken, and of its figures."""
     items: list[Item] = []
     if result.verdict:
-        rows = [(c.text, c.value, bound(c), margin(c), c.ok, _where(c)) for c in failed_first(result.verdict)]
-        columns = ("demanded", "came out", "bound", "of the bound", "holds", "where")
+        rows = [(c.text, c.value, bound(c), c.ok, _where(c), margin(c)) for c in failed_first(result.verdict)]
+        columns = ("demanded", "came out", "bound", "holds", "where", "of the bound")
         caption = (
             "Bar: what came out, with a line at the bound. Where: when and in which part it was first broken, or came "
             "nearest to its bound."
         )
         items.append(Table(columns, rows, caption))
+    if told := story(result):
+        happened = [
+            (Link(f"{one.start:.3f} s", one.plot or "limits", one.start), _until(one), one.label) for one in told
+        ]
+        caption = "What led to the first failure. Until: the last time at which it was so."
+        items.append(Table(("from", "until", "what happened"), happened, caption))
     failure = result.run.meta.get("failure")
     if failure:
         items.append(Text("The first tick without an answer, in the controller's words:"))
@@ -40,6 +47,14 @@ def section(result: ScenarioResult) -> Section:
 def bound(check: Check) -> str:
     """What is demanded: the relation, the bound and its unit."""
     return f"{check.sign} {number(check.bound)} {check.unit}".rstrip()
+
+
+def _since(event: Event) -> Link:
+    return Link(f"{event.start:.3f} s", event.plot or "limits", event.start)
+
+
+def _until(event: Event) -> str:
+    return f"{event.end:.3f} s" if event.end > event.start else ""
 
 
 def _where(check: Check) -> str | Link:
