@@ -45,7 +45,8 @@ ARROWS = {
     "live": LOOP | {"control", "sim", "report"},
     "tasks": set(),
     "sweep": LOOP | {"control", "sim", "report"},
-    "cli": LOOP | {"control", "sim", "report", "export", "live", "sweep", "testing"},
+    "motion": LOOP | {"control", "report", "sim", "tasks"},
+    "cli": LOOP | {"control", "sim", "report", "export", "live", "motion", "sweep", "testing"},
     "__main__": {"cli"},
 }
 

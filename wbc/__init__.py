@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from wbc import errors as errors
     from wbc import methods as methods
     from wbc import models as models
+    from wbc import motion as motion
     from wbc import tasks as tasks
     from wbc import testing as testing
     from wbc.control.command import Command as Command
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from wbc.control.setpoint import Setpoint as Setpoint
     from wbc.control.watchdog import Watchdog as Watchdog
     from wbc.models import load as load
+    from wbc.motion import retarget as retarget
     from wbc.qp import QP as QP
     from wbc.qp import Certificate as Certificate
     from wbc.qp import Row as Row
@@ -94,10 +96,11 @@ _HOME = {
     "lexicographic": "wbc.qp.lexicographic",
     "load": "wbc.models",
     "reach": "wbc.control.reach",
+    "retarget": "wbc.motion",
     "run_many": "wbc.control.many",
     "solve": "wbc.qp",
 }
-_PACKAGES = ("errors", "methods", "models", "qp", "sim", "stack", "tasks", "testing")
+_PACKAGES = ("errors", "methods", "models", "motion", "qp", "sim", "stack", "tasks", "testing")
 
 
 def __getattr__(name: str) -> Any:

@@ -212,3 +212,18 @@ def test_what_a_component_sees_is_to_be_read() -> None:
         command = controller.tick(0.0, *moving(ARM, 2))
         assert not command.status.ok and "Writes.before raised" in controller.why
         assert (np.abs(command.tau) <= ARM.limits.tau_max).all()
+
+
+def test_what_is_written_into_an_array_after_it_was_assigned_goes_unseen():
+    """Two tasks are given one array, one after the other, with other numbers in it."""
+    left, right = Position("left_hand", target=np.zeros(3)), Position("right_hand", target=np.zeros(3))
+    controller = decided(HUMANOID, [left, right, Damping(weight=1e-3)], wbc.VelocityLevel())
+    controller.tick(0.0, HUMANOID.q0, np.zeros(HUMANOID.nv))
+    place = np.array([0.3, 0.2, 1.0])
+    left.target = place
+    place[:] = 0.3, -0.2, 1.0
+    right.target = place
+    controller.tick(1e-3, HUMANOID.q0, np.zeros(HUMANOID.nv))
+    errors, state = controller.plan.errors(), controller.state
+    for task, target in ((left, [0.3, 0.2, 1.0]), (right, [0.3, -0.2, 1.0])):
+        np.testing.assert_allclose(errors[task.name], target - state.frame(task.frame).position, atol=1e-12)

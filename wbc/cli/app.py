@@ -19,6 +19,7 @@ from wbc.cli.export import export
 from wbc.cli.index import index
 from wbc.cli.list_ import list_
 from wbc.cli.report import report
+from wbc.cli.retarget import retarget
 from wbc.cli.run import run
 from wbc.cli.soak import soak
 from wbc.cli.sweep import sweep
@@ -40,6 +41,7 @@ app.command("derive")(derive)
 report.command("index")(index)
 app.add_typer(report)
 app.command("export")(export)
+app.command("retarget")(retarget)
 app.command("sweep")(sweep)
 app.command("explain")(explain)
 app.command("soak")(soak)

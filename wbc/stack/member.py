@@ -16,6 +16,8 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, final
 from weakref import WeakSet
 
+import numpy as np
+
 from wbc.errors import InvalidInput, MemberFailed, UnknownAttribute, UnknownName
 from wbc.models.model import RobotModel
 from wbc.stack.target import Target
@@ -122,6 +124,8 @@ class Member(metaclass=_Built):
                 self._assign(name, value)
 
     def _assign(self, name: str, value: Any) -> None:
+        if isinstance(value, np.ndarray):  # copies read it at their next tick: what is written into it until then
+            value = value.copy()  # must not reach them
         if name not in self.__dict__ and not hasattr(type(self), name) and name not in _annotated(type(self)):
             known = {n for n in (*dir(type(self)), *self.__dict__) if not n.startswith("_")}
             settings = [n for n in known if n in self.__dict__ or _is_setting(type(self), n)]

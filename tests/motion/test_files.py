@@ -1,0 +1,170 @@
+"""Motions in files: read as they were written, and refused by name where they are none."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from tests.reliability.test_fuzz_files import FOLDER, spoilt
+from wbc.errors import InvalidInput, UnknownName, WbcError
+from wbc.motion import Motion, Table, made
+from wbc.motion.clip import PARTS, known_parts
+
+CHAIN = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 1 2 3
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Spine
+  {
+    OFFSET 0 10 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 5 0
+    }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.01
+4 5 6 0 0 0 0 0 0
+4 5 6 90 0 0 0 90 0
+"""
+#: What files of three makers call the parts that are needed.
+NAMES = {
+    "mixamo": dict.fromkeys(["hip"], "UpLeg") | {
+        "knee": "Leg", "ankle": "Foot", "toe": "ToeBase", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand"
+    },
+    "smpl": {part: part for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")} | {"toe": "foot"},
+    "acclaim": {
+        "hip": "UpLeg", "knee": "LowLeg", "ankle": "Foot", "toe": "Toe", "shoulder": "UpArm", "elbow": "LowArm",
+        "wrist": "Hand",
+    },
+}  # fmt: skip
+
+
+def as_bvh(motion: Motion) -> str:
+    """A motion as joints that are placed and not turned, in centimetres, y up."""
+    parts = list(motion.positions)
+    root, others = parts[0], parts[1:]
+    places = {part: 100.0 * p[:, [1, 2, 0]] for part, p in motion.positions.items()}
+    position = "CHANNELS 3 Xposition Yposition Zposition"
+    joints = [f"JOINT {part} {{ OFFSET 0 0 0 {position} End Site {{ OFFSET 0 1 0 }} }}" for part in others]
+    rows = np.hstack([places[root], *(places[part] - places[root] for part in others)])
+    lines = "\n".join(" ".join(f"{x:.9g}" for x in row) for row in rows)
+    header = f"HIERARCHY ROOT {root} {{ OFFSET 0 0 0 {position} {' '.join(joints)} }}"
+    return f"{header}\nMOTION\nFrames: {motion.frames}\nFrame Time: {1 / motion.rate!r}\n{lines}\n"
+
+
+def test_a_joint_is_placed_by_the_turns_of_those_above_it(tmp_path: Path):
+    from wbc.motion.bvh import read_bvh
+
+    (tmp_path / "chain.bvh").write_text(CHAIN)
+    rate, positions, rotations = read_bvh(tmp_path / "chain.bvh")
+    assert rate == pytest.approx(100.0)
+    # Frame 0: as it stands. Frame 1: Rz(90°) takes y to −x; Rz(90°) Rx(90°) takes y to z.
+    np.testing.assert_allclose(positions["Spine"], [[4, 15, 6], [-6, 5, 6]], atol=1e-12)
+    np.testing.assert_allclose(positions["Spine end"], [[4, 20, 6], [-6, 5, 11]], atol=1e-12)
+    np.testing.assert_allclose(rotations["Spine"][1], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["walk", "dance"])
+def test_what_is_written_is_read(name: str, tmp_path: Path):
+    motion = made(name, seed=2)
+    motion.save(tmp_path / "m.npz")
+    (tmp_path / "m.bvh").write_text(as_bvh(motion))
+    heads = [f"{part}.{axis}" for part, axis in product(motion.positions, "xyz")]
+    table = np.column_stack([motion.times, *motion.positions.values()])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header=",".join(["time", *heads]), comments="")
+    for path in sorted(tmp_path.iterdir()):
+        read = Motion.read(path)
+        assert read.rate == pytest.approx(motion.rate) and read.frames == motion.frames
+        for part, places in motion.positions.items():
+            np.testing.assert_allclose(read.positions[part], places, atol=1e-7)
+
+
+def test_rotations_and_contacts_are_kept(tmp_path: Path):
+    plain = made("squat")
+    turned = np.tile(np.eye(3), (plain.frames, 1, 1))
+    motion = Motion(plain.rate, plain.positions, {"pelvis": turned}, {"left_wrist": np.arange(plain.frames) > 9})
+    motion.save(tmp_path / "m.npz")
+    read = Motion.read(tmp_path / "m.npz")
+    assert set(read.rotations) == {"pelvis"} and set(read.contacts) == {"left_wrist"}
+    np.testing.assert_array_equal(read.contacts["left_wrist"], motion.contacts["left_wrist"])
+
+
+@pytest.mark.parametrize("maker", NAMES)
+def test_the_names_of_other_makers_are_known(maker: str):
+    given = [f"{side}{part}" for side in ("Left", "Right") for part in NAMES[maker].values()]
+    found = known_parts("clip", ["Hips", "LeftHandThumb1", *given])
+    for part, called in NAMES[maker].items():
+        assert found[f"left_{part}"] == f"Left{called}", part
+
+
+def test_a_part_that_lacks_is_named():
+    with pytest.raises(UnknownName, match="left_toe"):
+        known_parts("clip", [part for part in PARTS if part != "left_toe"])
+
+
+@pytest.mark.parametrize(
+    ("change", "about"),
+    [
+        (("ROOT", "ROUTE"), "'ROUTE' in place of 'ROOT'"), (("Frames: 2", "Frames: 3"), "are promised"),
+        (("Frames: 2", "Frames: 1e300"), "in place of a number"), (("0.01", "0"), "frames of 0 s"),
+        (("0 0 0 0 0 0\n", "0 0 0 x 0 0\n"), "in the motion"),
+        (("Xrotation Yrotation\n    End", "Wrotation\n    End"), "Wrotation"),
+        (("OFFSET 0 5 0", "OFFSET 0 nan 0"), "'nan' in place of a number"), (("JOINT Spine", "JOINT Hips"), "one name"),
+        (("MOTION", ""), "in place of 'MOTION'"), ((CHAIN[CHAIN.index("Site") + 4 :], ""), "its end"),
+    ],
+)  # fmt: skip
+def test_a_bad_bvh_file_is_refused_by_name(change, about: str, tmp_path: Path):
+    path = tmp_path / "bad.bvh"
+    path.write_text(CHAIN.replace(*change))
+    with pytest.raises(InvalidInput, match=r"bad\.bvh") as refused:
+        Motion.read(path)
+    assert about in str(refused.value)
+
+
+@given(spoilt(as_bvh(made("squat")).encode()[:6000]))
+def test_any_bytes_are_read_or_refused(content: bytes):
+    path = FOLDER / "any.bvh"
+    path.write_bytes(content)
+    with suppress(WbcError):
+        Motion.read(path)
+
+
+def test_other_files_are_refused(tmp_path: Path):
+    for name, content in {
+        "a.txt": b"",
+        "b.npz": b"no",
+        "c.csv": b"time,x\n1,2",
+        "d.csv": b"\xff",
+        "e.bvh": b"\xff",
+    }.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InvalidInput, match=name):
+            Motion.read(tmp_path / name)
+    with pytest.raises(InvalidInput, match="nowhere"):
+        Motion.read(tmp_path / "nowhere.bvh")
+    np.savez(tmp_path / "f.npz", names=np.array([1, 2]), positions=np.zeros((3, 2, 3)), rate=60.0)
+    with pytest.raises(InvalidInput, match="names must be text"):
+        Motion.read(tmp_path / "f.npz")
+
+
+def test_a_mapping_says_what_is_wrong_with_it(tmp_path: Path):
+    path = tmp_path / "map.toml"
+    for text, about in {
+        "frames = 3": r"\[frames\]", "[frames]\npelviss = 'a'": "pelviss",
+        "[frames]\npelvis = 'a'": "names no frame for",
+        "[frames]\npelvis = {frame = 'a', weight = 3}": "pelvis is", "x": "cannot be read",
+        "[frames]\npelvis = {frame = 'a', position = -1}": "position",
+    }.items():  # fmt: skip
+        path.write_text(text)
+        with pytest.raises(InvalidInput, match=about):
+            Table.read(path)

@@ -1,0 +1,98 @@
+"""Retargeted motions: what holds does not move, limits hold, and size does not matter."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.errors import InvalidInput, UnknownName
+from wbc.motion import Motion, Retargeted, made
+from wbc.motion.body import spans
+from wbc.motion.witness import velocities
+
+
+@cache
+def retargeted(name: str, robot: str = "humanoid") -> Retargeted:
+    """A motion of our own on one of the robots."""
+    return wbc.retarget(made(name), wbc.load(robot, base="floating"))
+
+
+def soles(found: Retargeted, part: str) -> np.ndarray:
+    """Position and rotation (N, 12) of a foot, by Pinocchio's own kinematics."""
+    import pinocchio
+
+    model = found.robot.pinocchio
+    data, frame = model.createData(), model.getFrameId(found.contacts[part].frame)
+    rows = []
+    for q in found.q:
+        pinocchio.framesForwardKinematics(model, data, q)
+        rows.append(np.append(data.oMf[frame].translation, data.oMf[frame].rotation))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("name", ["walk", "turn"])
+def test_feet_that_stand_do_not_move_and_lie_on_the_floor(name: str):
+    found = retargeted(name)
+    assert found.unsolved == ()
+    for part in ("left_foot", "right_foot"):
+        poses = soles(found, part)
+        assert len(spans(found.holds[part])) == 4
+        for start, stop in spans(found.holds[part]):
+            np.testing.assert_allclose(poses[start:stop], poses[start : start + 1].repeat(stop - start, 0), atol=1e-4)
+            np.testing.assert_allclose(poses[start:stop, 2], 0.0, atol=1e-4)
+        assert poses[:, 2].min() > -1e-3 and poses[:, 2].max() > 0.03  # steps are taken, not dragged
+
+
+@pytest.mark.parametrize("name", ["squat", "walk", "dance"])
+def test_limits_hold_and_arms_and_pelvis_follow(name: str):
+    found = retargeted(name)
+    limits, joints = found.robot.limits, found.q[:, 7:]
+    assert (joints >= limits.q_min - 1e-6).all() and (joints <= limits.q_max + 1e-6).all()
+    _, _, steps = velocities(found.robot, found.q, found.rate)
+    assert (np.abs(steps[:, 6:]) * found.rate <= limits.v_max + 1e-6).all()
+    assert np.abs(np.diff(steps[:, 6:], axis=0)).max() * found.rate**2 <= 200.0 + 1e-3
+    far = found.distances()
+    assert max(np.median(far[part]) for part in ("pelvis", "left_wrist", "right_wrist")) < 0.005
+
+
+def test_the_size_of_the_person_does_not_matter():
+    motion, first = made("squat"), retargeted("squat")
+    tall = Motion(motion.rate, {part: 1.2 * p for part, p in motion.positions.items()})
+    again = wbc.retarget(tall, first.robot)
+    np.testing.assert_allclose(again.q, first.q, atol=1e-3)
+
+
+def test_a_hand_that_holds_stays_where_it_is():
+    motion = made("reach")
+    held = (np.arange(motion.frames) > 90) & (np.arange(motion.frames) < 130)
+    told = Motion(motion.rate, motion.positions, contacts={"left_wrist": held})
+    found = wbc.retarget(told, retargeted("squat").robot)
+    wrist = soles(found, "left_wrist")[:, :3]
+    assert np.ptp(wrist[held], axis=0).max() < 1e-4 < np.ptp(wrist, axis=0).max()
+
+
+def test_a_quiet_motion_is_certified_and_said_so():
+    found = retargeted("squat")
+    assert found.certified == 1.0 and found.faults() == {} and str(found) == "100.0 % of 240 frames certified"
+
+
+def test_what_is_saved_is_what_there_is(tmp_path):
+    found = retargeted("squat")
+    found.save(tmp_path / "m.npz")
+    with np.load(tmp_path / "m.npz", allow_pickle=False) as file:
+        np.testing.assert_array_equal(file["q"], found.q)
+        assert list(file["joint_names"]) == list(found.robot.joint_names) and file["certified"].all()
+    joints = list(reversed(found.robot.joint_names))
+    found.to_csv(tmp_path / "m.csv", joints=joints)
+    table = np.genfromtxt(tmp_path / "m.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(table[joints[0]], found.q[:, -1], atol=1e-8)
+
+
+def test_robots_that_have_no_feet_or_no_mapping_are_refused():
+    with pytest.raises(InvalidInput, match="floating"):
+        wbc.retarget(made("squat"), wbc.load("humanoid", base="fixed"))
+    with pytest.raises(UnknownName, match="mapping"):
+        wbc.retarget(made("squat"), wbc.load("quadruped", base="floating"))

@@ -1,0 +1,140 @@
+"""Body: how pelvis, chest, head and feet are turned, and when feet and hands hold, from where the joints are.
+
+Axes of a part are those of a person who stands upright: x ahead, y to the left, z up. They come from the joints alone,
+
+    pelvis   y along the hips, z near the line to the spine
+    chest    y along the shoulders, z near the line from the hips
+    foot     x along ankle and toes, less the slope of that line in standing; y level
+
+so a file may use any axes for its bones. Where the file says how a part is turned, R_file(t), its turning is more
+exact than that of few joints: then R(t) = R_file(t) R₀, with the constant R₀ nearest to R_file(t)ᵀ R_joints(t).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_closing, binary_opening
+from scipy.spatial.transform import Rotation
+
+from wbc.motion.clip import Motion
+from wbc.types import Mat, Vec
+
+SIDES = ("left", "right")
+#: A foot stands that is nearer to its height in standing [m] and slower [m/s] than this; a hand holds the ground.
+_NEAR, _SLOW = 0.035, 0.22
+_HAND = 0.12
+#: Shorter gaps and shorter contacts are none [s].
+_SHORT = 0.09
+#: The share of frames in which a foot is supposed to stand when its height in standing is looked for.
+_STANDING = 5.0
+
+Flags = NDArray[np.bool_]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Body:
+    """``turned`` {part: (N, 3, 3)} of pelvis, chest, feet and perhaps head; ``holds`` {foot or wrist: (N,)} when it
+    holds; ``standing`` {foot: height of its ankle in standing [m]}; ``lengths`` of thigh and shin together [m]."""
+
+    motion: Motion
+    turned: dict[str, Vec]
+    holds: dict[str, Flags]
+    standing: dict[str, float]
+    leg: float
+
+    @classmethod
+    def of(cls, motion: Motion) -> Body:
+        """What can be said of a motion."""
+        p = motion.positions
+        hips, shoulders = _between(p, "hip"), _between(p, "shoulder")
+        spine = p.get("spine", shoulders)
+        turned = {
+            "pelvis": _axes(p["left_hip"] - p["right_hip"], spine - hips),
+            "chest": _axes(p["left_shoulder"] - p["right_shoulder"], shoulders - hips),
+        }
+        standing, holds, legs = {}, {}, []
+        for side in SIDES:
+            ankle, toe, foot = p[f"{side}_ankle"], p[f"{side}_toe"], f"{side}_foot"
+            standing[foot] = float(np.percentile(ankle[:, 2], _STANDING))
+            floor = float(np.percentile(toe[:, 2], _STANDING))
+            heights = np.maximum(ankle[:, 2] - standing[foot], toe[:, 2] - floor)
+            speeds = np.maximum(_speed(ankle, motion.rate), _speed(toe, motion.rate))
+            holds[foot] = _said(motion, f"{side}_ankle", (heights < _NEAR) & (speeds < _SLOW))
+            turned[foot] = _foot(toe - ankle, holds[foot])
+            wrist = p[f"{side}_wrist"]
+            low = wrist[:, 2] < _HAND + floor
+            holds[f"{side}_wrist"] = _said(motion, f"{side}_wrist", low & (_speed(wrist, motion.rate) < _SLOW))
+            legs += [_length(p, side, "hip", "knee") + _length(p, side, "knee", "ankle")]
+        for part in ("pelvis", "head", *(f"{side}_ankle" for side in SIDES)):
+            if part in motion.rotations:
+                mine = part.replace("ankle", "foot")
+                when = holds.get(mine, np.ones(motion.frames, dtype=bool))
+                turned[mine] = _calibrated(motion.rotations[part], turned.get(mine, turned["chest"]), when)
+        return cls(motion, turned, holds, standing, float(np.mean(legs)))
+
+
+def spans(held: Flags) -> list[tuple[int, int]]:
+    """First frame and frame after the last of every run of frames in which something holds.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.motion.body import spans
+        >>> spans(np.array([1, 1, 0, 1], dtype=bool))
+        [(0, 2), (3, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _between(p: Any, part: str) -> Mat:
+    return np.asarray(0.5 * (p[f"left_{part}"] + p[f"right_{part}"]))
+
+
+def _length(p: Any, side: str, one: str, other: str) -> float:
+    return float(np.median(np.linalg.norm(p[f"{side}_{one}"] - p[f"{side}_{other}"], axis=1)))
+
+
+def _speed(places: Mat, rate: float) -> Vec:
+    return np.asarray(np.linalg.norm(np.gradient(places, axis=0), axis=1) * rate)
+
+
+def _said(motion: Motion, part: str, found: Flags) -> Flags:
+    """What the file says of a contact, else what was found, without gaps and contacts that are too short."""
+    if part in motion.contacts:
+        return np.asarray(motion.contacts[part], dtype=bool)
+    size = np.ones(max(round(_SHORT * motion.rate), 1), dtype=bool)
+    padded = np.pad(found, len(size), mode="edge")
+    whole = binary_opening(binary_closing(padded, size), size)
+    return np.asarray(whole[len(size) : -len(size)], dtype=bool)
+
+
+def _unit(v: Mat) -> Mat:
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
+
+
+def _axes(y: Mat, up: Mat) -> Vec:
+    """Rotations (N, 3, 3) with this y and a z near ``up``."""
+    y = _unit(y)
+    x = _unit(np.cross(y, up))
+    return np.stack([x, y, np.cross(x, y)], axis=2)
+
+
+def _foot(ahead: Mat, stands: Flags) -> Vec:
+    """Rotations of a foot with y level, from the line (N, 3) of ankle and toes; level on average while it stands."""
+    heading = np.arctan2(ahead[:, 1], ahead[:, 0])
+    slope = np.arctan2(ahead[:, 2], np.linalg.norm(ahead[:, :2], axis=1))
+    level = float(np.median(slope[stands] if stands.any() else slope))
+    return np.asarray(Rotation.from_euler("ZY", np.column_stack([heading, level - slope])).as_matrix())
+
+
+def _calibrated(said: Vec, joints: Vec, when: Flags) -> Vec:
+    """R_file(t) R₀ with the rotation R₀ that is nearest to R_file(t)ᵀ R_joints(t) on average over some frames."""
+    when = when if when.any() else np.ones(len(said), dtype=bool)
+    mean = np.einsum("nji,njk->ik", said[when], joints[when])
+    left, _, right = np.linalg.svd(mean)
+    return np.asarray(said @ (left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right))

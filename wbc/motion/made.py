@@ -1,0 +1,185 @@
+"""Motions of our own: a skeleton of a person that squats, reaches, turns, dances and walks, made by a program.
+
+>>> from wbc.motion import made
+>>> made("walk", seed=3).name
+'walk 3'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.linalg import solve_banded
+from scipy.spatial.transform import Rotation
+
+from wbc.errors import UnknownName
+from wbc.motion.clip import Motion
+from wbc.types import Mat, Vec
+
+RATE = 60.0
+#: Lengths of the person [m]: thigh, shin, ankle over the floor, ankle to toes ahead and toes over the floor, half the
+#: width of hips and shoulders, hips to spine, hips to shoulders, shoulders to head, upper arm, forearm.
+_THIGH = _SHIN = 0.42
+_ANKLE, _TOE, _TOE_HEIGHT = 0.08, 0.13, 0.02
+_HIP, _SHOULDER, _SPINE, _TRUNK, _NECK, _UPPER, _FORE = 0.09, 0.19, 0.12, 0.48, 0.25, 0.29, 0.26
+_STANDING = _ANKLE + 0.97 * (_THIGH + _SHIN)
+_GRAVITY = 9.81
+
+_Angles = dict[str, Vec]
+
+
+def made(name: str, *, seed: int = 0) -> Motion:
+    """A motion by its name: "squat", "reach", "turn", "dance" or "walk"; another seed, another size and pace.
+
+    Raises:
+        UnknownName: no such motion.
+    """
+    if name not in MOTIONS:
+        raise UnknownName(name, MOTIONS, "motions made by a program")
+    rng = np.random.default_rng(seed)
+    tall, pace = rng.uniform(0.9, 1.1), rng.uniform(0.85, 1.1)
+    body = MOTIONS[name](rng, pace)
+    return Motion(RATE, {part: tall * p for part, p in body.items()}, name=f"{name} {seed}" if seed else name)
+
+
+def _person(
+    hips: Mat, turned: Rotation, trunk: Rotation, feet: Mapping[str, tuple[Mat, Vec]], arms: Mapping[str, _Angles]
+) -> dict[str, Mat]:
+    """Joints of a person with the middle of the hips at ``hips`` (N, 3), the pelvis ``turned``, the ``trunk`` turned
+    from there, ``feet`` {side: (ankle (N, 3), heading (N,) [rad])}, and ``arms`` {side: {"ahead", "out", "bent"} (N,)
+    [rad]}."""
+    chest, n = turned * trunk, len(hips)
+    found = {"pelvis": hips, "spine": hips + turned.apply([0.0, 0.0, _SPINE])}
+    neck = hips + chest.apply([0.0, 0.0, _TRUNK])
+    found["head"] = neck + chest.apply([0.0, 0.0, _NECK])
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        hip = hips + turned.apply([0.0, sign * _HIP, 0.0])
+        ankle, heading = feet[side]
+        ahead = np.column_stack([np.cos(heading), np.sin(heading), np.zeros(n)])
+        line = ankle - hip
+        far = np.linalg.norm(line, axis=1, keepdims=True)
+        unit = line / far
+        out = ahead - np.sum(ahead * unit, axis=1, keepdims=True) * unit  # the knee bends to where the toes point
+        bend = np.sqrt(np.maximum(_THIGH**2 - 0.25 * far**2, 1e-6)) * out / np.linalg.norm(out, axis=1, keepdims=True)
+        toe = ankle + _TOE * ahead - [0.0, 0.0, _ANKLE - _TOE_HEIGHT]
+        shoulder = neck + chest.apply([0.0, sign * _SHOULDER, 0.0])
+        angles = arms[side]
+        upper = chest * _turned("YX", -angles["ahead"], sign * angles["out"])
+        elbow = shoulder + upper.apply([0.0, 0.0, -_UPPER])
+        fore = upper * _turned("Y", -angles["bent"])
+        parts = hip, hip + 0.5 * line + bend, ankle, toe, shoulder, elbow, elbow + fore.apply([0.0, 0.0, -_FORE])
+        names = "hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist"
+        found |= {f"{side}_{name}": part for name, part in zip(names, parts, strict=True)}
+    return found
+
+
+def _blend(s: Vec) -> Vec:
+    """From 0 to 1 while s goes from 0 to 1, with no speed and no acceleration at either end."""
+    s = np.clip(s, 0.0, 1.0)
+    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+
+
+def _stand(n: int, width: float = 0.1) -> dict[str, tuple[Mat, Vec]]:
+    places = {"left": [0.0, width, _ANKLE], "right": [0.0, -width, _ANKLE]}
+    return {side: (np.tile(place, (n, 1)), np.zeros(n)) for side, place in places.items()}
+
+
+def _arms(n: int, **angles: Vec | float) -> dict[str, _Angles]:
+    base = {"ahead": 0.0, "out": 0.15, "bent": 0.3} | angles
+    wide = {key: np.broadcast_to(value, (n,)) for key, value in base.items()}
+    return {"left": wide, "right": wide}
+
+
+def _turned(axes: str, *angles: Vec) -> Rotation:
+    return Rotation.from_euler(axes, np.column_stack(angles))
+
+
+def _squat(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
+    t = np.arange(240) / RATE
+    depth = rng.uniform(0.12, 0.24) * 0.5 * (1.0 - np.cos(2.0 * np.pi * 0.5 * pace * t)) * _blend(t)
+    lean = 1.6 * depth
+    hips = np.column_stack([-0.35 * depth, 0.0 * t, _STANDING - depth])
+    still = Rotation.identity(len(t))
+    arms = _arms(len(t), ahead=5.0 * depth + lean)
+    return _person(hips, still, _turned("Y", lean), _stand(len(t)), arms)
+
+
+def _reach(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
+    t = np.arange(240) / RATE
+    there = _blend((t - 0.4) * pace) - _blend((t - 2.4) * pace)
+    side, high = rng.uniform(-0.5, 0.5), rng.uniform(0.6, 1.7)
+    hips = np.column_stack([0.0 * t, 0.02 * side * there, _STANDING - 0.04 * there])
+    trunk = _turned("ZY", side * there, 0.12 * there)
+    arms = _arms(len(t))
+    arms["left"] = arms["left"] | {"ahead": high * there, "bent": 0.3 * (1.0 - there) + 0.1}
+    return _person(hips, Rotation.identity(len(t)), trunk, _stand(len(t)), arms)
+
+
+def _dance(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
+    t = np.arange(360) / RATE
+    start = _blend(t) * _blend(t[-1] - t)
+    waves = [start * np.sin(2.0 * np.pi * rng.uniform(0.3, 0.7) * pace * t + rng.uniform(0.0, 6.0)) for _ in range(8)]
+    hips = np.column_stack([0.01 * waves[0], 0.035 * waves[1], _STANDING - 0.04 * start * (1.0 + waves[2] / 2)])
+    turned = _turned("ZYX", 0.15 * waves[3], 0.04 * waves[4], 0.04 * waves[5])
+    trunk = _turned("ZY", 0.3 * waves[6], 0.05 * waves[7])
+    arms = _arms(len(t))
+    for k, side in enumerate(("left", "right")):
+        bent, out = 0.7 + 0.4 * waves[k + 4], 0.35 + 0.2 * waves[k + 2]
+        lifted = {"ahead": 0.5 * start + 0.5 * waves[k], "out": out, "bent": bent}
+        arms[side] = arms[side] | lifted
+    return _person(hips, turned, trunk, _stand(len(t)), arms)
+
+
+def _turn(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
+    turning = rng.choice([-1.0, 1.0]) * rng.uniform(0.25, 0.4)
+    return _steps(0.0, turning, 6, pace * 0.8)
+
+
+def _walk(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
+    return _steps(rng.uniform(0.15, 0.3), 0.0, 6, pace)
+
+
+def _steps(length: float, turning: float, count: int, pace: float) -> dict[str, Mat]:
+    """Steps ahead or on the spot, the body where a linear inverted pendulum has to be over feet that press in turn."""
+    swing, both, before = 0.55 / pace, 0.25 / pace, 1.0
+    n = int((2.0 * before + count * (swing + both)) * RATE)
+    t = np.arange(n) / RATE
+    ankles = {side: np.tile([0.0, sign * 0.1, _ANKLE], (n, 1)) for side, sign in (("left", 1.0), ("right", -1.0))}
+    headings = {side: np.zeros(n) for side in ankles}
+    press = np.zeros((n, 2))
+    for k in range(count):
+        side, sign = ("left", 1.0) if k % 2 == 0 else ("right", -1.0)
+        other = "right" if side == "left" else "left"
+        lift = before + k * (swing + both) + both
+        step = _blend((t - lift) / swing)
+        to, distance = min(k + 1, count - 1) * turning, min(k + 1, count - 1) * length
+        place = np.array([distance, 0.0]) + 0.1 * sign * np.array([-np.sin(to), np.cos(to)])
+        ankles[side][:, :2] += step[:, None] * (place - ankles[side][-1, :2])
+        ankles[side][:, 2] += 0.06 * (4.0 * step * (1.0 - step)) ** 1.5
+        headings[side] += step * (to - headings[side][-1])
+        lean = _blend((t - lift + both) / both) * (1.0 - _blend((t - lift - swing) / both))
+        middle = 0.5 * (ankles["left"] + ankles["right"])[:, :2]
+        press += lean[:, None] * (ankles[other][:, :2] - middle)
+    press += 0.5 * (ankles["left"] + ankles["right"])[:, :2]
+    hips = np.column_stack([_pendulum(press, _STANDING), np.full(n, _STANDING - 0.03)])
+    heading = 0.5 * (headings["left"] + headings["right"])
+    way = 0.25 * np.sin(np.pi * np.clip((t - before) / (swing + both), 0.0, count)) * (length > 0.0)
+    arms = _arms(n)
+    arms["left"], arms["right"] = arms["left"] | {"ahead": -way}, arms["right"] | {"ahead": way}
+    feet = {side: (ankles[side], headings[side]) for side in ankles}
+    return _person(hips, _turned("Z", heading), Rotation.identity(n), feet, arms)
+
+
+def _pendulum(press: Mat, height: float) -> Mat:
+    """Where the centre of mass is over a centre of pressure (N, 2): c − (h/g) c̈ = p, at rest at both ends."""
+    n, k = len(press), height / _GRAVITY * RATE**2
+    bands = np.zeros((3, n))
+    bands[0, 1:], bands[1], bands[2, :-1] = -k, 1.0 + 2.0 * k, -k
+    bands[1, [0, -1]] = 1.0 + k
+    return np.asarray(solve_banded((1, 1), bands, press))
+
+
+MOTIONS: Mapping[str, Callable[[np.random.Generator, float], dict[str, Mat]]] = {
+    "squat": _squat, "reach": _reach, "turn": _turn, "dance": _dance, "walk": _walk,
+}  # fmt: skip

@@ -1,0 +1,117 @@
+"""Mapping: which frame of a robot follows which part of a body, and how much that counts."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Self, final
+
+from wbc import checks
+from wbc.errors import InvalidInput, UnknownName
+from wbc.files import Place, located
+from wbc.models.pinocchio_ import PinocchioModel
+
+_FOLDER = Path(__file__).with_name("mappings")
+_SIDED = ("hip", "knee", "foot", "shoulder", "elbow", "wrist")
+#: Parts that a mapping names; "head" may be left out.
+PARTS = ("pelvis", "chest", "head", *(f"{side}_{part}" for side in ("left", "right") for part in _SIDED))
+#: Weights of position [1/m²] and orientation [1/rad²] of a part where the mapping says none.
+_WEIGHTS = {
+    "pelvis": (1.0, 1.0), "chest": (0.0, 1.0), "head": (0.0, 0.1), "hip": (0.0, 0.0), "knee": (0.05, 0.0),
+    "foot": (100.0, 20.0), "shoulder": (0.0, 0.0), "elbow": (0.3, 0.0), "wrist": (1.0, 0.0),
+}  # fmt: skip
+
+
+class Follower(NamedTuple):
+    """A frame, its weights on position [1/m²] and orientation [1/rad²], and an ``offset`` (3,) [m] of what it follows,
+    in axes ahead, left and up of the part of the body."""
+
+    frame: str
+    position: float
+    orientation: float
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@final
+@dataclass(frozen=True)
+class Table:
+    """``followers`` {part: Follower} and the ``scale`` of the world: a metre of the person is so many of the robot.
+
+    ``scale`` None: found by the lengths of the legs, so that the robot may stretch them as far as the person.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.motion.mapping import Table
+        >>> Table.of(wbc.load("humanoid", base="floating")).followers["left_foot"].frame
+        'left_sole'
+    """
+
+    followers: Mapping[str, Follower]
+    scale: float | None = None
+    name: str = field(default="mapping")
+
+    @classmethod
+    def of(cls, robot: PinocchioModel, given: Place | Table | None = None) -> Table:
+        """The mapping for a robot: one that was made, that of a TOML file, or the one that comes with the library.
+
+        Raises:
+            InvalidInput: no such file, or one that says what makes no sense. UnknownFrame: a frame the robot lacks.
+            UnknownName: nothing was given, and none comes with the library for this robot.
+        """
+        if isinstance(given, Table):
+            made = given
+        else:
+            if given is None:
+                known = {path.stem: path for path in _FOLDER.glob("*.toml")}
+                name = next((name for name in known if robot.name.lower().startswith(name)), None)
+                if name is None:
+                    raise UnknownName(robot.name, known, "robots with a mapping; give the path of one for others")
+                given = known[name]
+            made = cls.read(given)
+        for follower in made.followers.values():
+            robot.check_frame(follower.frame)
+        return made
+
+    @classmethod
+    def read(cls, path: Place) -> Self:
+        """From a TOML file with a table ``[frames]``: a part = "frame", or {frame, position, orientation, offset}.
+
+        Raises:
+            InvalidInput: no such file, no TOML, a part that is unknown or missing, a weight that is negative.
+        """
+        place = located(path)
+        try:
+            said = tomllib.loads(place.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError) as cause:
+            raise InvalidInput(f"{place} cannot be read: {cause}") from None
+        frames = said.pop("frames", None)
+        scale = said.pop("scale", None)
+        if not isinstance(frames, dict) or said:
+            raise InvalidInput(f"{place} needs a table [frames], perhaps a number 'scale', and nothing else")
+        found: dict[str, Follower] = {}
+        for part, value in frames.items():
+            if part not in PARTS:
+                raise InvalidInput(f"{place}: {UnknownName(part, PARTS)}")
+            found[part] = _follower(f"{place}: {part}", part, value)
+        lacking = [part for part in PARTS if part not in found and part != "head"]
+        if lacking:
+            raise InvalidInput(f"{place} names no frame for {', '.join(lacking)}")
+        if scale is not None:
+            scale = checks.number(f"{place}: scale", scale, low=0.0, strict=True)
+        return cls(found, scale, place.stem)
+
+
+def _follower(name: str, part: str, value: Any) -> Follower:
+    position, orientation = _WEIGHTS[part.rpartition("_")[2]]
+    said = {"frame": value} if isinstance(value, str) else value
+    if not isinstance(said, dict) or "frame" not in said or set(said) - set(Follower._fields):
+        raise InvalidInput(f"{name} is {checks.shown(value)}; it must be a frame or {{{', '.join(Follower._fields)}}}")
+    offset = checks.array(f"{name}.offset", said.get("offset", (0.0, 0.0, 0.0)), (3,)).tolist()
+    return Follower(
+        checks.text(f"{name}.frame", said["frame"]),
+        checks.number(f"{name}.position", said.get("position", position), low=0.0),
+        checks.number(f"{name}.orientation", said.get("orientation", orientation), low=0.0),
+        (offset[0], offset[1], offset[2]),
+    )
