@@ -13,13 +13,14 @@ COMPILE := $(VENV_PYTHON) -c "import wbc.stack.plan, wbc.stack.follower, wbc.mod
 LOOK := $(VENV_PYTHON) -c "import pinocchio" || \
   { echo "If libgomp.so.1 is what is missing: apt install libgomp1 (Debian, Ubuntu) or dnf install libgomp (Fedora)" >&2; exit 1; }
 
-.PHONY: help run test docs lint types tests kernels deep mutations format clean
+.PHONY: help run test docs gallery lint types tests kernels deep mutations format clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make run     install into .venv, run the scenario $(SCENARIO), write its report   (SCENARIO=name for another)"
 	@echo "make test    install everything permissive into .venv, then lint, types and tests"
 	@echo "make docs    build the documentation as a site: docs/_build/html/index.html"
+	@echo "make gallery run the scenarios of the gallery and build the site with their moving pictures and reports"
 	@echo "make kernels the tests of the numerical core as other processors would run them (OpenBLAS, numba)"
 	@echo "make deep    the same tests and the long ones, with many more random examples"
 	@echo "make mutations   draw 200 slips in the sources and print those that no test notices: hours   (MUTATIONS=\"--count 20 --seed 2\")"
@@ -34,6 +35,11 @@ test: lint types tests
 docs: $(VENV)/ready-to-document
 	@$(VENV_PYTHON) docs/build.py
 	@echo "The site: docs/_build/html/index.html"
+
+gallery: $(VENV)/ready-to-document $(VENV)/ready-to-run
+	@$(INSTALL) ".[export]"
+	@$(VENV_PYTHON) docs/gallery.py
+	@$(MAKE) --no-print-directory docs
 
 lint: $(VENV)/ready-to-test
 	$(VENV_PYTHON) -m ruff check .
@@ -72,9 +78,10 @@ $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
 	@touch $@
 
 $(VENV)/ready-to-document: pyproject.toml | $(VENV)/created
-	@echo "Installing the framework and Sphinx into $(VENV)."
+	@echo "Installing the framework, physics, reports and Sphinx into $(VENV)."
 	@$(INSTALL) ".[docs]"
 	@$(LOOK)
+	@$(COMPILE)
 	@touch $@
 
 $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created

@@ -1,7 +1,8 @@
 """Build the site into docs/_build/html: ``python docs/build.py``, or ``make docs``, which installs Sphinx first.
 
 The Markdown files in git are complete pages for a code host. What the site adds is made here, once, in
-docs/_build/source: a menu from the lists of ``index.md``, a page for each example, the changelog, and the reference.
+docs/_build/source: a menu from the lists of ``index.md``, the tutorials as they run now, a page for each example and
+scenario that is linked, the changelog, the reference, and what ``make gallery`` has left in docs/_build/gallery.
 """
 
 from __future__ import annotations
@@ -10,9 +11,13 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from os import cpu_count
 from pathlib import Path
 
-import reference  # beside this file
+import gallery  # these three are beside this file
+import lessons
+import reference
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS.parent))
@@ -43,12 +48,12 @@ def contents(places: list[str]) -> str:
     return "\n```{toctree}\n:hidden:\n\n" + "\n".join(places) + "\n```\n"
 
 
-def example(path: Path) -> str:
-    """The page of an example: its first line, and the file."""
+def listing(path: Path) -> str:
+    """The page of a source file: its first line, and the file."""
     text = path.read_text(encoding="utf-8")
     title, _, code = text.partition("\n")
     title = title.strip('"').rstrip(".")
-    return f"# {title}\n\nThe file is `docs/examples/{path.name}`.\n\n```python\n{code.strip()}\n```\n"
+    return f"# {title}\n\nThe file is `{path.relative_to(DOCS.parent)}`.\n\n```python\n{code.strip()}\n```\n"
 
 
 def relinked(text: str, page: Path) -> str:
@@ -60,8 +65,8 @@ def relinked(text: str, page: Path) -> str:
         for name, new in OUTSIDE.items():
             if link == f"{up}../{name}":
                 return f"]({up}{new}{anchor})"
-        if "examples/" in link and link.endswith(".py"):
-            return f"]({link[:-3]}.md)"
+        if link.endswith(".py"):
+            return f"]({link[:-3].removeprefix('../tasks/')}.md)"
         return found[0]
 
     return LINK.sub(place, text)
@@ -92,15 +97,29 @@ def catalogue(text: str, members: list[str], modules: list[str]) -> str:
 
 def prepare() -> None:
     """Write the pages of the site into docs/_build/source."""
-    shutil.rmtree(BUILD, ignore_errors=True)
+    for made_before in (SOURCE, HTML):
+        shutil.rmtree(made_before, ignore_errors=True)
     for folder in ("figures", "examples"):
         shutil.copytree(DOCS / folder, SOURCE / folder)
     made = {str(page): (DOCS / page).read_text(encoding="utf-8") for page in pages()}
     for name, page in OUTSIDE.items():
         made[page] = inside((DOCS.parent / name).read_text(encoding="utf-8"))
     for path in sorted((DOCS / "examples").glob("*.py")):
-        made[f"examples/{path.stem}.md"] = example(path)
+        made[f"examples/{path.stem}.md"] = listing(path)
     made["examples.md"] += contents([name for name in made if name.startswith("examples/")])
+    for name in re.findall(r"\.\./tasks/(scenarios/\w+)\.py", made["gallery.md"]):
+        made[f"{name}.md"] = listing(DOCS.parent / "tasks" / f"{name}.py")
+    made["gallery.md"] += contents([name for name in made if name.startswith("scenarios/")])
+    for entry in gallery.entries():
+        if entry.made:
+            shutil.copy(entry.picture, SOURCE / "figures" / "gallery")
+            made["gallery.md"] = entry.linked(made["gallery.md"])
+    with ThreadPoolExecutor(cpu_count()) as pool:
+        pictures = SOURCE / "figures" / "tutorials"
+        for page, text in zip(
+            lessons.pages(), pool.map(lambda p: lessons.check(p, pictures), lessons.pages()), strict=True
+        ):
+            made[str(page.relative_to(DOCS))] = text
     members, modules = reference.pages()
     made |= members | modules
     made["library.md"] = catalogue(made["library.md"], list(members), list(modules))
@@ -116,9 +135,12 @@ def build() -> int:
     from sphinx.cmd.build import main
 
     prepare()
-    return main(
-        ["-q", "-W", "--keep-going", "-b", "html", "-c", str(DOCS), "-d", str(BUILD / "cache"), str(SOURCE), str(HTML)]
-    )
+    options = ["-q", "-W", "--keep-going", "-b", "html", "-E", "-c", str(DOCS), "-d", str(BUILD / "cache")]
+    status = main([*options, str(SOURCE), str(HTML)])
+    for entry in gallery.entries():
+        if entry.made:
+            shutil.copy(entry.report, HTML / entry.page)
+    return status
 
 
 if __name__ == "__main__":
