@@ -28,6 +28,9 @@ SOURCE, HTML = BUILD / "source", BUILD / "html"
 OUTSIDE = {"CHANGELOG.md": "changes.md", "SECURITY.md": "security.md"}
 LINK = re.compile(r"\]\(([^)\s#]+)(#[^)\s]*)?\)")
 
+#: Links to sources of the repository that are no pages: their text stays.
+SOURCES = re.compile(r"\[([^\]\[]+)\]\((?:\.\./)+(?:wbc|tasks|tests)/[^)\s]*\)")
+
 
 def pages() -> Iterator[Path]:
     """The Markdown files of docs/, by their place in it."""
@@ -65,11 +68,11 @@ def relinked(text: str, page: Path) -> str:
         for name, new in OUTSIDE.items():
             if link == f"{up}../{name}":
                 return f"]({up}{new}{anchor})"
-        if link.endswith(".py"):
+        if link.endswith(".py") and link.startswith(("examples/", "../tasks/scenarios/")):
             return f"]({link[:-3].removeprefix('../tasks/')}.md)"
         return found[0]
 
-    return LINK.sub(place, text)
+    return SOURCES.sub(r"\1", LINK.sub(place, text))
 
 
 def inside(text: str) -> str:

@@ -155,8 +155,7 @@ def signature(name: str, value: Any) -> str:
 def member(name: str, value: type, kind: str, serves: str) -> str:
     """The page of a task, limit, contact or component."""
     module = inspect.getmodule(value)
-    assert module is not None and module.__doc__ and value.__doc__
-    about = module.__doc__.splitlines()[0].removeprefix(f"{name}: ")
+    assert module is not None and value.__doc__
     facts = [f"| kind | {kind} |", f"| import | `from wbc.tasks import {name}` |"]
     if serves:
         facts.append(f"| levels | {serves} |")
@@ -164,7 +163,7 @@ def member(name: str, value: type, kind: str, serves: str) -> str:
     facts.append(f"| source | `{source}.py` |")
     return "\n".join(
         [
-            f"# {name}\n\n{prose(about[0].upper() + about[1:])}\n",
+            f"# {name}\n\n{prose(about(name, value))}\n",
             "| | |\n| :-- | :-- |",
             *facts,
             f"\n```python\n{signature(name, value)}\n```\n",
@@ -213,25 +212,61 @@ def own(value: type) -> list[tuple[str, Any]]:
     ]
 
 
-def pages() -> tuple[dict[str, str], dict[str, str]]:
-    """Every page of the reference by its file name: those of members, those of modules."""
+#: Sections of the catalogue: title, where these members go, and whether they are of a base class; the first that is.
+KINDS: Mapping[str, tuple[str, str, str]] = {
+    "Task": ("Kinematic tasks", "task", "In `tasks`. In `subject_to`, `task.exactly()` is an equality and "
+             "`task.within(…)` an interval; in `contacts`, `task.with_reaction()` is a part of the mechanism."),
+    "LinearTask": ("Tasks on torques and forces", "task on torques or forces", "In `tasks`."),
+    "Constraint": ("Limits", "limit", "In `subject_to`; `constraint.softly()` is a task."),
+    "Contact": ("Contacts", "contact", "In `contacts`; `wbc.tasks.feet(robot)` makes those of a robot's own feet."),
+    "Component": ("Components", "component", "In `components`: they remember between ticks."),
+}  # fmt: skip
+
+
+def members() -> dict[str, list[tuple[str, type]]]:
+    """The public members of the library by the names of :data:`KINDS`."""
     import tasks
     from wbc.stack.component import Component
     from wbc.stack.constraint import Constraint
     from wbc.stack.contact import Contact
     from wbc.stack.task import LinearTask, Task
 
-    kinds = {
-        Task: "task",
-        LinearTask: "task on torques or forces",
-        Constraint: "limit",
-        Contact: "contact",
-        Component: "component",
-    }
-    serves = levels()
-    found = {}
-    for name, value in sorted(vars(tasks).items()):
-        kind = next((k for base, k in kinds.items() if inspect.isclass(value) and issubclass(value, base)), None)
+    bases = {"Task": Task, "LinearTask": LinearTask, "Constraint": Constraint, "Contact": Contact,
+             "Component": Component}  # fmt: skip
+    found: dict[str, list[tuple[str, type]]] = {kind: [] for kind in KINDS}
+    for name, value in vars(tasks).items():
+        kind = next((k for k, base in bases.items() if inspect.isclass(value) and issubclass(value, base)), None)
         if kind:
-            found[f"reference/{name}.md"] = member(name, value, kind, serves.get(name, ""))
-    return found, {f"reference/{name}.md": module_page(name) for name in MODULES}
+            found[kind].append((name, value))
+    return found
+
+
+def about(name: str, value: type) -> str:
+    """What a member is, in a sentence: the first line of its module."""
+    module = inspect.getmodule(value)
+    assert module is not None and module.__doc__
+    text = module.__doc__.splitlines()[0].removeprefix(f"{name}: ")
+    return text[0].upper() + text[1:]
+
+
+def catalogue() -> str:
+    """A table of all members for docs/library.md."""
+    serves, short = levels(), {", ".join(NAMES.values()): "all"}
+    parts = []
+    for kind, found in members().items():
+        title, _, where = KINDS[kind]
+        rows = [f"| `{name}` | {about(name, value)} | {short.get(serves.get(name, ''), serves.get(name, ''))} |"
+                for name, value in found]  # fmt: skip
+        parts += [f"\n## {title}\n\n{where}\n", "| | | levels |", "| :-- | :-- | :-- |", *rows]
+    return "\n".join(parts) + "\n"
+
+
+def pages() -> tuple[dict[str, str], dict[str, str]]:
+    """Every page of the reference by its file name: those of members, those of modules."""
+    serves = levels()
+    found = {
+        f"reference/{name}.md": member(name, value, KINDS[kind][1], serves.get(name, ""))
+        for kind, those in members().items()
+        for name, value in those
+    }
+    return dict(sorted(found.items())), {f"reference/{name}.md": module_page(name) for name in MODULES}
