@@ -34,7 +34,7 @@ ARROWS = {
     "short_name": set(),
     "qp": BASE,
     "models": BASE,
-    "robots": BASE | {"models"},
+    "robots": LOOP | {"control", "sim"},
     "methods": BASE | {"qp"},
     "stack": OPTIMISATION_AND_ROBOTS | {"methods"},
     "control": LOOP,

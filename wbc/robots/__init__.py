@@ -9,19 +9,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wbc.robots.estimator import BaseEstimator as BaseEstimator
     from wbc.robots.franka import Franka as Franka
+    from wbc.robots.invariant_filter import ImuNoise as ImuNoise
     from wbc.robots.joint_map import JointMap as JointMap
     from wbc.robots.lerobot import LeRobot as LeRobot
     from wbc.robots.ros2_control import Ros2Control as Ros2Control
+    from wbc.robots.sensors import SENSORS as SENSORS
+    from wbc.robots.sensors import EstimatedBase as EstimatedBase
+    from wbc.robots.sensors import Sensors as Sensors
     from wbc.robots.unitree import UnitreeG1 as UnitreeG1
     from wbc.robots.unitree import UnitreeG1Arms as UnitreeG1Arms
     from wbc.robots.unitree import UnitreeGo2 as UnitreeGo2
 
 _HOME = {
+    "SENSORS": "sensors",
+    "BaseEstimator": "estimator",
+    "EstimatedBase": "sensors",
     "Franka": "franka",
+    "ImuNoise": "invariant_filter",
     "JointMap": "joint_map",
     "LeRobot": "lerobot",
     "Ros2Control": "ros2_control",
+    "Sensors": "sensors",
     "UnitreeG1": "unitree",
     "UnitreeG1Arms": "unitree",
     "UnitreeGo2": "unitree",

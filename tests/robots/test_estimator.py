@@ -1,0 +1,391 @@
+"""The estimate of a base: exact without errors, consistent with them, the same wherever the world begins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+import wbc
+from tests.robots.motions import (
+    GRAVITY,
+    NAMES,
+    POINTS,
+    ROBOT,
+    WEIGHT,
+    Motion,
+    errors,
+    inverse,
+    moved_by,
+    standing,
+    stepping,
+    sums,
+    turned,
+)  # fmt: skip
+from tests.seeds import generator
+from wbc.errors import InvalidInput, UnknownFrame
+from wbc.robots import BaseEstimator, ImuNoise
+from wbc.sim.spoiling import RUBBISH, spoilt
+from wbc.types import Mat, Vec
+
+QUIET = ImuNoise(1e-5, 1e-5, 0.0, 0.0, 0.0, 0.0)
+NOISE = ImuNoise(
+    gyro=5e-4, accelerometer=5e-3, gyro_bias=0.01, accelerometer_bias=0.1, gyro_walk=0, accelerometer_walk=0
+)
+JOINT = 1e-3
+
+
+def estimator(**settings: Any) -> BaseEstimator:
+    return BaseEstimator(ROBOT, POINTS, **{"noise": QUIET, "settle": 0.0, **settings})
+
+
+def followed(one: BaseEstimator, motion: Motion, start: Motion | None = None) -> tuple[Mat, Mat]:
+    """(q, v) of every sample; it begins where ``start`` does."""
+    begin = motion if start is None else start
+    one.reset(begin.q[0], begin.v[0])
+    found = [one.update(**motion.sample(k)) for k in range(len(motion.t))]
+    return np.array([q for q, _ in found]), np.array([v for _, v in found])
+
+
+def missed(one: BaseEstimator, motion: Motion, truth: Motion) -> Mat:
+    """Errors (N, 9) of the base."""
+    q, v = followed(one, motion, truth)
+    return np.array([errors(*row) for row in zip(q, v, truth.q, truth.v, strict=True)])
+
+
+@pytest.mark.parametrize("motion", [standing(), stepping()], ids=["stands", "steps"])
+def test_without_errors_of_the_sensors_the_estimate_is_the_truth(motion: Motion) -> None:
+    assert np.abs(missed(estimator(), motion, motion)).max() < 1e-9
+
+
+def test_a_wrong_lean_and_speed_at_the_start_are_found() -> None:
+    motion, one = standing(), estimator(tilt=0.05, speed=0.3, flex=1e-4)
+    start = replace(motion, q=motion.q.copy(), v=motion.v.copy())
+    start.q[0] = ROBOT.integrate(motion.q[0], np.array([0.0, 0.0, 0.0, 0.04, -0.03, *np.zeros(13)]))
+    start.v[0, :3] += [0.2, -0.1, 0.1]
+    q, v = followed(one, motion, start)
+    first, last = (np.abs(errors(q[k], v[k], motion.q[k], motion.v[k])) for k in (0, -1))
+    assert first[3:5].min() > 0.02 and first[6:].min() > 0.05, "nothing was wrong at the start"
+    assert last[3:5].max() < 1e-3 and last[6:].max() < 2e-3
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(-3.0, 3.0), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
+def test_the_estimate_turns_and_shifts_with_the_world(heading: float, shift: tuple[float, float, float]) -> None:
+    motion = stepping(duration=0.6)
+    noisy = motion.with_noise(generator("noise"), 5e-4, 5e-3, JOINT, np.full(6, 0.01))
+    one = estimator(noise=NOISE, joint=JOINT)
+    here, v_here = followed(one, noisy, motion)
+    known = one.covariance
+    there, v_there = followed(one, noisy, turned(motion, heading, np.array(shift)))
+    expected = turned(replace(motion, q=here), heading, np.array(shift)).q
+    assert np.abs(v_there - v_here).max() < 1e-8
+    for got, wanted in zip(there, expected, strict=True):
+        assert np.abs(errors(got, v_here[0], wanted, v_here[0])[:6]).max() < 1e-8
+    turn = np.kron(np.eye(3), Rotation.from_rotvec([0.0, 0.0, heading]).as_matrix())
+    assert np.abs(turn @ known @ turn.T - one.covariance).max() < 1e-6 * np.abs(known).max()
+
+
+def test_position_and_heading_are_never_claimed_to_be_seen() -> None:
+    """Their uncertainty at the start stays to the end, whatever noise does to the estimates that others depend on."""
+    motion = stepping(duration=1.0)
+    noisy = motion.with_noise(generator("unseen"), 5e-4, 5e-3, JOINT, np.full(6, 0.01))
+    one = estimator(noise=NOISE, joint=JOINT)
+    one.reset(motion.q[0], motion.v[0])
+    one._filter.P[range(6, 9), range(6, 9)] += np.array([0.5, 0.4, 0.3]) ** 2
+    one._filter.P[2, 2] += 0.3**2  # the whole world is turned, its velocities too
+    least = np.array([0.5, 0.4, 0.3, 0.3]) ** 2
+    for k in range(len(motion.t)):
+        one.update(**noisy.sample(k))
+        diagonal = np.diag(one.covariance)
+        assert (diagonal[[0, 1, 2, 5]] >= least * (1.0 - 1e-9)).all()
+    assert (diagonal[3:5] < 0.02**2).all() and (diagonal[6:] < 0.05**2).all(), "nothing was learnt of what can be seen"
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_the_covariance_says() -> None:
+    """NEES of lean and velocity over 60 seeds: χ² with 5 degrees of freedom each, errors of the start drawn too."""
+    motion = stepping(5e-3, 1.0)
+    one = estimator(noise=NOISE, joint=JOINT, flex=1e-5, creep=0.0, tilt=0.02, speed=0.05)
+    seen, seeds = [3, 4, 6, 7, 8], 60
+    total, biases = 0.0, 0.0
+    for seed in range(seeds):
+        rng = generator("NEES", seed)
+        bias = np.repeat([NOISE.gyro_bias, NOISE.accelerometer_bias], 3) * rng.standard_normal(6)
+        noisy = motion.with_noise(rng, NOISE.gyro, NOISE.accelerometer, JOINT, bias)
+        lean = np.array([*rng.normal(0.0, 0.02, 2), 0.0])
+        start_q = motion.q[0].copy()
+        start_q[3:7] = (Rotation.from_rotvec(lean) * Rotation.from_quat(start_q[3:7])).as_quat()
+        start_v = motion.v[0].copy()
+        world = Rotation.from_quat(motion.q[0, 3:7]).apply(start_v[:3]) + rng.normal(0.0, 0.05, 3)
+        start_v[:3] = Rotation.from_quat(start_q[3:7]).inv().apply(world)
+        q, v = followed(one, noisy, replace(motion, q=start_q[None], v=start_v[None]))
+        error = errors(q[-1], v[-1], motion.q[-1], motion.v[-1])[seen]
+        total += error @ np.linalg.solve(one.covariance[np.ix_(seen, seen)], error)
+        off = one.gyro_bias - bias[:3]
+        biases += off @ np.linalg.solve(one._filter.P[9:12, 9:12], off)
+    for found, freedom in ((total, 5 * seeds), (biases, 3 * seeds)):
+        low, high = chi2.ppf([5e-4, 1.0 - 5e-4], freedom)
+        assert low < found < high, f"NEES {found / seeds:.2f} a run"
+
+
+def test_biases_are_found_by_a_robot_that_turns() -> None:
+    motion = moved_by(lambda t: (np.zeros((4, 3)), [True] * 4), 6.0, 5e-3, turns=2.0)
+    bias = np.array([0.02, -0.015, 0.01, 0.1, -0.08, 0.12])
+    noisy = motion.with_noise(generator("biases"), 1e-4, 1e-3, 2e-4, bias)
+    noise = ImuNoise(1e-4, 1e-3, 0.02, 0.1, 1e-6, 1e-5)
+    one = estimator(noise=noise, joint=2e-4, flex=1e-4, creep=1e-4)
+    followed(one, noisy, motion)
+    assert np.abs(one.gyro_bias - bias[:3]).max() < 2e-3
+    assert np.abs(one.accelerometer_bias - bias[3:]).max() < 0.03
+
+
+# ---- feet
+def slipping(way: float, begin: float, end: float) -> Motion:
+    """One foot slides by ``way`` [m] and goes on pressing."""
+
+    def feet(t: float) -> tuple[Mat, list[bool]]:
+        moved = np.zeros((4, 3))
+        moved[0, 1] = way * np.clip((t - begin) / (end - begin), 0.0, 1.0)
+        return moved, [True] * 4
+
+    return moved_by(feet, 1.0, 2e-3)
+
+
+@pytest.mark.parametrize("way", [0.02, 0.04])
+def test_a_foot_that_slips_is_named_and_does_not_take_the_base_along(way: float) -> None:
+    motion = slipping(way, 0.4, 0.5)
+    noisy = motion.with_noise(generator("slip"), 2e-4, 1e-3, 2e-4, np.zeros(6))
+    found: dict[float, Vec] = {}
+    for gate in (1e-6, 0.0):
+        one = estimator(noise=ImuNoise(gyro_bias=1e-3, accelerometer_bias=0.02), joint=2e-4, gate=gate)
+        one.reset(motion.q[0], motion.v[0])
+        said = []
+        for k in range(len(motion.t)):
+            q, v = one.update(**noisy.sample(k))
+            said.append(one.why)
+        found[gate] = errors(q, v, motion.q[-1], motion.v[-1])
+        slips = [motion.t[k] for k, why in enumerate(said) if "slips" in why]
+        assert all(0.4 <= t <= 0.52 for t in slips)
+        assert {why for why in said if why} == ({f"{NAMES[0]} slips"} if gate else set())
+    with_gate, without = (np.abs(found[gate][:3]).max() for gate in (1e-6, 0.0))
+    assert with_gate < 0.1 * way, f"the base went along by {with_gate * 1e3:.1f} mm"
+    assert without > 2.0 * with_gate, "the slip was not felt"
+
+
+def test_a_foot_that_lands_early_is_used_from_then_on() -> None:
+    """No schedule is asked: force alone says that a foot stands, also when it comes 60 ms before its time."""
+
+    def feet(t: float) -> tuple[Mat, list[bool]]:
+        moved = np.zeros((4, 3))
+        moved[0, 2] = 0.03 * np.sin(np.pi * np.clip((t - 0.2) / 0.2, 0.0, 0.7))  # stands on something high from 0.34 s
+        if t < 0.2:
+            moved[0, 2] = 0.0
+        return moved, [not 0.2 < t < 0.34, True, True, True]
+
+    motion, one = moved_by(feet, 0.8, 2e-3), estimator(settle=5e-3)
+    one.reset(motion.q[0], motion.v[0])
+    touched = []
+    for k in range(len(motion.t)):
+        q, v = one.update(**motion.sample(k))
+        touched.append(one.contacts[NAMES[0]])
+    landed = next(t for t, before, now in zip(motion.t[1:], touched, touched[1:], strict=False) if now and not before)
+    assert 0.34 <= landed <= 0.35
+    assert np.abs(errors(q, v, motion.q[-1], motion.v[-1])).max() < 1e-8
+    assert one.why == ""
+
+
+def test_a_ball_that_rolls_does_not_slip() -> None:
+    """The trunk swings to and fro over round feet; the centre of each ball goes by r θ × z."""
+    motion = rolled(0.02)
+    round_feet = [replace(foot, radius=0.02) for foot in POINTS]
+    found = {}
+    for feet in (round_feet, POINTS):
+        one = BaseEstimator(ROBOT, feet, noise=QUIET, settle=0.0)
+        q, _ = followed(one, motion)
+        found[feet[0].radius] = np.abs(q[:, :3] - motion.q[:, :3]).max()
+    assert found[0.02] < 2e-5
+    assert found[0.0] > 20.0 * found[0.02], "the feet hardly rolled"
+
+
+def rolled(radius: float) -> Motion:
+    """A motion whose feet have rolled: each step is solved again until centres and rotations agree."""
+    motion = standing(duration=1.0)
+    state = ROBOT.state()
+    q, v = motion.q.copy(), motion.v.copy()
+    state.update(0.0, q[0], v[0])
+    centres = np.array([np.array(state.frame(name).position) for name in NAMES])
+    turns = [Rotation.from_matrix(state.frame(name).rotation) for name in NAMES]
+    for k in range(1, len(q)):
+        base, aim = Rotation.from_quat(q[k, 3:7]).as_matrix(), centres
+        for _ in range(6):
+            q[k, 7:] = inverse(base, q[k, :3], aim, q[k - 1, 7:])
+            state.update(0.0, q[k], v[k])
+            now = [Rotation.from_matrix(state.frame(name).rotation) for name in NAMES]
+            theta = np.array([(b * a.inv()).as_rotvec() for a, b in zip(turns, now, strict=True)])
+            aim = centres + radius * np.cross(theta, [0.0, 0.0, 1.0])
+        centres, turns = aim, now
+    return replace(motion, q=q)
+
+
+def test_touching_has_a_hysteresis_and_must_last() -> None:
+    one, rest = BaseEstimator(ROBOT, make=0.05, break_=0.025, settle=5e-3), np.array([0.0, 0.0, 9.81])
+    one.reset(ROBOT.q0, np.zeros(18))
+    told = {0: 0.06, 1: 0.03, 10: 0.02, 11: 0.04, 20: 0.06, 22: 0.04, 30: 0.06, 36: 0.03}
+    wanted = {0: True, 9: True, 10: False, 19: False, 25: False, 34: False, 35: True, 40: True}
+    share = 0.0
+    for k in range(41):
+        share = told.get(k, share)
+        one.update(1e-3 * k, ROBOT.q0[7:], np.zeros(12), np.zeros(3), rest, forces=dict.fromkeys(NAMES, share * WEIGHT))
+        if k in wanted:
+            assert set(one.contacts.values()) == {wanted[k]}, f"at {k} ms"
+
+
+@pytest.mark.parametrize("name", ["quadruped", "humanoid"])
+def test_torques_that_hold_a_standing_robot_tell_which_feet_stand(name: str) -> None:
+    robot = wbc.load(name)
+    state = robot.state()
+    J = np.vstack([state.frame(foot).jacobian()[: 3 if one.kind == "point" else 6] for foot, one in robot.feet.items()])
+    size = len(J) // len(robot.feet)
+    for lifted in (False, True):
+        rows = np.arange(len(J)) >= size * lifted
+        f = np.zeros(len(J))
+        f[rows] = np.linalg.lstsq(J[rows, :6].T, state.h[:6], rcond=None)[0]
+        assert np.allclose(J[:, :6].T @ f, state.h[:6]), "the robot falls"
+        one, tau = BaseEstimator(robot), (state.h - J.T @ f)[6:]
+        for t in (0.0, 0.01):
+            one.update(t, robot.q0[7:], np.zeros(robot.nj), np.zeros(3), -GRAVITY, joint_tau=tau)
+        assert list(one.contacts.values()) == (f[2::size] > 0.05 * 9.81 * robot.mass).tolist()
+        assert next(iter(one.contacts.values())) != lifted
+
+
+def test_an_imu_beside_the_base_tells_the_same() -> None:
+    """The samples of an IMU on the base, moved to another place and turned, give the same base."""
+    motion, one = stepping(duration=0.5), estimator()
+    lever, mount = np.array([0.1, -0.05, 0.08]), Rotation.from_rotvec([0.3, -0.5, 2.0]).as_matrix()
+    one.lever, one.mount = lever, mount
+    R = Rotation.from_quat(motion.q[:, 3:7]).as_matrix()
+    points = motion.q[:, :3] + R @ lever
+    dt = float(motion.t[1])
+    # v of the IMU by the trapezoid that its positions make, then what it feels between
+    gyro, force = motion.gyro @ mount, motion.force.copy()
+    v = [R[0] @ (motion.v[0, :3] + np.cross(motion.v[0, 3:6], lever))]
+    for k in range(1, len(R)):
+        _, first, second = sums(dt * gyro[k])
+        turn = R[k - 1] @ mount
+        push = (points[k] - points[k - 1] - dt * v[-1]) / dt**2 - 0.5 * GRAVITY
+        force[k] = np.linalg.solve(turn @ second, push)
+        v.append(v[-1] + dt * (turn @ first @ force[k] + GRAVITY))
+    seen = replace(motion, gyro=gyro, force=force)
+    one.noise = replace(QUIET, accelerometer_range=1e9)
+    found = missed(one, seen, motion)
+    assert np.abs(found[:, :6]).max() < 1e-8
+
+
+# ---- what comes in
+def sound(k: int) -> dict[str, Any]:
+    return standing(duration=0.2).sample(k)
+
+
+@pytest.mark.parametrize(
+    "part, value, said",
+    [
+        ("joint_q", np.full(12, np.nan), "joint_q"),
+        ("joint_v", np.array([np.inf, *np.zeros(11)]), "joint_v"),
+        ("gyro_in_imu", np.array([0.0, 36.0, 0.0]), "gyro_in_imu"),
+        ("acceleration_in_imu", np.zeros(4), "acceleration_in_imu"),
+        ("acceleration_in_imu", "down", "acceleration_in_imu"),
+        ("forces", {NAMES[0]: 30.0}, "forces"),
+        ("forces", dict.fromkeys(NAMES, np.nan), "forces"),
+        ("t", 0.0, "not later"),
+        ("t", np.nan, "t is nan"),
+    ],
+)
+def test_a_spoilt_sample_is_named_and_leaves_no_trace(part: str, value: Any, said: str) -> None:
+    ends = []
+    for spoils in (False, True):
+        one = estimator()
+        one.reset(*(standing(duration=0.2).q[0], standing(duration=0.2).v[0]))
+        for k in range(20):
+            q, v = one.update(**sound(k))
+        if spoils:
+            back = one.update(**{**sound(20), part: value})
+            assert said in one.why and one.why.startswith("sample left out")
+            assert np.array_equal(back[0], q) and np.array_equal(back[1], v)
+        for k in range(21, 30):
+            q, v = one.update(**sound(k))
+        assert one.why == ""
+        ends.append(np.concatenate([q, v]))
+    assert np.array_equal(*ends)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6))
+def test_nothing_that_is_not_finite_comes_out(seed: int) -> None:
+    rng, one = np.random.default_rng(seed), estimator()
+    t = 0.0
+    for k in range(30):
+        sample = sound(k)
+        t = float(t + rng.choice([1e-9, 2e-3, 0.1, 10.0, 1e6]))
+        sample["t"] = t
+        for part in ("joint_q", "joint_v", "gyro_in_imu", "acceleration_in_imu"):
+            if rng.uniform() < 0.3:
+                sample[part] = spoilt(sample[part], rng)
+        if rng.uniform() < 0.2:
+            sample["forces"] = dict(zip(NAMES, rng.choice(RUBBISH, 4).tolist(), strict=True))
+        q, v = one.update(**sample)
+        assert np.isfinite(q).all() and np.isfinite(v).all() and np.isfinite(one.covariance).all()
+        assert abs(np.linalg.norm(q[3:7]) - 1.0) < 1e-9
+
+
+def test_after_a_gap_it_begins_to_see_again() -> None:
+    motion, one = standing(), estimator(flex=1e-4)
+    one.reset(motion.q[0], motion.v[0])
+    for k in range(len(motion.t)):
+        if not 200 < k < 400:
+            q, v = one.update(**motion.sample(k))
+            if k == 400:
+                assert "nothing was heard for 0.4 s" in one.why
+    assert np.abs(errors(q, v, motion.q[-1], motion.v[-1])[6:]).max() < 5e-3
+    assert np.abs(errors(q, v, motion.q[-1], motion.v[-1])[3:5]).max() < 5e-3
+
+
+def test_the_covariance_stays_one_in_a_long_run() -> None:
+    one, at_rest = BaseEstimator(ROBOT), np.array([0.0, 0.0, 9.81])
+    for k in range(5_000):
+        one.update(1e-3 * k, ROBOT.q0[7:], np.zeros(12), np.zeros(3), at_rest)
+    P = one._filter.P
+    assert np.abs(P - P.T).max() <= 1e-12 * np.abs(P).max()
+    assert np.linalg.eigvalsh(P)[0] > -1e-12 * np.abs(P).max()
+    assert np.abs(one._filter.R @ one._filter.R.T - np.eye(3)).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "make, said",
+    [
+        (lambda: BaseEstimator(wbc.load("arm")), "floating base"),
+        (lambda: BaseEstimator(ROBOT, []), "contacts"),
+        (lambda: BaseEstimator(ROBOT, [NAMES[0], NAMES[0]]), "contacts"),
+        (lambda: BaseEstimator(ROBOT, imu_frame=NAMES[0]), "link of the base"),
+        (lambda: BaseEstimator(ROBOT, make=0.01, break_=0.02), "break_"),
+        (lambda: BaseEstimator(ROBOT, flex=0.0), "flex"),
+        (lambda: ImuNoise(gyro=-1.0), "gyro"),
+        (lambda: BaseEstimator(ROBOT).reset(np.zeros(19), np.zeros(18)), "length"),
+        (lambda: BaseEstimator(ROBOT).reset(ROBOT.q0, np.zeros(17)), "shape"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(make: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        make()
+
+
+def test_frames_that_are_not_there_are_refused_by_name() -> None:
+    for settings_ in ({"contacts": ["nose"]}, {"imu_frame": "nose"}):
+        with pytest.raises(UnknownFrame, match="nose"):
+            BaseEstimator(ROBOT, **settings_)  # type: ignore[arg-type]

@@ -1,0 +1,179 @@
+"""Sensors in a simulation: an IMU, encoders and feet with the errors of data sheets, and an estimator that reads them.
+
+The controller then gets what :class:`~wbc.robots.estimator.BaseEstimator` makes of the sensors, not the plant's truth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, final
+
+import numpy as np
+
+from wbc import checks
+from wbc.errors import InvalidInput
+from wbc.robots.estimator import BaseEstimator, rotation
+from wbc.robots.invariant_filter import ImuNoise
+from wbc.sim.disturbance import Disturbance, Effect
+from wbc.sim.plant import Drive, Plant
+from wbc.types import Vec
+
+_DEGREE, _MILLI_G = math.pi / 180.0, 9.81e-3
+
+
+@final
+@dataclass(frozen=True)
+class Sensors:
+    """A set of sensors: standard deviations, and the delay with which the controller gets a sample.
+
+    ``imu``: its noise and biases. ``joint_position`` [rad, m] and ``joint_velocity`` [rad/s, m/s]: white noise of the
+    encoders. ``delay`` [s], rounded to whole steps. ``feet``: what says whether a foot touches, "forces" in it or the
+    joints' "torques", those that were commanded. ``tilt`` [rad]: by how much the robot leans at the start against what
+    the estimator is told.
+
+    Raises:
+        InvalidInput: a negative number, or other ``feet``.
+
+    Example:
+        >>> from wbc.robots import SENSORS
+        >>> SENSORS["mti-300"].delay
+        0.001
+    """
+
+    imu: ImuNoise = field(default_factory=ImuNoise)
+    joint_position: float = 0.0
+    joint_velocity: float = 0.0
+    delay: float = 0.0
+    feet: str = "forces"
+    tilt: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("joint_position", "joint_velocity", "delay", "tilt"):
+            checks.number(f"{name} of Sensors", getattr(self, name), low=0.0)
+        checks.one_of("feet of Sensors", self.feet, ("forces", "torques"))
+
+
+#: Sets by name. Data sheets: Movella, MTi-300 (May 2023): 0.01 °/s/√Hz, 60 µg/√Hz, 450 °/s, 20 g. Bosch, BMI055: 0.014
+#: °/s/√Hz, 150 µg/√Hz, zero-rate offset 1 °/s (typical), zero-g offset 60 mg (most, taken for 3σ), 2000 °/s, 16 g. ams,
+#: AS5045 at 10 kHz: 0.06° rms and 0.1 ms at the motor; behind a gear of 6 that is 0.01°. Our assumptions: the biases of
+#: an MTi-300 after calibration, 0.2 °/s and 3 mg; how biases wander; velocities to 0.01 rad/s, which a motor board
+#: filters; the lean at the start; 1 ms on the way.
+SENSORS: Mapping[str, Sensors] = {
+    "exact": Sensors(ImuNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    "mti-300": Sensors(
+        ImuNoise(0.01 * _DEGREE, 0.06 * _MILLI_G, 0.2 * _DEGREE, 3.0 * _MILLI_G, 1e-5, 1e-4, 450.0 * _DEGREE, 196.0),
+        joint_position=0.01 * _DEGREE, joint_velocity=0.01, delay=1e-3, tilt=5e-3,
+    ),
+    "bmi055": Sensors(
+        ImuNoise(0.014 * _DEGREE, 0.15 * _MILLI_G, 1.0 * _DEGREE, 20.0 * _MILLI_G, 3e-5, 3e-4, 2000.0 * _DEGREE, 157.0),
+        joint_position=0.01 * _DEGREE, joint_velocity=0.01, delay=1e-3, tilt=0.02,
+    ),
+}  # fmt: skip
+
+
+@final
+@dataclass(frozen=True)
+class EstimatedBase(Disturbance):
+    """The controller is told what an estimator makes of ``sensors``; ``seed`` decides their errors.
+
+    The rate and the specific force that the IMU gives are means over a step, from the plant's own states; it sits at
+    ``imu_frame``, default: the base.
+
+    Raises:
+        InvalidInput: a seed that is not a whole number >= 0.
+
+    Example:
+        >>> from wbc.robots import SENSORS, EstimatedBase
+        >>> print(EstimatedBase(SENSORS["exact"], seed=3))
+        base estimated from IMU and encoders, 0 ms late; feet by forces; seed 3
+    """
+
+    sensors: Sensors
+    seed: int = 0
+    imu_frame: str = ""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+            raise InvalidInput(f"seed is {self.seed!r}; it must be a whole number, at least 0")
+
+    def begin(self, plant: Plant) -> Effect:
+        return Sensing(self, plant)
+
+    def __str__(self) -> str:
+        sensors = self.sensors
+        late = f"{sensors.delay * 1e3:g} ms late"
+        return f"base estimated from IMU and encoders, {late}; feet by {sensors.feet}; seed {self.seed}"
+
+
+@final
+class Sensing(Effect):
+    """The sensors and the ``estimator`` of one run; ``sample`` is the last that they gave, by the names that
+    :meth:`BaseEstimator.update` has for its parts."""
+
+    def __init__(self, settings: EstimatedBase, plant: Plant) -> None:
+        sensors, model = settings.sensors, plant.model
+        self._settings, self._sensors, self._plant, self._model = settings, sensors, plant, model
+        self.estimator = BaseEstimator(
+            model, [*getattr(plant, "wrenches", dict)()] or None, imu_frame=settings.imu_frame, noise=sensors.imu,
+            joint=sensors.joint_position, tilt=max(sensors.tilt, 1e-4),
+        )  # fmt: skip
+        if sensors.feet == "forces" and not hasattr(plant, "wrenches"):
+            raise InvalidInput(f"{type(plant).__name__} has no force sensors; give Sensors(feet='torques')")
+        self._random = np.random.default_rng(settings.seed)
+        imu = sensors.imu
+        self._size = np.repeat([imu.gyro, imu.accelerometer], 3) / math.sqrt(plant.dt)
+        self._walk = np.repeat([imu.gyro_walk, imu.accelerometer_walk], 3) * math.sqrt(plant.dt)
+        self.bias = np.repeat([imu.gyro_bias, imu.accelerometer_bias], 3) * self._random.standard_normal(6)
+        self._late: deque[dict[str, Any]] = deque(maxlen=round(sensors.delay / plant.dt) + 1)
+        self._tau: Vec = np.zeros(model.nj)
+        self._before: tuple[Vec, Vec] | None = None
+        self.sample: dict[str, Any] = {}
+
+    def measure(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
+        if self._before is None:
+            self._before = self._plant.q, self._plant.v
+            lean = np.zeros(self._model.nv)
+            lean[3:5] = self._sensors.tilt * self._random.standard_normal(2)
+            self.estimator.reset(self._model.integrate(q, lean), v)
+        self._late.append(self._sampled(q, v))
+        self.sample = self._late[0]
+        return self.estimator.update(**self.sample)
+
+    def deliver(self, command: Drive) -> Drive:
+        self._tau = np.array(command.tau)
+        return command
+
+    def _sampled(self, q: Vec, v: Vec) -> dict[str, Any]:
+        """A sample of the plant as it is, joints as in q (nq,), v (nv,)."""
+        plant, sensors, nj, normal = self._plant, self._sensors, self._model.nj, self._random.standard_normal
+        self.bias = self.bias + self._walk * normal(6)
+        imu = self._motion() + self.bias + self._size * normal(6)
+        sample: dict[str, Any] = {
+            "t": plant.t,
+            "joint_q": q[-nj:] + sensors.joint_position * normal(nj),
+            "joint_v": v[-nj:] + sensors.joint_velocity * normal(nj),
+            "gyro_in_imu": imu[:3],
+            "acceleration_in_imu": imu[3:],
+        }
+        if sensors.feet == "torques":
+            sample["joint_tau"] = self._tau
+        else:
+            up = -self._model.gravity / np.linalg.norm(self._model.gravity)
+            sample["forces"] = {name: float(up @ wrench[:3]) for name, wrench in plant.wrenches().items()}  # type: ignore[attr-defined]
+        return sample
+
+    def _motion(self) -> Vec:
+        """Mean rate [rad/s] and specific force [m/s²] of the IMU (6,) in the last step, its axes."""
+        assert self._before is not None, "measure has begun"
+        model, dt = self._model, self._plant.dt
+        before, now = self._before, (self._plant.q, self._plant.v)
+        self._before = now
+        rate = model.difference(before[0], now[0])[3:6] / dt
+        estimator = self.estimator
+        middle = model.integrate(before[0], 0.5 * model.difference(before[0], now[0]))
+        velocities = [rotation(q[3:7]) @ (v[:3] + np.cross(v[3:6], estimator.lever)) for q, v in (before, now)]
+        force = rotation(middle[3:7]).T @ ((velocities[1] - velocities[0]) / dt - model.gravity)
+        return np.concatenate([estimator.mount.T @ rate, estimator.mount.T @ force])
