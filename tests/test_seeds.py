@@ -13,43 +13,64 @@ import pytest
 from tests.seeds import SEED, generator, seed_of_week
 
 DRAWN = """
+import os
 from hypothesis import given, strategies as st
 from tests.seeds import generator
+{extra}
 
-@given(st.integers(0, 10**9))
-def test_that_prints(number):
-    print("DRAWN", number)
+def drew(number):
+    with open(os.environ["DRAWN_NUMBERS"], "a") as file:
+        file.write(f"{{__name__}} {{number}}\\n")
+
+@given(st.integers(0, 10**9), st.lists(st.floats(0, 1), min_size=20, max_size=20))
+def test_that_notes(number, floats):
+    drew((number, floats))
 
 def test_with_numpy():
-    print("DRAWN", generator("family").integers(10**9))
+    drew(generator("family").integers(10**9))
 
 @given(st.integers(0, 10**9))
 def test_that_fails(number):
     assert number < 0
 """
+#: A module whose numbers are in the range of what is drawn, imported when its test runs.
+OTHER = "NUMBERS = " + repr([k / 997.0 for k in range(1, 997)])
+IMPORTS = "def test_a():\n    import other\n"
 
 
 def drawn(folder: Path, *options: str, **environment: str) -> tuple[list[str], str]:
-    """The numbers that a run of ``DRAWN`` draws, and all that it prints."""
-    root = Path(__file__).parent.parent
+    """The numbers that a run of ``DRAWN`` in two files draws, and all that it prints."""
+    root, numbers = Path(__file__).parent.parent, folder / "numbers"
+    numbers.unlink(missing_ok=True)
     (folder / "conftest.py").write_text((root / "tests" / "conftest.py").read_text(encoding="utf-8"))
-    (folder / "test_drawn.py").write_text(DRAWN)
-    command = [sys.executable, "-m", "pytest", "-s", "-p", "no:cacheprovider", "--rootdir", str(folder), *options]
+    (folder / "other.py").write_text(OTHER)
+    for name, extra in (("test_first", IMPORTS), ("test_second", "")):
+        (folder / f"{name}.py").write_text(DRAWN.format(extra=extra))
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--rootdir", str(folder), *options]
     settings = {key: value for key, value in os.environ.items() if key not in ("WBC_TEST_SEED", "CI")}
-    settings |= {"PYTHONPATH": str(root), **environment}
+    settings = {key: value for key, value in settings.items() if not key.startswith("PYTEST_")}
+    settings |= {"PYTHONPATH": f"{root}{os.pathsep}{folder}", "DRAWN_NUMBERS": str(numbers), **environment}
     done = subprocess.run(
         [*command, str(folder)], cwd=folder, env=settings, capture_output=True, text=True, check=False, timeout=120
     )
-    return [line for line in done.stdout.splitlines() if line.startswith("DRAWN")], done.stdout
+    return sorted(numbers.read_text().splitlines()), done.stdout
 
 
-def test_a_seed_repeats_the_examples_and_another_one_draws_others(tmp_path: Path):
-    first, text = drawn(tmp_path, WBC_TEST_SEED="202607")
-    assert len(first) > 20 and len(set(first)) > 10
+@pytest.mark.parametrize("machine", [{}, {"CI": "true"}], ids=["by hand", "in CI"])
+def test_a_seed_repeats_the_examples_and_another_one_draws_others(tmp_path: Path, machine: dict[str, str]):
+    first, text = drawn(tmp_path, WBC_TEST_SEED="202607", **machine)
+    assert len(first) > 40 and len(set(first)) > 30
     assert "WBC_TEST_SEED=202607" in text and "@reproduce_failure" in text
-    assert drawn(tmp_path, WBC_TEST_SEED="202607")[0] == first
-    other = drawn(tmp_path, WBC_TEST_SEED="202608")[0]
+    assert drawn(tmp_path, WBC_TEST_SEED="202607")[0] == first, "by hand as in CI"
+    other = drawn(tmp_path, WBC_TEST_SEED="202608", **machine)[0]
     assert len(set(first) & set(other)) < len(set(first)) / 2
+
+
+def test_processes_that_share_the_tests_draw_the_same_as_one(tmp_path: Path):
+    """Also where a module was loaded by a test that ran before in the same process."""
+    alone = drawn(tmp_path, WBC_TEST_SEED="202607")[0]
+    shared = drawn(tmp_path, "-n", "2", "--dist", "loadfile", WBC_TEST_SEED="202607")[0]
+    assert shared == alone
 
 
 @pytest.mark.parametrize("start", [date(2025, 12, 29), date(2026, 12, 28)])

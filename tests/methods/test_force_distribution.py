@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -15,7 +16,7 @@ from scipy.optimize import linprog, minimize
 from tests.methods.problems import distributions
 from tests.seeds import generator
 from wbc import qp
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, SolverFailed
 from wbc.methods import ForceDistribution
 from wbc.qp.solvers import usable
 from wbc.testing import check_method
@@ -112,6 +113,51 @@ def test_a_linear_program_knows_whether_the_wrench_can_be_had(problem: ForceDist
     part = answer.x[-1] / np.linalg.norm(wrench)
     assume(abs(part - 1.0) > 1e-6)
     assert problem.solve().feasible == (part > 1.0)
+
+
+def stiff_and_slippery(rng: np.random.Generator) -> ForceDistribution:
+    """Weights twelve decades apart, friction down to 1e-6, limits on some sides, wrenches within and out of reach."""
+    contacts, m = int(rng.integers(1, 7)), int(rng.choice([2, 3, 6]))
+    places = rng.integers(-1, 2, (contacts, 3)) if rng.uniform() < 0.5 else rng.normal(size=(contacts, 3))
+    G = np.hstack([np.vstack([np.eye(3), np.cross(place, np.eye(3)).T]) for place in places])[:m]
+    mu, nf = 10.0 ** rng.uniform(-6, 0, contacts), 3 * contacts
+    slopes = np.column_stack([rng.uniform(-0.5, 0.5, (contacts, 2)) * mu[:, None], np.ones(contacts)])
+    f = (slopes * rng.exponential(1.0, (contacts, 1))).ravel()
+    room = rng.choice([0.0, 0.1, 1.0, np.inf, np.inf, np.inf], (2, nf))
+    return ForceDistribution(
+        G, G @ f * 10.0 ** rng.uniform(-1, 8), weight=10.0 ** rng.uniform(-6, 6, nf), friction=mu,
+        friction_model=str(rng.choice(["inner", "outer"])), sides=int(rng.choice([4, 8])),
+        f_min=np.minimum(f, 0.0) - room[0], f_max=np.maximum(f, 0.0) + room[1],
+    )  # fmt: skip
+
+
+def test_verdicts_hold_with_weights_and_friction_decades_apart():
+    """Infeasible: HiGHS finds no forces whose violation is rounding. Forces: within limits to their own rounding."""
+    seen: Counter[str] = Counter()
+    for case in range(400):
+        problem = stiff_and_slippery(generator("stiff and slippery", case))
+        for form in ("finite", "pdas"):
+            try:
+                found = problem.closed_form() if form == "finite" else problem.solve()
+            except SolverFailed:
+                seen[f"{form} gave up"] += 1
+                continue
+            C, f = problem.qp().C, found.f
+            seen[f"{form} {found.feasible}"] += 1
+            if found.feasible:
+                size = np.linalg.norm(f)
+                assert (C @ f >= -1e-7 * size).all(), case
+                assert (np.maximum(f - problem.f_max, problem.f_min - f) <= 1e-7 * size).all(), case
+                assert np.linalg.norm(found.residual) <= 1e-7 * size * np.linalg.norm(problem.G, 2), case
+                continue
+            limits = list(zip(problem.f_min, problem.f_max, strict=True))
+            other = linprog(np.zeros(len(problem.f_min)), -C, np.zeros(len(C)), problem.G, problem.wrench, limits)
+            if other.status == 0:
+                over = np.maximum(other.x - problem.f_max, problem.f_min - other.x)
+                beyond = max(float(over.max()), float(-(C @ other.x).min()))
+                missing = np.abs(problem.G @ other.x - problem.wrench).max()
+                assert max(beyond, float(missing)) > 1e-12 * np.abs(problem.wrench).max(), case
+    assert seen["finite True"] > 50 and seen["finite False"] > 50 and seen["pdas gave up"] <= 4, seen
 
 
 @given(LIMITED)

@@ -67,8 +67,8 @@ def nearest(
 
     ``solver`` ``None``: by the finite method alone. ``terms`` (n_eq,): sizes of the numbers that b is a sum of, where
     they are larger; rows that depend on others contradict them by no less than the rounding of that. ``relaxed``:
-    before there is no answer, limits are relaxed a little, so that one point is not an empty set by rounding. A search
-    for the largest scale must not gain by that.
+    before there is no answer, limits are relaxed a little, so that one point is not an empty set by rounding; a point
+    that is then beyond a limit by more than rounding of x is none. A search for the largest scale must not gain by it.
 
     That is the cost of ``qp``, whose H = (root rootᵀ)⁻¹ and g = −H centre are not looked at: the root is often known
     exactly where H has lost half of its digits.
@@ -85,10 +85,15 @@ def nearest(
     length = unit_lengths(rows[kept])
     form = _NormalForm(
         equations.E, equations.e, equations.free,
-        rows[kept] / length[:, None], (lower - at)[kept] / length, (upper - at)[kept] / length,
+        rows[kept] / length[:, None], (lower - at)[kept] / length, (upper - at)[kept] / length, equations.condition,
     )  # fmt: skip
     chosen = None if solver is None else by_name(solver)
     answer = form.solve(chosen, relaxed) if equations.consistent else None
+    x = centre if answer is None else centre + root @ answer.u
+    if relaxed:  # by what is little in the metric, which may be much in x
+        beyond = np.maximum(matrix @ x - upper, lower - matrix @ x)
+        if (beyond > SHARP * np.linalg.norm(matrix, axis=1) * np.linalg.norm(x)).any():
+            answer = None
     if answer is None or not answer.status.ok:
         status = Status.INFEASIBLE if answer is None else answer.status
         x, y, z = (np.full(size, np.nan) for size in (qp.n, qp.n_eq, len(qp.cu)))
@@ -96,7 +101,6 @@ def nearest(
     force = np.zeros(len(matrix))
     force[equal] = equations.multipliers(answer.y)
     force[kept] = answer.z / length
-    x = centre + root @ answer.u
     return Nearest(
         answer.status, x, force[: qp.n_eq], force[qp.n_eq : len(qp.lower)], force[len(qp.lower) :], form.size
     )
@@ -175,6 +179,8 @@ class _Equations:
         rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         right = right / self._length
         beside = right @ left[:, rank:]
+        #: The free directions are known to rounding times this.
+        self.condition = float(values[0] / values[rank - 1]) if rank else 1.0
         self.consistent = bool(np.linalg.norm(beside) <= SAME * np.linalg.norm(magnitude / self._length))
         self._from_rows: Mat = left[:, :rank] / values[:rank]
         self.E: Mat = basis[:rank]
@@ -201,7 +207,8 @@ class _Answer(NamedTuple):
 class _NormalForm:
     """minimise ½ |u|²  subject to  E u = e,  low ≤ F u ≤ high.
 
-    E orthonormal, completed by ``free``; rows of F of length 1.
+    E orthonormal, completed by ``free``; rows of F of length 1. What rows of F are of ``free`` is known to rounding
+    times ``condition``.
     """
 
     E: Mat
@@ -210,6 +217,7 @@ class _NormalForm:
     F: Mat
     low: Vec
     high: Vec
+    condition: float = 1.0
 
     @property
     def size(self) -> float:
@@ -230,7 +238,7 @@ class _NormalForm:
         """
         start, rows = self.e @ self.E, self.F @ self.free.T
         length = np.linalg.norm(rows, axis=1)
-        settled = length <= SHARP
+        settled = length <= min(ROUNDING * self.condition, SHARP)
         rows[settled], length[settled] = 0.0, 1.0
         at, width = self.F @ start, np.where(settled, SAME * self.size, 0.0)
         k = len(self.free)
