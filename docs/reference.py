@@ -23,11 +23,18 @@ MODULES: Mapping[str, str] = {
     "wbc.sim.simulate": "A controller and a plant in a loop.",
     "wbc.sim.plant": "What commands act on.",
     "wbc.sim.mujoco_": "Physics by MuJoCo.",
+    "wbc.sim.drives": "Drives that follow positions.",
     "wbc.sim.disturbance": "Pushes, loads and noise.",
     "wbc.sim.scenario": "Scenarios and their verdicts.",
     "wbc.report": "Reports of runs, solvers and comparisons.",
     "wbc.robots": "From joints to the motors of a device.",
     "wbc.testing": "Checks for tasks, limits and methods of your own.",
+}
+#: Names that are shown of modules that hold helpers too.
+SHOWN: Mapping[str, tuple[str, ...]] = {
+    "wbc.sim.plant": ("Plant", "IntegratorPlant", "ForwardDynamicsPlant", "Drive"),
+    "wbc.sim.mujoco_": ("MujocoPlant", "PhysicsSettings"),
+    "wbc.sim.drives": ("PositionDrives",),
 }
 #: Levels of a row of docs/features.md: "`Frame`, `Position` (v a τ)".
 LEVELS = re.compile(r"((?:`\w+`(?:, )?)+) \(([vaτ ]+)\)")
@@ -190,7 +197,8 @@ def module_page(name: str) -> str:
 
 def offered(name: str, module: Any) -> list[tuple[str, Any]]:
     """Public classes and functions of a module, those of its own alone."""
-    names = getattr(module, "__all__", None) or [n for n in dir(module) if not n.startswith("_")]
+    public = getattr(module, "__all__", None) or [n for n in dir(module) if not n.startswith("_")]
+    names = SHOWN.get(name, public)
     values = [(n, getattr(module, n)) for n in names]
     home = name.rpartition(".")[0] if name.endswith("_") else name
     return [

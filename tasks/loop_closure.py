@@ -20,7 +20,7 @@ from .relative import check_frames, relative_motion
 
 @final
 class LoopClosure(KernelContact):
-    """A joint that the tree of the robot has not: ``frame`` keeps its place in ``to``, held by a force between the two.
+    """A joint that closes a loop: ``frame`` keeps its place in ``to``, held by a force between the two.
 
     Rows of the pose (p, R) of ``frame`` in the axes of ``to``: J a + J̇ v = kp e − kd J v (Baumgarte's term: what has
     opened closes again), e = (p_anchor − p, log(R_anchor Rᵀ)); J v = rate e at the velocity level. It stands in

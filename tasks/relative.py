@@ -1,4 +1,4 @@
-"""How one frame of a robot moves seen from another: what relative tasks and closed loops share."""
+"""Kinematics of one frame of a robot relative to another, shared by relative tasks and closed loops."""
 
 from __future__ import annotations
 

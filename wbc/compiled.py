@@ -1,4 +1,4 @@
-"""What compiled code is made with: the compiler numba.
+"""Settings of numba, which compiles the kernels.
 
 A kernel gets its arrays as one vector of addresses: numba looks at every array it is given, which for two dozen of
 them costs more than what the kernel does. Addresses are safe here because the memory of a plan never moves:

@@ -1,4 +1,4 @@
-"""Where a path from anywhere meets the file system: what cannot be looked up or written is a typed error."""
+"""Paths of files: a path that cannot be looked up or written is a typed error."""
 
 from __future__ import annotations
 

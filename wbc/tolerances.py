@@ -1,4 +1,4 @@
-"""What counts as rounding, as the same, and as met: tolerances that more than one file decides by.
+"""Tolerances that more than one file uses: for rounding, for equal numbers, for constraints that are met.
 
 Shares are of the size that the place of use names: of the largest number in a sum, of the length of a row. In double
 precision a number is known to a share of 1.1e-16. A tolerance with a reason of its own stands where it is used.

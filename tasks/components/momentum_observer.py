@@ -56,7 +56,7 @@ class MomentumObserver(Component):
 
     Raises:
         InvalidInput: a gain, threshold, friction or number of ticks out of range, or of another size.
-        NotSupported: a level without torques, when a controller is made; contacts whose wrenches nobody measures cost
+        NotSupported: a level without torques, when a controller is made; contacts whose wrenches are not measured cost
             the tick its answer (``controller.why``).
 
     Example:

@@ -56,7 +56,7 @@ class Reaction(ABC):
 @final
 @dataclass(frozen=True)
 class Release(Reaction):
-    """The joint's torque is 0 from now on: its motor is sent nothing.
+    """The joint gets no torque from now on: its motor is sent 0.
 
     It then moves as the others move it, so its own limits on position, velocity and acceleration, and the stiffness
     of tasks on the joints there, are taken away in the same tick; the damping stays. The limits come back as soft
@@ -85,7 +85,7 @@ class Derate(Reaction):
 @final
 @dataclass(frozen=True)
 class Compensate(Reaction):
-    """The motor gives ``offset`` less than it is sent: that much more is asked of it."""
+    """The motor delivers ``offset`` less than it is sent: its command is raised by that."""
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
         draft.motors[diagnosis.joint] = Motor(offset=diagnosis.offset)
@@ -94,7 +94,7 @@ class Compensate(Reaction):
 @final
 @dataclass(frozen=True)
 class Cap(Reaction):
-    """The motor gives what it is sent up to a ceiling: that is its torque limit now."""
+    """The motor delivers no more than a ceiling, which becomes its torque limit."""
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
         i = diagnosis.joint
@@ -105,7 +105,7 @@ class Cap(Reaction):
 @final
 @dataclass(frozen=True)
 class Brake(Reaction):
-    """The joint's brake holds it: its acceleration is 0 and its torque, the brake's now, is free.
+    """The brake holds the joint: its acceleration is 0, and its torque is free, since the brake bears it.
 
     ``set`` is called with the joint's name and sets the brake of the real, or simulated, robot.
     """
@@ -130,7 +130,7 @@ class Brake(Reaction):
 @final
 @dataclass(frozen=True)
 class Carry(Reaction):
-    """The load found counts from now on: its weight and its inertia are terms of the dynamics, as if the model had it.
+    """The load that was found becomes part of the dynamics: its weight and inertia count as if the model had them.
 
     ``observer``, the one of the diagnosis, then takes it out of what is missing, so that faults and pushes are seen as
     before.
@@ -155,7 +155,7 @@ class Carry(Reaction):
 @final
 @dataclass(frozen=True)
 class Weigh(Reaction):
-    """A task counts ``factor`` times as much as its user said."""
+    """A task gets ``factor`` times the weight that its user gave it."""
 
     task: str
     factor: float

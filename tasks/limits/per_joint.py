@@ -1,4 +1,4 @@
-"""What a limit may be given as: one number, one per joint, or some joints by name."""
+"""Values of a limit on joints: one number, one per joint, or some joints by name."""
 
 from __future__ import annotations
 

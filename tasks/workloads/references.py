@@ -1,4 +1,4 @@
-"""What the robots of the workloads are asked to follow: ramped sinusoids, with exact rates and accelerations."""
+"""References of the workloads: ramped sinusoids with exact rates and accelerations."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def test_where_nothing_is_registered_there_is_no_verdict(wbc, monkeypatch):
 
 def test_what_is_not_known_is_one_sentence(wbc):
     for words, said in (
-        (["soak", f"{SOAKS}.arm"], "there is no subject of a soak 'arm'"),
+        (["soak", f"{SOAKS}.arm"], "there is no soak 'arm'"),
         (["soak", "tasks:Posture"], "is no wbc.sim.soak.Subject"),
         (["soak", f"{SOAKS}.arm-velocity", "--kind", "salt"], "valid, fuzz, starts"),
         (["soak", f"{SOAKS}.arm-velocity", "--solver", "dapq"], "did you mean 'daqp'"),

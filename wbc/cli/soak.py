@@ -23,7 +23,7 @@ GROUP = "wbc.soaks"
 class UnknownSubject(UnknownName):
     """No such subject."""
 
-    kind = "subject of a soak"
+    kind = "soak"
 
 
 @one_sentence

@@ -1,4 +1,4 @@
-"""Where a robot touches the ground."""
+"""Feet: the places where a robot touches the ground."""
 
 from __future__ import annotations
 

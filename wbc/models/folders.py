@@ -1,4 +1,4 @@
-"""Where the files of a robot may lie. Whatever a robot description refers to is looked up here, and nowhere else."""
+"""Folders that the files of a robot may lie in. Every file that a robot description refers to is looked up here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot looks like: primitive shapes and meshes fixed to its links."""
+"""Shapes of a robot: primitive shapes and meshes fixed to its links."""
 
 from __future__ import annotations
 

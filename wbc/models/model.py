@@ -1,4 +1,4 @@
-"""What a robot must answer: RobotModel (names, sizes, limits), RobotState (a moment), FrameState (a frame in it).
+"""Interfaces of a robot: RobotModel (names, sizes, limits), RobotState (one instant), FrameState (a frame in it).
 
 Nothing here knows any rigid-body library; :mod:`wbc.models.pinocchio_` and the planar robots implement it.
 """

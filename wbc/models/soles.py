@@ -1,4 +1,4 @@
-"""What a robot stands on, measured: the lowest points of its shapes in a configuration, as soles and points."""
+"""Measured feet: the lowest points of the shapes of a robot in a configuration, as soles and points."""
 
 from __future__ import annotations
 

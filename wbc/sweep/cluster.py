@@ -1,4 +1,4 @@
-"""Who does the runs: workers of an embedded cluster, or of a scheduler that runs already."""
+"""Workers that do the runs: of an embedded cluster, or of a scheduler that runs already."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn anew in each run: numbers from a range, one of several values, disturbances of random strength."""
+"""Random settings of a run: numbers from a range, one of several values, disturbances of random strength."""
 
 from __future__ import annotations
 

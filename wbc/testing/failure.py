@@ -1,4 +1,4 @@
-"""How a check fails."""
+"""CheckFailed, the error of all checks, and the sentences that it says."""
 
 from __future__ import annotations
 
