@@ -1,6 +1,7 @@
 """Motion of people in, motion of robots out, and a verdict for every frame."""
 
 from wbc.motion.clip import Motion as Motion
+from wbc.motion.judged import Judged as Judged
 from wbc.motion.made import made as made
 from wbc.motion.mapping import Follower as Follower
 from wbc.motion.mapping import Table as Table

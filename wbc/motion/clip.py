@@ -43,7 +43,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 #: Parts without which nothing can be retargeted, and the lines between parts that show a body.
 NEEDED = tuple(part for part in PARTS if part not in ("pelvis", "spine", "head"))
 BONES = (
-    ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"),
+    ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), ("spine", "head"),
     *((f"{side}_{one}", f"{side}_{other}") for side in ("left", "right") for one, other in pairwise(
         ("shoulder", "elbow", "wrist")
     )),

@@ -29,6 +29,8 @@ _LEVER, _BASE = 0.1, 30.0
 _ROUNDING, _SHARE = 1e-3, 1e-6
 #: The base's rows always give a little where others give: this slack is a hundredth of the weight.
 _MISSING = 0.01 * _BASE
+#: A centre of pressure is told for at least this share of the weight: without a load it is anywhere.
+_LIGHT = 0.05
 
 
 class _Row(NamedTuple):
@@ -39,8 +41,10 @@ class _Row(NamedTuple):
     size: float
 
 
-def lacking(robot: PinocchioModel, state: Any, a: Vec, contacts: Sequence[Contact]) -> list[Fault]:
+def lacking(robot: PinocchioModel, state: Any, a: Vec, contacts: Sequence[Contact]) -> tuple[list[Fault], Vec]:
     """What is impossible about the acceleration a (nv,) in a state with these contacts; nothing, with proof, if [].
+
+    Beside it the wrenches of the contacts, one behind the other, that give the acceleration or come nearest to it.
 
     Source: the conditions are those of inverse dynamics with contacts, as in Herzog et al., Autonomous Robots 2016;
     slacks of least norm as in Chinneck, Feasibility and Infeasibility in Optimization, 2008.
@@ -79,11 +83,11 @@ def lacking(robot: PinocchioModel, state: Any, a: Vec, contacts: Sequence[Contac
         cl=np.concatenate([np.full(m, -np.inf), -limit - tau, np.full(len(push), -np.inf)]),
         cu=np.concatenate([*high, limit - tau, np.zeros(len(push))]),
     )  # fmt: skip
-    if solve(qp).status is Status.SOLVED:
-        return []
+    if (possible := solve(qp)).status is Status.SOLVED:
+        return [], possible.x
     answer = solve(relaxed(qp, range(len(rows)), share=_SHARE))
     if answer.status is not Status.SOLVED:
-        return [Fault("no force", "", float(np.linalg.norm(needed[:3])))]
+        return [Fault("no force", "", float(np.linalg.norm(needed[:3])))], np.zeros(n)
     worst: dict[tuple[str, str], float] = {}
     slacks = np.abs(answer.x[n:])
     slacks[0] = np.linalg.norm(slacks[:3])
@@ -93,9 +97,9 @@ def lacking(robot: PinocchioModel, state: Any, a: Vec, contacts: Sequence[Contac
         if counts:
             amount = slack * row.size
             if row.kind == "centre of pressure":
-                amount *= 1e3 / max(float(answer.x[normals[row.part]]), 1.0)
+                amount *= 1e3 / max(float(answer.x[normals[row.part]]), _LIGHT * weight)
             worst[row.kind, row.part] = max(worst.get((row.kind, row.part), 0.0), amount)
-    return [Fault(kind, part, amount) for (kind, part), amount in worst.items()]
+    return [Fault(kind, part, amount) for (kind, part), amount in worst.items()], answer.x[:n]
 
 
 def without_contact(robot: PinocchioModel, state: Any, a: Vec) -> list[Fault]:

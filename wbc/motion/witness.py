@@ -62,7 +62,7 @@ class Witness:
             faults += self._collision()
             if not faults:
                 held = [contact for part, contact in self._contacts.items() if holds[part][k]]
-                forces = lacking(self._robot, self._state, a[k], held) if held else None
+                forces = lacking(self._robot, self._state, a[k], held)[0] if held else None
                 faults += without_contact(self._robot, self._state, a[k]) if forces is None else forces
             progress((k + 1) / len(found))
         return [Verdict(tuple(sorted(faults, key=lambda fault: KINDS.index(fault.kind)))) for faults in found]
