@@ -49,7 +49,7 @@ class CapturePoint(Tracking, KernelLinearTask):
         self._omega = float(np.sqrt(np.linalg.norm(model.gravity) / self.height))
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "whole.capture_point", CENTRE, numbers=[self._omega, self.rate])
+        return KernelRows.tracking(self, "motion.capture_point", CENTRE, numbers=[self._omega, self.rate])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

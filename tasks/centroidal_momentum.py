@@ -38,7 +38,7 @@ class CentroidalMomentum(Tracking, KernelTask):
         self.target = target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "whole.momentum", MOMENTUM, numbers=[0, 1.0])
+        return KernelRows.tracking(self, "motion.velocity", MOMENTUM, numbers=[1.0, *range(6)])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

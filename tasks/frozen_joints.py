@@ -68,7 +68,7 @@ class FrozenJoints(KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         if self.positions is None:
-            return KernelRows("joint.still", constant=self._J)
+            return KernelRows("motion.velocity", constant=self._J)
         return KernelRows.of_joints(self._positions, self._J)
 
     @classmethod

@@ -10,9 +10,9 @@ import numpy as np
 from wbc.errors import InvalidInput
 from wbc.models import plausible
 from wbc.models.model import RobotModel
+from wbc.stack.joint_task import TorqueTask
 from wbc.stack.kernel_members import KernelLinearTask
 from wbc.stack.kernel_rows import KernelRows
-from wbc.stack.torque_task import TorqueTask
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
 

@@ -49,7 +49,7 @@ class JointVelocity(Tracking, JointTask, KernelTask):
         self.target = self.target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "joint.velocity")
+        return KernelRows.tracking(self, "motion.velocity")
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

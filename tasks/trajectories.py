@@ -11,7 +11,7 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.stack.known_motion import MINIMUM_JERK, POSE, SAMPLES, SINUSOID, KnownMotion
+from wbc.stack.kernel_rows import MINIMUM_JERK, POSE, SAMPLES, SINUSOID, KnownMotion
 from wbc.stack.tracking import pose_target
 from wbc.types import Vec
 

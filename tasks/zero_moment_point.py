@@ -48,7 +48,7 @@ class ZeroMomentPoint(Tracking, KernelLinearTask):
 
     def kernel_rows(self) -> KernelRows:
         numbers = [self._mass, self.ground, *self._gravity]
-        return KernelRows.tracking(self, "whole.zero_moment_point", MOMENTUM, CENTRE, numbers=numbers)
+        return KernelRows.tracking(self, "motion.zero_moment_point", MOMENTUM, CENTRE, numbers=numbers)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from wbc.qp import solvers as _solvers
     from wbc.qp.lexicographic import lexicographic as lexicographic
     from wbc.stack.component import Component as Component
+    from wbc.stack.component import Schedule as Schedule
     from wbc.stack.constraint import Barrier as Barrier
     from wbc.stack.constraint import Constraint as Constraint
     from wbc.stack.constraint import LinearConstraint as LinearConstraint
@@ -54,7 +55,6 @@ if TYPE_CHECKING:
     from wbc.stack.hierarchy import Weighted as Weighted
     from wbc.stack.overrides import Motor as Motor
     from wbc.stack.overrides import Overrides as Overrides
-    from wbc.stack.schedule import Schedule as Schedule
     from wbc.stack.stack import Stack as Stack
     from wbc.stack.task import LinearTask as LinearTask
     from wbc.stack.task import Task as Task
@@ -82,7 +82,7 @@ _HOME = {
     "Recovery": "wbc.control.recovery",
     "Row": "wbc.qp",
     "Run": "wbc.control.recorder",
-    "Schedule": "wbc.stack.schedule",
+    "Schedule": "wbc.stack.component",
     "Setpoint": "wbc.control.setpoint",
     "Solution": "wbc.qp",
     "Stack": "wbc.stack.stack",

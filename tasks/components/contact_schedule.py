@@ -12,8 +12,8 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.component import Schedule
 from wbc.stack.overrides import Overrides
-from wbc.stack.schedule import Schedule
 from wbc.types import Vec
 
 if TYPE_CHECKING:

@@ -65,7 +65,7 @@ class FrameVelocityLimits(KernelConstraint):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("limit.velocity", (self.frame,), self._rows)
+        return KernelRows("motion.velocity", (self.frame,), [1.0, *self._rows])
 
     def bounds(self) -> tuple[Vec, Vec]:
         return -self._v_max, self._v_max

@@ -10,7 +10,7 @@ import pytest
 
 import wbc
 from tasks import CenterOfMass, ContactForce, Frame, JointVelocityLimits, Position, Posture, Sole, TorqueLimits
-from wbc.control.distance import distances, units
+from wbc.control.answer import distances, units
 
 ARM, HUMANOID = wbc.load("arm"), wbc.load("humanoid")
 HIERARCHIES = (wbc.Weighted(), wbc.Strict(), wbc.Scaled())

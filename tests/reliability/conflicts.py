@@ -163,7 +163,7 @@ def _choose(plan: Any, rng: np.random.Generator) -> tuple[Index, Vec]:
     if kind == "torque":
         pool = np.arange(first_range, first_range + model.nj)
     elif kind == "force":
-        contact = layout.contacts[0]
+        contact = layout.contacts[0].member
         pool = np.arange(first_range + model.nj, first_range + model.nj + len(contact.cone()))
     else:
         equalities = np.arange(layout.n_u, shape.n_eq)
@@ -228,8 +228,8 @@ def _demand(plan: Any, chosen: Index, factors: Vec, row: Vec, x: Vec, delta: flo
         torques = (G[nb : nb + model.nj, : plan.problem.n] / plan.problem.scale) @ x + G[nb : nb + model.nj, -1]
         return Demand("torque", A, float(A @ torques) + delta)
     if first_range + model.nj <= chosen[0] < first_bound:
-        columns = slice(layout.force_columns[0], layout.force_columns[0] + layout.contacts[0].dim)
-        return Demand("force", row[columns], float(row @ x) + delta, contact=layout.contacts[0].frame)
+        columns = layout.contacts[0].unknowns
+        return Demand("force", row[columns], float(row @ x) + delta, contact=layout.contacts[0].member.frame)
     return Demand("acceleration", row[: model.nv], float(row @ x) + delta)
 
 

@@ -12,7 +12,7 @@ import wbc
 from tests.reliability.faults import FAULTS, excess, limited, sabotaged
 from tests.stack.conftest import feet
 from wbc.models.model import RobotState
-from wbc.stack.schedule import Schedule
+from wbc.stack.component import Schedule
 
 LEVELS = {"arm": wbc.VelocityLevel(), "quadruped": wbc.InverseDynamics(), "humanoid": wbc.InverseDynamics()}
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import Posture, TorqueLimits
 from wbc.errors import InvalidInput
-from wbc.stack.actuators import Actuators
+from wbc.stack.overrides import Actuators
 
 numbers = st.floats(-50.0, 50.0)
 

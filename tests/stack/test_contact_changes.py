@@ -11,7 +11,7 @@ import pytest
 
 import wbc
 from tasks import CenterOfMass, JointLimits, Orientation, Posture, TorqueLimits, feet
-from wbc.stack.schedule import Schedule
+from wbc.stack.component import Schedule
 
 CHANGES = 10_000
 

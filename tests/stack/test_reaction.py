@@ -71,6 +71,20 @@ def test_a_brake_carries_what_the_motor_would_have_to(state: RobotState):
     assert with_brake.f["brake"][0] == pytest.approx(with_motor.tau[1], abs=1e-4)
 
 
+def test_gains_of_what_a_force_holds_may_be_assigned_between_ticks():
+    """At rest and off the coupling, its acceleration is kp e."""
+    gear = JointCoupling("elbow", to={"shoulder_pitch": -1.5}, kp=100.0)
+    stack = wbc.Stack([Posture(ARM.q0)], contacts=[gear.with_reaction(name="gear")])
+    controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
+    elbow, pitch, found = ARM.joint("elbow"), ARM.joint("shoulder_pitch"), []
+    for k, kp in enumerate((100.0, 25.0)):
+        gear.kp = kp
+        a = controller.tick(1e-3 * k, ARM.q0, np.zeros(ARM.nv)).a
+        found.append(a[elbow] + 1.5 * a[pitch])
+    assert abs(found[0]) > 1.0
+    assert found[1] == pytest.approx(found[0] / 4.0)
+
+
 def test_wheels_carry_a_cart_and_drive_it(tmp_path: Any):
     """Four mecanum wheels: G' (M a + h) = G' S' tau along the three ways the cart can go; the ground carries it."""
     robot = omni_cart(tmp_path)

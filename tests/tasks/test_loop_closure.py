@@ -14,8 +14,8 @@ from tests.tasks.mechanisms import four_bar
 from tests.tasks.rows_of import moment
 from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotModel
+from wbc.stack.component import Schedule
 from wbc.stack.contact import ContactRows
-from wbc.stack.schedule import Schedule
 from wbc.testing import robots
 from wbc.types import Mat, Vec
 

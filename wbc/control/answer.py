@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from math import nan, sqrt
 from typing import NamedTuple, final
 
 import numpy as np
 
 from wbc.control.solving import Solving
 from wbc.qp.problem import Row
-from wbc.stack.task import Objective
+from wbc.qp.rows import RowProblem, RowTask
 from wbc.tolerances import NEAR
 from wbc.types import Vec
 
 
 @final
 class Share(NamedTuple):
-    """A task in the answer: the residual of its rows, wanted − got, and what they cost, ½ Σ wᵢ rᵢ²."""
+    """A task in the answer: by unit of its rows the norm of their residual, wanted − got, and what they cost,
+    ½ Σ wᵢ rᵢ²."""
 
-    task: Objective
-    residual: Vec
+    name: str
+    sizes: Mapping[str, float]
     cost: float
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        """The norm of the residual of the rows of each unit of the task's error."""
-        return norms(self.task, self.residual)
 
 
 @final
@@ -42,37 +40,30 @@ class Active(NamedTuple):
 
 
 def shares(controller: Solving) -> list[Share]:
-    """Every task of the last answer, in the order of the plan."""
-    plan, p = controller.plan, controller.plan.problem
-    layout = plan.layout
-    rows = p.G @ p.x1
-    found: list[tuple[Objective, Vec, Vec]] = []
-    tasks = (*layout.linear, *layout.kinematic)
-    for task, first in zip(tasks, (*layout.linear_rows, *layout.kinematic_rows), strict=True):
-        weights = p.weights[first - p.soft.start : first - p.soft.start + task.dim]
-        found.append((task, rows[first : first + task.dim], weights))
-    joints = p.x[controller.model.nb : controller.model.nv]
-    behind, nj = layout.n_rows - layout.motion_row, controller.model.nj
-    for i, joint_task in enumerate(layout.on_joints):
-        wanted = plan.motion.wanted[behind + i * nj : behind + (i + 1) * nj]
-        found.append((joint_task, joints - wanted, joint_task.weights()))
-    for soft, column in zip(layout.soft_constraints, layout.slack_columns, strict=True):
-        gives = slice(column, column + soft.dim)
-        found.append((soft, p.x[gives] * p.scale[gives], soft.weights()))
-    return [Share(task, residual, 0.5 * float((w * residual**2).sum())) for task, residual, w in found]
+    """Every task of the last answer, level after level."""
+    p = controller.plan.problem
+    rows, found = p.G @ p.x1, []
+    for task in _tasks(p):
+        if task.rows is not None:
+            residual = rows[task.rows]
+        else:
+            residual = p.x[task.unknowns] * p.scale[task.unknowns] - task.wanted
+        cost = 0.5 * float((task.weights * residual**2).sum())
+        found.append(Share(task.name, norms(_units(p, task), residual), cost))
+    return found
 
 
 def active(controller: Solving) -> list[Active]:
     """Every active row of the last answer, the dearest first; none where there is no answer."""
     if not controller.status.ok:
         return []
-    _, z, z_box = controller.multipliers()
+    _, z, z_box = controller.answering.multipliers()
     pushing = np.concatenate([z, z_box])
     largest = np.abs(pushing).max(initial=0.0)
     rows = np.flatnonzero(np.abs(pushing) > NEAR * max(1e-3, largest))
     if not len(rows):
         return []
-    p, value, lower, upper = controller.answered, *_bounded(controller)
+    p, value, lower, upper = controller.answering.answered, *_bounded(controller)
     found = []
     for i in rows[np.argsort(-np.abs(pushing[rows]))].tolist():
         pushes_down = bool(pushing[i] > 0)
@@ -89,12 +80,60 @@ def active(controller: Solving) -> list[Active]:
     return found
 
 
-def norms(member: Objective, values: Vec) -> dict[str, float]:
-    """The Euclidean norm of the values (dim,) of each unit that the rows of a task have."""
-    units = [member.unit(i) for i in range(member.dim)]
+def norms(units: Sequence[str], values: Vec) -> dict[str, float]:
+    """The Euclidean norm of the values (dim,) of each unit that rows have."""
     return {
-        unit: float(np.linalg.norm([x for x, own in zip(values, units, strict=True) if own == unit])) for unit in units
+        unit: float(np.linalg.norm([x for x, own in zip(values, units, strict=True) if own == unit]))
+        for unit in dict.fromkeys(units)
     }
+
+
+def units(problem: RowProblem) -> dict[str, str]:
+    """The unit of each task's rows, as in ``"m/s²"``; more than one are listed."""
+    return {task.name: ", ".join(dict.fromkeys(_units(problem, task))) for task in _tasks(problem)}
+
+
+def distances(problem: RowProblem, bounds: Mapping[str, float]) -> dict[str, float]:
+    """A bound on |Sᵢ (x̂ − x̃)| for the rows Sᵢ of each task [unit of the rows]; NaN where nothing is proved.
+
+    A task that may be done in part, J x + drift = s t, is decided as a direction and then as a share: the bounds on
+    both are added. The bound on a share is one on √(Σ wᵢ tᵢ²) s, so that over √wᵢ it is in the unit of tᵢ.
+
+    Args:
+        problem: the rows of the plan that was solved.
+        bounds: ``certificate.bounds`` of the command.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.tasks import Posture
+        >>> from wbc.control.answer import distances
+        >>> robot = wbc.load("arm")
+        >>> controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.VelocityLevel())
+        >>> command = controller.tick(0.0, robot.q0, 0 * robot.q0)
+        >>> distances(controller.plan.problem, command.certificate.bounds)["Posture"] < 1e-9
+        True
+    """
+    return {task.name: _distance(task, bounds) for task in _tasks(problem)}
+
+
+def _distance(task: RowTask, bounds: Mapping[str, float]) -> float:
+    if task.name in bounds:
+        return bounds[task.name]
+    direction, share = f"direction of {task.name}", f"share of {task.name}"
+    if direction not in bounds or share not in bounds:
+        return nan
+    lightest = min((float(weight) for weight in task.weights if weight > 0.0), default=nan)
+    return bounds[direction] + bounds[share] / sqrt(lightest)
+
+
+def _tasks(problem: RowProblem) -> list[RowTask]:
+    return [task for level in problem.levels for task in level]
+
+
+def _units(problem: RowProblem, task: RowTask) -> list[str]:
+    at = task.rows or task.unknowns
+    assert at is not None, "it is about rows or unknowns"
+    return [row.unit for row in (problem.rows if task.rows else problem.rows[problem.n_rows :])[at]]
 
 
 def _bounded(controller: Solving) -> tuple[Vec, Vec, Vec]:
@@ -103,7 +142,7 @@ def _bounded(controller: Solving) -> tuple[Vec, Vec, Vec]:
     The bounds are as they were set: in the standard form constant parts of rows are moved into them, and what a level
     above holds has one value there.
     """
-    p, source = controller.answered, controller.plan.problem
+    p, source = controller.answering.answered, controller.plan.problem
     value = np.concatenate([p.value[p.item(p.range.start) : p.item(p.range.stop)], p.x * p.scale])
     low, high = source.range_bounds()
     lower = np.concatenate([low, source.lb * source.scale, p.lb[source.n :]])

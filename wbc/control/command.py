@@ -13,7 +13,7 @@ from wbc.types import Status, Vec
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
-    from wbc.qp.rows import Outcome
+    from wbc.qp.rows import Outcome, RowSolver
     from wbc.qp.solver import Solution
 
 
@@ -49,14 +49,11 @@ class Owner(Protocol):
 
     model: RobotModel
     serial: int
+    answering: RowSolver
 
     @property
     def dt(self) -> float:
         """Time between ticks [s]."""
-
-    @property
-    def report(self) -> Callable[[], tuple[Outcome, ...]]:
-        """Says how the levels of a strict hierarchy came out."""
 
     @property
     def split_forces(self) -> Callable[[Vec | None], Forces]:
@@ -101,8 +98,9 @@ class Command:
         self._split_forces = controller.split_forces
         self._serial = controller.serial
         self.status, self.rung, self._certificate = status, rung, certificate
-        without = rung in _WITHOUT_LEVELS
-        self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = () if without else controller.report
+        self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = ()
+        if rung not in _WITHOUT_LEVELS:
+            self._levels = controller.answering.report
         self._q_before, self._v_before = q, v_before
         self._v, self._a, self._tau, self._forces = v, a, tau, forces
         self._q: Vec | None = None

@@ -285,11 +285,11 @@ class Controller(Solving):
         try:
             if self.mode.in_one_call and self._started and not self.components:
                 observes, self._solved = self._solved is self.plan, None
-                self.answered_by(self._solver)
-                status = self.plan.answer(state, self._solver, observes=observes)
+                self.answering = solver = self.mode.solver
+                status = self.plan.answer(state, solver, observes=observes)
             else:
                 self._ask_members()
-                status = self.asked(self._solver)
+                status = self.asked(self.mode.solver)
         except WbcError as failure:
             self.why = str(failure)
             return self.ladder.failed(q, v)
@@ -311,7 +311,7 @@ class Controller(Solving):
         return command
 
     def _solve_again(self) -> bool:
-        self.status = self.asked(self._solver)
+        self.status = self.asked(self.mode.solver)
         return self.status is Status.SOLVED
 
     # What overflows has a status: where warnings are errors, a tick raises none. Compiled code never warns.

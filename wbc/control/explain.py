@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import nan
 
-from wbc.control.answer import active, norms, shares
-from wbc.control.distance import distances, units
+from wbc.control.answer import active, distances, norms, shares, units
 from wbc.control.recovery import WEAKER
 from wbc.control.solving import Solving
 from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
 from wbc.qp.problem import QP
-from wbc.stack.task import Objective
-from wbc.types import Status, Vec
+from wbc.types import Status
 
 _SAID = {
     "not certified": "an answer within all constraints, its distance from the optimum unproved",
@@ -101,18 +100,18 @@ def _tasks(controller: Solving) -> list[str]:
     errors, p = controller.plan.errors(), controller.plan.problem
     found = shares(controller)
     total = sum(share.cost for share in found) or 1.0
-    suffix = "/s" if controller.level.order == 1 else "/s²"
     far = {} if controller.last is None else distances(p, controller.last.certificate.bounds)
     unit = units(p)
+    members = {task.name: task for task in controller.plan.stack.tasks}
     lines = ["tasks:"]
-    for member, residual, cost in found:
-        error = errors.get(member.name)
-        ending = "" if error is None else suffix
-        seen = "" if error is None else f"error {_sizes(member, error)}, "
-        share = 100.0 * cost / total
-        line = f"  {member.name}: {seen}residual {_sizes(member, residual, ending)}, {share:.1f} % of the cost"
-        if far.get(member.name, nan) >= 0.0:  # NaN: not proved
-            bounds = [f"{far[member.name]:.1g} {one}".rstrip() for one in unit[member.name].split(", ")]
+    for name, sizes, cost in found:
+        seen = ""
+        if name in errors:
+            error = norms([members[name].unit(i) for i in range(len(errors[name]))], errors[name])
+            seen = f"error {_said(error)}, "
+        line = f"  {name}: {seen}residual {_said(sizes)}, {100.0 * cost / total:.1f} % of the cost"
+        if far.get(name, nan) >= 0.0:  # NaN: not proved
+            bounds = [f"{far[name]:.1g} {one}".rstrip() for one in unit[name].split(", ")]
             line += f"; at most {', '.join(bounds)} from its optimum"
         lines.append(line)
     return lines
@@ -135,6 +134,6 @@ def _regularisation(controller: Solving) -> list[str]:
     return lines
 
 
-def _sizes(member: Objective, values: Vec, ending: str = "") -> str:
-    """The norm of the rows of each unit, as in ``0.2 m, 1.3 rad``."""
-    return ", ".join(f"{norm:.3g} {unit}{ending}".rstrip() for unit, norm in norms(member, values).items())
+def _said(sizes: Mapping[str, float]) -> str:
+    """Norms by unit, as in ``0.2 m, 1.3 rad``."""
+    return ", ".join(f"{norm:.3g} {unit}".rstrip() for unit, norm in sizes.items())

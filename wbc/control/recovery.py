@@ -147,7 +147,7 @@ class Ladder:
     def spoilt(self, command: Command, why: str) -> None:
         """Write down what failed once the command was decided, a component or a clock: the command stands, not ok."""
         self._controller.status = command.status = Status.FAILED
-        self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
+        self._write_down(command, why)
 
     @np.errstate(all="ignore")
     def descend(self, status: Status, q: Vec, v: Vec) -> Command:
@@ -160,14 +160,14 @@ class Ladder:
             if status is not Status.INFEASIBLE and (weaker is None or weaker.level != NOT_OPTIMISED):
                 answer = self._other_solver(status)
                 if answer.ok:
-                    return self._certified(Status.SOLVED, "other solver", q, v, controller.proof)
+                    return self._certified(Status.SOLVED, "other solver", q, v, controller.answering.proof)
                 other = self._weaker(answer)
                 if other is not None and (weaker is None or WEAKER.index(other.level) < WEAKER.index(weaker.level)):
                     weaker = other
                 status = answer
             if weaker is not None and status is not Status.INFEASIBLE:
                 controller.plan.problem.value[:] = weaker.value
-                controller.answered_by(weaker.solver)
+                controller.answering = weaker.solver
                 return self._certified(weaker.status, weaker.level, q, v, weaker.solver.certificate)
             controller.status = status
             if self._limited():
@@ -191,7 +191,7 @@ class Ladder:
     def late(self, command: Command, why: str) -> None:
         """Write down a tick that took too long, if ``why`` says so."""
         if why:
-            self.log.append(Event(self._controller.state.t, self._controller.serial, command.status, command.rung, why))
+            self._write_down(command, why)
 
     # ---- fallback levels
     def _weaker(self, status: Status) -> _Weaker | None:
@@ -341,11 +341,13 @@ class Ladder:
         return last.q, last.v
 
     def _note(self, command: Command, why: str = "") -> Command:
-        controller = self._controller
         self.rungs[command.rung] += 1
-        why = why or controller.why or command.status.value
-        self.log.append(Event(controller.state.t, controller.serial, command.status, command.rung, why))
+        self._write_down(command, why or self._controller.why or command.status.value)
         return command
+
+    def _write_down(self, command: Command, why: str) -> None:
+        controller = self._controller
+        self.log.append(Event(controller.state.t, controller.serial, command.status, command.rung, why))
 
 
 def _said_relaxed(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:
@@ -363,9 +365,9 @@ def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:
     """Indices into ``qp.rows`` of what may be relaxed."""
     layout, model = plan.layout, plan.model
     owners: list[tuple[str, set[str]]] = [
-        ("constraints", {member.name for member in (*layout.exact, *layout.constraints)}),
-        ("barriers", {barrier.name for barrier in layout.barriers}),
-        ("contacts", {f"contact[{contact.short_name}]" for contact in layout.contacts}),
+        ("constraints", {block.name for block in (*layout.exact, *layout.constraints)}),
+        ("barriers", {block.name for block in layout.barriers}),
+        ("contacts", {f"contact[{contact.short_name}]" for contact in plan.stack.contacts}),
     ]
     m = len(qp.lower)
     yield "force rates", [m + i for i in plan.pressed() if np.isfinite(qp.lb[i])]

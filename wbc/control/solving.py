@@ -12,7 +12,7 @@ from wbc.control.command import Command, Forces, Proof
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
-from wbc.qp.rows import Outcome, RowProblem, RowSolver, solution_of
+from wbc.qp.rows import Outcome, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
 from wbc.stack.component import Component
 from wbc.stack.formulation import Formulation
@@ -31,8 +31,8 @@ class Solving:
     """
 
     __slots__ = (
-        "_answered", "_asked", "_dt", "_hierarchy", "_level", "_solver", "_stack", "last", "mode", "model", "plan",
-        "plans", "serial", "split_forces", "state", "status", "ticks", "why",
+        "_asked", "_dt", "_hierarchy", "_level", "_stack", "answering", "last", "mode", "model", "plan", "plans",
+        "serial", "split_forces", "state", "status", "ticks", "why",
     )  # fmt: skip
 
     #: How the last tick ended, why it is not simply solved, and its command.
@@ -43,6 +43,8 @@ class Solving:
     ticks: int
     #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
     serial: int
+    #: The solver that was asked last: the tick's answer is its.
+    answering: RowSolver
     #: Makes contact forces (nf,) wrenches by contact name.
     split_forces: Callable[[Vec | None], Forces]
 
@@ -65,7 +67,7 @@ class Solving:
         state = self.model.state(drifts=self._level.order > 1)
         plans = Plans(state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
         self.plans, self._stack = plans, stack
-        contacts = plans.whole.plan.layout.contacts
+        contacts = plans.whole.plan.stack.contacts
         self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, {c.frame: c.name for c in contacts})
         return state
 
@@ -115,32 +117,22 @@ class Solving:
 
     def use(self, mode: Mode) -> None:
         """Decide with the plan and the solver of this set of contacts from now on."""
-        self.mode, self.plan, self._solver = mode, mode.plan, mode.solver
-        self._answered = mode.solver
+        self.mode, self.plan, self.answering = mode, mode.plan, mode.solver
 
     def asked(self, solver: RowSolver) -> Status:
         """What a solver says of the problem as it is filled; one that raises has failed, and ``why`` says how."""
-        self._answered = solver
+        self.answering = solver
         try:
             return solver.solve()
         except Exception as cause:  # a back end may raise anything, and a robot still needs a command
             self.why = f"solver {self._asked.name!r} raised {type(cause).__name__}: {cause}"
             return Status.FAILED
 
-    @property
-    def answering(self) -> RowSolver:
-        """The solver that was asked last."""
-        return self._answered
-
-    def answered_by(self, solver: RowSolver) -> None:
-        """From now on the tick's answer is this solver's."""
-        self._answered = solver
-
     def decode(
         self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Proof | None = None
     ) -> Command:
         """The command that the answer in the plan's memory means."""
-        plan, proof = self.plan, self._answered.proof if proof is None else proof
+        plan, proof = self.plan, self.answering.proof if proof is None else proof
         parts, value = plan.layout, plan.problem.value.copy()
         value.setflags(write=False)
         motion = value[parts.motion_items]
@@ -159,57 +151,38 @@ class Solving:
 
         Of a strict hierarchy it is the last level's, with what those above came to as equalities.
         """
-        if self.answered is self.plan.problem:
+        if self.answering.answered is self.plan.problem:
             return self.plan.qp.copy()
-        return self._answered.standard_form()
+        return self.answering.standard_form()
 
     @property
     def active_count(self) -> int:
         """How many limits, cones and bounds the last answer touches."""
-        return self._answered.active_count
+        return self.answering.active_count
 
     @property
     def iterations(self) -> int:
         """Iterations of the last solve."""
-        return self._answered.iterations
+        return self.answering.iterations
 
     @property
     def levels(self) -> tuple[Outcome, ...]:
         """How the levels came out in the last answer; () under ``Weighted``, which has none."""
-        return self._answered.outcomes
-
-    @property
-    def report(self) -> Callable[[], tuple[Outcome, ...]]:
-        """Says how the levels came out in the last answer, also later."""
-        return self._answered.report
-
-    @property
-    def answered(self) -> RowProblem:
-        """The problem that :attr:`qp` is the standard form of."""
-        return self._answered.answered
-
-    @property
-    def proof(self) -> Proof:
-        """Says what is certified of the last answer, also later."""
-        return self._answered.proof
+        return self.answering.outcomes
 
     @property
     def counts(self) -> Any:
         """First guesses right, repaired, given up, over all ticks."""
-        return self._solver.counts
+        return self.mode.solver.counts
 
     @property
     def form(self) -> str:
         """How the QP is solved: "rows" or "variables" by the core, "standard" by another solver, "levels" if ranked."""
-        return self._solver.form
-
-    def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        """Multipliers y, z and z_box of :attr:`qp` for the last answer, without the certificate of :meth:`solution`."""
-        return self._answered.multipliers()
+        return self.mode.solver.form
 
     def solution(self) -> Solution:
         """Solution of :attr:`qp` with its multipliers and the certificate recomputed from the data."""
-        return solution_of(self._answered, self._answered.standard_form(), self.status)
+        return solution_of(self.answering, self.answering.standard_form(), self.status)
 
 
 def _split(sizes: Mapping[str, int], frames: dict[str, str], forces: Vec | None) -> Forces:

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from wbc.control.answer import active, norms, shares
+from wbc.control.answer import active, distances, shares, units
 from wbc.control.command import Command
-from wbc.control.distance import distances, units
 from wbc.control.explain import reproducer
 from wbc.qp.problem import QP
 from wbc.stack.contact import Contact
@@ -42,8 +41,7 @@ class Ticks:
         self.failed: QP | None = None
         self._order, self._dynamics = controller.level.order, controller.level.dynamics
         #: With all contacts: a task on a contact's force is not in the plan while the contact is open.
-        self._tasks = tuple(units(controller.plans.whole.plan.problem))
-        self._sizes = {name: len(said.split(", ")) for name, said in residual_units(controller).items()}
+        self._sizes = {name: len(said.split(", ")) for name, said in units(controller.plans.whole.plan.problem).items()}
         #: Every row that was active so far, with its side: what the numbers of the column ``active.row`` mean.
         self.active_rows: dict[tuple[str, str, str, str], int] = {}
 
@@ -68,7 +66,7 @@ class Ticks:
             row[f"error.{name}"] = error
         row |= self._shares() | self._active()
         far = distances(controller.plan.problem, proof.bounds)
-        for name in self._tasks:
+        for name in self._sizes:
             row[f"distance.{name}"] = far.get(name, np.nan)
         for name, (barrier, margin) in controller.plan.margins().items():
             row[f"margin.{name}"] = margin
@@ -85,9 +83,9 @@ class Ticks:
         for name, size in self._sizes.items():
             found[f"residual.{name}"], found[f"cost.{name}"] = np.full(size, np.nan), np.nan
         for share in shares(self.controller) if self.controller.status.ok else ():
-            name, sizes = share.task.name, [*share.sizes.values()]
+            name, sizes = share.name, np.array([*share.sizes.values()])
             if self._sizes.get(name) == len(sizes):  # a stack that replaced the first may call another task the same
-                found[f"residual.{name}"], found[f"cost.{name}"] = np.array(sizes), share.cost
+                found[f"residual.{name}"], found[f"cost.{name}"] = sizes, share.cost
         return found
 
     def _active(self) -> dict[str, Vec]:
@@ -113,25 +111,12 @@ class Ticks:
             self.failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
 
 
-def residual_units(controller: Controller) -> dict[str, str]:
-    """The units of each recorded residual, as in ``"m/s², rad/s²"``; of a slack that of its constraint."""
-    layout = controller.plans.whole.plan.layout
-    suffix = "/s" if controller.level.order == 1 else "/s²"
-    moved = {task.name for task in (*layout.kinematic, *layout.on_joints)}
-    tasks: tuple[Objective, ...] = (*layout.linear, *layout.kinematic, *layout.on_joints, *layout.soft_constraints)
-    return {
-        task.name: ", ".join(
-            f"{unit}{suffix if task.name in moved else ''}" for unit in norms(task, np.zeros(task.dim))
-        )
-        for task in tasks
-    }
-
-
 def about(controller: Controller) -> dict[str, Any]:
     """Metadata that a controller's rows are read with: names, units, limits, what tasks and contacts there are."""
     model, stack = controller.model, controller.plans.whole.plan.stack
     objectives: dict[str, Objective] = {task.name: task for task in stack.tasks}
-    objectives |= {constraint.name: constraint.task for constraint in controller.plan.layout.exact}
+    objectives |= {block.name: block.says for block in controller.plan.layout.exact}
+    unit = units(controller.plans.whole.plan.problem)
     return {
         "robot": model.name,
         "base": getattr(model, "base", "fixed"),
@@ -144,8 +129,8 @@ def about(controller: Controller) -> dict[str, Any]:
         "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
         "statuses": [status.name for status in Status],
         "tasks": {name: _task(task) for name, task in objectives.items()},
-        "distances": units(controller.plans.whole.plan.problem),
-        "residuals": residual_units(controller),
+        "distances": unit,
+        "residuals": unit,
         "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
         "stack": str(stack),
     }
@@ -155,8 +140,8 @@ def _task(task: Objective) -> dict[str, Any]:
     rows = range(task.dim)
     found: dict[str, Any] = {"units": [task.unit(k) for k in rows], "labels": [task.label(k) for k in rows]}
     said = kernel_rows_of(task)
-    if said is not None and said().kernel.startswith("frame."):
-        (thing,) = said().of
+    if said is not None and said.kernel.startswith("frame."):
+        (thing,) = said.of
         found["point"] = "" if thing == CENTRE else thing  # whose place its rows in metres are about
     return found
 

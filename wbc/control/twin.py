@@ -7,12 +7,11 @@ and the robot's model, and that is what most of the time goes for.
 
 from __future__ import annotations
 
-from copy import copy
 from typing import Any, final
 
 from wbc.control.controller import Controller
 from wbc.control.watchdog import Watchdog
-from wbc.stack.member import Member
+from wbc.stack.member import Binding, Member
 from wbc.stack.stack import Stack
 from wbc.stack.target import Target
 
@@ -40,10 +39,9 @@ class Twin:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         make, (model, stack) = controller.__reduce__()
-        levels, subject_to, contacts = _own((stack.levels, stack.subject_to, stack.contacts), {})
-        self._twin: Controller = make(
-            model, Stack(levels, subject_to=subject_to, contacts=contacts), watchdog=Watchdog()
-        )  # fmt: skip
+        own = Binding().own
+        copied = Stack(own(stack.levels), subject_to=own(stack.subject_to), contacts=own(stack.contacts))
+        self._twin: Controller = make(model, copied, watchdog=Watchdog())
         planned = self._twin.plan.stack
         _hold((planned.levels, planned.subject_to, planned.contacts))
 
@@ -51,19 +49,6 @@ class Twin:
         """A dry tick."""
         state = self._controller.state
         self._twin.tick(state.t, state.q, state.v)
-
-
-def _own(value: Any, known: dict[int, Member]) -> Any:
-    """Copies of members, and of the members that they hold; of each one, by its id."""
-    if type(value) in (list, tuple):
-        return type(value)(_own(one, known) for one in value)
-    if not isinstance(value, Member):
-        return value
-    same = known.get(id(value))
-    if same is None:
-        same = known[id(value)] = copy(value)
-        same.__dict__.update({name: _own(inner, known) for name, inner in same.__dict__.items()})
-    return same
 
 
 def _hold(value: Any) -> None:

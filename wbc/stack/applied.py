@@ -10,12 +10,11 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.models.model import RobotModel
-from wbc.stack.actuators import Actuators
 from wbc.stack.contact import Contact, keys
 from wbc.stack.interval import JointIntervals
 from wbc.stack.level import Level
 from wbc.stack.member import Binding
-from wbc.stack.overrides import QUANTITIES, Motor, Overrides
+from wbc.stack.overrides import QUANTITIES, Actuators, Motor, Overrides
 from wbc.types import Mat, Vec
 
 Said = Sequence[tuple[str, Overrides]]
@@ -130,12 +129,7 @@ class Applied:
         if said:
             name = next((name for name, overrides in reversed(said) if overrides.motors), said[0][0])
             self._refuse_crossed(f"{name}.motors", "torque", low, high)
-        for name, overrides in said:
-            lifted = self._lifted(name, "torque", overrides)
-            low[lifted], high[lifted] = -np.inf, np.inf
-        for name, overrides in said:
-            low, high = self._narrowed(name, "torque", overrides, low, high)
-        return low, high
+        return self._overridden("torque", low, high, said)
 
     def _take_torques(self, bounds: _Bounds | None) -> None:
         if bounds is None or all(np.array_equal(new, old) for new, old in zip(bounds, self._torque, strict=True)):
@@ -164,18 +158,19 @@ class Applied:
                 if any(getattr(overrides, quantity) is not None for quantity in QUANTITIES[1:]):
                     raise NotSupported(f"{name}: bounds on motion, and the stack has no limits on motion to narrow")
             return {}
-        found = {}
-        for quantity, (low, high) in self._own_motion.items():
-            low, high = low.copy(), high.copy()
-            for name, overrides in said:
-                lifted = self._lifted(name, quantity, overrides)
-                low[lifted], high[lifted] = -np.inf, np.inf
-            for name, overrides in said:
-                low, high = self._narrowed(name, quantity, overrides, low, high)
-            found[quantity] = low, high
-        return found
+        return {what: self._overridden(what, *bounds, said) for what, bounds in self._own_motion.items()}
 
     # ---- both
+    def _overridden(self, quantity: str, low: Vec, high: Vec, said: Said) -> _Bounds:
+        """The stack's own bounds where none is lifted, narrowed."""
+        low, high = low.copy(), high.copy()
+        for name, overrides in said:
+            lifted = self._lifted(name, quantity, overrides)
+            low[lifted], high[lifted] = -np.inf, np.inf
+        for name, overrides in said:
+            low, high = self._narrowed(name, quantity, overrides, low, high)
+        return low, high
+
     def _narrowed(self, name: str, quantity: str, overrides: Overrides, low: Vec, high: Vec) -> _Bounds:
         given = getattr(overrides, quantity)
         if given is None:

@@ -1,9 +1,9 @@
-"""Component: memory. The only thing in a stack with state."""
+"""Component: memory. The only thing in a stack with state. A Schedule is the one that says which contacts hold."""
 
 from __future__ import annotations
 
-from abc import ABC
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from wbc import checks
@@ -18,7 +18,7 @@ class Component(ABC):
 
     In each tick ``before`` returns what it changes there, an :class:`~wbc.stack.overrides.Overrides`, or None;
     ``after`` sees what was decided; ``signals`` is what the recorder writes. Which contacts hold is said by a
-    :class:`~wbc.stack.schedule.Schedule`. A component that raises, or returns what makes no sense, costs the tick its
+    :class:`Schedule`. A component that raises, or returns what makes no sense, costs the tick its
     answer: the command is a bounded fallback, its status is not ok, and ``controller.why`` names the component.
     """
 
@@ -60,3 +60,23 @@ class Component(ABC):
 
     def __repr__(self) -> str:
         return self.name
+
+
+class Schedule(Component):
+    """Names, in each tick, those of the stack's contacts that hold; a stack has at most one.
+
+    The controller then uses the plan compiled for that set: a contact that was not in the set before is made where the
+    robot is (or at its target), one that is no longer named is gone, and what is said about its force with it.
+    Contacts are named by their name, or by their frame where no other contact is on it.
+    """
+
+    @abstractmethod
+    def contact_sets(self) -> Iterable[Iterable[str]]:
+        """The sets that ``contacts`` can name; their plans are compiled before the first tick."""
+
+    @abstractmethod
+    def contacts(self, state: RobotState, last: object) -> Iterable[str]:
+        """The set of this tick, asked for before any component's ``before``; ``last`` is the previous Command or None.
+
+        A set that has no plan yet is compiled outside the tick; until then the present plan holds.
+        """

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, Self, final
+from typing import Any, ClassVar, Literal, final
 
 import numpy as np
 
@@ -33,37 +33,18 @@ Quantity = Literal["position", "velocity", "acceleration", "jerk", "torque"]
 class Constraint(Member):
     """A constraint with a name. ``subject`` (a frame, a contact) makes the default name."""
 
-    subject: str = ""
     #: Weight of the constraint's slack, above every level; None: it has none and holds exactly. See :class:`Barrier`.
     slack: float | None = None
-    _name: str | None = None
 
     def __init__(self, *, name: str | None = None) -> None:
         self._name = None if name is None else checks.text("name", name)
 
-    @property
-    def name(self) -> str:
-        """Given, or the class and its subject."""
-        if self._name:
-            return self._name
-        subject = checks.text(f"the subject of {type(self).__name__}", self.subject)
-        return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
-
-    def prepare(self, model: RobotModel) -> None:
-        """Called once on each plan's own copy of the constraint: check arguments against the model and fix sizes."""
+    def label(self, row: int) -> str:
+        return str(row) if getattr(self, "dim", 1) > 1 else ""
 
     def softly(self, *, weight: Any = 1.0, name: str | None = None) -> Softly:
         """The same constraint as an objective, to stand among the tasks of a stack: it may be broken, at a cost."""
         return Softly(self, weight=weight, name=name)
-
-    @classmethod
-    def samples(cls, model: RobotModel) -> list[Self]:
-        """Instances that make sense on ``model``, for the contract tests; to be written where arguments are needed."""
-        del model
-        return [cls()]
-
-    def __repr__(self) -> str:
-        return self.name
 
 
 class Constraints(Constraint):
@@ -151,7 +132,6 @@ class Barrier(Constraint):
     """
 
     dim: int
-    units: str | tuple[str, ...]
     #: Numbers (dim,) of what each row is about now, where that changes from tick to tick; recorded beside the margins.
     codes: Index | None = None
     #: What the state that was filled last has and the rows do not say, for ``controller.why``; mostly nothing.
@@ -169,17 +149,9 @@ class Barrier(Constraint):
     def fill(self, state: RobotState, out: BarrierRows) -> None:
         """Write h, J and drift (and rate) for this state. Pure."""
 
-    def label(self, row: int) -> str:
-        """What one row is called in reports."""
-        return "" if self.dim == 1 else str(row)
-
     def about(self, row: int) -> str:
         """What one row is about in the state that was filled last; for most its label, always."""
         return self.label(row)
-
-    def unit(self, row: int) -> str:
-        """Unit of one row."""
-        return self.units if isinstance(self.units, str) else self.units[row]
 
 
 class ConstraintRows:
@@ -197,21 +169,12 @@ class LinearConstraint(Constraint):
 
     on: ClassVar[Literal["velocity", "acceleration", "torque", "force"]]
     dim: int
-    units: str | tuple[str, ...]
     #: For ``on = "force"``: the name or frame of the contact, or of several, whose wrenches stand one behind the other.
     contact: str | tuple[str, ...] = ""
 
     @abstractmethod
     def fill(self, state: RobotState, out: ConstraintRows) -> None:
         """Write A, lo and hi for this state. Pure."""
-
-    def label(self, row: int) -> str:
-        """What one row is called in reports."""
-        return "" if self.dim == 1 else str(row)
-
-    def unit(self, row: int) -> str:
-        """Unit of one row."""
-        return self.units if isinstance(self.units, str) else self.units[row]
 
 
 @final

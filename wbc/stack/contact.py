@@ -177,12 +177,10 @@ class Contact(Member):
         return self.pyramid.mu
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once on each plan's own copy of the contact: check arguments against the model."""
         model.check_frame(self.frame)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
-        """Instances that make sense on ``model``; the contract tests check them."""
         return [cls(model.frame_names[-1], friction=0.5)]
 
     @abstractmethod

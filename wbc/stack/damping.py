@@ -47,12 +47,13 @@ class ResidualDamping:
         self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, tasks: slice
     ) -> None:
         nb, nv, nj = layout.model.nb, layout.model.nv, layout.model.nj
-        own_tasks = layout.kinematic[tasks] if factor > 0.0 else []
+        blocks = layout.kinematic[tasks] if factor > 0.0 else []
         #: The tasks whose residuals damp the joints.
-        self.names, dims = [task.name for task in own_tasks], [task.dim for task in own_tasks]
-        rows, before = sum(dims), sum(task.dim for task in layout.kinematic[: tasks.start])
-        first, own = layout.motion_row + before, slice(before, before + rows)
-        starts = np.cumsum([0, *dims])
+        self.names, starts = [block.name for block in blocks], np.cumsum([0, *(block.dim for block in blocks)])
+        rows, own = int(starts[-1]), slice(*([blocks[0].motion.start, blocks[-1].motion.stop] if blocks else [0, 0]))
+        of_tasks = slice(layout.motion_row + own.start, layout.motion_row + own.stop)
+        self._rows, self._left = problem.G[of_tasks], problem.value[problem.item(of_tasks.start) :][:rows]
+        self._weights = problem.weights[of_tasks.start - problem.soft.start :][:rows]
         gain = motion.rate if motion.order == 1 else motion.kp
         step = dt if motion.order == 1 else 4.0 * dt**2
         #: λ, the step, a residual that needs no damping, and whether any joint is damped.
@@ -64,18 +65,14 @@ class ResidualDamping:
         #: a = −rate v is what is wanted of each joint (nj,).
         self.rate = np.zeros(nj)
         self._memory = Memory(
-            np.array([len(dims), rows, nj, problem.n + 1, nb], dtype=np.int64), starts.astype(np.int64), self._numbers,
-            problem.G[first : first + rows], problem.value[problem.item(first) :][:rows],
-            problem.weights[first - problem.soft.start :][:rows],
-            gain[own], motion.kd[own], motion.e[own], self.base, self.applied, np.zeros((len(dims), nj)),
-            self.rate, np.zeros(rows), *(np.zeros(nj) for _ in range(3)),
+            np.array([len(blocks), rows, nj, problem.n + 1, nb], dtype=np.int64), starts.astype(np.int64),
+            self._numbers, self._rows, self._left, self._weights, gain[own], motion.kd[own], motion.e[own], self.base,
+            self.applied, np.zeros((len(blocks), nj)), self.rate, np.zeros(rows), *np.zeros((3, nj)),
         )  # fmt: skip
         #: What a level that is damped by itself costs beside its tasks: weight of each joint, and what it wants there.
         self.weights, self.wanted = np.zeros(nj), np.zeros(nj)
         #: For the compiled code that reads what the last answer left.
         self.address = self._memory.address
-        self._rows, self._left = problem.G[first : first + rows], problem.value[problem.item(first) :][:rows]
-        self._weights = problem.weights[first - problem.soft.start :][:rows]
         self._J = self._rows[:, nb:nv]
         self.reset()
 
@@ -140,17 +137,21 @@ class Damping:
     ) -> None:
         self._made_of = layout, motion, problem, factor, dt
         self._order, self._least = motion.order, least
-        self.in_metric = ResidualDamping(*self._made_of, tasks=slice(0, len(layout.kinematic)))
-        self.of_levels: list[ResidualDamping] = []
-        #: Of each damping its address, that of the metric behind those of the levels.
-        self.addresses = np.array([self.in_metric.address], dtype=np.int64)
+        self._split([0])
         self._v = np.zeros(layout.model.nj)
         #: Whether a level was damped in the last fill.
-        self._follows = False
+        self.follows = False
         #: Tasks on the joints at the levels that are damped.
         self._on_joints: list[tuple[ResidualDamping, RowTask]] = []
         #: What a task does in part it brakes with all of its kd: where it stands, kd and J.
         self._braking: list[tuple[ResidualDamping, Vec, Vec, Mat]] = []
+
+    def _split(self, ends: Sequence[int]) -> None:
+        """One damping for the tasks between two of these numbers each, and one in the metric for those behind."""
+        parts = [slice(*pair) for pair in pairwise([*ends, len(self._made_of[0].kinematic)])]
+        *self.of_levels, self.in_metric = self._all = [ResidualDamping(*self._made_of, tasks=part) for part in parts]
+        #: Of each damping its address.
+        self.addresses = np.array([damping.address for damping in self._all], dtype=np.int64)
 
     def pulls(self, ranks: Sequence[Rank]) -> list[Pull | None]:
         """Of each stage of these ranks what damps it; the last stage has its damping in the metric.
@@ -166,11 +167,9 @@ class Damping:
             return []
         if not self.of_levels:
             first = layout.model.nb  # of the unknowns that the joints are
-            ends = np.cumsum([0, *(sum(task.kinematic for task in rank.tasks) for rank in upper)]).tolist()
             base = self.in_metric.base
-            self.in_metric = ResidualDamping(*self._made_of, tasks=slice(ends[-1], len(layout.kinematic)))
+            self._split(np.cumsum([0, *(sum(task.kinematic for task in rank.tasks) for rank in upper)]).tolist())
             self.in_metric.base[:] = base
-            self.of_levels = [ResidualDamping(*self._made_of, tasks=slice(*pair)) for pair in pairwise(ends)]
             for rank, damping in zip(upper, self.of_levels, strict=True):
                 joints = (task for task in rank.tasks if task.unknowns is not None and task.unknowns.start == first)
                 self._on_joints += [(damping, task) for task in joints]
@@ -179,8 +178,6 @@ class Damping:
                     if task.kinematic and task.rows is not None:
                         own = slice(task.rows.start - layout.motion_row, task.rows.stop - layout.motion_row)
                         self._braking.append((damping, task.drift, motion.kd[own], motion.J[own]))
-            found_at = (damping.address for damping in (*self.of_levels, self.in_metric))
-            self.addresses = np.array([*found_at], dtype=np.int64)
             self.read_weights()
         found: list[Pull | None] = []
         for rank in ranks:
@@ -203,12 +200,10 @@ class Damping:
 
     def follow(self, v: Vec) -> None:
         """After a fill for the velocities v (nv,): what the damping of each level wants, and brakes of its own."""
-        was_on, self._follows = self._follows, False
+        was_on, self.follows = self.follows, any(damping.is_on for damping in self.of_levels)
         if self._order > 1:
             self._v[:] = v[-len(self._v) :]
-        for damping in self.of_levels:
-            self._follows = self._follows or damping.is_on
-        if not (was_on or self._follows):
+        if not (was_on or self.follows):
             return
         for damping in self.of_levels:
             damping.weights[:] = damping.applied + self._least if damping.is_on else 0.0
@@ -235,21 +230,15 @@ class Damping:
 
     def go_on_from(self, former: Damping) -> None:
         """Damp as another did, level by level, where the tasks have the same names."""
-        own, other = [*self.of_levels, self.in_metric], [*former.of_levels, former.in_metric]
-        for mine, theirs in zip(own, other, strict=False) if len(own) == len(other) else ():
+        for mine, theirs in zip(self._all, former._all, strict=False) if len(self._all) == len(former._all) else ():
             mine.go_on_from(theirs)
-
-    @property
-    def follows(self) -> bool:
-        """Whether a level was damped in the last fill."""
-        return self._follows
 
     @np.errstate(all="ignore")
     def slow(self) -> None:
         """Damp what stands below a level that is damped, besides, once the last answer was read."""
         nj = len(self.in_metric.rate)
         stalled, rate = np.zeros(nj), np.zeros(nj)
-        for damping in (*self.of_levels, self.in_metric):
+        for damping in self._all:
             own = damping.stalled(self._v)
             own_rate = damping.rate.copy()
             if stalled.any():

@@ -9,12 +9,12 @@ import numpy as np
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowProblem
+from wbc.stack.block import RowBlock
 from wbc.stack.compiled.fill_kernel import ROW_SPOILT
 from wbc.stack.constraint import Barrier
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
 from wbc.stack.plan_view import PlanView
-from wbc.stack.writers import BarrierWriter
 from wbc.types import Index, Mat, Vec
 
 
@@ -22,8 +22,8 @@ class Filled(PlanView):
     """The rows of a plan, where they stand, and what they say in words."""
 
     __slots__ = (
-        "_joint_wanted", "_normal", "_spoilt", "_torque_range", "barriers", "joint_bound_rows", "layout",
-        "motion", "problem", "shares",
+        "_normal", "_spoilt", "_torque_range", "barriers", "joint_bound_rows", "layout", "motion", "problem",
+        "shares",
     )  # fmt: skip
 
     layout: Layout
@@ -35,9 +35,9 @@ class Filled(PlanView):
     shares: Mat
     #: What the last fill left that is no number: a sum of ROW_SPOILT and BOUND_SPOILT.
     _spoilt: int
-    barriers: list[BarrierWriter]
+    #: Those that have h >= 0, also the soft ones.
+    barriers: list[RowBlock]
     _normal: Index
-    _joint_wanted: Mat
     _torque_range: tuple[Vec, Vec]
 
     @property
@@ -52,9 +52,10 @@ class Filled(PlanView):
             bad[: self.layout.motion_row] = False
         if bad.any():
             return f"{self.problem.rows[int(np.argmax(bad))]} is not finite"
-        for task, wanted in zip(self.layout.on_joints, self._joint_wanted[:-1], strict=True):
-            if not np.isfinite(wanted).all():
-                return f"{task.name} {task.label(int(np.argmin(np.isfinite(wanted))))} is not finite"
+        for block in self.layout.joints:
+            finite = np.isfinite(self.motion.wanted[block.motion])
+            if not finite.all():
+                return f"{block.name} {block.member.label(int(np.argmin(finite)))} is not finite"
         return ""
 
     def refuse_not_finite(self) -> None:
@@ -70,34 +71,23 @@ class Filled(PlanView):
 
     def errors(self) -> Mapping[str, Vec]:
         """Error e of each kinematic task (dim,), a copy."""
-        layout, e = self.layout, self.motion.e
-        first = layout.motion_row
-        found = {
-            task.name: e[row - first : row - first + task.dim].copy()
-            for task, row in zip(layout.kinematic, layout.kinematic_rows, strict=True)
-        }
-        nj, behind = self.model.nj, layout.n_rows - first
-        for i, task in enumerate(layout.on_joints):
-            found[task.name] = task.own_rows(e[behind + i * nj : behind + (i + 1) * nj]).copy()
-        for constraint, row in zip(layout.exact, layout.exact_rows, strict=True):
-            found[constraint.name] = e[row - first : row - first + constraint.task.dim].copy()
-        return found
+        tasks = (*self.layout.kinematic, *self.layout.joints, *self.layout.exact)
+        return {block.name: block.says.own_rows(self.motion.e[block.motion]).copy() for block in tasks}
 
     def margins(self) -> Mapping[str, tuple[Barrier, Vec]]:
         """Each barrier and its h (dim,), a copy, in the state that was filled last."""
-        return {writer.name: (writer.barrier, writer.margins.copy()) for writer in self.barriers}
+        return {block.says.name: (block.says, block.out.h.copy()) for block in self.barriers}
 
     @property
     def notes(self) -> list[str]:
         """What barriers have to say of the state that was filled last, beside their rows."""
-        return [writer.barrier.note for writer in self.barriers if writer.barrier.note]
+        return [block.says.note for block in self.barriers if block.says.note]
 
     def about(self, row: int) -> str:
         """What a row of G is about in the state that was filled last, where that is not always the same; or nothing."""
-        for writer in self.barriers:
-            barrier, at = writer.barrier, row - writer.row
-            if 0 <= at < barrier.dim and barrier.codes is not None:
-                return barrier.about(at)
+        for block in self.barriers:
+            if block.rows.start <= row < block.rows.stop and block.says.codes is not None:
+                return str(block.says.about(row - block.rows.start))
         return ""
 
     def pressed(self) -> list[int]:

@@ -35,8 +35,7 @@ class Formulation(Level):
             UnknownFrame, InvalidInput: an argument the model contradicts.
             Infeasible: rows that contradict each other in every state, by name.
         """
-        from wbc.stack.contradiction import refuse_contradictions
-        from wbc.stack.plan import Plan
+        from wbc.stack.plan import Plan, refuse_contradictions
 
         if self.dynamics and model.weightless:
             raise NotSupported(
@@ -60,10 +59,7 @@ class VelocityLevel(Formulation):
     order: ClassVar[int] = 1
     dynamics: ClassVar[bool] = False
     name: ClassVar[str] = "velocity level"
-
-    @property
-    def carries(self) -> frozenset[str]:
-        return frozenset({"velocity"})
+    carries: ClassVar[frozenset[str]] = frozenset({"velocity"})
 
 
 @final
@@ -74,10 +70,7 @@ class AccelerationLevel(Formulation):
     order: ClassVar[int] = 2
     dynamics: ClassVar[bool] = False
     name: ClassVar[str] = "acceleration level"
-
-    @property
-    def carries(self) -> frozenset[str]:
-        return frozenset({"velocity", "acceleration"})
+    carries: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
 
 @final
@@ -92,7 +85,4 @@ class InverseDynamics(Formulation):
     order: ClassVar[int] = 2
     dynamics: ClassVar[bool] = True
     name: ClassVar[str] = "inverse dynamics"
-
-    @property
-    def carries(self) -> frozenset[str]:
-        return frozenset({"velocity", "acceleration", "torque", "force"})
+    carries: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration", "torque", "force"})

@@ -22,9 +22,6 @@ BRAKING = 20.0
 #: Speed of the way back into position limits, for joints without a velocity limit [rad/s, m/s].
 RETURN_SPEED = 1.0
 _QUANTITIES = ("position", "velocity", "acceleration", "jerk")
-# What the compiled formulas are made of, and what they leave, in the order in which they take it.
-_CONSTANTS = ("position", "velocity", "acceleration", "−B", "2 B", "B dt", "(B dt)²", "return speed", "a dt", "jerk")
-_WORK = ("room", "reach", "wanted", "free", "bound", "narrowed")
 
 
 @final
@@ -83,17 +80,18 @@ class JointIntervals:
         self._limits = {quantity: np.full(shape, np.inf) for quantity in _QUANTITIES}
         self._composed = {quantity: limit.copy() for quantity, limit in self._limits.items()}
         self._owners = dict.fromkeys(_QUANTITIES, "joint limits")
-        self._constants = {name: np.zeros(2 * shape[1]) for name in _CONSTANTS}
-        self._work = {name: np.zeros(2 * shape[1]) for name in _WORK}
-        self._v, self._minus_B = self._constants["velocity"], self._constants["−B"]
-        _, _, self._wanted, self._free, self._bound, self._narrowed = self._work.values()
         nj = shape[1]
+        # Constants of the compiled formulas and what these leave, a quantity in each row, in the order of the kernel.
+        numbers = np.zeros((16, 2 * nj))
+        self._constants, self._v, self._minus_B = numbers[:10], numbers[1], numbers[3]
+        self._wanted, self._free, self._bound, self._narrowed = numbers[12:]
         # Whether only velocities are limited, whether accelerations are, whether a joint is outside, whether jerks are
         # limited; and the acceleration commanded last.
         self._flags, self._last = np.zeros(4, dtype=np.int64), np.zeros(nj)
-        self._order = np.array([nj, 0], dtype=np.int64)
-        self._now = [np.zeros(nj) for _ in range(4)]
-        self._memory = Memory(self._order, np.array([self.dt]), *self._now, *self.memory())
+        self._order, self._now = np.array([nj, 0], dtype=np.int64), np.zeros((4, nj))
+        #: For compiled code.
+        self.memory = self._flags, numbers, self._last, np.array([self.dt])
+        self._memory = Memory(self._order, self._now, *self.memory)
         self._is_sealed = False
         self._derive()
 
@@ -101,10 +99,6 @@ class JointIntervals:
     def recovering(self) -> bool:
         """Whether a joint was outside its position limits when bounds were computed last."""
         return self._flags.item(2) > 0
-
-    def memory(self) -> tuple[Any, ...]:
-        """Flags, constants and work of the formulas, for compiled code."""
-        return (self._flags, *self._constants.values(), *self._work.values(), self._last)
 
     @classmethod
     def compose(cls, constraints: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
@@ -240,8 +234,7 @@ class JointIntervals:
         # No limit to brake for times no brakes is still no bound: inf · tiny = inf, where inf · 0 is NaN.
         two_B, return_speed = np.maximum(2.0 * B, np.finfo(float).tiny), np.where(np.isfinite(v), v, RETURN_SPEED)
         constants = (q, v, a, -B, two_B, B * dt, (B * dt) ** 2, return_speed, a * dt, jerk)
-        for constant, values in zip(self._constants.values(), constants, strict=True):
-            constant[:] = values.reshape(-1)
+        self._constants[:] = np.reshape(constants, self._constants.shape)
         self._narrowed[:] = 0.0
         if not self.remembers:
             self._last[:] = 0.0

@@ -8,6 +8,7 @@ from typing import Any, Final, Literal, Self, final
 
 import numpy as np
 
+from wbc.errors import InvalidInput
 from wbc.stack.target import Target
 from wbc.stack.tracking import Tracking
 from wbc.types import Index, Mat, Vec
@@ -17,6 +18,8 @@ Numbers = Vec | Index | Sequence[float]
 #: What moves as a whole, beside frames: the centre of mass, and the momentum A_G v, linear before angular.
 CENTRE: Final = "the centre of mass"
 MOMENTUM: Final = "the momentum"
+#: Kinds of motions; NONE is called, or stands still.
+NONE, SINUSOID, MINIMUM_JERK, POSE, SAMPLES, PIECEWISE = -1, 0, 1, 2, 3, 4
 #: Where joints are and how they move: a kernel that reads these has no Jacobian to write.
 NOTHING: tuple[str, ...] = ()
 
@@ -65,14 +68,50 @@ class KernelRows:
         return cls("joint.linear", numbers=np.concatenate([offset, J.ravel()]), constant=J)
 
 
-def kernel_rows_of(member: Any) -> Callable[[], KernelRows] | None:
-    """What asks a member for its kernel; None where it, or a subclass, or the object, writes its own rows."""
-    if "fill" in vars(member):
-        return None
-    for kind in type(member).__mro__:
-        if "kernel_rows" in vars(kind):
-            said: Callable[[], KernelRows] = member.kernel_rows
-            return None if member.kernel_rows() is None else said
-        if "fill" in vars(kind):
+@final
+@dataclass(frozen=True, eq=False)
+class KnownMotion:
+    """``numbers`` are what :mod:`wbc.stack.compiled.reference_kernel` says of the ``kind``; ``size`` is that of its
+    value: of a pose 12, its rotation by rows and its position."""
+
+    kind: int
+    size: int
+    numbers: Vec
+
+    @classmethod
+    def of(cls, motion: Any) -> KnownMotion | None:
+        """What a motion says of itself; None where it has to be called."""
+        known = getattr(motion, "known_motion", None)
+        found: KnownMotion | None = None if known is None else known()
+        return found
+
+    @classmethod
+    def piecewise(cls, starts: Sequence[float], motions: Sequence[Any]) -> Self | None:
+        """One motion after another, where all are known.
+
+        Raises:
+            InvalidInput: known motions of several sizes.
+        """
+        found = [cls.of(motion) for motion in motions]
+        known = [motion for motion in found if motion is not None]
+        sizes = {motion.size for motion in known}
+        if len(sizes) > 1:
+            said = " and ".join(map(str, sorted(sizes)))
+            raise InvalidInput(f"pieces give values of {said} numbers; they must all give as many")
+        if len(known) < len(found):
+            return None
+        first = 1 + 3 * len(known)
+        where = first + np.cumsum([0, *(len(motion.numbers) for motion in known[:-1])])
+        table = [[len(known)], starts, [motion.kind for motion in known], where]
+        return cls(PIECEWISE, known[0].size, np.concatenate([*table, *(motion.numbers for motion in known)]))
+
+
+def kernel_rows_of(member: Any) -> KernelRows | None:
+    """What a member says of its kernel; None where it, or a subclass, or the object, writes its own rows."""
+    for names in (vars(member), *map(vars, type(member).__mro__)):
+        if "kernel_rows" in names:
+            found: KernelRows | None = member.kernel_rows()
+            return found
+        if "fill" in names:
             return None
     return None

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any, final
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar, final
 
 import numpy as np
 
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
+from wbc.stack.block import Block, MotionBlock, RowBlock, says_of
 from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly
 from wbc.stack.contact import Contact
 from wbc.stack.level import Level
@@ -19,15 +20,17 @@ from wbc.types import Index
 
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+_B = TypeVar("_B", bound=Block)
 
 
 @final
 class Layout:
-    """Members of a stack sorted by what they write, with the row each starts at.
+    """The blocks of a stack in the order of their rows, and the names of all rows and unknowns.
 
     Rows of G: base (6 or none) | range: torques, cones, barriers, linear constraints, soft constraints | soft: linear,
     kinematic tasks | constraints: exact tasks, contacts. Unknowns: base and joints (u first where it is eliminated),
-    then contact forces, then the slacks of soft constraints.
+    then contact forces, then the slacks of soft constraints. Motion rows are those of kinematic tasks, exact tasks and
+    contacts; tasks on the joints, which have no rows, stand behind them.
 
     Raises:
         NotSupported: a member the level cannot carry, by name.
@@ -35,62 +38,93 @@ class Layout:
 
     def __init__(self, model: RobotModel, stack: Stack, level: Level, *, prepared: bool = False) -> None:
         self.model, self.level = model, level
-        self.contacts: list[Contact] = list(stack.contacts)
-        self.linear: list[LinearTask] = of_kind(stack.tasks, LinearTask)
-        self.kinematic: list[Task] = [t for t in of_kind(stack.tasks, Task) if not t.on_joints]
-        self.on_joints: list[Task] = [t for t in of_kind(stack.tasks, Task) if t.on_joints]
+        self._per = "/s" if level.order == 1 else "/s²"
         for member in () if prepared else (*stack.tasks, *stack.subject_to, *stack.contacts):
             member.prepare(model)
         constraints = [one for constraint in stack.subject_to for one in self._each(constraint)]
+        for member in (*stack.tasks, *constraints):
+            self._refuse(member)
         #: Constraints with a slack, above every level.
-        self.slack = [
-            Softly(constraint, weight=constraint.slack, name=constraint.name)
-            for constraint in constraints
-            if _has_slack(constraint)
-        ]
-        self.soft_constraints: list[Softly] = [*self.slack, *of_kind(stack.tasks, Softly)]
-        exact = [constraint for constraint in constraints if not _has_slack(constraint)]
-        self.exact: list[Exactly] = of_kind(exact, Exactly)
-        self.barriers: list[Barrier] = of_kind(exact, Barrier)
-        self.constraints: list[LinearConstraint] = of_kind(exact, LinearConstraint)
-        intervals: list[JointInterval] = of_kind(exact, JointInterval)
-        self.motion_limits = [constraint for constraint in intervals if constraint.quantity != "torque"]
-        self.torque_limits = [constraint for constraint in intervals if constraint.quantity == "torque"]
-        self._refuse_what_has_no_kind([*stack.tasks, *constraints])
+        self.slack = [Softly(one, weight=one.slack, name=one.name) for one in constraints if _has_slack(one)]
         for soft in self.slack:
             soft.prepare(model)
-        self._refuse_what_the_level_cannot_carry()
+        exact = [constraint for constraint in constraints if not _has_slack(constraint)]
+        tasks: list[Task] = of_kind(stack.tasks, Task)
+        intervals: list[JointInterval] = of_kind(exact, JointInterval)
+        self.motion_limits = [limit for limit in intervals if limit.quantity != "torque"]
+        self.torque_limits = [limit for limit in intervals if limit.quantity == "torque"]
 
-        dynamics = level.dynamics
-        self.n_u = model.nb if dynamics else 0
-        self.nf = sum(c.dim for c in self.contacts) if dynamics else 0
-        self.n = model.nv + self.nf + sum(soft.dim for soft in self.soft_constraints)
-        self.n_torque = model.nj if dynamics else 0
-        self.n_cone = sum(len(c.cone()) for c in self.contacts) if dynamics else 0
+        #: Names of the rows, then of the unknowns.
+        self.names: list[Row] = []
+        named = self._of_member
+        dynamics, nb, nj, nv = level.dynamics, model.nb, model.nj, model.nv
+        self.n_u = nb if dynamics else 0
+        self._rows(Row("base dynamics", _WRENCH[i], "N" if i < 3 else "N m") for i in range(self.n_u))
+        self.torque_row = self._rows(self._of_torques() if dynamics else ()).start
+        cones = [
+            self._rows(Row(f"friction[{contact.short_name}]", *one) for one in contact.cone_labels() if dynamics)
+            for contact in stack.contacts
+        ]
+        self.barriers = self._blocks(RowBlock, of_kind(exact, Barrier), named)
+        self.constraints = self._blocks(RowBlock, of_kind(exact, LinearConstraint), named)
+        self.soft = self._blocks(RowBlock, [*self.slack, *of_kind(stack.tasks, Softly)], named)
+        self.n_range = len(self.names) - self.n_u
+        self.linear = self._blocks(RowBlock, of_kind(stack.tasks, LinearTask), named)
+        self.motion_row = len(self.names)
+        self.kinematic = self._blocks(MotionBlock, [task for task in tasks if not task.on_joints], named)
+        self.n_soft = len(self.names) - self.n_u - self.n_range
+        self.exact = self._blocks(MotionBlock, of_kind(exact, Exactly), named)
+        self.contact_row = len(self.names)
+        self.contacts = self._blocks(MotionBlock, stack.contacts, self._of_contact)
+        self.n_rows = len(self.names)
+        self.n_equal = self.n_rows - self.n_u - self.n_range - self.n_soft
+        self.joints = [MotionBlock(task, self._rows(()), slice(nb, nv)) for task in tasks if task.on_joints]
 
-        row = self.n_u
-        self.torque_row = row
-        row += self.n_torque
-        self.cone_row = row
-        row += self.n_cone
-        self.barrier_rows, row = _starts(self.barriers, row)
-        self.constraint_rows, row = _starts(self.constraints, row)
-        self.soft_constraint_rows, row = _starts(self.soft_constraints, row)
-        self.n_range = row - self.n_u
-        self.linear_rows, row = _starts(self.linear, row)
-        self.motion_row = row
-        self.kinematic_rows, row = _starts(self.kinematic, row)
-        self.n_soft = row - self.n_u - self.n_range
-        self.exact_rows, row = _starts([constraint.task for constraint in self.exact], row)
-        self.contact_row = row
-        self.contact_rows, row = _starts(self.contacts, row)
-        self.n_equal = row - self.n_u - self.n_range - self.n_soft
-        self.force_columns, _ = _starts(self.contacts, model.nv)
-        self.slack_columns, _ = _starts(self.soft_constraints, model.nv + self.nf)
-        self.n_rows = row
+        self.names += [Row("base", _AXES[i], ("m" if i < 3 else "rad") + self._per) for i in range(nb)]
+        limit = self.motion_limits[0].name if len(self.motion_limits) == 1 else "joint limits"
+        joints = zip(model.joint_names, model.joint_units, strict=True)
+        self.names += [Row(limit if self.motion_limits else "joint", joint, unit + self._per) for joint, unit in joints]
+        for block, cone in zip(self.contacts, cones, strict=True):
+            block.cone = cone
+            said = block.member.force_labels()
+            block.unknowns = self._unknowns(Row(f"force[{block.member.short_name}]", *one) for one in said if dynamics)
+        self.nf = self.n - nv
+        for row_block in self.soft:
+            rows = self.names[row_block.rows]
+            row_block.unknowns = self._unknowns(Row(f"{row_block.name}: slack", row.label, row.unit) for row in rows)
+
+        #: Who writes motion rows, in the order in which these stand, and who writes others.
+        self.motions = [*self.kinematic, *self.exact, *self.contacts, *self.joints]
+        self.others = [*self.barriers, *self.constraints, *self.linear, *self.soft]
+        first = 0
+        for motion in self.motions:
+            motion.motion = slice(first, first + motion.dim)
+            first += motion.dim
         # Where a command finds its parts in the problem's vector of values [x | 1 | rows].
-        self.motion_items, self.force_items = slice(0, model.nv), slice(model.nv, model.nv + self.nf)
-        self.torque_items = slice(self.n + 1 + self.torque_row, self.n + 1 + self.torque_row + self.n_torque)
+        self.motion_items, self.force_items = slice(0, nv), slice(nv, nv + self.nf)
+        torques = self.n + 1 + self.torque_row
+        self.torque_items = slice(torques, torques + (nj if dynamics else 0))
+
+    @property
+    def n(self) -> int:
+        """How many unknowns there are."""
+        return len(self.names) - self.n_rows
+
+    def _rows(self, names: Iterable[Row]) -> slice:
+        """The next rows of G."""
+        first = len(self.names)
+        self.names += names
+        return slice(first, len(self.names))
+
+    def _unknowns(self, names: Iterable[Row]) -> slice:
+        """The next unknowns."""
+        first = self.n
+        self.names += names
+        return slice(first, self.n)
+
+    def _blocks(self, kind: type[_B], members: Iterable[Any], names: Callable[[Any], Iterable[Row]]) -> list[_B]:
+        """The next rows of G, for one member after the other."""
+        return [kind(member, self._rows(names(member))) for member in members]
 
     def _each(self, constraint: Any) -> Sequence[Any]:
         """A constraint, or those that it stands for at this level."""
@@ -101,117 +135,65 @@ class Layout:
             one.prepare(self.model)
         return constraints
 
-    def _refuse_what_has_no_kind(self, members: Sequence[Any]) -> None:
-        sorted_members: list[object] = [*self.linear, *self.kinematic, *self.on_joints, *self.exact, *self.barriers]
-        sorted_members += [*self.constraints, *self.motion_limits, *self.torque_limits, *self.soft_constraints]
-        sorted_members += [soft.constraint for soft in self.slack]
-        for member in members:
-            if not any(member is known for known in sorted_members):
-                raise NotSupported(
-                    f"{member.name} is a {type(member).__name__}, neither a Task nor a LinearTask, Barrier, "
-                    "LinearConstraint or JointInterval: nothing says what its rows are"
-                )
-        tasks = [*self.linear, *self.kinematic, *self.on_joints, *(constraint.task for constraint in self.exact)]
-        sizes = [(task.name, getattr(task, "dim", None)) for task in tasks]
-        constraints: list[Any] = [*self.barriers, *self.constraints, *of_kind(members, Softly)]
-        constraints += [soft.constraint for soft in self.slack if not isinstance(soft.constraint, JointInterval)]
-        sizes += [(constraint.name, getattr(constraint, "dim", None)) for constraint in constraints]
-        for name, dim in sizes:
+    def _refuse(self, member: Any) -> None:
+        """Refuse what is of no kind, has no rows, or is about what the level does not decide."""
+        says, level = says_of(member), self.level
+        if not isinstance(says, Task | LinearTask | Barrier | LinearConstraint | JointInterval):
+            raise NotSupported(
+                f"{member.name} is a {type(says).__name__}, neither a Task nor a LinearTask, Barrier, "
+                "LinearConstraint or JointInterval: nothing says what its rows are"
+            )
+        name = member.constraint.name if isinstance(member, Softly) else member.name
+        if isinstance(says, JointInterval):
+            quantity, carried = str(says.quantity), level.bounds
+        else:
+            dim = getattr(says, "dim", None)
             if dim is None or dim < 1:
                 raise InvalidInput(
-                    f"{name}.dim is {dim}; set it, and units, in __init__: a member has at least one row"
+                    f"{says.name}.dim is {dim}; set it, and units, in __init__: a member has at least one row"
                 )
+            quantity, carried = getattr(says, "on", ""), level.carries
+        if quantity and quantity not in carried:
+            raise NotSupported(
+                f"{name} is about {quantity}, which the {level.name} does not decide; "
+                f"it carries {', '.join(sorted(carried))}"
+            )
 
-    def _refuse_what_the_level_cannot_carry(self) -> None:
-        level = self.level
-        soft = [member.constraint for member in self.soft_constraints]
-        intervals: list[JointInterval] = [*self.motion_limits, *self.torque_limits, *of_kind(soft, JointInterval)]
-        limits = [(constraint.name, constraint.quantity, level.bounds) for constraint in intervals]
-        rows = [(task.name, task.on, level.carries) for task in self.linear]
-        linear: list[LinearConstraint] = [*self.constraints, *of_kind(soft, LinearConstraint)]
-        rows += [(constraint.name, constraint.on, level.carries) for constraint in linear]
-        for name, quantity, carried in [*limits, *rows]:
-            if quantity not in carried:
-                raise NotSupported(
-                    f"{name} is about {quantity}, which the {level.name} does not decide; "
-                    f"it carries {', '.join(sorted(carried))}"
-                )
-
-    def forces_of(self, member: LinearTask | LinearConstraint) -> Index:
-        """Columns of the wrenches that a member on "force" speaks of.
+    def forces_of(self, member: Any) -> Index:
+        """Columns of the wrenches that a member on "force" speaks of; none for others.
 
         Raises:
             UnknownName: no contact of that name or frame.
         """
-        from wbc.errors import UnknownName
-
         columns: list[int] = []
         for name in force_of(member):
-            for contact, first in zip(self.contacts, self.force_columns, strict=True):
-                if name in (contact.name, contact.frame):
-                    columns += range(first, first + contact.dim)
-                    break
-            else:
-                raise UnknownName(name, [c.frame for c in self.contacts], f"{member.name} needs a contact")
+            held = [block for block in self.contacts if name in (block.member.name, block.member.frame)]
+            if not held:
+                frames = [block.member.frame for block in self.contacts]
+                raise UnknownName(name, frames, f"{member.name} needs a contact")
+            columns += range(self.n)[held[0].unknowns]
         return np.array(columns, dtype=np.intp)
 
-    def size_of(self, member: LinearTask | LinearConstraint) -> int:
-        """Size of the quantity that a member is about."""
-        if member.on == "force":
-            return len(self.forces_of(member))
-        return self.model.nj if member.on == "torque" else self.model.nv
-
     # ---- names
-    def names(self) -> list[Row]:
-        """Owner, label and unit of every row of G, then of every unknown."""
-        model, level = self.model, self.level
-        suffix = "/s" if level.order == 1 else "/s²"
-        rows = [Row("base dynamics", label, "N" if i < 3 else "N m") for i, label in enumerate(_WRENCH[: self.n_u])]
-        if self.n_torque:
-            owner = self.torque_limits[0].name if self.torque_limits else "torque"
-            effort = ["N" if unit == "m" else "N m" for unit in model.joint_units]
-            rows += [Row(owner, joint, unit) for joint, unit in zip(model.joint_names, effort, strict=True)]
-        if level.dynamics:
-            for contact in self.contacts:
-                rows += [Row(f"friction[{contact.short_name}]", label, unit) for label, unit in contact.cone_labels()]
-        for barrier in self.barriers:
-            rows += [Row(barrier.name, barrier.label(i), barrier.unit(i) + suffix) for i in range(barrier.dim)]
-        for constraint in self.constraints:
-            rows += [Row(constraint.name, constraint.label(i), constraint.unit(i)) for i in range(constraint.dim)]
-        for soft in self.soft_constraints:
-            rows += [Row(soft.name, soft.label(i), self._soft_unit(soft, i)) for i in range(soft.dim)]
-        for linear in self.linear:
-            rows += [Row(linear.name, linear.label(i), linear.unit(i)) for i in range(linear.dim)]
-        for task in self.kinematic:
-            rows += [Row(task.name, task.label(i), task.unit(i) + suffix) for i in range(task.dim)]
-        for exact in self.exact:
-            rows += [Row(exact.name, exact.task.label(i), exact.task.unit(i) + suffix) for i in range(exact.task.dim)]
-        for contact in self.contacts:
-            labels = zip(contact.motion_labels(), contact.motion_units(), strict=True)
-            rows += [Row(f"contact[{contact.short_name}]", label, unit + suffix) for label, unit in labels]
-        return rows + list(self._unknowns(suffix))
+    def _of_member(self, member: Any) -> list[Row]:
+        """Rows of a task or constraint. Limits on motion and barriers are kept in the unknown's unit."""
+        says = says_of(member)
+        shown = says if isinstance(member, Exactly) else member
+        if isinstance(says, JointInterval) and says.quantity != "torque":
+            units = [unit + self._per for unit in self.model.joint_units]
+        else:
+            per = self._per if isinstance(says, Task | Barrier) else ""
+            units = [shown.unit(i) + per for i in range(shown.dim)]
+        return [Row(member.name, shown.label(i), unit) for i, unit in enumerate(units)]
 
-    def _unknowns(self, suffix: str) -> Iterator[Row]:
-        model = self.model
-        for i in range(model.nb):
-            yield Row("base", _AXES[i], ("m" if i < 3 else "rad") + suffix)
-        owner = self.motion_limits[0].name if len(self.motion_limits) == 1 else "joint limits"
-        for joint, unit in zip(model.joint_names, model.joint_units, strict=True):
-            yield Row(owner if self.motion_limits else "joint", joint, unit + suffix)
-        if self.level.dynamics:
-            for contact in self.contacts:
-                for label, unit in contact.force_labels():
-                    yield Row(f"force[{contact.short_name}]", label, unit)
-        for soft in self.soft_constraints:
-            for i in range(soft.dim):
-                yield Row(f"{soft.name}: slack", soft.label(i), self._soft_unit(soft, i))
+    def _of_torques(self) -> list[Row]:
+        owner = self.torque_limits[0].name if self.torque_limits else "torque"
+        joints = zip(self.model.joint_names, self.model.joint_units, strict=True)
+        return [Row(owner, joint, "N" if unit == "m" else "N m") for joint, unit in joints]
 
-    def _soft_unit(self, soft: Softly, i: int) -> str:
-        """Limits on motion and barriers are kept in the unknown's unit, whatever they are about."""
-        constraint, suffix = soft.constraint, "/s" if self.level.order == 1 else "/s²"
-        if isinstance(constraint, JointInterval) and constraint.quantity != "torque":
-            return self.model.joint_units[i] + suffix
-        return soft.unit(i) + (suffix if isinstance(constraint, Barrier) else "")
+    def _of_contact(self, contact: Contact) -> list[Row]:
+        said = zip(contact.motion_labels(), contact.motion_units(), strict=True)
+        return [Row(f"contact[{contact.short_name}]", label, unit + self._per) for label, unit in said]
 
 
 def _has_slack(constraint: Any) -> bool:
@@ -221,12 +203,3 @@ def _has_slack(constraint: Any) -> bool:
 def of_kind(members: Any, kind: type[Any]) -> list[Any]:
     """Those members that are of this kind, in their order."""
     return [m for m in members if isinstance(m, kind)]
-
-
-def _starts(members: Any, first: int) -> tuple[list[int], int]:
-    """First row of each member, and the row behind the last."""
-    starts = []
-    for member in members:
-        starts.append(first)
-        first += member.dim
-    return starts, first

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,7 +9,7 @@ from wbc import checks
 
 
 @dataclass(frozen=True, kw_only=True)
-class Level(ABC):
+class Level:
     """Which quantities are the unknowns.
 
     ``regularisation`` ½ ε ‖x‖² is on every unknown, and printed, never hidden. ``lm_damping`` λ >= 0 is the factor of
@@ -28,15 +27,12 @@ class Level(ABC):
     dynamics: ClassVar[bool]
     #: What the level is called in messages.
     name: ClassVar[str]
+    #: Quantities that constraints and linear tasks may be written on.
+    carries: ClassVar[frozenset[str]]
 
     def __post_init__(self) -> None:
         checks.number("regularisation", self.regularisation, low=0.0, strict=True)
         checks.number("lm_damping", self.lm_damping, low=0.0)
-
-    @property
-    @abstractmethod
-    def carries(self) -> frozenset[str]:
-        """Quantities that constraints and linear tasks may be written on at this level."""
 
     @property
     def bounds(self) -> frozenset[str]:

@@ -8,16 +8,17 @@ What is assigned to the member later is assigned to every copy at the start of t
 from __future__ import annotations
 
 from abc import ABCMeta
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from enum import Enum
 from inspect import Signature, get_annotations, signature
 from threading import Lock
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, final
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast, final
 from weakref import WeakSet
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidInput, MemberFailed, UnknownAttribute, UnknownName
 from wbc.models.model import RobotModel
 from wbc.stack.target import Target
@@ -90,14 +91,42 @@ class Member(metaclass=_Built):
     """
 
     stamp: int = 0
+    dim: int
+    units: str | tuple[str, ...]
+    #: What rows are called in reports.
+    labels: Sequence[str] = ()
+    #: What the member acts on, for its default name.
+    subject: str = ""
+    # A default at class level, so that a subclass which forgets super().__init__ still works.
+    _name: str | None = None
     _role: ClassVar[_Role] = _Role.BUILDING
     #: Attributes that are settings beside the properties.
     _settings: ClassVar[frozenset[str]] = frozenset()
 
     @property
     def name(self) -> str:
-        """Name of the member in its stack."""
-        return type(self).__name__
+        """Given, or the class and what it acts on."""
+        if self._name is not None and checks.text("name", self._name):
+            return self._name
+        subject = checks.text(f"the subject of {type(self).__name__}", self.subject)
+        return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
+
+    def unit(self, row: int) -> str:
+        """Unit of one row."""
+        return self.units if isinstance(self.units, str) else self.units[row]
+
+    def label(self, row: int) -> str:
+        """What one row is called in reports."""
+        return self.labels[row] if self.labels else ""
+
+    @classmethod
+    def samples(cls, model: RobotModel) -> list[Self]:
+        """Instances that make sense on ``model``, for the contract tests; to be written where arguments are needed."""
+        del model
+        return [cls()]
+
+    def __repr__(self) -> str:
+        return self.name
 
     @property
     def _is_copy(self) -> bool:
@@ -105,7 +134,10 @@ class Member(metaclass=_Built):
         return self._role is _Role.OPEN or self._role is _Role.CLOSED
 
     def prepare(self, model: RobotModel) -> None:
-        """Called once on each plan's own copy: check arguments against the model, fix sizes."""
+        """Called once on each plan's own copy: check arguments against the model, fix sizes.
+
+        What depends on the model is written here and nowhere else, so that one member serves plans of several robots.
+        """
 
     if not TYPE_CHECKING:  # else any attribute could be assigned
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
-from wbc.models.model import RobotModel
 from wbc.stack.by_name import ByName
 from wbc.stack.member import Member
 from wbc.types import Vec
@@ -25,13 +24,9 @@ class Objective(Member):
     """
 
     dim: int
-    units: str | tuple[str, ...]
-    #: What rows are called in reports.
-    labels: Sequence[str] = ()
     #: What is raised for a label that does not exist.
     unknown_row: ClassVar[type[UnknownName]] = UnknownName
     # Defaults at class level, so that a subclass which forgets super().__init__ still works.
-    _name: str | None = None
     _weight: float | Vec | ByName = 1.0
     _active: bool = True
     #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
@@ -40,16 +35,6 @@ class Objective(Member):
     def __init__(self, *, name: str | None = None, weight: Any = 1.0) -> None:
         self._name = name
         self.weight = weight
-
-    @property
-    def name(self) -> str:
-        """Given, or the class and what it acts on."""
-        given = "" if self._name is None else checks.text("name", self._name)
-        return given or self._default_name()
-
-    def _default_name(self) -> str:
-        subject = checks.text(f"the subject of {type(self).__name__}", getattr(self, "subject", ""))
-        return f"{type(self).__name__}[{subject}]" if subject else type(self).__name__
 
     @property
     def weight(self) -> float | Vec | ByName:
@@ -118,26 +103,6 @@ class Objective(Member):
     def own_rows(self, values: Vec) -> Vec:
         """Of numbers (dim,), one for each row, those of rows that are none of the task's are zero."""
         return values
-
-    def unit(self, row: int) -> str:
-        """Unit of one row of the error."""
-        return self.units if isinstance(self.units, str) else self.units[row]
-
-    def label(self, row: int) -> str:
-        """What one row is called in reports."""
-        return self.labels[row] if self.labels else ""
-
-    def prepare(self, model: RobotModel) -> None:
-        """Called once on each plan's own copy of the task: check arguments against the model, fix ``dim``.
-
-        What depends on the model is written here and nowhere else, so that one task serves plans of several robots.
-        """
-
-    @classmethod
-    def samples(cls, model: RobotModel) -> list[Self]:
-        """Instances that make sense on ``model``, for the contract tests; to be written where arguments are needed."""
-        del model
-        return [cls()]
 
     def __repr__(self) -> str:
         return f"{self.name}(weight={self._weight}{', scaled' if self.is_scaled else ''})"

@@ -7,22 +7,24 @@ applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.probl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, final
+from collections.abc import Callable, Sequence
+from typing import final
 
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.errors import InvalidInput, MemberFailed
+from wbc.errors import Infeasible, InvalidInput, MemberFailed
 from wbc.models.model import RobotModel, RobotState
+from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
-from wbc.qp.rows import RowProblem, RowSolver, RowTask
+from wbc.qp.rows import RowProblem, RowSolver
 from wbc.stack.applied import Applied
+from wbc.stack.block import Block
 from wbc.stack.compiled import fill_kernel
 from wbc.stack.compiled.damping_kernel import share
-from wbc.stack.compiled.fill import CompiledFill, MotionMember
+from wbc.stack.compiled.fill import CompiledFill
 from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE, SLOW
-from wbc.stack.constraint import TorqueBySpeed, torque_bounds
+from wbc.stack.constraint import Barrier, TorqueBySpeed, torque_bounds
 from wbc.stack.contact import Anchor
 from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
@@ -34,15 +36,6 @@ from wbc.stack.motion import MotionRows
 from wbc.stack.overrides import Overrides
 from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
-from wbc.stack.task import Objective, Task
-from wbc.stack.writers import (
-    BarrierWriter,
-    ConstraintWriter,
-    LinearWriter,
-    SoftConstraintWriter,
-    TorqueSpeedWriter,
-    Writer,
-)
 from wbc.types import Status
 
 
@@ -61,10 +54,9 @@ class Plan(Filled):
     """
 
     __slots__ = (
-        "_bound", "_by_speed", "_call", "_called", "_failure", "_filler", "_fills", "_force_weights",
-        "_has_components", "_joint_weights", "_looks", "_normal_version", "_own_normals", "_place", "_pressing",
-        "_pull_weights", "_qp", "_refusal", "_shares", "_stamp", "_torque_version", "_writers", "anchors",
-        "damping", "force_scale", "stopping",
+        "_bound", "_by_speed", "_call", "_called", "_failure", "_filler", "_force_weights", "_has_components",
+        "_joint_weights", "_looks", "_normal_version", "_own_normals", "_place", "_pressing", "_qp", "_refusal",
+        "_shares", "_stamp", "_torque_version", "anchors", "damping", "force_scale", "stopping",
     )  # fmt: skip
 
     stack: Stack
@@ -82,31 +74,24 @@ class Plan(Filled):
             self.binding.close()
         self.problem = p = RowProblem(
             layout.n_u, layout.n - layout.n_u, n_range=layout.n_range, n_soft=layout.n_soft, n_equal=layout.n_equal,
-            rows=layout.names(), regularisation=level.regularisation,
+            rows=layout.names, regularisation=level.regularisation,
         )  # fmt: skip
         nv, nb = model.nv, model.nb
-        motion = slice(layout.motion_row, layout.n_rows)
-        self.motion = MotionRows(level.order, p.G[motion], nv, model.nj, len(layout.on_joints), dt=dt)
-        self._fills: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
+        self.motion = MotionRows(level.order, p.G[layout.motion_row :], nv, model.nj, len(layout.joints), dt=dt)
         self._failure: MemberFailed | None = None
         self._has_components = bool(stack.components)
         self._share(like)
-
-        self._give_views()
+        #: Weights of the tasks on the joints.
+        self._joint_weights = np.zeros((len(layout.joints), model.nj))
+        self._connect_blocks()
+        self._by_speed: list[TorqueBySpeed] = of_kind(layout.torque_limits, TorqueBySpeed) if level.dynamics else []
         if level.dynamics:
             self._prepare_dynamics()
-        self._writers = self._make_writers()
-        soft = [writer.barrier for writer in of_kind(self._writers, SoftConstraintWriter)]
-        self.barriers: list[BarrierWriter] = [*of_kind(self._writers, BarrierWriter), *of_kind(soft, BarrierWriter)]
+        self.barriers = [block for block in layout.others if isinstance(block.says, Barrier)]
         self.joint_bound_rows = p.lb[nb:nv], p.ub[nb:nv]
-        joint_wanted = self.motion.wanted[layout.n_rows - layout.motion_row :].reshape(-1, model.nj)
-        #: Of each task on the joints, and of their damping: its share of each joint's cost, and what it wants there.
-        self.shares = np.zeros(joint_wanted.shape)
-        self._joint_wanted = joint_wanted
+        #: Of each task on the joints, and of their damping: its share of each joint's cost.
+        self.shares = np.zeros((self.motion.n_joint_blocks, model.nj))
         self.damping = Damping(layout, self.motion, p, level.lm_damping, dt, least=level.regularisation)
-        self._joint_weights = np.zeros((len(layout.on_joints), model.nj))
-        #: Weights of what pulls on unknowns: of each task on the joints, and of each soft constraint.
-        self._pull_weights = [*self._joint_weights, *(np.zeros(member.dim) for member in layout.soft_constraints)]
         self._connect()
         self._stamp = -1
         #: Why gains that were assigned between ticks cannot be used; until others are, no tick has an answer.
@@ -114,8 +99,10 @@ class Plan(Filled):
         #: What a unit of each force (nf,) in the problem is [N, N m]; a new array where it changes.
         self.force_scale = np.ones(layout.nf)
         self._read_weights()
+        costs: list[Block] = [*layout.kinematic, *layout.joints, *layout.linear, *layout.soft]
+        tasks = {block.member: block.row_task() for block in costs}
         above = [layout.slack] if layout.slack else []
-        p.levels = [[self._row_task(task) for task in tasks] for tasks in (*above, *stack.levels)]
+        p.levels = [[tasks[task] for task in level] for level in (*above, *stack.levels)]
         self._qp: QP | None = None
         self._filler: CompiledFill | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
@@ -126,50 +113,53 @@ class Plan(Filled):
 
     def _share(self, like: Plan | None) -> None:
         """What is remembered from tick to tick: the plans of one stack have it in common."""
-        model, contacts, limits = self.model, self.layout.contacts, self.layout.motion_limits
+        model, contacts, limits = self.model, self.stack.contacts, self.layout.motion_limits
         if like is None:
             intervals = JointIntervals.compose(limits, model, self.dt) if limits else None
             torque = torque_bounds(self.layout.torque_limits, model)
-            self.applied = Applied(model, self.level, self.binding, contacts, intervals=intervals, torque=torque)
+            applied = Applied(model, self.level, self.binding, contacts, intervals=intervals, torque=torque)
+        else:
+            applied = like.applied
+        self.applied, self.intervals, self.extra_bias = applied, applied.intervals, applied.bias
+        self.places, self.torque_bounds = applied.places, applied.torque_bounds
+        self.normal_limits, self.normal_floors = applied.normal_limits, applied.normal_floors
+        self._place = np.array([self.places[contact.name] for contact in contacts], dtype=np.intp)
+        if like is None:
             self.anchors = [Anchor(np.eye(3), np.zeros(3)) for _ in contacts]
         else:
-            self.applied = like.applied
-            self.anchors = [like.anchors[self.places[contact.name]] for contact in contacts]
-        self.intervals = self.applied.intervals
-        self.extra_bias = self.applied.bias
-        self._place = np.array([self.places[contact.name] for contact in contacts], dtype=np.intp)
+            self.anchors = [like.anchors[place] for place in self._place]
 
     # ---- compile: who writes where
-    def _give_views(self) -> None:
-        layout, motion, first = self.layout, self.motion, self.layout.motion_row
-        for task, row in zip(layout.kinematic, layout.kinematic_rows, strict=True):
-            self._fills.append((task.fill, (motion.task_rows(row - first, task),)))
-        for constraint, row in zip(layout.exact, layout.exact_rows, strict=True):
-            out = motion.task_rows(row - first, constraint.task)
-            if constraint.task.on_joints:
-                out.J[:], out.drift[:] = np.eye(self.model.nv)[self.model.nb :], 0.0
-            self._fills.append((constraint.task.fill, (out,)))
-        for contact, row, anchor in zip(layout.contacts, layout.contact_rows, self.anchors, strict=True):
-            self._fills.append((contact.fill, (anchor, motion.contact_rows(row - first, contact))))
-        behind = layout.n_rows - first
-        for i, task in enumerate(layout.on_joints):
-            self._fills.append((task.fill, (motion.task_rows(behind + i * self.model.nj, task),)))
+    def _connect_blocks(self) -> None:
+        """Give every block the memory that it writes into, and its weights."""
+        layout, p, model = self.layout, self.problem, self.model
+        anchors = [*[None] * (len(layout.kinematic) + len(layout.exact)), *self.anchors, *[None] * len(layout.joints)]
+        for motion, anchor in zip(layout.motions, anchors, strict=True):
+            motion.connect(self.motion, anchor, model)
+        for row in layout.others:
+            row.connect(p, model, self.dt, order=self.level.order, forces=layout.forces_of(row.says))
+        soft_rows: list[Block] = [*layout.linear, *layout.kinematic]
+        for block in soft_rows:
+            block.weights = p.weights[block.rows.start - p.soft.start :][: block.dim]
+        for joints, weights in zip(layout.joints, self._joint_weights, strict=True):
+            joints.weights = weights
+        for soft in layout.soft:
+            soft.weights = np.zeros(soft.dim)
 
     def _prepare_dynamics(self) -> None:
         layout, p, model = self.layout, self.problem, self.model
         presses = [
-            (column + contact.wrench_axes.index(2), place)
-            for contact, column, place in zip(layout.contacts, layout.force_columns, self._place, strict=True)
-            if not contact.bilateral
+            (contact.unknowns.start + contact.member.wrench_axes.index(2), place)
+            for contact, place in zip(layout.contacts, self._place, strict=True)
+            if not contact.member.bilateral
         ]
         self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()
         self._torque_range = lower[: model.nj], upper[: model.nj]
         self._normal_version, self._own_normals = -1, np.zeros((2, len(presses)))
-        self._by_speed = of_kind(layout.torque_limits, TorqueBySpeed)
         self._take_torque_bounds()
         self._force_weights = np.concatenate(
-            [np.full(c.dim, c.force_weight) for c in layout.contacts] or [np.zeros(0)]
+            [np.full(block.dim, block.member.force_weight) for block in layout.contacts] or [np.zeros(0)]
         )  # fmt: skip
 
     def _connect(self) -> None:
@@ -198,95 +188,39 @@ class Plan(Filled):
 
     def _write_cones(self) -> None:
         """Constant rows K f <= 0, on the scaled forces."""
-        layout, p = self.layout, self.problem
-        row = layout.cone_row
-        for contact, column in zip(layout.contacts, layout.force_columns, strict=True):
-            cone = contact.cone()
-            columns = slice(column, column + contact.dim)
-            p.G[row : row + len(cone), columns] = cone * p.scale[columns]
-            p.upper[p.item(row) : p.item(row + len(cone))] = 0.0
-            row += len(cone)
-
-    def _make_writers(self) -> list[Writer]:
-        layout, p = self.layout, self.problem
-        writers: list[Writer] = []
-        for barrier, row in zip(layout.barriers, layout.barrier_rows, strict=True):
-            writers.append(BarrierWriter(barrier, row, p, layout, self.dt))
-        for constraint, row in zip(layout.constraints, layout.constraint_rows, strict=True):
-            writers.append(ConstraintWriter(constraint, row, p, layout, self.dt))
-        for task, row in zip(layout.linear, layout.linear_rows, strict=True):
-            writers.append(LinearWriter(task, row, p, layout, self.dt))
-        for soft, row, column in zip(
-            layout.soft_constraints, layout.soft_constraint_rows, layout.slack_columns, strict=True
-        ):
-            writers.append(SoftConstraintWriter(soft, (row, column), p, layout, self.dt))
-        if self.level.dynamics and self._by_speed:
-            writers.append(TorqueSpeedWriter(self._by_speed, self.torque_bounds, self._torque_range))
-        return writers
-
-    def _row_task(self, task: Objective) -> RowTask:
-        """A task as its level knows it."""
-        layout, p, dim = self.layout, self.problem, task.dim
-        pulling = [*layout.on_joints, *layout.soft_constraints]
-        columns = [*[self.model.nb] * len(layout.on_joints), *layout.slack_columns]
-        if task in pulling:
-            i = pulling.index(task)
-            unknowns, weights = slice(columns[i], columns[i] + dim), self._pull_weights[i]
-            if isinstance(task, Task):
-                wanted = self._joint_wanted[i]
-                return RowTask(task.name, None, unknowns, weights, wanted, np.zeros(dim), scaled=task.is_scaled)
-            return RowTask(task.name, None, unknowns, weights, np.zeros(dim), np.zeros(dim))
-        starts = [*layout.linear_rows, *layout.kinematic_rows]
-        row = starts[[*layout.linear, *layout.kinematic].index(task)]
-        rows, weights = slice(row, row + dim), p.weights[row - p.soft.start :][:dim]
-        if not isinstance(task, Task):
-            return RowTask(task.name, rows, None, weights, np.zeros(dim), np.zeros(dim))
-        at = slice(row - layout.motion_row, row - layout.motion_row + dim)
-        wanted = self.motion.wanted[at]
-        drift = self.motion.drift[at] if self.level.order == 2 else np.zeros(dim)
-        return RowTask(task.name, rows, None, weights, wanted, drift, kinematic=True, scaled=task.is_scaled)
+        p = self.problem
+        for block in self.layout.contacts:
+            p.G[block.cone, block.unknowns] = block.member.cone() * p.scale[block.unknowns]
+            p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
 
     def _first_fill(self, state: RobotState, like: Plan | None) -> None:
         """Fill once, on poisoned memory: what nobody writes is found now, by name."""
-        layout, motion = self.layout, self.motion
         if like is None:
             self.start(state)
-        first = layout.motion_row
-        for member, row, (fill, out) in self.members():
-            explained(member.name, fill, state, *out)
-            motion.check_written(row - first, member.dim, member.name)
-        motion.freeze()
+        for block in self.layout.motions:
+            explained(block.name, block.fill, state)
+            block.check(self.level.order)
+        self.motion.freeze()
         self.bind(state)()
         self._run(FILL)  # rows about torques are made of these
-        for writer in self._writers:
-            explained(writer.name, writer.fill, state)
-            writer.check()
+        for row in self.layout.others:
+            explained(row.name, row.fill, state)
+            row.check(self.level.order)
+        if self._by_speed:
+            explained(self._by_speed[0].name, self._narrow_torques, state)
         self.fill(state)
-
-    def members(self) -> Iterator[MotionMember]:
-        """Who writes motion rows."""
-        layout, nj = self.layout, self.model.nj
-        members = [
-            *layout.kinematic,
-            *(constraint.task for constraint in layout.exact),
-            *layout.contacts,
-            *layout.on_joints,
-        ]
-        behind = range(layout.n_rows, layout.n_rows + len(layout.on_joints) * nj, nj)
-        rows = [*layout.kinematic_rows, *layout.exact_rows, *layout.contact_rows, *behind]
-        return zip(members, rows, self._fills, strict=True)
 
     # ---- weights: read again when a task was assigned to
     def _read_weights(self) -> None:
         layout, p = self.layout, self.problem
         self._stamp = self.binding.stamp
-        self._read_gains()
-        p.weights[:] = np.concatenate([t.weights() for t in (*layout.linear, *layout.kinematic)] or [np.zeros(0)])
+        for motion in layout.motions:
+            self.motion.set_gains(motion.motion, motion.says)
+        weighed: list[Block] = [*layout.linear, *layout.kinematic, *layout.joints, *layout.soft]
+        for block in weighed:
+            block.weights[:] = block.member.weights()
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
-        joints = np.full(self.model.nj, eps)
-        for weights, task in zip(self._pull_weights, (*layout.on_joints, *layout.soft_constraints), strict=True):
-            weights[:] = task.weights()
-        joints += self._joint_weights.sum(axis=0)
+        joints = eps + self._joint_weights.sum(axis=0)
         p.unit = float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
         self.damping.in_metric.base[:] = joints
@@ -297,21 +231,13 @@ class Plan(Filled):
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
             self._write_cones()
-            pressing = [contact for contact in layout.contacts if not contact.bilateral]
+            pressing = [block.member for block in layout.contacts if not block.member.bilateral]
             least = [-np.inf if contact.f_min is None else contact.f_min for contact in pressing]
             most = [np.inf if contact.f_max is None else contact.f_max for contact in pressing]
             self._own_normals = np.array([least, most])
             self._bound_normals()
-        for soft, column in zip(layout.soft_constraints, layout.slack_columns, strict=True):
-            p.scale[column : column + soft.dim] = np.sqrt(p.unit / (soft.weights() + eps))
-
-    def _read_gains(self) -> None:
-        layout, first = self.layout, self.layout.motion_row
-        exact = [constraint.task for constraint in layout.exact]
-        for task, row in zip([*layout.kinematic, *exact], [*layout.kinematic_rows, *layout.exact_rows], strict=True):
-            self.motion.set_gains(row - first, task)
-        for i, task in enumerate(layout.on_joints):
-            self.motion.set_gains(layout.n_rows - first + i * self.model.nj, task)
+        for soft in layout.soft:
+            p.scale[soft.unknowns] = np.sqrt(p.unit / (soft.weights + eps))
 
     # ---- the hot path
     def start(self, state: RobotState) -> None:
@@ -320,20 +246,21 @@ class Plan(Filled):
         self.binding.refresh()
         if self.stopping is not None:
             self.stopping.reset()
-        for writer in self.barriers:
-            writer.barrier.reset()
+        for barrier in self.barriers:
+            barrier.says.reset()
         if self.damping.is_on:
             self.damping.reset()
             share(self._shares.address)
-        for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
-            anchor.move(contact.target or contact.anchor(state))
+        for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
+            anchor.move(block.member.target or block.member.anchor(state))
 
     def take_over(self, former: Plan, state: RobotState) -> None:
         """Go on where another plan of the same stack stands: make the contacts that it has not."""
         self.binding.refresh()
-        for contact, anchor in zip(self.layout.contacts, self.anchors, strict=True):
-            if not any(contact is held for held in former.layout.contacts):
-                anchor.move(contact.target or contact.anchor(state))
+        held = [block.member for block in former.layout.contacts]
+        for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
+            if block.member not in held:
+                anchor.move(block.member.target or block.member.anchor(state))
 
     def go_on_from(self, former: Plan) -> None:
         """Damp as the plan of another stack did."""
@@ -426,12 +353,17 @@ class Plan(Filled):
         """All rows, and whether they are finite."""
         self._run(FILL)
         self.damping.follow(state.v)
-        for writer in self._bound.writers:
-            try:
-                writer.fill(state)
-            except Exception as cause:
-                self.failed(writer.name, cause)
+        for block in self._bound.others:
+            self._try(block.name, block.fill, state)
+        if self._by_speed:
+            self._try(self._by_speed[0].name, self._narrow_torques, state)
         self._run(LOOK)
+
+    def _try(self, name: str, fill: Callable[[RobotState], None], state: RobotState) -> None:
+        try:
+            fill(state)
+        except Exception as cause:
+            self.failed(name, cause)
 
     def _refuse_spoilt(self) -> None:
         self._spoilt = self._call.item(fill_kernel.SPOILT)
@@ -455,6 +387,14 @@ class Plan(Filled):
         for bound, now in zip(self.torque_bounds, self._torque_range, strict=True):
             now[:] = bound
 
+    def _narrow_torques(self, state: RobotState) -> None:
+        """Bounds on torques that move with speed, from those that components may write into."""
+        lower, upper = self._torque_range
+        self._take_torque_bounds()
+        for constraint in self._by_speed:
+            constraint.narrow(state.v_joints, lower, upper)
+        np.minimum(lower, upper, out=lower)  # a component may have left less than the speed leaves
+
     def _bound_normals(self) -> None:
         """What contacts say of their normal forces, and, before that, what components allow."""
         p, at, pressing, (least, most) = self.problem, self._normal, self._pressing, self._own_normals
@@ -465,7 +405,7 @@ class Plan(Filled):
 
     def bind(self, state: RobotState) -> CompiledFill:
         """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""
-        self._bound = filler = CompiledFill(self, state, self.members(), self._writers, self.failed)
+        self._bound = filler = CompiledFill(self, state, self.failed)
         self._call[fill_kernel.FILLS] = filler.address
         self._filler = filler if filler.is_complete else None
         return filler
@@ -475,7 +415,7 @@ class Plan(Filled):
         """Whether a fill is compiled code, but for targets that users write, and nobody changes it in a tick."""
         filler = self._filler
         compiled = filler is not None and filler.is_compiled
-        return compiled and not (self._has_components or self.stopping)
+        return compiled and not (self._has_components or self.stopping or self._by_speed)
 
     @property
     def qp(self) -> QP:
@@ -491,3 +431,44 @@ class Plan(Filled):
             f"Plan({self.model.name}, {self.level.name}: {n} unknowns, {n_eq} equalities, {n_in} two-sided rows, "
             f"{self.problem.n_soft} soft rows)"
         )
+
+
+def refuse_contradictions(plan: Plan, state: RobotState) -> None:
+    """Look for rows that contradict each other in every state: found when a stack is compiled, not in a tick.
+
+    The rows that are looked at are the same in this state and another; plan and state are as before afterwards.
+
+    A force that friction cannot give, a joint speed above its limit: what depends on no state is told while building.
+
+    Raises:
+        Infeasible: with the rows, and how much each must give.
+    """
+    t, q, v = state.t, state.q.copy(), state.v.copy()
+    step = 0.1 * np.sin(1.0 + np.arange(len(v)))  # any other state, the same one each time
+    # The time of the second tick: a target need not be defined any later.
+    state.update(t + plan.dt, plan.model.integrate(q, step), step[::-1])
+    plan.fill(state)
+    other = plan.qp.copy()
+    state.update(t, q, v)
+    plan.fill(state)
+    qp = _same(plan.qp, other)
+    found = None if qp is None else conflict(qp)
+    if found is not None:
+        raise Infeasible(f"these constraints cannot hold together in any state: {found}", conflict=found, qp=qp)
+
+
+def _same(qp: QP, other: QP) -> QP | None:
+    """The rows and bounds that both have, None where no conflict can be among them or they are no problem."""
+    rows = (qp.matrix == other.matrix).all(axis=1) & (qp.lower == other.lower) & (qp.upper == other.upper)
+    bounds = (qp.lb == other.lb) & (qp.ub == other.ub)
+    if not (rows.any() or (qp.lb > qp.ub)[bounds].any()):
+        return None
+    sound = np.isfinite(qp.matrix[rows]).all() and not np.isnan(np.concatenate([qp.lower[rows], qp.upper[rows]])).any()
+    if not sound:
+        return None
+    equal, free = rows[: qp.n_eq], rows[qp.n_eq :]
+    names = [row for row, kept in zip(qp.rows, [*rows, *np.ones(qp.n, bool)], strict=True) if kept]
+    return QP(
+        np.eye(qp.n), np.zeros(qp.n), A=qp.A[equal], b=qp.b[equal], C=qp.C[free], cl=qp.cl[free], cu=qp.cu[free],
+        lb=np.where(bounds, qp.lb, -np.inf), ub=np.where(bounds, qp.ub, np.inf), rows=names,
+    )  # fmt: skip

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from wbc.models.model import RobotModel
-from wbc.stack.actuators import Actuators
 from wbc.stack.contact import Contact
 from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.objective import Objective
+from wbc.stack.overrides import Actuators
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:  # these load the compiler, and components read views
@@ -43,7 +43,10 @@ class Members(Protocol):
 class PlanView:
     """Of which members a plan is made, and what holds in the present tick. Nothing here can be written."""
 
-    __slots__ = ("applied", "binding", "dt", "extra_bias", "intervals", "level", "model", "stack")
+    __slots__ = (
+        "applied", "binding", "dt", "extra_bias", "intervals", "level", "model", "normal_floors", "normal_limits",
+        "places", "stack", "torque_bounds",
+    )  # fmt: skip
 
     model: RobotModel
     level: Level
@@ -54,16 +57,13 @@ class PlanView:
     applied: Applied
     #: Added to h (nv,) in this tick [N, N m], read-only.
     extra_bias: Vec
-
-    @property
-    def places(self) -> Mapping[str, int]:
-        """Place of each contact among those of the whole stack, by name, and by frame where no other has the same."""
-        return self.applied.places
-
-    @property
-    def torque_bounds(self) -> tuple[Vec, Vec]:
-        """Bounds on the torques (lower, upper), (nj,) each [N m, N], read-only."""
-        return self.applied.torque_bounds
+    #: Place of each contact among those of the whole stack, by name, and by frame where no other has the same.
+    places: Mapping[str, int]
+    #: Bounds on the torques (lower, upper), (nj,) each [N m, N], read-only.
+    torque_bounds: tuple[Vec, Vec]
+    #: Upper and lower bounds on the normal forces (contacts,) [N], read-only.
+    normal_limits: Vec
+    normal_floors: Vec
 
     def bounds(self, quantity: str) -> tuple[Vec, Vec]:
         """Bounds (nj,) on each joint's "position", "velocity", "acceleration" or "jerk" in this tick, copies.
@@ -79,16 +79,6 @@ class PlanView:
     def extra_inertia(self) -> Mat | None:
         """Added to M (nv, nv) in this tick."""
         return self.applied.inertia
-
-    @property
-    def normal_limits(self) -> Vec:
-        """Upper bounds on the normal forces (contacts,) [N], read-only."""
-        return self.applied.normal_limits
-
-    @property
-    def normal_floors(self) -> Vec:
-        """Lower bounds on the normal forces (contacts,) [N], read-only."""
-        return self.applied.normal_floors
 
     @property
     def actuators(self) -> Actuators:

@@ -16,11 +16,10 @@ import numpy as np
 from wbc.errors import InvalidInput, UnknownName
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowSolver
-from wbc.stack.component import Component
+from wbc.stack.component import Component, Schedule
 from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.plan import Plan
-from wbc.stack.schedule import Schedule
 from wbc.stack.stack import Stack
 from wbc.types import Vec
 
@@ -33,8 +32,8 @@ class Mode:
 
     def __init__(self, plan: Plan, solver: RowSolver, whole: Plan) -> None:
         self.plan, self.solver = plan, solver
-        starts = dict(zip((c.name for c in whole.layout.contacts), whole.layout.force_columns, strict=True))
-        columns = [starts[c.name] - whole.model.nv + np.arange(c.dim) for c in plan.layout.contacts]
+        starts = {block.name: block.unknowns.start for block in whole.layout.contacts}
+        columns = [starts[block.name] - whole.model.nv + np.arange(block.dim) for block in plan.layout.contacts]
         #: Of each force among the (nf,) of all contacts; None where the plan has them all.
         self._places = None if plan is whole else np.concatenate([np.zeros(0, np.intp), *columns])
         self._nf = whole.layout.nf
@@ -133,8 +132,8 @@ class Plans:
         """Take over what the plans of another stack remember, where this one has the same: contacts where they were
         made, damping, the active set row by row."""
         plan, other = self.present.plan, former.present.plan
-        for contact, anchor in zip(plan.layout.contacts, plan.anchors, strict=True):
-            for one, made in zip(other.layout.contacts, other.anchors, strict=True):
+        for contact, anchor in zip(plan.stack.contacts, plan.anchors, strict=True):
+            for one, made in zip(other.stack.contacts, other.anchors, strict=True):
                 if contact.target is None and contact.name == one.name and contact.frame == one.frame:
                     anchor.move(made)
         plan.go_on_from(other)

@@ -1,24 +1,37 @@
-"""Task: an objective. It says where it is, not what to do about it; the level it is used at lowers it."""
+"""Task: an objective. It says where it is, not what to do about it; the level it is used at lowers it.
+
+Beside it stands what can be made of it: a constraint, an interval, a part of the mechanism.
+"""
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from copy import copy
 from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
+from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.by_name import ByName
-from wbc.stack.constraint import ConstraintRows, LinearConstraint
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
 from wbc.stack.member import Member
 from wbc.stack.objective import Objective
-from wbc.stack.reaction import Reaction
 from wbc.stack.task_rows import TaskRows
-from wbc.stack.within import Within
-from wbc.types import Mat, Vec
+from wbc.types import Index, Mat, Vec
 
-__all__ = ["Exactly", "LinearExactly", "LinearRows", "LinearTask", "Objective", "Task", "TaskRows", "force_of"]
+__all__ = [
+    "Exactly", "LinearExactly", "LinearRows", "LinearTask", "Objective", "Reaction", "Task", "TaskRows", "Within",
+    "force_of",
+]  # fmt: skip
+
+
+#: The unit of the force that holds a row of this unit.
+_FORCES = {"m": "N", "rad": "N m"}
 
 
 class LinearRows:
@@ -28,6 +41,19 @@ class LinearRows:
 
     A: Mat
     b: Vec
+
+
+def _gain(name: str, about: str, *, optional: bool = True) -> Any:
+    """A setting of a number for all rows, one for each, or by label; None, if it is optional."""
+
+    def read(task: Task) -> float | Vec | ByName | None:
+        found: float | Vec | ByName | None = getattr(task, f"_{name}")
+        return found
+
+    def assign(task: Task, value: Any) -> None:
+        setattr(task, f"_{name}", None if value is None and optional else task._numbers(name, value))
+
+    return property(read, assign, doc=about)
 
 
 class Task(Objective):
@@ -51,36 +77,13 @@ class Task(Objective):
         self, *, kp: Any = 100.0, kd: Any = None, rate: Any = None, weight: Any = 1.0, name: str | None = None
     ) -> None:
         super().__init__(name=name, weight=weight)
-        self._kp = self._numbers("kp", kp)
-        self._kd = None if kd is None else self._numbers("kd", kd)
-        self._rate = None if rate is None else self._numbers("rate", rate)
+        self.kp, self.kd, self.rate = kp, kd, rate
 
-    @property
-    def kp(self) -> float | Vec | ByName:
-        """Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``."""
-        return self._kp
-
-    @kp.setter
-    def kp(self, value: Any) -> None:
-        self._kp = self._numbers("kp", value)
-
-    @property
-    def kd(self) -> float | Vec | ByName | None:
-        """Gain on the error's rate [1/s]; None: critical, 2 √kp."""
-        return self._kd
-
-    @kd.setter
-    def kd(self, value: Any) -> None:
-        self._kd = None if value is None else self._numbers("kd", value)
-
-    @property
-    def rate(self) -> float | Vec | ByName | None:
-        """Gain at the velocity level [1/s]; None: kp / kd."""
-        return self._rate
-
-    @rate.setter
-    def rate(self, value: Any) -> None:
-        self._rate = None if value is None else self._numbers("rate", value)
+    kp = _gain(
+        "kp", "Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``.", optional=False
+    )
+    kd = _gain("kd", "Gain on the error's rate [1/s]; None: critical, 2 √kp.")
+    rate = _gain("rate", "Gain at the velocity level [1/s]; None: kp / kd.")
 
     def gains(self) -> tuple[Vec, Vec, Vec]:
         """kp, kd and rate of each row, (dim,) each; a rate is infinite where kp > 0 and kd = 0 and none was given."""
@@ -110,7 +113,7 @@ class Task(Objective):
 
     def with_reaction(self, *, force_weight: float = 0.0, name: str | None = None) -> Reaction:
         """The same task as a part of the mechanism, for ``contacts``: its rows hold exactly, by a force that the
-        dynamics know and ``command.f`` gives. See :class:`~wbc.stack.reaction.Reaction`."""
+        dynamics know and ``command.f`` gives. See :class:`Reaction`."""
         return Reaction(self._as_constraint(), force_weight=force_weight, name=name)
 
     def within(
@@ -120,7 +123,7 @@ class Task(Objective):
 
         A control barrier function at every level, for ``subject_to``; ``rate`` and ``slack`` as
         :class:`~wbc.stack.constraint.Barrier` has them, infinite bounds are none. See
-        :class:`~wbc.stack.within.Within`.
+        :class:`Within`.
         """
         return Within(self._as_constraint(), lower, upper, rate=rate, slack=slack, name=name)
 
@@ -148,11 +151,155 @@ class Exactly(Member):
 
     @property
     def name(self) -> str:
-        """Name of the constraint."""
+        """Given, or that of the task."""
         return self._name or f"{self.task.name} exactly"
 
     def prepare(self, model: RobotModel) -> None:
         self.task.prepare(model)
+
+
+@final
+class Within(Barrier):
+    """lower <= e <= upper for the error e of a task, row by row; made by ``task.within(…)``.
+
+    h = e − lower and upper − e, a row for each bound that is finite, with ḣ = ±(ẏ_ref − J v) and
+    ḧ = ±(ÿ_ref − J a − J̇ v): a moving target moves the interval. For rows that are a rotation vector this is exact up
+    to first order in the error. ``constraint.softly()`` makes it an objective again: a task that is content within a
+    tolerance.
+
+    Raises:
+        InvalidInput: when a stack is compiled: bounds of another size, an empty interval, no finite bound, or one on a
+            row with kp = 0, which asks for a velocity and has no error.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.tasks import CenterOfMass
+        >>> CenterOfMass(target=[0.0, 0.0, 0.8]).within(0.02)
+        CenterOfMass within
+    """
+
+    def __init__(
+        self, task: Task, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None,
+        name: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(rate=rate, slack=slack, name=name or f"{task.name} within")
+        self.task = task
+        if upper is None:
+            tolerance = np.asarray(lower, dtype=np.float64)
+            lower, upper = -tolerance, tolerance
+        self._given = lower, upper
+
+    def prepare(self, model: RobotModel) -> None:
+        task = self.task
+        task.prepare(model)
+        bounds = [
+            checks.array(
+                f"{self.name}.{which}", np.full(task.dim, b) if np.ndim(b) == 0 else b, (task.dim,), finite=False
+            )
+            for which, b in zip(("lower", "upper"), self._given, strict=True)
+        ]
+        lower, upper = bounds
+        if not (lower < upper).all():
+            i = int(np.argmin(lower < upper))
+            raise InvalidInput(f"{self.name}: row {i} is left nothing: lower {lower[i]:g}, upper {upper[i]:g}")
+        below, above = np.flatnonzero(np.isfinite(lower)), np.flatnonzero(np.isfinite(upper))
+        #: Of each row of the barrier: the row of the task, and whether it bounds e from below (+1) or above (−1).
+        self._row: Index = np.concatenate([below, above])
+        self._sign: Vec = np.repeat([1.0, -1.0], [len(below), len(above)])
+        self._bound: Vec = np.concatenate([-lower[below], upper[above]])
+        self.dim = len(self._row)
+        if self.dim == 0:
+            raise InvalidInput(f"{self.name} has no finite bound")
+        velocities = np.flatnonzero(task.gains()[0][self._row] == 0.0)
+        if velocities.size:
+            i = int(self._row[velocities[0]])
+            raise InvalidInput(
+                f"{self.name}: row {i} has kp = 0, which asks for a velocity; its bounds must be infinite"
+            )
+        self.units = tuple(task.unit(int(i)) for i in self._row)
+        self._out = out = TaskRows()
+        for array in ("e", "ed", "drift", "rate_ref", "acc_ref"):
+            setattr(out, array, np.zeros(task.dim))
+        out.J = np.eye(model.nv)[model.nb :] if task.on_joints else np.zeros((task.dim, model.nv))
+
+    def fill(self, state: RobotState, out: BarrierRows) -> None:
+        rows, row, sign = self._out, self._row, self._sign
+        rows.rate_ref[:], rows.acc_ref[:] = 0.0, 0.0
+        self.task.fill(state, rows)
+        out.h[:] = sign * rows.e[row] + self._bound
+        out.J[:] = -sign[:, None] * rows.J[row]
+        out.rate[:] = sign * rows.rate_ref[row]
+        out.drift[:] = sign * (rows.acc_ref - rows.drift)[row]
+
+    def label(self, row: int) -> str:
+        """The row of the task, and which bound it is."""
+        return f"{self.task.label(int(self._row[row]))} {'>=' if self._sign[row] > 0 else '<='}".strip()
+
+
+@final
+class Reaction(Contact):
+    """The rows of a task as constraints that a force λ holds, M a + h = Sᵀ τ + Jᵀ λ; made by ``task.with_reaction()``.
+
+    It stands in ``contacts``. A wheel that rolls, a gear with one motor, a brake on a joint: what the mechanism or the
+    ground forbids costs no torque, where ``task.exactly()`` makes motors do it. λ is ``command.f[name]``, one number a
+    row, N for metres and N m for radians, bounded by no cone; ``force_weight`` weighs ½ λ², by default nothing but the
+    level's regularisation does.
+
+    Example:
+        >>> from wbc.tasks import JointCoupling
+        >>> JointCoupling("elbow", to={"shoulder_pitch": -2.0}).with_reaction(name="gear")
+        gear
+    """
+
+    bilateral = True
+
+    def __init__(self, task: Task, *, force_weight: float = 0.0, name: str | None = None) -> None:
+        self.task = task
+        # Nothing slips: friction is only asked of surfaces.
+        super().__init__(task.name, friction=1.0, force_weight=force_weight, name=name or task.name)
+
+    def prepare(self, model: RobotModel) -> None:
+        self.task.prepare(model)
+        self.dim = self.task.dim
+        self._joints = np.eye(model.nv)[model.nb :] if self.task.on_joints else None
+
+    def gains(self) -> tuple[Any, Any, Any]:
+        """Those of the task."""
+        return self.task.gains()
+
+    def anchor(self, state: RobotState) -> Anchor:
+        del state  # the target of the task says where
+        return Anchor(np.eye(3), np.zeros(3))
+
+    def kernel_rows(self) -> KernelRows | None:
+        """Those of the task, where it has some."""
+        return kernel_rows_of(self.task)
+
+    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+        del anchor
+        if self._joints is not None:
+            out.J[:], out.drift[:] = self._joints, 0.0
+        self.task.fill(state, out)
+
+    def cone(self) -> Mat:
+        return np.zeros((0, self.dim))
+
+    def cone_labels(self) -> list[tuple[str, str]]:
+        return []
+
+    def motion_units(self) -> list[str]:
+        return [self.task.unit(i) for i in range(self.dim)]
+
+    def motion_labels(self) -> Sequence[str]:
+        """The task's."""
+        return [self.task.label(i) for i in range(self.dim)]
+
+    def force_labels(self) -> list[tuple[str, str]]:
+        """The task's rows, in the unit whose product with theirs is an energy."""
+        return [
+            (label, _FORCES.get(unit, f"J/({unit})"))
+            for label, unit in zip(self.motion_labels(), self.motion_units(), strict=True)
+        ]
 
     def __repr__(self) -> str:
         return self.name

@@ -1,10 +1,7 @@
-"""TaskRows: where kinematic tasks and contacts write, and what is known of one that does."""
+"""TaskRows: where kinematic tasks and contacts write."""
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
-
-from wbc.models.model import RobotModel, RobotState
 from wbc.types import Mat, Vec
 
 
@@ -39,29 +36,3 @@ class TaskRows:
     @e.setter
     def e(self, e: Vec) -> None:
         self._e, self.linear, self.angular = e, e[:3], e[3:]
-
-
-class Kinematic(Protocol):
-    """What constraints and contacts that are made of a task know of it; :class:`~wbc.stack.task.Task` is one."""
-
-    dim: int
-    on_joints: ClassVar[bool]
-
-    @property
-    def name(self) -> str:
-        """What the stack calls it."""
-
-    def prepare(self, model: RobotModel) -> None:
-        """Check arguments against the model and fix ``dim``."""
-
-    def fill(self, state: RobotState, out: TaskRows) -> None:
-        """Write its rows for this state."""
-
-    def gains(self) -> tuple[Vec, Vec, Vec]:
-        """kp, kd and rate of each row."""
-
-    def unit(self, row: int) -> str:
-        """Unit of one row of the error."""
-
-    def label(self, row: int) -> str:
-        """What one row is called in reports."""

@@ -8,8 +8,7 @@ import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
-from wbc.stack.reaction import Reaction
-from wbc.stack.task import Task
+from wbc.stack.task import Reaction, Task
 from wbc.testing.differences import along, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling

@@ -16,10 +16,10 @@ def fill(at: int) -> None:
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
     contact row, columns of u, whether there are dynamics, whether joints have intervals, whether inertia is added, what
-    ``write_all`` reads of tasks, and of others), what the code below reads by name, from place 24 on what
+    ``write_all`` reads of tasks, and of others), what the code below reads by name, from place 14 on what
     ``joint_bounds`` does.
     """
-    memory = carray(integers(at), 42)
+    memory = carray(integers(at), 18)
     sizes = carray(integers(memory[0]), 15)
     order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
@@ -27,21 +27,11 @@ def fill(at: int) -> None:
     first, contact, n_u, dynamics = sizes[7], sizes[8], sizes[9], sizes[10] > 0
     nj = nv - nb
     total = m + n_joint_blocks * nj
-    G = carray(floats(memory[1]), (first + m, columns))
-    e = carray(floats(memory[2]), total)
-    drift = carray(floats(memory[3]), total)
-    rate_ref = carray(floats(memory[4]), total)
-    acc_ref = carray(floats(memory[5]), total)
-    kp = carray(floats(memory[6]), total)
-    kd = carray(floats(memory[7]), total)
-    rate = carray(floats(memory[8]), total)
-    own_ed = carray(floats(memory[9]), total)
-    writes_ed = carray(floats(memory[10]), total)
-    wanted = carray(floats(memory[11]), total)
-    share = carray(floats(memory[12]), n_joint_blocks * nj)
-    centre = carray(floats(memory[13]), nv - n_u)
-    v = carray(floats(memory[14]), nv)
-    q = carray(floats(memory[23]), nj)
+    G, numbers = carray(floats(memory[1]), (first + m, columns)), carray(floats(memory[2]), (10, total))
+    e, drift, rate_ref, acc_ref, wanted = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
+    kp, kd, rate, own_ed, writes_ed = numbers[5], numbers[6], numbers[7], numbers[8], numbers[9]
+    share, centre = carray(floats(memory[3]), n_joint_blocks * nj), carray(floats(memory[4]), nv - n_u)
+    v, q = carray(floats(memory[5]), nv), carray(floats(memory[13]), nj)
 
     if sizes[13] > 0:
         write_all(sizes[13])
@@ -66,11 +56,9 @@ def fill(at: int) -> None:
             pull += share[k * nj + j] * wanted[m + k * nj + j]
         centre[nb - n_u + j] = pull
     if dynamics:
-        M = carray(floats(memory[15]), (nv, nv))
-        h = carray(floats(memory[16]), nv)
-        extra = carray(floats(memory[17]), nv)
-        force_scale = carray(floats(memory[18]), nf)
-        more_inertia = carray(floats(memory[19]), (nv, nv))
+        M, h = carray(floats(memory[6]), (nv, nv)), carray(floats(memory[7]), nv)
+        extra, force_scale = carray(floats(memory[8]), nv), carray(floats(memory[9]), nf)
+        more_inertia = carray(floats(memory[10]), (nv, nv))
         for i in range(nv):
             for c in range(nv):
                 G[i, c] = M[i, c]
@@ -83,9 +71,8 @@ def fill(at: int) -> None:
             for i in range(nv):
                 G[i, nv + f] = scale * J[i]
     if sizes[11] > 0:
-        dt = carray(floats(memory[20]), 1)[0]
-        lower, upper = carray(floats(memory[21]), nj), carray(floats(memory[22]), nj)
-        joint_bounds(memory[24:], nj, order, dt, q, v[nb:], lower, upper)
+        lower, upper = carray(floats(memory[11]), nj), carray(floats(memory[12]), nj)
+        joint_bounds(memory[14:], nj, order, q, v[nb:], lower, upper)
     if sizes[14] > 0:
         write_all(sizes[14])
 

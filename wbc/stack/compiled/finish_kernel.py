@@ -70,15 +70,15 @@ def finish(at: int) -> None:
 def write_all(at: int) -> None:
     """Evaluate what targets follow, and write the rows of each member; errors of one whose kernel failed are NaN.
 
-    At ``at``: sizes (members, targets that are known motions), these, the time, where each member's memory is, and
-    where that of :func:`finish` is, 0 for a task.
+    At ``at``: sizes (members, targets that are known motions), these, the time, and of each member where its memory is,
+    and where that of :func:`finish` is, 0 for a task.
     """
-    m = carray(integers(at), 5)
+    m = carray(integers(at), 4)
     sizes = carray(integers(m[0]), 2)
     refer(carray(integers(m[1]), (sizes[1], 7)), carray(floats(m[2]), 1)[0])
-    items, finishes = carray(integers(m[3]), sizes[0]), carray(integers(m[4]), sizes[0])
+    items = carray(integers(m[3]), (sizes[0], 2))
     for k in range(len(items)):
-        if write(items[k]) == 0:
-            rows(items[k]).e[:] = nan
-        if finishes[k] > 0:
-            finish(finishes[k])
+        if write(items[k, 0]) == 0:
+            rows(items[k, 0]).e[:] = nan
+        if items[k, 1] > 0:
+            finish(items[k, 1])

@@ -5,18 +5,27 @@ from __future__ import annotations
 from wbc.compiled import callee, kernel
 from wbc.stack.compiled.geometry import Three, back, cross, dot, log3, log6, plus, three, times, turn_by
 from wbc.stack.compiled.row_kernel import Rows, follow, rows
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 
 @kernel
-def _turn_error(target: Vec, R: Vec, work: Vec) -> Vec:
-    """log(R_target Rᵀ), of matrices (9,) by rows; ``work`` (12,) is memory."""
+def turn_error(target: Mat, R: Mat, work: Vec) -> Vec:
+    """log(R_target Rᵀ); ``work`` (12,) is memory."""
     S, w = work[:9].reshape((3, 3)), work[9:12]
     for i in range(3):
         for j in range(3):
-            S[i, j] = target[3 * i] * R[3 * j] + target[3 * i + 1] * R[3 * j + 1] + target[3 * i + 2] * R[3 * j + 2]
+            S[i, j] = target[i, 0] * R[j, 0] + target[i, 1] * R[j, 1] + target[i, 2] * R[j, 2]
     log3(S, w)
     return w
+
+
+@kernel
+def pose_error(k: Rows, target: Mat, place: Vec, R: Mat, p: Vec, work: Vec) -> None:
+    """e = (p_target − p, log(R_target Rᵀ)), of these six the rows ``numbers``."""
+    w = turn_error(target, R, work)
+    for r in range(len(k.e)):
+        row = int(k.numbers[r])
+        k.e[r] = place[row] - p[row] if row < 3 else w[row - 3]
 
 
 @callee
@@ -31,24 +40,13 @@ def position(at: int) -> int:
 
 
 @callee
-def orientation(at: int) -> int:
-    """Orientation."""
-    k = rows(at)
-    w = _turn_error(k.value, k.place[0], k.work)
-    for r in range(3):
-        k.e[r] = w[r]
-        k.C[r, 3 + r] = 1.0
-    return follow(k)
-
-
-@callee
 def pose(at: int) -> int:
-    """Position, then orientation."""
+    """Position and orientation, or one of them; ``numbers``: which of the six rows."""
     k = rows(at)
-    w = _turn_error(k.value, k.place[0], k.work)
-    for r in range(3):
-        k.e[r], k.e[3 + r] = k.value[9 + r] - k.place[0, 9 + r], w[r]
-        k.C[r, r] = k.C[3 + r, 3 + r] = 1.0
+    R = k.place[0, :9].reshape((3, 3))
+    pose_error(k, k.value[:9].reshape((3, 3)), k.value[9:], R, k.place[0, 9:], k.work)
+    for r in range(len(k.e)):
+        k.C[r, int(k.numbers[r])] = 1.0
     return follow(k)
 
 
@@ -114,12 +112,12 @@ def admittance(at: int) -> int:
     """A pose that a wrench moves; ``numbers``: which rows are held, compliances, mobilities, six each."""
     k = rows(at)
     held, compliance, mobility, wrench = k.numbers[:6], k.numbers[6:12], k.numbers[12:18], k.value[12:18]
-    turn, target = k.work[:3], k.work[3:12]
+    turn, target, R = k.work[:3], k.work[3:12], k.place[0, :9].reshape((3, 3))
     for i in range(3):
         k.e[i] = k.value[9 + i] + compliance[i] * wrench[i] - k.place[0, 9 + i]
         turn[i] = compliance[3 + i] * wrench[3 + i]
     turn_by(1.0, turn, k.value[:9], target)
-    w = _turn_error(target, k.place[0], k.work[12:])
+    w = turn_error(target.reshape((3, 3)), R, k.work[12:])
     for i in range(3):
         k.e[3 + i] = w[i]
     for r in range(6):

@@ -43,18 +43,15 @@ def _approach(
 
 
 @kernel
-def joint_bounds(memory: Index, nj: int, order: int, dt: float, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
+def joint_bounds(memory: Index, nj: int, order: int, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
     """Bounds (nj,) on velocities (order 1) or accelerations (2) of the joints; ``memory`` is the intervals' own."""
-    flags = carray(integers(memory[0]), 4)
-    position, fastest = carray(floats(memory[1]), 2 * nj), carray(floats(memory[2]), 2 * nj)
-    strongest, minus_B = carray(floats(memory[3]), 2 * nj), carray(floats(memory[4]), 2 * nj)
-    two_B, B_dt = carray(floats(memory[5]), 2 * nj), carray(floats(memory[6]), 2 * nj)
-    B_dt_squared, return_speed = carray(floats(memory[7]), 2 * nj), carray(floats(memory[8]), 2 * nj)
-    faster, jerk = carray(floats(memory[9]), 2 * nj), carray(floats(memory[10]), 2 * nj)
-    room, reach = carray(floats(memory[11]), 2 * nj), carray(floats(memory[12]), 2 * nj)
-    wanted, free = carray(floats(memory[13]), 2 * nj), carray(floats(memory[14]), 2 * nj)
-    bound, narrowed = carray(floats(memory[15]), 2 * nj), carray(floats(memory[16]), 2 * nj)
-    last = carray(floats(memory[17]), nj)
+    flags, numbers = carray(integers(memory[0]), 4), carray(floats(memory[1]), (16, 2 * nj))
+    last, dt = carray(floats(memory[2]), nj), carray(floats(memory[3]), 1)[0]
+    position, fastest, strongest, minus_B, two_B = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
+    B_dt, B_dt_squared, return_speed, faster, jerk = numbers[5], numbers[6], numbers[7], numbers[8], numbers[9]
+    room, reach, wanted, free, bound, narrowed = (
+        numbers[10], numbers[11], numbers[12], numbers[13], numbers[14], numbers[15],
+    )  # fmt: skip
     if flags[0] > 0 and order == 2:  # nothing but velocities
         for j in range(nj):
             upper[j] = max((fastest[j] - v[j]) / dt, minus_B[j])
@@ -112,11 +109,9 @@ def joint_bounds(memory: Index, nj: int, order: int, dt: float, q: Vec, v: Vec, 
 
 @entry
 def bound_joints(at: int) -> int:
-    """``joint_bounds`` by itself; at ``at``: nj and the order; dt; q, v, lower and upper (nj,) each; the intervals'."""
-    memory = carray(integers(at), 24)
-    sizes, dt = carray(integers(memory[0]), 2), carray(floats(memory[1]), 1)[0]
-    nj = sizes[0]
-    q, v = carray(floats(memory[2]), nj), carray(floats(memory[3]), nj)
-    lower, upper = carray(floats(memory[4]), nj), carray(floats(memory[5]), nj)
-    joint_bounds(memory[6:], nj, sizes[1], dt, q, v, lower, upper)
+    """``joint_bounds`` by itself; at ``at``: nj and the order; q, v, lower and upper (nj,) by rows; the intervals'."""
+    memory = carray(integers(at), 6)
+    sizes = carray(integers(memory[0]), 2)
+    now = carray(floats(memory[1]), (4, sizes[0]))
+    joint_bounds(memory[2:], sizes[0], sizes[1], now[0], now[1], now[2], now[3])
     return 0

@@ -7,15 +7,6 @@ from wbc.stack.compiled.row_kernel import rows
 
 
 @callee
-def still(at: int) -> int:
-    """No motion."""
-    k = rows(at)
-    for r in range(len(k.e)):
-        k.e[r] = 0.0
-    return 1
-
-
-@callee
 def steady(at: int) -> int:
     """The motion of now."""
     k = rows(at)
@@ -30,15 +21,6 @@ def position(at: int) -> int:
     k = rows(at)
     for r in range(len(k.e)):
         k.e[r], k.rate_ref[r], k.acc_ref[r] = k.value[r] - k.q[r], k.rate[r], k.second[r]
-    return 1
-
-
-@callee
-def velocity(at: int) -> int:
-    """The target is a velocity."""
-    k = rows(at)
-    for r in range(len(k.e)):
-        k.e[r], k.rate_ref[r], k.acc_ref[r] = 0.0, k.value[r], k.rate[r]
     return 1
 
 

@@ -52,13 +52,3 @@ def axis_cone(at: int) -> int:
     k.C[0, 3], k.C[0, 4], k.C[0, 5] = turn[0], turn[1], turn[2]
     k.bent[0] = dot(cross(w, cross(w, b)), d)
     return 1
-
-
-@callee
-def velocity(at: int) -> int:
-    """Velocities themselves; ``numbers``: which of the six."""
-    k = rows(at)
-    for r in range(len(k.e)):
-        k.e[r] = 0.0
-        k.C[r, int(k.numbers[r])] = 1.0
-    return 1

@@ -6,7 +6,7 @@ from math import cos, sin
 
 from wbc.compiled import carray, floats, kernel
 from wbc.stack.compiled.geometry import turn_by
-from wbc.stack.known_motion import NONE, PIECEWISE, POSE, SAMPLES, SINUSOID
+from wbc.stack.kernel_rows import NONE, PIECEWISE, POSE, SAMPLES, SINUSOID
 from wbc.types import Index, Vec
 
 

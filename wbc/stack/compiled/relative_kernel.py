@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.compiled import callee, kernel
-from wbc.stack.compiled.geometry import Three, back, cross, dot, log3, plus, three
+from wbc.stack.compiled.frame_kernel import pose_error
+from wbc.stack.compiled.geometry import Three, back, cross, dot, plus, three
 from wbc.stack.compiled.row_kernel import Rows, follow, rows
 from wbc.types import Mat, Vec
 
@@ -51,37 +52,17 @@ def _seen(k: Rows, at: Vec, R: Mat) -> None:
             k.bent[r] = bent_turn[i]
 
 
-@kernel
-def _error(k: Rows, target: Mat, place: Vec, at: Vec, R: Mat) -> None:
-    """e = (p_target − p, log(R_target Rᵀ)), the rows that are wanted."""
-    S, w = k.work[12:21].reshape((3, 3)), k.work[21:24]
-    for i in range(3):
-        for j in range(3):
-            S[i, j] = target[i, 0] * R[j, 0] + target[i, 1] * R[j, 1] + target[i, 2] * R[j, 2]
-    log3(S, w)
-    for r in range(len(k.e)):
-        row = int(k.numbers[r])
-        k.e[r] = place[row] - at[row] if row < 3 else w[row - 3]
-
-
 @callee
 def pose(at: int) -> int:
-    """Position and orientation."""
+    """Position and orientation, or one of them."""
     k = rows(at)
     p, R = k.work[:3], k.work[3:12].reshape((3, 3))
     _seen(k, p, R)
-    _error(k, k.value[:9].reshape((3, 3)), k.value[9:], p, R)
-    return follow(k)
-
-
-@callee
-def position(at: int) -> int:
-    """Position alone."""
-    k = rows(at)
-    p = k.work[:3]
-    _seen(k, p, k.work[3:12].reshape((3, 3)))
-    for i in range(3):
-        k.e[i] = k.value[i] - p[i]
+    if len(k.value) > 3:
+        pose_error(k, k.value[:9].reshape((3, 3)), k.value[9:], R, p, k.work[12:])
+    else:
+        for i in range(3):
+            k.e[i] = k.value[i] - p[i]
     return follow(k)
 
 
@@ -91,7 +72,7 @@ def closure(at: int) -> int:
     k = rows(at)
     p, R = k.work[:3], k.work[3:12].reshape((3, 3))
     _seen(k, p, R)
-    _error(k, k.other.T, k.origin, p, R)
+    pose_error(k, k.other.T, k.origin, R, p, k.work[12:])
     return 1
 
 

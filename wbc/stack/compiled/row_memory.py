@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, final
 
@@ -13,47 +12,27 @@ from wbc.compiled import Memory, callee
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_state import JointMemory, PinocchioState
+from wbc.stack.block import Block
 from wbc.stack.compiled import row_kernel
 from wbc.stack.contact import Anchor
-from wbc.stack.kernel_rows import CENTRE, MOMENTUM, Followed, KernelRows
-from wbc.stack.known_motion import NONE, KnownMotion
+from wbc.stack.kernel_rows import CENTRE, MOMENTUM, NONE, Followed, KernelRows, KnownMotion
 from wbc.stack.target import Target
 from wbc.stack.task_rows import TaskRows
 from wbc.types import Mat, Vec
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class Written:
-    """Where the rows of one member go. J is None where it is not written."""
-
-    e: Vec
-    drift: Vec
-    rate_ref: Vec
-    acc_ref: Vec
-    J: Mat | None = None
-    anchor: Anchor | None = None
-    #: Where C goes, of a member on a force.
-    A: Mat | None = None
-
-    @classmethod
-    def into(cls, out: TaskRows, anchor: Anchor | None = None) -> Written:
-        """What a task, or a contact made at ``anchor``, writes into."""
-        return cls(out.e, out.drift, out.rate_ref, out.acc_ref, getattr(out, "J", None), anchor)
-
-
 def called(
     said: KernelRows, dim: int, state: RobotState, anchor: Anchor | None = None, A: Mat | None = None
-) -> Written:
-    """The rows of a member in a state of any robot.
+) -> TaskRows:
+    """The rows of a member in a state of any robot; of one on forces A, of this size, stands for J.
 
     Raises:
         InvalidInput: the kernel does not write rows of this size.
     """
-    e, drift, rate_ref, acc_ref = np.zeros((4, dim))
-    J = np.zeros((dim, state.model.nv)) if said.constant is None else said.constant
-    rows = Written(e, drift, rate_ref, acc_ref, J, anchor, None if A is None else np.zeros(A.shape))
-    item = _Item(said, state, rows, None)
+    rows = TaskRows()
+    rows.e, rows.drift, rows.rate_ref, rows.acc_ref = np.zeros((4, dim))
+    rows.J = np.zeros((dim, state.model.nv)) if said.constant is None else said.constant
+    item = _Item(said, state, rows, anchor, None if A is None else np.zeros(A.shape), second=None)
     for target in item.targets:
         target.follow(state.t)
     things = [_seen(thing, state) for thing in said.of]
@@ -63,12 +42,12 @@ def called(
     if item.kernel(item.memory.address) != 1:
         raise InvalidInput(f"it cannot have {item.C.shape[0]} rows about {item.C.shape[1]} numbers")
     if A is not None:
-        A[:] = item.C
-    drift[:] = item.bent
+        rows.J = item.C
+    rows.drift[:] = item.bent
     for k, (_, own, rate) in enumerate(things):
         C = item.C[:, 6 * k : 6 * k + len(own)]
-        J += C @ own
-        drift += C @ rate
+        rows.J += C @ own
+        rows.drift += C @ rate
     return rows
 
 
@@ -91,19 +70,16 @@ class KernelItems:
         self, state: PinocchioState, now: Vec, *, second: bool, failed: Callable[[str, Exception], None]
     ) -> None:  # fmt: skip
         self._state, self._now, self._second, self._failed = state, now, second, failed
-        self._items: list[_Item] = []
-        self._names: list[str] = []
-        self._finishes: list[int] = []
-        self._said: list[Callable[[], KernelRows]] = []
+        self._items: list[tuple[Block, _Item]] = []
         self._moving: list[tuple[str, _Following]] = []
         self._memory = Memory()
 
-    def add(self, name: str, said: Callable[[], KernelRows], rows: Written, finish: int = 0) -> None:
-        """One member more; ``finish`` is where the memory of :func:`wbc.stack.compiled.finish_kernel.finish` is."""
-        self._items.append(_Item(said(), self._state, rows, self._second))
-        self._names.append(name)
-        self._said.append(said)
-        self._finishes.append(finish)
+    def add(self, block: Block) -> None:
+        """The rows of one member more."""
+        said = block.kernel_rows()
+        item = _Item(said, self._state, block.into, block.anchor, block.A, second=self._second)
+        self._items.append((block, item))
+        block.reads(self._state.v)
 
     def follow(self, t: float) -> None:
         """Follow the targets that users write."""
@@ -114,23 +90,23 @@ class KernelItems:
         """Settings again, and which targets move; what :func:`~wbc.stack.compiled.finish_kernel.write_all` reads."""
         known: list[list[int]] = []
         self._moving = []
-        for name, said, item in zip(self._names, self._said, self._items, strict=True):
+        for block, item in self._items:
             try:
-                item.numbers[:] = said().numbers
+                item.numbers[:] = block.kernel_rows().numbers
             except Exception as cause:
-                self._failed(name, cause)
+                self._failed(block.name, cause)
             for target in item.targets:
-                self._follow(name, target, t)
+                self._follow(block.name, target, t)
                 if target.moves:
                     row = target.known()
                     if row is None:
-                        self._moving.append((name, target))
+                        self._moving.append((block.name, target))
                     else:
                         known.append(row)
         sizes = np.array([len(self._items), len(known)], dtype=np.int64)
         references = np.array(known or [[NONE] * 7], dtype=np.int64)
-        addresses = np.array([item.memory.address for item in self._items], dtype=np.int64)
-        self._memory = Memory(sizes, references, self._now, addresses, np.array(self._finishes, dtype=np.int64))
+        addresses = [[item.memory.address, block.finishing] for block, item in self._items]
+        self._memory = Memory(sizes, references, self._now, np.array(addresses, dtype=np.int64))
         return self._memory.address if self._items else 0
 
     def _follow(self, name: str, target: _Following, t: float) -> None:
@@ -147,27 +123,27 @@ class _Item:
     ``second`` says whether accelerations are decided; None where a kernel is called by itself.
     """
 
-    def __init__(self, said: KernelRows, state: RobotState, rows: Written, second: bool | None) -> None:
+    def __init__(
+        self, said: KernelRows, state: RobotState, rows: TaskRows, anchor: Anchor | None, A: Mat | None, *,
+        second: bool | None,
+    ) -> None:  # fmt: skip
         file, name = said.kernel.split(".")
         self.kernel: callee = getattr(import_module(f"wbc.stack.compiled.{file}_kernel"), name)
         dim, n, model = len(rows.e), len(said.of), state.model
-        self.targets = [_Following(followed, state.t) for followed in said.follows]
-        value, rate, moved = (
-            np.concatenate([np.zeros(0), *(getattr(target, what) for target in self.targets)])
-            for what in ("value", "rate", "second")
-        )
-        first = [0, 0]
-        for target in self.targets:
-            target.write_into(value[first[0] :], rate[first[1] :], moved[first[1] :])
-            first = [first[0] + len(target.value), first[1] + len(target.rate)]
+        targets = [followed.reference(state.t) for followed in said.follows]
+        n_value = [sum(part.size for part in _parts(target)) for target in targets]
+        n_rate = [len(target.rate) for target in targets]
+        value, rate, moved = (np.zeros(sum(n)) for n in (n_value, n_rate, n_rate))
+        places = (np.split(value, np.cumsum(n_value)), *(np.split(a, np.cumsum(n_rate)) for a in (rate, moved)))
+        self.targets = [_Following(*one) for one in zip(said.follows, *places, strict=False)]
         self.numbers = np.array(said.numbers, dtype=np.float64)
         self.places, self.motions, placements = np.zeros((3, n, 12))
-        self.C, self.bent = np.zeros((dim, 6 * n)) if rows.A is None else rows.A, np.zeros(dim)
+        self.C, self.bent = np.zeros((dim, 6 * n)) if A is None else A, np.zeros(dim)
         things, owners = np.zeros((n, row_kernel.THING + model.nv), dtype=np.int64), []
         if second is not None:
             assert isinstance(state, PinocchioState)
             owners = [_placed(things[k], placements[k], thing, state) for k, thing in enumerate(said.of)]
-        J = rows.J
+        J: Mat | None = getattr(rows, "J", None)
         if J is not None and said.of and second is not None:
             J[:] = 0.0  # kernels write the columns that move something
         width = J.strides[0] // J.itemsize if J is not None and said.of else 0
@@ -175,7 +151,7 @@ class _Item:
             self.kernel.place, dim, n, model.nv, width, bool(second), len(self.numbers), len(value), len(rate),
             model.nj, self.C.shape[1],
         ]  # fmt: skip
-        anchor = Anchor(np.eye(3), np.zeros(3)) if rows.anchor is None else rows.anchor
+        anchor = Anchor(np.eye(3), np.zeros(3)) if anchor is None else anchor
         self.memory = Memory(
             np.array(sizes, dtype=np.int64), things, placements, self.places, self.motions, self.C, self.bent,
             np.zeros(1) if J is None else J, rows.e, rows.drift, rows.rate_ref, rows.acc_ref, self.numbers, value, rate,
@@ -210,19 +186,11 @@ class _Following:
 
     __slots__ = ("_followed", "_kept", "_parts", "_seen", "moves", "rate", "second", "value")
 
-    def __init__(self, followed: Followed, t: float) -> None:
-        self._followed = followed
-        target = followed.reference(t)
-        self.value = np.concatenate([part.ravel() for part in _parts(target)])
-        self.rate, self.second = np.zeros(len(target.rate)), np.zeros(len(target.rate))
+    def __init__(self, followed: Followed, value: Vec, rate: Vec, second: Vec) -> None:
+        self._followed, self.value, self.rate, self.second = followed, value, rate, second
         self._seen: Target | None = None
         #: Whether the target seen last is a function of time.
         self.moves = True
-
-    def write_into(self, value: Vec, rate: Vec, second: Vec) -> None:
-        """From now on the numbers go to the start of these arrays."""
-        n, k = len(self.value), len(self.rate)
-        self.value, self.rate, self.second = value[:n], rate[:k], second[:k]
 
     def follow(self, t: float) -> None:
         """Copy the target of time t, where it may be another one than before."""

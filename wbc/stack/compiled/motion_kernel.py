@@ -1,4 +1,4 @@
-"""Rows about the robot as a whole: its momentum, its capture point, its zero moment point."""
+"""Rows about velocities and momenta, and of the robot as a whole its capture point and its zero moment point."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from wbc.stack.compiled.row_kernel import rows
 
 
 @callee
-def momentum(at: int) -> int:
-    """A momentum and its rate are the target and its rate; ``numbers``: the first of its rows, and a factor."""
+def velocity(at: int) -> int:
+    """Velocities are the target, or zero where there is none. Of joints; or of a thing those of its six that
+    ``numbers`` say, behind a factor."""
     k = rows(at)
-    first, factor = int(k.numbers[0]), k.numbers[1]
     for r in range(len(k.e)):
         k.e[r] = 0.0
-        k.C[r, first + r] = factor
-        k.rate_ref[r], k.acc_ref[r] = k.value[r], k.rate[r]
+        if len(k.place) > 0:
+            k.C[r, int(k.numbers[1 + r])] = k.numbers[0]
+        if len(k.value) > 0:
+            k.rate_ref[r], k.acc_ref[r] = k.value[r], k.rate[r]
     return 1
 
 
