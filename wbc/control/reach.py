@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import numpy as np
 
@@ -52,26 +52,15 @@ class Reached:
 
 
 @final
-class _Positions(JointInterval):
-    """The position limits of the robot."""
+class _Limits(JointInterval):
+    """Bounds on joints' positions, or on what they move in a step."""
 
-    quantity: ClassVar[Quantity] = "position"
-    name = "position limits"
-
-    def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:
-        return model.limits.q_min.copy(), model.limits.q_max.copy()
-
-
-@final
-class _Steps(JointInterval):
-    """What a joint moves in a step."""
-
-    quantity: ClassVar[Quantity] = "velocity"
-    name = "length of a step"
+    def __init__(self, name: str, quantity: Quantity, lower: Vec, upper: Vec) -> None:
+        super().__init__(name=name)
+        self.quantity, self._bounds = quantity, (lower, upper)  # type: ignore[misc]
 
     def bounds(self, model: RobotModel) -> tuple[Vec, Vec]:
-        most = np.full(model.nj, _STEP / _DT)
-        return -most, most
+        return self._bounds[0].copy(), self._bounds[1].copy()
 
 
 def reach(
@@ -117,7 +106,9 @@ def reach(
         if not isinstance(task, Task):
             raise InvalidInput(f"{task.name} has no error that could be met; put it in a lower level")
     seed = int(checks.number("seed", seed, low=0, high=2**63))
-    limits = [_Positions()] if subject_to is None else checks.items("subject_to", subject_to, "limits and constraints")
+    limits: list[Any] = [_Limits("position limits", "position", robot.limits.q_min, robot.limits.q_max)]
+    if subject_to is not None:
+        limits = checks.items("subject_to", subject_to, "limits and constraints")
     search = _Search(robot, levels, limits, tolerance, damped=len(levels) > 1)
     first = np.array(robot.q0) if start is None else checks.array("start", start, (robot.nq,))
     rng = np.random.default_rng(seed)
@@ -171,8 +162,10 @@ class _Search:
         self._damped, level = damped, VelocityLevel() if damped else VelocityLevel(lm_damping=0.0)
         quick = [[self._quick(task) for task in level] for level in levels]
         self._must = [task for task in quick[0] if isinstance(task, Task)]
+        most = np.full(robot.nj, _STEP / _DT)
+        steps = _Limits("length of a step", "velocity", -most, most)
         self._controller = Controller(
-            robot, Stack(quick, subject_to=[*limits, _Steps()]), level=level,
+            robot, Stack(quick, subject_to=[*limits, steps]), level=level,
             hierarchy=Strict() if len(levels) > 1 else Weighted(), dt=_DT,
         )  # fmt: skip
 

@@ -22,20 +22,17 @@ class Follower:
     :mod:`wbc.stack.compiled.follow_kernel`. ``place``, ``rate`` and ``second`` are written by :meth:`advance`.
     """
 
-    __slots__ = ("_memory", "_motion", "_moves", "_sample", "_time", "place", "rate", "second")
+    __slots__ = ("_memory", "_moves", "_sample", "_time", "place", "rate", "second")
 
     def __init__(self, place: Vec, limits: Mat, lag: float) -> None:
         n = len(limits)
         turning = 3 if len(place) > n else 0
         self._moves = np.array([n - turning, turning, RESTS])
         self._time = np.array([0.0, lag / CELLS, 3.0 / lag])
-        self._sample, begun, self.place = place.copy(), place.copy(), place.copy()
-        self._motion, ways, left = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n)
-        self.rate, self.second = np.zeros(n), np.zeros(n)
-        self._memory = Memory(
-            self._moves, self._time, limits, self._sample, begun, self._motion, ways, left, self.place, self.rate,
-            self.second,
-        )  # fmt: skip
+        points, axes = np.stack([place] * 3), np.zeros((7, n))
+        self._sample, _, self.place = points
+        *_, self.rate, self.second = axes
+        self._memory = Memory(self._moves, self._time, limits, points, axes)
 
     def take(self, sample: Vec) -> None:
         """From the next cell on, or from now on where it rests, follow another sample."""

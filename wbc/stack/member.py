@@ -203,6 +203,12 @@ class _Tie:
         self.member, self.own, self.stamp = member, own, member.stamp
         self.base: dict[str, Any] | None = None
 
+    def restore(self) -> bool:
+        """Take back what components changed; whether weights or gains may have been among it."""
+        base, self.base = self.base or {}, None
+        self.own.__dict__.update(base)
+        return not base.keys() <= _FOLLOWED
+
 
 @final
 class Binding:
@@ -284,10 +290,7 @@ class Binding:
             member, own = tie.member, tie.own
             stamp = member.stamp
             if stamp != tie.stamp:
-                if tie.base is not None:
-                    weighs |= not tie.base.keys() <= _FOLLOWED
-                    own.__dict__.update(tie.base)
-                    tie.base = None
+                weighs |= tie.restore()
                 own.__dict__["_role"] = _Role.OPEN
                 try:
                     for name, (when, value) in list(member.__dict__.get("_assigned", {}).items()):
@@ -301,10 +304,7 @@ class Binding:
                     own.__dict__["_role"] = _Role.CLOSED
         found = list(self._tried(settings))
         for tie in self._ties.values():
-            if tie.base is not None:
-                weighs |= not tie.base.keys() <= _FOLLOWED
-                tie.own.__dict__.update(tie.base)
-                tie.base = None
+            weighs |= tie.restore()
         for tie, changed in found:
             weighs |= not changed.keys() <= _FOLLOWED
             tie.base = {name: tie.own.__dict__.get(name, getattr(type(tie.own), name, None)) for name in changed}

@@ -94,17 +94,12 @@ class Target:
         if self._convert_rate is not None:
             converted: Vec = self._convert_rate(f"{self._name} {what}", value, strict)
             return converted
-        if strict:
-            return checks.array(f"{self._name} {what}", value, self._shape)
-        vector = floats(value)
-        if vector.shape != self._shape:
-            raise InvalidInput(f"{self._name} {what} must have shape {self._shape}, not {vector.shape}")
-        return vector
+        return shaped(self._shape, f"{self._name} {what}", value, strict)
 
 
 def vector_target(dim: int) -> Callable[[str, Any, bool], Vec]:
     """The converter of a :class:`Target` whose values are vectors (dim,)."""
-    return partial(_vector, (dim,))
+    return partial(shaped, (dim,))
 
 
 def floats(value: Any) -> Vec:
@@ -118,10 +113,15 @@ def floats(value: Any) -> Vec:
     return checks.floats(value)
 
 
-def _vector(shape: tuple[int], name: str, value: Any, strict: bool) -> Vec:
+def shaped(shape: tuple[int, ...], name: str, value: Any, strict: bool) -> Vec:
+    """``value`` as an array of this shape; finite, if strict.
+
+    Raises:
+        InvalidInput: another shape; strict: not finite.
+    """
     if strict:
         return checks.array(name, value, shape)
-    vector = floats(value)
-    if vector.shape != shape:
-        raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
-    return vector
+    array = floats(value)
+    if array.shape != shape:
+        raise InvalidInput(f"{name} must have shape {shape}, not {array.shape}")
+    return array

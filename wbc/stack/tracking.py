@@ -13,7 +13,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.objective import Objective
-from wbc.stack.target import Convert, Target, floats
+from wbc.stack.target import Convert, Target, floats, shaped
 from wbc.tolerances import MET
 from wbc.types import Index, Mat, Vec
 
@@ -92,9 +92,7 @@ def rotation_target(name: str, value: Any, strict: bool) -> Mat:
     Raises:
         InvalidInput: another shape; strict: not finite, not a rotation.
     """
-    matrix = checks.array(name, value, (3, 3)) if strict else floats(value)
-    if matrix.shape != (3, 3):
-        raise InvalidInput(f"{name} must have shape (3, 3), not {matrix.shape}")
+    matrix = shaped((3, 3), name, value, strict)
     if strict:
         _check_rotation(name, matrix)
     return matrix

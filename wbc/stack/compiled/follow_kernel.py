@@ -36,23 +36,25 @@ class _Follower(NamedTuple):
     limits: Mat  # (n, 3): V, A, J
     sample: Vec  # linear, and a quaternion
     place: Vec  # where it was when the cell began
-    motion: Mat  # (n, 2): v, a then
-    way: Mat  # (n, 2): the jerk of the cell, and 1 where it is a stop instead
-    left: Vec  # (n): sample minus place
     there: Vec  # now
-    rate: Vec  # (n)
-    second: Vec  # (n)
+    v: Vec  # (n) each: when the cell began
+    a: Vec
+    jerk: Vec  # of the cell
+    brakes: Vec  # 1 where it is a stop instead
+    left: Vec  # sample minus place
+    rate: Vec  # now
+    second: Vec
 
 
 @small_kernel
 def _follower(at: int) -> _Follower:
-    m = carray(integers(at), 11)
+    m = carray(integers(at), 5)
     sizes = carray(integers(m[0]), 3)
     n, places = sizes[0] + sizes[1], sizes[0] + (4 if sizes[1] else 0)
+    points, axes = carray(floats(m[3]), (3, places)), carray(floats(m[4]), (7, n))
     return _Follower(
-        sizes, carray(floats(m[1]), 3), carray(floats(m[2]), (n, 3)), carray(floats(m[3]), places),
-        carray(floats(m[4]), places), carray(floats(m[5]), (n, 2)), carray(floats(m[6]), (n, 2)),
-        carray(floats(m[7]), n), carray(floats(m[8]), places), carray(floats(m[9]), n), carray(floats(m[10]), n),
+        sizes, carray(floats(m[1]), 3), carray(floats(m[2]), (n, 3)), points[0], points[1], points[2], axes[0], axes[1],
+        axes[2], axes[3], axes[4], axes[5], axes[6],
     )  # fmt: skip
 
 
@@ -142,15 +144,15 @@ def _rotation_left(sample: Vec, place: Vec, left: Vec) -> None:
 
 
 @kernel
-def _turned(place: Vec, before: Mat, after: Vec, t: float, there: Vec) -> None:
+def _turned(place: Vec, before: Vec, after: Vec, t: float, there: Vec) -> None:
     """The quaternion after a time t, from ω ``before`` to ``after``: Magnus to the fourth order.
 
     ``there`` has ∫ω before its quaternion.
     """
     c = t * t / 12.0
-    x = there[0] - c * (before[1, 0] * after[2] - before[2, 0] * after[1])
-    y = there[1] - c * (before[2, 0] * after[0] - before[0, 0] * after[2])
-    z = there[2] - c * (before[0, 0] * after[1] - before[1, 0] * after[0])
+    x = there[0] - c * (before[1] * after[2] - before[2] * after[1])
+    y = there[1] - c * (before[2] * after[0] - before[0] * after[2])
+    z = there[2] - c * (before[0] * after[1] - before[1] * after[0])
     half = sqrt(x * x + y * y + z * z) / 2.0
     factor = sin(half) / (2.0 * half) if half > 1e-9 else 0.5
     x, y, z, w = factor * x, factor * y, factor * z, cos(half)
@@ -168,15 +170,15 @@ def _look(f: _Follower, t: float) -> None:
     """Write what there is after a time t of the cell."""
     k, n = f.sizes[0], f.sizes[0] + f.sizes[1]
     for i in range(n):
-        v, a = f.motion[i, 0], f.motion[i, 1]
-        if f.way[i, 1] > 0.0:
+        v, a = f.v[i], f.a[i]
+        if f.brakes[i] > 0.0:
             x, v, a = stop(v, a, f.limits[i, 1], f.limits[i, 2], t)
         else:
-            x, v, a = _on(0.0, v, a, f.way[i, 0], t)
+            x, v, a = _on(0.0, v, a, f.jerk[i], t)
         f.rate[i], f.second[i] = v, a
         f.there[i] = f.place[i] + x if i < k else x
     if n > k:
-        _turned(f.place[k:], f.motion[k:], f.rate[k:], t, f.there[k:])
+        _turned(f.place[k:], f.v[k:], f.rate[k:], t, f.there[k:])
 
 
 @kernel
@@ -192,17 +194,16 @@ def _decide(f: _Follower) -> None:
         V, A, J = f.limits[i, 0], f.limits[i, 1], f.limits[i, 2]
         size = abs(f.sample[i]) if i < k else 1.0
         little = max(_STILL * h * min(V, h * min(A, h * J)), _ROUNDING * size)
-        moves = max(abs(f.motion[i, 0]) * h, abs(f.motion[i, 1]) * h * h)
+        moves = max(abs(f.v[i]) * h, abs(f.a[i]) * h * h)
         still = still and abs(f.left[i]) <= little and moves <= little
     if still:
         f.sizes[2] = RESTS
-        for i in range(len(f.place)):
-            f.place[i] = f.sample[i]
+        f.place[:] = f.sample
     for i in range(n):
         if still:
-            f.motion[i, 0] = f.motion[i, 1] = f.way[i, 0] = f.way[i, 1] = f.left[i] = 0.0
+            f.v[i] = f.a[i] = f.jerk[i] = f.brakes[i] = f.left[i] = 0.0
         else:
-            f.way[i, 0], f.way[i, 1] = _jerk(f.left[i], f.motion[i, 0], f.motion[i, 1], f.limits[i], h, f.time[2])
+            f.jerk[i], f.brakes[i] = _jerk(f.left[i], f.v[i], f.a[i], f.limits[i], h, f.time[2])
 
 
 @entry
@@ -215,10 +216,7 @@ def follow(at: int) -> int:
     while f.sizes[2] == MOVES and f.time[0] >= f.time[1]:
         f.time[0] -= f.time[1]
         _look(f, f.time[1])
-        for i in range(len(f.place)):
-            f.place[i] = f.there[i]
-        for i in range(len(f.motion)):
-            f.motion[i, 0], f.motion[i, 1] = f.rate[i], f.second[i]
+        f.place[:], f.v[:], f.a[:] = f.there, f.rate, f.second
         _decide(f)
     if f.sizes[2] == RESTS:
         f.time[0] = 0.0
