@@ -1,4 +1,4 @@
-"""A limit of one's own on the forces of a contact: no more than a part of the friction that there is."""
+"""A limit of your own on the forces of a contact: at most a part of the friction that is available."""
 
 import numpy as np
 

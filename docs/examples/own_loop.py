@@ -1,4 +1,4 @@
-"""A loop of one's own, with forward dynamics by Pinocchio in the robot's place, and a push on the tool."""
+"""A loop of your own, with Pinocchio's forward dynamics as the robot, and a push on the tool."""
 
 import numpy as np
 import pinocchio

@@ -1,4 +1,4 @@
-"""A loop is written down tick by tick, and becomes a table for other programs and a report to look at."""
+"""A record of your own loop, tick by tick, as a table for other programs and as a report."""
 
 import numpy as np
 
