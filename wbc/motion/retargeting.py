@@ -17,7 +17,6 @@ from typing import Any, final
 import numpy as np
 import pinocchio
 
-from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
@@ -31,27 +30,29 @@ from wbc.stack.schedule import Schedule
 from wbc.stack.stack import Stack
 from wbc.tasks import (
     CollisionAvoidance,
+    Damping,
     Frame,
     HalfSpaceLimit,
     JointPositionLimits,
-    Orientation,
     Point,
     Position,
     Posture,
+    Samples,
     feet,
 )
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
 #: A step is a tick of this length [s] in which tasks are asked for all of their error.
 _DT = 1e-2
 #: Steps of a frame at most, and steps shorter than this [rad, m] end it.
-_STEPS, _SHORT = 12, 1e-4
-_SETTLE = 30
-#: Weight on staying near the joint positions of the frame before, and of the reference configuration [1/rad²].
-_STAY, _NEAR = 3e-3, 1e-4
+_STEPS, _SHORT = 12, 3e-4
+#: Weight on short steps, and on staying near the reference configuration [1/rad²].
+_STAY, _NEAR = 1e-4, 3e-4
 #: Friction of a hand that holds, and how far shapes are kept apart [m].
 HAND_FRICTION = 0.6
 _MARGIN = 0.005
+_NOTHING = Overrides()
 
 
 @final
@@ -61,7 +62,7 @@ class _Frames(Schedule):
     def __init__(self, names: Iterable[str], sets: Iterable[frozenset[str]]) -> None:
         super().__init__(name="frames of the motion")
         self.names, self._sets = tuple(names), frozenset(sets)
-        self._now, self._bounds = frozenset[str](), Overrides()
+        self._now, self._bounds = frozenset[str](), _NOTHING
 
     def contact_sets(self) -> Iterable[Iterable[str]]:
         return self._sets
@@ -72,9 +73,9 @@ class _Frames(Schedule):
     def before(self, state: RobotState, last: Any, plan: Any) -> Overrides:
         return self._bounds
 
-    def use(self, held: frozenset[str], low: Vec, high: Vec) -> None:
+    def use(self, held: frozenset[str], positions: tuple[Vec, Vec] | None) -> None:
         """From the next tick on."""
-        self._now, self._bounds = held, Overrides(position=(low, high))
+        self._now, self._bounds = held, _NOTHING if positions is None else Overrides(position=positions)
 
 
 @final
@@ -92,19 +93,18 @@ class Retargeting:
     ) -> None:  # fmt: skip
         self._robot, self._targets, self._period = robot, targets, 1.0 / rate
         self._acceleration = np.inf if acceleration is None else acceleration
-        self._tasks: dict[str, Frame | Position | Orientation] = {}
+        tasks: list[Any] = []
         for part, one in table.followers.items():
-            turns = one.orientation > 0.0 and part in targets.turned
-            if one.position > 0.0 and turns:
-                weights = {"position_weight": one.position, "orientation_weight": one.orientation}
-                self._tasks[part] = Frame(one.frame, target=np.eye(4), rate=1.0 / _DT, name=part, **weights)
+            turns = one.orientation if part in targets.turned else 0.0
+            if turns > 0.0:
+                poses = np.tile(np.eye(4), (len(targets.places[part]), 1, 1))
+                poses[:, :3, :3], poses[:, :3, 3] = targets.turned[part], targets.places[part]
+                samples, weights = Samples([*poses], period=self._period), {"orientation_weight": turns}
+                weights["position_weight"] = one.position
+                tasks.append(Frame(one.frame, target=samples, rate=1.0 / _DT, name=part, **weights))
             elif one.position > 0.0:
-                self._tasks[part] = Position(
-                    one.frame, target=np.zeros(3), rate=1.0 / _DT, weight=one.position, name=part
-                )
-            elif turns:
-                self._tasks[part] = Orientation(one.frame, rate=1.0 / _DT, weight=one.orientation, name=part)
-        self._stay = Posture(robot.q0, weight=_STAY, rate=1.0 / _DT, name="stay")
+                samples = Samples(targets.places[part], period=self._period)
+                tasks.append(Position(one.frame, target=samples, rate=1.0 / _DT, weight=one.position, name=part))
         near = Posture(robot.q0, weight=_NEAR, rate=1.0 / _DT, name="reference")
         self.contacts = self._contacts = _contacts(robot, table, targets)
         self.held = [
@@ -119,11 +119,11 @@ class Retargeting:
         if collisions:
             limits.append(CollisionAvoidance(margin=_MARGIN, reach=0.05, rate=1.0 / _DT))
         stack = Stack(
-            [*self._tasks.values(), self._stay, near], subject_to=limits, contacts=list(self._contacts.values()),
+            [*tasks, Damping(weight=_STAY), near], subject_to=limits, contacts=list(self._contacts.values()),
             components=[self._frames],
         )  # fmt: skip
         self._controller = Controller(robot, stack, level=VelocityLevel(lm_damping=0.0), dt=_DT)
-        self._v = np.zeros(robot.nj)
+        self._v, self._still = np.zeros(robot.nj), np.zeros(robot.nv)
         self.unsolved: list[int] = []
         self.steps = 0
 
@@ -136,48 +136,44 @@ class Retargeting:
         return q
 
     def frame(self, k: int, q: Vec) -> Vec:
-        """The configuration (nq,) of frame k, from that of the frame before; of frame 0 from any."""
-        robot, joints = self._robot, slice(7, None)
-        low, high = robot.limits.q_min.copy(), robot.limits.q_max.copy()
-        if k:
-            v_max = robot.limits.v_max
-            least = np.maximum(-v_max, self._v - self._acceleration * self._period)
-            most = np.minimum(v_max, self._v + self._acceleration * self._period)
-            near = np.clip(q[joints], low, high)
-            # A joint that comes too fast to its limit stops there.
-            low, high = (
-                np.minimum(np.maximum(low, near + self._period * least), high),
-                np.maximum(np.minimum(high, near + self._period * most), low),
-            )
-        self._aim(k, q)
-        self._frames.use(self.held[k], low, high)
-        before, still = q, np.zeros(robot.nv)
-        command: Command | None = None
+        """The configuration (nq,) of frame k, from that of the frame before; of frame 0 from any.
+
+        Most frames keep the limits of speed and acceleration by themselves; those that do not are found once more,
+        with joint positions within what the limits leave.
+        """
+        low, high = self._within_reach(q[7:])
+        self._aim(k)
+        self._frames.use(self.held[k], None)
+        found, ok = self._converged(k, q)
+        if k and ((found[7:] < low - SAME) | (found[7:] > high + SAME)).any():
+            self._frames.use(self.held[k], (low, high))
+            found, ok = self._converged(k, q)
+        if not ok:
+            self.unsolved.append(k)
+        self._v = (found[7:] - q[7:]) / self._period if k else self._v
+        return found
+
+    def _within_reach(self, joints: Vec) -> tuple[Vec, Vec]:
+        """Joint positions (nj,) between which the next frame is."""
+        limits, T = self._robot.limits, self._period
+        least = np.maximum(-limits.v_max, self._v - self._acceleration * T)
+        most = np.minimum(limits.v_max, self._v + self._acceleration * T)
+        near = np.clip(joints, limits.q_min, limits.q_max)
+        low = np.clip(near + T * least, limits.q_min, limits.q_max)  # a joint that comes too fast to its limit stops
+        return low, np.maximum(np.clip(near + T * most, limits.q_min, limits.q_max), low)
+
+    def _converged(self, k: int, q: Vec) -> tuple[Vec, bool]:
+        """Where steps from q (nq,) end, and whether the last one was solved."""
         for _ in range(_STEPS if k else 10 * _STEPS):
-            command = self._controller.tick(k * self._period, q, still)
+            command = self._controller.tick(k * self._period, q, self._still)
             q = command.q
             self.steps += 1
             if float(np.abs(command.v).max()) * _DT < _SHORT:
                 break
-        assert command is not None, "there is a step"
-        if not command.status.ok:
-            self.unsolved.append(k)
-        self._v = (q[joints] - before[joints]) / self._period if k else np.zeros(robot.nj)
-        return q
+        return q, command.status.ok
 
-    def _aim(self, k: int, q: Vec) -> None:
-        places, turned = self._targets.places, self._targets.turned
-        for part, task in self._tasks.items():
-            match task:
-                case Frame():
-                    pose = np.eye(4)
-                    pose[:3, :3], pose[:3, 3] = turned[part][k], places[part][k]
-                    task.target = pose
-                case Position():
-                    task.target = places[part][k]
-                case Orientation():
-                    task.target = turned[part][k]
-        self._stay.target = q
+    def _aim(self, k: int) -> None:
+        """Contacts that begin are held where they are to be; tasks know their targets by the time."""
         for part, contact in self._contacts.items():
             held = self._targets.holds[part]
             if held[k] and (k == 0 or not held[k - 1]):
@@ -203,10 +199,6 @@ def _contacts(robot: PinocchioModel, table: Table, targets: Targets) -> dict[str
 def all_frames(retargeting: Retargeting, count: int, progress: Any) -> Mat:
     """Configurations (count, nq) of all frames."""
     q = retargeting.first()
-    for _ in range(_SETTLE):  # staying where the robot was must not count in the first frame
-        last, q = q, retargeting.frame(0, q)
-        if float(np.abs(q - last).max()) < _SHORT:
-            break
     found = np.empty((count, len(q)))
     for k in range(count):
         found[k] = q = retargeting.frame(k, q)
