@@ -174,12 +174,8 @@ class Plan(Filled):
 
     def answered_by(self, solver: RowSolver | None) -> None:
         """The solver whose code :meth:`answer` calls; its levels have their damping by now."""
-        p, damping, weights, dampings = (
-            self.problem,
-            self.damping.in_metric,
-            self._joint_weights,
-            self.damping.addresses,
-        )
+        p, weights, dampings = self.problem, self._joint_weights, self.damping.addresses
+        damping = self.damping.in_metric
         own = damping.base, damping.applied, damping.rate, self.shares, p.metric[damping.columns]
         self._shares = Memory(np.array(weights.shape, dtype=np.int64), p.units, weights, *own)
         k = fill_kernel
