@@ -23,10 +23,10 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.motion.body import SIDES
 from wbc.motion.mapping import Table
 from wbc.motion.targets import Targets
+from wbc.stack.component import Schedule
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.overrides import Overrides
-from wbc.stack.schedule import Schedule
 from wbc.stack.stack import Stack
 from wbc.tasks import (
     CollisionAvoidance,
