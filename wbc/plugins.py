@@ -1,39 +1,42 @@
-"""Plugins: members that other packages register in an entry-point group, by name."""
+"""Plugins: what commands find by name, registered by packages in one entry-point group, ``wbc.scenarios``."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
 from importlib.metadata import entry_points
-from typing import Any
+from typing import TypeVar
+
+GROUP = "wbc.scenarios"
+T = TypeVar("T")
 
 
 class BrokenPlugin(UserWarning):
     """An entry point that cannot be loaded; everything else works without it."""
 
 
-def registered(group: str) -> dict[str, Any]:
-    """All members of the entry-point group ``group``: each entry point is a mapping, or an iterable of named objects.
+def registered(kind: type[T]) -> dict[str, T]:
+    """All registered members that are of ``kind``: scenarios, workloads, axes of growth curves, or subjects of soaks.
 
-    An entry point that raises, or calls ``sys.exit``, loses only its own members, with a :class:`BrokenPlugin` warning
-    that names it.
+    Each entry point is a mapping, or an iterable of named objects, of any of these kinds. One that raises, or calls
+    ``sys.exit``, loses only its own members, with a :class:`BrokenPlugin` warning that names it.
 
     Example:
         >>> from wbc.plugins import registered
-        >>> registered("no.such.group")
+        >>> registered(str)
         {}
     """
-    found: dict[str, Any] = {}
-    for point in entry_points(group=group):
+    found: dict[str, T] = {}
+    for point in entry_points(group=GROUP):
         try:
             loaded = point.load()
             members = dict(loaded) if isinstance(loaded, Mapping) else {member.name: member for member in loaded}
         except (Exception, SystemExit) as cause:
             warnings.warn(
-                f"{group} of {point.value} cannot be loaded and is left out: {one_line(cause)}", BrokenPlugin, 2
+                f"{GROUP} of {point.value} cannot be loaded and is left out: {one_line(cause)}", BrokenPlugin, 2
             )
             continue
-        found |= {str(name): member for name, member in members.items()}
+        found |= {str(name): member for name, member in members.items() if isinstance(member, kind)}
     return found
 
 

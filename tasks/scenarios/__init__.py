@@ -1,5 +1,11 @@
-"""Scenarios that ``wbc run`` finds by name. One file a scenario, one line here."""
+"""What commands find by name. ``wbc run`` runs scenarios, one file each; ``wbc bench`` workloads, ``wbc soak`` the
+subjects of soaks, and ``wbc report scaling`` measures along axes."""
 
+from collections.abc import Mapping
+from typing import Any
+
+from ..workloads import WORKLOADS
+from ..workloads.scaling import AXES
 from .arm_actuator_loss import ArmActuatorLoss
 from .arm_collision import ArmCollision
 from .arm_payload import ArmPayload
@@ -22,9 +28,10 @@ from .quadruped_joint_loss import QuadrupedJointLoss
 from .quadruped_stand import QuadrupedStand
 from .quadruped_trot import QuadrupedTrotInPlace
 from .reach_strict import ReachStrict
+from .soaks import SOAKS
 from .stand_family import StandFamily
 
-SCENARIOS = {
+SCENARIOS: Mapping[str, Any] = {**WORKLOADS, **AXES, **SOAKS} | {
     scenario.name: scenario
     for scenario in (
         HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(), FaultFamily(), StandFamily(),

@@ -6,8 +6,6 @@ import json
 
 import pytest
 
-from wbc.cli import bench
-
 
 class Counting:
     """A workload that does nothing, quickly."""
@@ -26,7 +24,12 @@ class Counting:
 @pytest.fixture(autouse=True)
 def two_workloads(monkeypatch):
     """Two registered workloads."""
-    monkeypatch.setattr(bench, "workloads", lambda: {"count": Counting(), "recount": Counting()})
+
+    class Point:
+        value = "some.package:WORKLOADS"
+        load = staticmethod(lambda: {"count": Counting(), "recount": Counting()})
+
+    monkeypatch.setattr("wbc.plugins.entry_points", lambda group: [Point])
 
 
 def test_a_table_has_one_line_for_each_workload(wbc):

@@ -219,7 +219,7 @@ def test_a_bug_keeps_its_traceback_and_leaves_nothing(wbc, waving, tmp_path, mon
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("package", ["jinja2", "matplotlib"])
+@pytest.mark.parametrize("package", ["jinja2", "matplotlib", "trimesh"])
 def test_a_missing_extra_is_said_before_any_work(wbc, waving, monkeypatch, package):
     monkeypatch.setattr("wbc.report.build.find_spec", lambda name: None if name == package else object())
     answer = wbc("run", waving)

@@ -13,9 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wbc.cli.bench import Workload
 from wbc.errors import InvalidInput, UnknownScenario, WbcError
-from wbc.plugins import BrokenPlugin, registered
+from wbc.plugins import GROUP, BrokenPlugin, registered
+from wbc.report.scaling import Axis
 from wbc.sim.scenario import Scenario, find, scenarios
+from wbc.sim.soak import Subject
 
 from .waving import Wave
 
@@ -78,22 +81,19 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize("group", ["wbc.scenarios", "wbc.workloads", "wbc.scaling", "wbc.soaks"])
+@pytest.mark.parametrize("kind", [Scenario, Workload, Axis, Subject])
 @pytest.mark.parametrize("source", BROKEN.values(), ids=BROKEN.keys())
-def test_a_broken_plugin_loses_only_its_own_members(monkeypatch, tmp_path, source, group):
+def test_a_broken_plugin_loses_only_its_own_members(monkeypatch, tmp_path, source, kind):
     (tmp_path / "broken_plugin.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "broken_plugin", raising=False)
-    sound = [point for point in entry_points(group=group)]
-    broken = EntryPoint("broken", "broken_plugin:SCENARIOS", group)
+    sound = [point for point in entry_points(group=GROUP)]
+    broken = EntryPoint("broken", "broken_plugin:SCENARIOS", GROUP)
     monkeypatch.setattr("wbc.plugins.entry_points", lambda group: [broken, *sound])
     with pytest.warns(BrokenPlugin, match="broken_plugin:SCENARIOS cannot be loaded and is left out"):
-        found = registered(group)
-    assert found and set(found) == {name for point in sound for name in _names(point.load())}
-
-
-def _names(members):
-    return set(members) if isinstance(members, dict) else {member.name for member in members}
+        found = registered(kind)
+    assert found and all(isinstance(member, kind) for member in found.values())
+    assert found == {name: one for point in sound for name, one in point.load().items() if isinstance(one, kind)}
 
 
 def test_a_file_without_a_name_says_what_it_has(tmp_path):

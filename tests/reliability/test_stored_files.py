@@ -24,7 +24,6 @@ from wbc.report.solvers import resume as resume_comparison
 from wbc.report.solvers.data import surroundings
 from wbc.report.solvers.journal import Journal
 from wbc.report.solvers.problems import ProblemSet, sequence
-from wbc.report.solvers.ranked import read_ranked
 from wbc.report.solvers.request import Request, ScenarioRequest
 from wbc.sweep import Choice, Range, Sweep, repeat
 from wbc.sweep import resume as resume_sweep
@@ -184,17 +183,15 @@ def test_a_spoilt_file_is_refused_and_never_executed(tmp_path: Path, which: int,
     assert refused > len(texts) / 3 and not proof.exists()
 
 
-@pytest.mark.parametrize("kind", ["problem set", "hierarchy", "QP"])
+@pytest.mark.parametrize("kind", ["problem set", "QP"])
 def test_spoilt_arrays_are_refused_and_never_unpickled(tmp_path: Path, kind: str):
     rng, file, proof = generator("spoilt arrays", kind), tmp_path / "file.npz", tmp_path / "it ran"
     if kind == "problem set":
         sequence("set", [QP([[2.0]], [-2.0 * k], ub=[1.0]) for k in range(3)]).save(file)
-    elif kind == "hierarchy":
-        np.savez(file, A0=np.eye(2), l0=np.zeros(2), u0=np.ones(2))
     else:
         QP([[2.0]], [1.0], ub=[1.0]).save(file)
     readers: dict[str, Callable[[Path], object]] = {
-        "problem set": ProblemSet.load, "hierarchy": read_ranked, "QP": QP.load
+        "problem set": ProblemSet.load, "QP": QP.load
     }  # fmt: skip
     sound, names = file.read_bytes(), list(np.load(file, allow_pickle=False))
     spoilt = []

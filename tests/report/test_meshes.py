@@ -10,10 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wbc.report.meshes import read_mesh
-from wbc.report.shapes import box
 from wbc.types import Mat
 
-VERTICES, FACES = box((0.2, 0.4, 0.6))
+#: A box of 0.2 × 0.4 × 0.6, two triangles for each side (a, b, c, d): (a, b, c) and (a, c, d).
+VERTICES = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)])
+SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+FACES = np.array([triangle for a, b, c, d in SIDES for triangle in ((a, b, c), (a, c, d))])
 
 COLLADA = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -22,7 +24,12 @@ COLLADA = """<?xml version="1.0"?>
  </phong></technique></profile_COMMON></effect></library_effects>
  <library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
  <library_geometries><geometry id="g"><mesh>
-  <source id="p"><float_array id="a" count="{count}">{positions}</float_array></source>
+  <source id="p"><float_array id="a" count="{count}">{positions}</float_array><technique_common>
+   <accessor source="#a" count="8" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+   <param name="Z" type="float"/></accessor></technique_common></source>
+  <source id="n"><float_array id="b" count="3">0 0 1</float_array><technique_common>
+   <accessor source="#b" count="1" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+   <param name="Z" type="float"/></accessor></technique_common></source>
   <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
   {primitive}
  </mesh></geometry></library_geometries>
@@ -43,7 +50,8 @@ def numbers(values: object) -> str:
 
 def primitive(kind: str) -> str:
     """The box as triangles, as quadrilaterals by counts, or as polygons one by one; indices between others."""
-    mesh = 'material="sym"><input semantic="VERTEX" source="#v" offset="1"/><input semantic="NORMAL" offset="0"/>'
+    normals = '<input semantic="NORMAL" source="#n" offset="0"/>'
+    mesh = f'material="sym"><input semantic="VERTEX" source="#v" offset="1"/>{normals}'
     with_normals = np.stack([np.zeros_like(FACES), FACES], axis=-1)
     if kind == "triangles":
         return f"<triangles {mesh}<p>{numbers(with_normals)}</p></triangles>"
@@ -108,9 +116,10 @@ def test_collada_is_placed_scaled_and_coloured(folder: Path, kind: str, unit: fl
     )
     path.write_text(text)
     placed, mirrored = read_mesh(path)
-    assert placed.color == (1.0, 0.5, 0.0) and mirrored.color is None
-    assert np.allclose(placed.vertices.mean(axis=0), unit * np.array(shift), atol=1e-9)
-    assert np.allclose(mirrored.vertices.mean(axis=0), [9 * unit, 0, 0], atol=1e-9)
+    assert placed.color == pytest.approx((1.0, 0.5, 0.0), abs=1 / 255) and mirrored.color is None
+    # pycollada keeps single precision
+    assert np.allclose(placed.vertices.mean(axis=0), unit * np.array(shift), atol=1e-6)
+    assert np.allclose(mirrored.vertices.mean(axis=0), [9 * unit, 0, 0], atol=1e-6)
     for surface in (placed, mirrored):
         assert len(surface.faces) == 12
         assert volume(surface.vertices, surface.faces) == pytest.approx(0.048 * unit**3)

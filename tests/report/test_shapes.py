@@ -12,37 +12,6 @@ from hypothesis import strategies as st
 from wbc.models import PlanarPR, load
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import shapes
-from wbc.types import Mat
-
-sizes = st.floats(0.01, 2.0)
-
-
-def volume(vertices: Mat, faces: np.ndarray) -> float:
-    """Volume inside a closed surface whose triangles turn outwards."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
-
-
-def open_edges(faces: np.ndarray) -> int:
-    """Edges that two triangles do not share in opposite directions."""
-    edges = {(int(t[i]), int(t[(i + 1) % 3])) for t in faces for i in range(3)}
-    return sum((b, a) not in edges for a, b in edges)
-
-
-@given(sizes, sizes, sizes)
-def test_a_box_is_closed_and_turns_outwards(x: float, y: float, z: float):
-    vertices, faces = shapes.box((x, y, z))
-    assert open_edges(faces) == 0
-    assert volume(vertices, faces) == pytest.approx(x * y * z)
-
-
-@given(sizes, sizes)
-def test_round_shapes_have_nearly_the_volume_of_the_true_ones(radius: float, length: float):
-    ball = 4 / 3 * np.pi * radius**3
-    rod = np.pi * radius**2 * length
-    made = (shapes.sphere(radius), shapes.cylinder(radius, length), shapes.capsule(radius, length))
-    for (vertices, faces), exact in zip(made, (ball, rod, ball + rod), strict=True):
-        assert volume(vertices, faces) == pytest.approx(exact, rel=0.05)
 
 
 @pytest.mark.parametrize("name", ["arm", "quadruped", "humanoid"])

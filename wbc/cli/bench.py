@@ -7,20 +7,20 @@ from collections.abc import Callable
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import typer
 from rich.text import Text
 
 from wbc.cli.console import notes, one_sentence, progress, say, table, tell, whole_file
 from wbc.cli.peers import Peers
-from wbc.errors import UnknownName
 from wbc.plugins import registered
+from wbc.sim.scenario import member
 
-GROUP = "wbc.workloads"
 _ROUNDS = 2
 
 
+@runtime_checkable
 class Workload(Protocol):
     """A closed loop that is timed tick by tick; ``progress(done, total)`` is called now and then."""
 
@@ -30,12 +30,6 @@ class Workload(Protocol):
         self, *, ticks: int | None, repeats: int, progress: Any, solver: str, hierarchy: str, pause: float
     ) -> dict[str, Any]:
         """Run it; one row of figures that json can write."""
-
-
-class UnknownWorkload(UnknownName):
-    """No such workload."""
-
-    kind = "workload"
 
 
 @one_sentence
@@ -58,11 +52,7 @@ def bench(
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")] = None,
 ) -> None:
     """Time whole ticks of the controller on the registered workloads."""
-    known = workloads()
-    chosen = names or list(known)
-    for name in chosen:
-        if name not in known:
-            raise UnknownWorkload(name, known)
+    chosen = {name: member(name, Workload, "workload") for name in names or registered(Workload)}
     found_peers = None if peers is None else Peers(peers, environments)
     rows: list[dict[str, Any]] = []
     with whole_file(json_file) as write, notes() as found, progress("timing") as step:
@@ -72,7 +62,7 @@ def bench(
                 step((i + done / total) / len(chosen), f"timing {name}")
 
             def run(name: str = name, one: Any = one) -> dict[str, Any]:
-                return known[name](
+                return chosen[name](
                     ticks=ticks, repeats=repeats, progress=one, solver=solver, hierarchy=hierarchy, pause=pause
                 )
 
@@ -104,11 +94,6 @@ def _in_turns(
 
 def _median(row: dict[str, Any]) -> float:
     return float(row["total_us"]["median"]) if "total_us" in row else inf
-
-
-def workloads() -> dict[str, Workload]:
-    """Every registered workload by name; a plugin that cannot be loaded is left out with a warning."""
-    return registered(GROUP)
 
 
 def _print(rows: list[dict[str, Any]]) -> None:

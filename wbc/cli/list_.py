@@ -10,8 +10,9 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli import bench
+from wbc.cli.bench import Workload
 from wbc.cli.console import one_sentence, remaining, say, table
+from wbc.plugins import registered
 
 if TYPE_CHECKING:
     from wbc.sim.scenario import Scenario
@@ -43,7 +44,7 @@ def members() -> dict[str, Any]:
             for solver in SOLVERS
         },
         "robots": {"own": list(OWN), "examples": list(EXAMPLES), "examples_installed": _has_examples()},
-        "workloads": {name: workload.title for name, workload in bench.workloads().items()},
+        "workloads": {name: workload.title for name, workload in registered(Workload).items()},
     }
 
 

@@ -130,26 +130,24 @@ def scaling(
     """How the time of a tick grows with joints, tasks, contacts and active rows, with exponents."""
     import json
 
+    from wbc.plugins import registered
     from wbc.report.build import require_extras
     from wbc.report.folder import HTML, replaced, write
-    from wbc.report.scaling.measure import UnknownAxis, axes, scaled
+    from wbc.report.scaling import Axis, scaled
     from wbc.report.scaling.page import page
     from wbc.report.solvers.data import surroundings
+    from wbc.sim.scenario import member
 
     require_extras("jinja2")
-    known = axes()
-    chosen = names or list(known)
-    for name in chosen:
-        if name not in known:
-            raise UnknownAxis(name, known)
+    chosen = [member(name, Axis, "axis") for name in names or registered(Axis)]
     folder = out or Path("runs") / f"scaling-{datetime.now():%Y%m%d-%H%M%S}"
     where = surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}")
     with replaced(folder) as pending:
         with notes() as found, progress("measuring") as step:
-            rows = scaled([known[n] for n in chosen], ticks=ticks, repeats=repeats, solver=solver, progress=step)
+            rows = scaled(chosen, ticks=ticks, repeats=repeats, solver=solver, progress=step)
         tell(found)
         settings = {"ticks": ticks, "repeats": repeats, "solver": solver}
-        titles = {name: known[name].title for name in chosen}
+        titles = {axis.name: axis.title for axis in chosen}
         made = page(data := {"surroundings": where, "settings": settings, "titles": titles, "rows": rows})
         (pending / "data.json").write_text(json.dumps(data, ensure_ascii=False, allow_nan=False), encoding="utf-8")
         write(made, pending)

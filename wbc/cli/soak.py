@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,19 +10,11 @@ import typer
 from rich.text import Text
 
 from wbc.cli.console import NO, notes, one_sentence, progress, say, table, whole_file
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput
 from wbc.plugins import registered
-from wbc.sim.scenario import imported
+from wbc.sim.scenario import member
 from wbc.sim.soak import KINDS, Findings, Subject
 from wbc.sim.soak import soak as soaked
-
-GROUP = "wbc.soaks"
-
-
-class UnknownSubject(UnknownName):
-    """No such subject."""
-
-    kind = "soak"
 
 
 @one_sentence
@@ -39,9 +30,9 @@ def soak(
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")] = None,
 ) -> None:
     """Let controllers run for very many ticks and judge each command. Exit code 1: one was not as promised."""
-    chosen = [_found(name) for name in names] if names else list(subjects().values())
+    chosen = [member(name, Subject, "soak") for name in names or registered(Subject)]
     if not chosen:  # a verdict on nothing would read like a good one
-        raise InvalidInput(f"nothing is registered as {GROUP}: install the project (again), or name module:NAME")
+        raise InvalidInput("no soak is registered: install the project (again), or name module:NAME")
     rows: list[dict[str, Any]] = []
     with whole_file(json_file) as write, notes(), progress("soaking") as step:
         for i, subject in enumerate(chosen):
@@ -54,30 +45,6 @@ def soak(
         write(json.dumps(rows, indent=1) + "\n")
     _print(kind, rows)
     raise typer.Exit(0 if all(row["ok"] for row in rows) else NO)
-
-
-def subjects() -> dict[str, Subject]:
-    """Every registered subject of a soak by name; a plugin that cannot be loaded is left out with a warning."""
-    return registered(GROUP)
-
-
-def _found(text: str) -> Subject:
-    """A registered name, ``module:NAME`` or ``module:MAPPING.name``."""
-    place, colon, name = text.rpartition(":")
-    if not colon:
-        known = subjects()
-        if text not in known:
-            raise UnknownSubject(text, known)
-        return known[text]
-    mapping, _, key = name.partition(".")
-    value = getattr(imported(place), mapping, None)
-    if isinstance(value, Mapping):
-        if key not in value:
-            raise UnknownSubject(key, value)
-        value = value[key]
-    if not isinstance(value, Subject):
-        raise InvalidInput(f"{text} is no wbc.sim.soak.Subject")
-    return value
 
 
 def _row(found: Findings) -> dict[str, Any]:

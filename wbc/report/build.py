@@ -27,7 +27,7 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     """Everything worth saying about a run, as data; :func:`wbc.report.folder.write` writes it down.
 
     Raises:
-        NotSupported: matplotlib is not installed; the message says what to install.
+        NotSupported: a package that draws is not installed; the message says what to install.
     """
     sections = []
     first, *others = SECTIONS
@@ -70,7 +70,7 @@ def require_extras(*modules: str) -> None:
     Raises:
         NotSupported: a package is missing; the message says what to install.
     """
-    missing = [name for name in modules or ("jinja2", "matplotlib") if find_spec(name) is None]
+    missing = [name for name in modules or ("jinja2", "matplotlib", "trimesh", "collada") if find_spec(name) is None]
     if missing:
         raise NotSupported(f"a report needs {', '.join(missing)}; pip install 'wbc-qp[report]'")
 

@@ -1,26 +1,23 @@
-"""Mesh files as triangles: STL, OBJ and COLLADA, read here so that a report needs no further library.
+"""Mesh files as triangles, read by trimesh and pycollada.
 
 A file that cannot be read gives no triangles: a picture may lack a part, a report may not fail for it.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
-from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import ModelError
-from wbc.report.collada import read_collada
+from wbc.models.safe_xml import parse_xml
 from wbc.types import Mat
 
 Faces = NDArray[np.int64]
 Rgb = tuple[float, float, float]
 
+SUFFIXES = (".stl", ".obj", ".dae")
 MAX_BYTES = 50_000_000
 
 
@@ -33,54 +30,31 @@ class Surface(NamedTuple):
 
 
 def read_mesh(path: Path) -> list[Surface]:
-    """The surfaces in a mesh file, one for each colour or object; none if it cannot be read."""
-    readers = {".stl": _read_stl, ".obj": _read_obj, ".dae": _read_dae}
-    reader = readers.get(path.suffix.lower())
+    """The surfaces in a mesh file, one for each colour or object; none if it cannot be read.
+
+    As other robotics tools do, the unit of a COLLADA file is applied and its up axis is not: the pose of a mesh in a
+    robot is said by the robot's description.
+    """
+    import trimesh
+
     try:
-        if reader is None or path.stat().st_size > MAX_BYTES:
+        if path.suffix.lower() not in SUFFIXES or path.stat().st_size > MAX_BYTES:
             return []
-        return [surface for surface in reader(path) if _is_whole(surface)]
-    except (OSError, ValueError, KeyError, IndexError, ModelError):
+        if path.suffix.lower() == ".dae":
+            parse_xml(path.read_text(encoding="utf-8-sig"))  # refuses entities and what is nested too deep
+        scene = trimesh.load_scene(path)
+        unit = trimesh.units.unit_conversion(scene.units, "meters") if scene.units else 1.0
+        placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        surfaces = [_surface(scene.geometry[name], unit, matrix) for matrix, name in placed]
+    except Exception:  # spoilt files raise errors of every kind in readers
         return []
+    return [surface for surface in surfaces if len(surface.faces) and np.isfinite(surface.vertices).all()]
 
 
-def _is_whole(surface: Surface) -> bool:
-    faces, count = surface.faces, len(surface.vertices)
-    return bool(len(faces) and faces.min() >= 0 and faces.max() < count and np.isfinite(surface.vertices).all())
-
-
-def _read_stl(path: Path) -> list[Surface]:
-    """Binary or text; a binary file may well begin with the word "solid", so its size decides."""
-    content = path.read_bytes()
-    count = int.from_bytes(content[80:84], "little")
-    if len(content) == 84 + 50 * count:
-        record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        corners = np.frombuffer(content, record, count, offset=84)["corners"].reshape(-1, 3).astype(np.float64)
-    else:
-        lines = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", content)
-        corners = np.array(lines, dtype=np.float64).reshape(-1, 3)
-    vertices, index = np.unique(corners, axis=0, return_inverse=True)
-    return [Surface(vertices, index.reshape(-1, 3).astype(np.int64))]
-
-
-def _read_obj(path: Path) -> list[Surface]:
-    """Vertices and faces; polygons become fans, materials are not read."""
-    vertices: list[list[float]] = []
-    faces: list[tuple[int, int, int]] = []
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        word, *rest = line.split()[:100] or [""]
-        if word == "v":
-            vertices.append([float(x) for x in rest[:3]])
-        elif word == "f":
-            corners = [int(corner.partition("/")[0]) for corner in rest]
-            faces += fan([c - 1 if c > 0 else len(vertices) + c for c in corners])
-    return [Surface(np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.int64))]
-
-
-def _read_dae(path: Path) -> list[Surface]:
-    return [Surface(*surface) for surface in read_collada(path)]
-
-
-def fan(corners: list[int]) -> Iterable[tuple[int, int, int]]:
-    """The triangles of a convex polygon."""
-    return [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+def _surface(mesh: Any, unit: float, matrix: Mat) -> Surface:
+    placed = unit * (mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3])
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    material = getattr(mesh.visual, "material", None) if mesh.visual.defined else None
+    red, green, blue = (1.0, 1.0, 1.0) if material is None else np.asarray(material.main_color)[:3] / 255.0
+    color = None if material is None else (float(red), float(green), float(blue))
+    return Surface(placed, faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else faces, color)

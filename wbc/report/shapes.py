@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -74,13 +74,13 @@ def planar(robot: PlanarRobot) -> list[Part]:
     for i, joint in enumerate(robot.chain.joints, start=1):
         axis = np.array([0.0, 1.0, 0.0] if joint == "Py" else [1.0, 0.0, 0.0])
         if joint == "R":
-            vertices, faces = capsule(radius, robot.parameters[f"l{i}"])
+            rod = _rod(radius, robot.parameters[f"l{i}"])
             middle = 0.5 * robot.parameters[f"l{i}"] * axis
-            found.append(Part(f"link{i}", vertices @ _turn_z_to(axis).T + middle, faces, LIGHT))
+            found.append(Part(f"link{i}", rod.vertices @ _turn_z_to(axis).T + middle, rod.faces, LIGHT))
             continue
-        vertices, faces = capsule(0.3 * radius, 4.0 * size)
-        found.append(Part(f"link{i - 1}" if i > 1 else "base", vertices @ _turn_z_to(axis).T, faces, DARK))
-        found.append(Part(f"link{i}", *box((4.0 * radius, 4.0 * radius, 3.0 * radius)), LIGHT))
+        rail, block = _rod(0.3 * radius, 4.0 * size), _box((4.0 * radius, 4.0 * radius, 3.0 * radius))
+        found.append(Part(f"link{i - 1}" if i > 1 else "base", rail.vertices @ _turn_z_to(axis).T, rail.faces, DARK))
+        found.append(Part(f"link{i}", block.vertices, block.faces, LIGHT))
     return found
 
 
@@ -93,12 +93,13 @@ def skeleton(robot: PinocchioModel) -> list[Part]:
         along = np.array(joint.origin.xyz)
         length = float(np.linalg.norm(along))
         if length > 0.5 * radius:
-            vertices, faces = capsule(radius, length)
-            bones.append(Part(joint.parent, vertices @ _turn_z_to(along / length).T + along / 2, faces, LIGHT))
+            bone = _rod(radius, length)
+            placed = bone.vertices @ _turn_z_to(along / length).T + along / 2
+            bones.append(Part(joint.parent, placed, bone.faces, LIGHT))
     for frame, foot in robot.feet.items():
         if foot.half_size is not None:
-            vertices, faces = box((2 * foot.half_size[0], 2 * foot.half_size[1], 0.02))
-            bones.append(Part(frame, vertices + np.array(foot.origin) + [0.0, 0.0, 0.01], faces, DARK))
+            sole = _box((2 * foot.half_size[0], 2 * foot.half_size[1], 0.02))
+            bones.append(Part(frame, sole.vertices + np.array(foot.origin) + [0.0, 0.0, 0.01], sole.faces, DARK))
     return bones
 
 
@@ -107,43 +108,22 @@ def view(robot: RobotModel) -> tuple[float, float, float]:
     return (0.0, -0.05, 1.3) if isinstance(robot, PlanarRobot) else VIEW
 
 
-# ---- primitives
-def box(size: tuple[float, float, float]) -> tuple[Mat, Faces]:
-    """A box centred at the origin, twelve triangles."""
-    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return corners, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
+# ---- primitives, centred at the origin, round ones along z
+def _box(size: tuple[float, float, float]) -> Surface:
+    from trimesh.creation import box
+
+    return _surface(box(extents=size))
 
 
-def revolved(profile: Mat, sides: int = 24) -> tuple[Mat, Faces]:
-    """The surface that a profile (k, 2) of radius and height, from bottom to top, sweeps around z."""
-    angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
-    vertices = np.vstack([np.column_stack([r * ring, np.full(sides, z)]) for r, z in profile])
-    faces = []
-    for level in range(len(profile) - 1):
-        for i in range(sides):
-            a, b = level * sides + i, level * sides + (i + 1) % sides
-            faces += [(a, b, b + sides), (a, b + sides, a + sides)]
-    return vertices, np.array(faces)
+def _rod(radius: float, length: float) -> Surface:
+    """A capsule; ``length`` is between the centres of its ends."""
+    from trimesh.creation import capsule
+
+    return _surface(capsule(height=length, radius=radius, count=(12, 24)))
 
 
-def cylinder(radius: float, length: float) -> tuple[Mat, Faces]:
-    """A closed cylinder along z, centred."""
-    h = length / 2
-    return revolved(np.array([(0, -h), (radius, -h), (radius, h), (0, h)]))
-
-
-def capsule(radius: float, length: float) -> tuple[Mat, Faces]:
-    """A cylinder along z with half spheres at its ends; ``length`` is between their centres."""
-    bow = np.linspace(0.0, np.pi / 2, 6)
-    top = np.column_stack([radius * np.cos(bow), length / 2 + radius * np.sin(bow)])
-    return revolved(np.vstack([top[::-1] * [1, -1], top]))
-
-
-def sphere(radius: float) -> tuple[Mat, Faces]:
-    """A ball centred at the origin."""
-    return capsule(radius, 0.0)
+def _surface(mesh: Any) -> Surface:
+    return Surface(np.array(mesh.vertices), np.array(mesh.faces))
 
 
 # ---- shapes of a model, colours, thinning
@@ -157,13 +137,15 @@ def _read_all(geometries: Sequence[Geometry]) -> list[Part]:
 
 
 def _surfaces(geometry: Geometry) -> list[Surface]:
+    from trimesh.creation import cylinder, icosphere
+
     match geometry.shape:
         case Box(size):
-            return [Surface(*box(size))]
+            return [_box(size)]
         case Sphere(radius):
-            return [Surface(*sphere(radius))]
+            return [_surface(icosphere(subdivisions=2, radius=radius))]
         case Cylinder(radius, length):
-            return [Surface(*cylinder(radius, length))]
+            return [_surface(cylinder(radius=radius, height=length, sections=24))]
         case Mesh(path, scale):
             flipped = np.prod(scale) < 0
             return [
@@ -209,7 +191,7 @@ def clustered(vertices: Mat, faces: Faces, cell: float) -> tuple[Mat, Faces]:
 
 def _turn_z_to(direction: Mat) -> Mat:
     """A rotation (3, 3) that takes z to the unit vector ``direction``."""
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    x = np.cross(helper, direction)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(direction, x), direction])
+    from scipy.spatial.transform import Rotation
+
+    turn: Any = Rotation.align_vectors  # scipy carries no types
+    return np.asarray(turn([direction], [[0.0, 0.0, 1.0]])[0].as_matrix())

@@ -1,7 +1,7 @@
 """Scenario: robot, stack, plant, disturbances and a verdict under one name, and how scenarios are found.
 
-A scenario is found by its registered name (entry point group ``wbc.scenarios``: a dict or a list of scenarios),
-or as ``module:name`` or ``file.py:name``, so that a user's own file runs without packaging.
+A scenario is found by its registered name (:mod:`wbc.plugins`), or as ``module:name`` or ``file.py:name``, so that a
+user's own file runs without packaging.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
-GROUP = "wbc.scenarios"
 T = TypeVar("T")
 Parameter = bool | int | float | str | tuple[float, ...]
 
@@ -258,7 +257,7 @@ class UnknownHierarchy(UnknownName):
 
 def scenarios() -> dict[str, Scenario]:
     """Every registered scenario by name; a plugin that cannot be loaded is left out with a warning."""
-    return registered(GROUP)
+    return registered(Scenario)
 
 
 def is_file(text: str) -> bool:
@@ -274,7 +273,9 @@ def scenarios_of(file: str) -> dict[str, Scenario]:
     """
     module = imported(file)
     found = {
-        f"{file}:{name}": scenario for name in _scenarios_in(module) if (scenario := _as_scenario(vars(module)[name]))
+        f"{file}:{name}": scenario
+        for name in _members_in(module, Scenario)
+        if (scenario := _as(vars(module)[name], Scenario))
     }
     if not found:
         raise InvalidInput(f"{file!r} has no scenario: no subclass of wbc.sim.scenario.Scenario")
@@ -282,41 +283,49 @@ def scenarios_of(file: str) -> dict[str, Scenario]:
 
 
 def find(text: str) -> Scenario:
-    """The scenario of that name, or ``module:name``, or ``file.py:name``.
+    """The scenario of that name, or ``module:name``, or ``file.py:name``, as :func:`member` finds it."""
+    return member(text, Scenario, "scenario")
+
+
+def member(text: str, kind: type[T], called: str) -> T:
+    """What is registered by that name and of ``kind``, ``called`` so; or ``module:name``, or ``file.py:name``.
 
     Raises:
         UnknownScenario: no such name.
-        InvalidInput: the module or file cannot be imported, the name in it is no scenario, or a file without a name.
+        InvalidInput: the module or file cannot be imported, the name in it is none of ``kind``, or a file without a
+            name.
     """
     place, colon, name = text.rpartition(":")
     if is_file(text):
         raise InvalidInput(f"{text!r} is a file; name a scenario in it: {', '.join(scenarios_of(text))}")
     if not colon:
-        known = scenarios()
+        known = registered(kind)
         if text not in known:
-            raise UnknownScenario(text, known, "or give module:name or file.py:name")
+            raise UnknownScenario(text, known, "or give module:name or file.py:name", called)
         return known[text]
     module = imported(place)
     if not hasattr(module, name):
-        raise UnknownScenario(name, _scenarios_in(module), f"in {place}")
-    scenario = _as_scenario(getattr(module, name))
-    if scenario is None:
-        raise InvalidInput(f"{text} is a {type(getattr(module, name)).__name__}, not a wbc.sim.scenario.Scenario")
-    return scenario
+        raise UnknownScenario(name, _members_in(module, kind), f"in {place}", called)
+    value = getattr(module, name)
+    found = _as(value, kind)
+    if found is None:
+        raise InvalidInput(f"{text} is a {type(value).__name__}, not a {kind.__module__}.{kind.__name__}")
+    return found
 
 
-def _scenarios_in(module: Any) -> list[str]:
-    """Names of the scenarios that a module defines; of a class and its instances the instances."""
+def _members_in(module: Any, kind: type[Any]) -> list[str]:
+    """Names of the members that a module defines; of a class and its instances the instances."""
     own = module.__name__
-    defined = {key: value for key, value in vars(module).items() if _as_scenario(value) is not None}
+    defined = {key: value for key, value in vars(module).items() if _as(value, kind) is not None}
     made = {type(value) for value in defined.values()}
     return [key for key, value in defined.items() if getattr(value, "__module__", own) == own and value not in made]
 
 
-def _as_scenario(value: Any) -> Scenario | None:
-    if inspect.isclass(value) and issubclass(value, Scenario) and not inspect.isabstract(value):
-        return value()
-    return value if isinstance(value, Scenario) else None
+def _as(value: Any, kind: type[T]) -> T | None:
+    """``value`` where it is a member of ``kind``; a scenario may be given as its class."""
+    if inspect.isclass(value):
+        value = value() if issubclass(value, Scenario) and not inspect.isabstract(value) else None
+    return value if isinstance(value, kind) else None
 
 
 def imported(place: str) -> Any:

@@ -37,8 +37,8 @@ def tables(report: Report, section: str) -> list[Table]:
 
 def test_all_sections_are_there(report: Report):
     assert [section.title for section in report.sections] == [
-        "Which solver", "ticks", "reach", "mixed", "In the closed loop", "Hierarchies", "Weights", "Torture",
-        "Failures", "Settings", "Limits of this comparison",
+        "Which solver", "ticks", "reach", "mixed", "In the closed loop", "Torture", "Failures", "Settings",
+        "Limits of this comparison",
     ]  # fmt: skip
 
 
@@ -212,7 +212,7 @@ def test_the_page_is_small_and_needs_nothing_else(compared: Compared, report: Re
     references = Page(text).references
     assert all(reference.startswith(("data:", "#")) for reference in references)
     plots = [item for item in report.items if isinstance(item, Plot)]
-    assert text.count("data-plot=") == len(plots) >= 7
+    assert text.count("data-plot=") == len(plots) >= 6
 
 
 def test_every_failure_can_be_taken_up(compared: Compared):

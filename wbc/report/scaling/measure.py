@@ -13,8 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from wbc import checks
 from wbc.control.controller import Controller
-from wbc.errors import UnknownName
-from wbc.plugins import registered
 from wbc.qp.rows import RowProblem, RowSolver, RowTask
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
@@ -23,15 +21,8 @@ from wbc.sim.scenario import Progress, silent
 from wbc.stack.hierarchy import Hierarchy, Pulls, Rank, Weighted
 from wbc.types import Vec
 
-GROUP = "wbc.scaling"
 #: The first ticks find cold memory, and no active set.
 WARM_UP = 10
-
-
-class UnknownAxis(UnknownName):
-    """No such axis."""
-
-    kind = "axis"
 
 
 @final
@@ -44,11 +35,6 @@ class InStandardForm(Hierarchy):
 
     def open(self, problem: RowProblem, solver: Solver, pulls: Pulls | None = None) -> RowSolver:
         return StandardSolver(problem, solver)
-
-
-def axes() -> dict[str, Axis]:
-    """Every registered axis by name; a plugin that cannot be loaded is left out with a warning."""
-    return registered(GROUP)
 
 
 def scaled(

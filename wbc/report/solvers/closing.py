@@ -1,15 +1,11 @@
-"""Sections of what happens in the loop: the robot under each solver, the meaning of levels, and of weights."""
+"""The section of what happens in the loop: the robot under each solver."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
-from wbc.report.document import Cell, Curve, Item, Marked, Plot, Section, Table, Text, percent
+from wbc.report.document import Cell, Item, Marked, Section, Table, Text, percent
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.problems import slug
-from wbc.report.solvers.ranked import reached
 
 
 def section(data: Data) -> Section:
@@ -101,107 +97,3 @@ def _worst_tracking(loop: Data, ran: Sequence[Data], tasks: Sequence[str]) -> st
         if own is not None and least is not None:
             worst = max(worst or 0.0, own / least)
     return "–" if worst is None else f"{worst:.3g}×"
-
-
-def levels(data: Data) -> Iterator[Section]:
-    """Hierarchies, and weights: what the first task loses to the others, what the QP's condition pays for it."""
-    found = [entry for entry in data["levels"] if "hierarchies" in entry]
-    lost = [entry for entry in data["levels"] if "lost" in entry]
-    items: list[Item] = []
-    for entry in found:
-        items += _hierarchies(entry)
-    items += [Text(f"{entry['scenario']}: not measured, {entry['lost']}.") for entry in lost]
-    yield Section("Hierarchies", items)
-    items = []
-    for entry in found:
-        if len(entry["weights"]) > 1:
-            items += [*_weights_plots(entry), _weights_table(entry)]
-    yield Section("Weights", items)
-
-
-def _hierarchies(entry: Data) -> Iterator[Item]:
-    text = (
-        f"{entry['scenario']}: the same {entry['ticks']} recorded states, through controllers that differ in what "
-        f"the levels of the stack mean. First level: {', '.join(entry['first'])}; then: {', '.join(entry['others'])}."
-    )
-    yield Text(text + (" " + entry["note"] if entry["note"] else ""))
-    rows: list[list[Cell]] = []
-    for one in entry["hierarchies"]:
-        if one.get("error"):
-            rows.append([one["name"], None, None, None, None, None, None])
-            continue
-        rows.append([one["name"], one["solved"], *one["first"], one["others"], one["condition"], one["tick_us"]])
-    columns = ("hierarchy", "ticks solved", "first level, median", "first level, max", "others, median", "condition",
-               "tick [µs]")  # fmt: skip
-    note = (
-        "Residual of the first level |wanted − got| in the tasks' own rate units, and of all other tasks; condition "
-        "number of the cost of the QP that was solved last in a tick; median tick."
-    )
-    yield Table(columns, rows, note)
-    refused = [f"{one['name']}: {one['error']}" for one in entry["hierarchies"] if one.get("error")]
-    if refused:
-        yield Text("Not run: " + "; ".join(refused))
-
-
-def _weights_plots(entry: Data) -> Iterator[Plot]:
-    """What the first level loses to the others over its weight, and over the condition number of the cost."""
-    residual = np.array([one["first"][0] or np.nan for one in entry["weights"]], dtype=np.float64)
-    for key, over in (("factor", "its weight, times its own"), ("condition", "the condition number of the cost")):
-        x = np.array([one[key] or np.nan for one in entry["weights"]], dtype=np.float64)
-        order = [i for i in np.argsort(x) if np.isfinite(x[i])]
-        curve = Curve("median residual of the first level", np.maximum(residual[order], 1e-16))
-        title = f"{entry['scenario']}: residual of the first level"
-        yield Plot(
-            f"weights-{slug(entry['scenario'])}-{key}", title, "", x[order], [curve], over=over, log="xy", dots=True
-        )
-
-
-def _weights_table(entry: Data) -> Table:
-    rows = [
-        [f"{one['factor']:g}", one["solved"], *one["first"], one["others"], one["condition"], one["tick_us"]]
-        for one in entry["weights"]
-    ]
-    columns = ("weight ×", "ticks solved", "first level, median", "first level, max", "others, median", "condition",
-               "tick [µs]")  # fmt: skip
-    return Table(columns, rows, f"{entry['scenario']}: the first level's weight multiplied.", folded=True)
-
-
-def ranked(data: Data) -> Section:
-    """Hierarchies from files: how many levels the core brings to the optimum, and at what time."""
-    items: list[Item] = []
-    for name in dict.fromkeys(entry["name"] for entry in data["ranked"]):
-        entries = [entry for entry in data["ranked"] if entry["name"] == name]
-        items += _ranked_table(name, entries)
-    return Section("Hierarchies from files", items)
-
-
-def _ranked_table(name: str, entries: Sequence[Data]) -> Iterator[Item]:
-    solved = [entry["levels"] for entry in entries if entry.get("levels")]
-    known = next((entry["known"] for entry in entries if entry.get("known")), None)
-    if not solved and known is None:
-        yield Text(f"{name}: no solver gave an answer.")
-        return
-    best = min([*solved, *([known] if known else [])], key=_lexicographic)
-    rows: list[list[Cell]] = []
-    for entry in entries:
-        levels = entry.get("levels")
-        if levels is None:
-            rows.append(
-                [entry["solver"], entry.get("lost") or entry["status"].lower(), None, None, *[None] * len(best)]
-            )
-            continue
-        rows.append([entry["solver"], entry["status"].lower(), reached(levels, best), entry["us"], *levels])
-    if known is not None:
-        rows.append(["known solution", "", reached(known, best), None, *known])
-    columns = ("solver", "status", "levels at the optimum", "time [µs]", *(f"level {k + 1}" for k in range(len(best))))
-    note = (
-        f"{name}: ½ |v|² of each level, v the distance of its rows from their bounds, the first above all others. At "
-        "the optimum: as low as the best answer of all, level after level, before one is not. Least of three times, "
-        "cold."
-    )
-    yield Table(columns, rows, note)
-
-
-def _lexicographic(levels: Sequence[float]) -> tuple[float, ...]:
-    """An order in which rounding decides nothing."""
-    return tuple(float(f"{max(level, 1e-9):.5g}") for level in levels)

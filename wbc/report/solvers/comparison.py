@@ -168,12 +168,10 @@ def _listed(run: Any) -> list[Any]:
 
 
 class _Collected(NamedTuple):
-    """What was found to compare on: sets of problems, the scenarios among them, files of hierarchies, and what could
-    not be read."""
+    """What was found to compare on: sets of problems, the scenarios among them, and what could not be read."""
 
     sets: list[ProblemSet]
     scenarios: list[ScenarioRequest]
-    ranked: dict[str, Path]
     unread: dict[str, str]
 
 
@@ -183,14 +181,12 @@ def _collected(
     """Record and read all problems."""
     sets: list[ProblemSet] = []
     scenarios: list[ScenarioRequest] = []
-    ranked: dict[str, Path] = {}
     unread: dict[str, str] = {}
     for k, source in enumerate(sources):
         progress(0.0, f"collecting problems: {source if isinstance(source, str | Path) else 'given'}")
         if _is_folder(source):
             found = from_folder(Path(source))
             sets += found.sets
-            ranked |= found.ranked
             unread |= found.unread
         elif isinstance(source, str | Scenario):
             scenario = source if isinstance(source, Scenario) else find(source)
@@ -204,7 +200,7 @@ def _collected(
     names = [one.name for one in sets]
     if len(set(names)) < len(names):
         raise InvalidInput(f"two sets of problems have the same name: {', '.join(names)}")
-    return _Collected(sets, scenarios, ranked, unread)
+    return _Collected(sets, scenarios, unread)
 
 
 def _begun(collected: _Collected, request: Request, folder: Path) -> Request:
@@ -213,10 +209,7 @@ def _begun(collected: _Collected, request: Request, folder: Path) -> Request:
     files = {found.name: f"{PROBLEMS}/{slug(found.name)}.npz" for found in collected.sets}
     for found in collected.sets:
         found.save(folder / files[found.name])
-    ranked = {name: f"{PROBLEMS}/{slug(name)}.npz" for name in collected.ranked}
-    for name, path in collected.ranked.items():
-        shutil.copyfile(path, folder / ranked[name])
-    request = replace(request, scenarios=collected.scenarios, files=files, ranked=ranked)
+    request = replace(request, scenarios=collected.scenarios, files=files)
     header = {
         "surroundings": raw.surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}"),
         "request": request.to_json(),

@@ -16,7 +16,7 @@ from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
 from wbc.sim.provenance import machine, versions
 
-FORMAT = 2
+FORMAT = 3
 Data = dict[str, Any]
 
 
@@ -62,10 +62,6 @@ def gathered(request: Request, sets: Mapping[str, ProblemSet], journal: Journal,
         "unread": dict(unread),
         "measures": [m for found in sets.values() for m in _measures(request, found, findings)],
         "loops": [_loop(key, value) for key, value in findings.items() if key[0] == "loop"],
-        "levels": [{"scenario": key[1], **value} for key, value in findings.items() if key[0] == "levels"],
-        "ranked": [
-            {"name": key[1], "solver": key[2], **value} for key, value in findings.items() if key[0] == "ranked"
-        ],
         "torture": [
             {"case": key[1], "solver": key[2], "how": key[3], **value}
             for key, value in findings.items() if key[0] == "torture"

@@ -33,7 +33,7 @@ def work(request: Request, folder: Path, journal: Journal, progress: Progress) -
                 if job.items:
                     journal.add(job.key, _solve(job, process, request.limit, journal))
                 else:
-                    patience = request.limit if job.key[0] in ("torture", "ranked") else request.patience
+                    patience = request.limit if job.key[0] == "torture" else request.patience
                     journal.add(job.key, _ask(job, process, patience))
                 clock.took(job, monotonic() - start)
             clock.done(job)
@@ -108,13 +108,7 @@ class _Clock:
         left = self._seconds_left()
         self._share = max(self._share, self._finished / max(self._finished + left, 1e-9))  # a bar never goes back
         what, name, solver = job.key[:3]
-        words = {
-            "solve": "on",
-            "loop": "in the loop of",
-            "torture": "tortured with",
-            "levels": "levels of",
-            "ranked": "on",
-        }
+        words = {"solve": "on", "loop": "in the loop of", "torture": "tortured with"}
         self._progress(self._share, f"{solver} {words[str(what)]} {name}")
 
     def _seconds_left(self) -> float:

@@ -34,10 +34,6 @@ def jobs(request: Request, sets: Mapping[str, ProblemSet]) -> Iterator[Job]:
     """All jobs. Solvers take turns in the innermost loop; the rounds are the outermost one of each set."""
     for found in sets.values():
         yield from _solves(request, found)
-    for name, file in request.ranked.items():
-        for solver in request.solvers[:1]:  # levels are decided by the core, whichever is named
-            ask: dict[str, Any] = {"do": "ranked", "tolerance": None, "file": file}
-            yield Job(solver.name, ("ranked", name, "pdas", None, None), ask)
     if request.torture:
         yield from _torture(request)
     for k, scenario in enumerate(request.scenarios if request.loop else ()):
@@ -46,10 +42,6 @@ def jobs(request: Request, sets: Mapping[str, ProblemSet]) -> Iterator[Job]:
             for solver in request.solvers:
                 order = {"do": "loop", "tolerance": tolerance, **about}
                 yield Job(solver.name, ("loop", scenario.name, solver.name, name, k), order)
-        first = next((s for s in request.solvers if not s.offline), None)
-        if first is not None:
-            order = {"do": "levels", "tolerance": None, **about}
-            yield Job(first.name, ("levels", scenario.name, first.name, None, k), order)
 
 
 def _solves(request: Request, found: ProblemSet) -> Iterator[Job]:

@@ -31,8 +31,6 @@ def _sections(data: Data, sets: Sequence[Data], advised: list[Advice]) -> Iterat
     for about in sets:
         yield solving.section(data, about)
     yield closing.section(data)
-    yield from closing.levels(data)
-    yield closing.ranked(data)
     yield robustness.section(data)
     yield growth.section(data)
     yield appendix.failures(data)

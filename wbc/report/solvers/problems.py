@@ -14,7 +14,6 @@ import numpy as np
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.npz import read_json, read_npz
 from wbc.qp.problem import QP, Objective, Row
-from wbc.report.solvers.ranked import is_ranked, read_ranked
 from wbc.types import Vec
 
 #: Numbers from here on mean "no bound" in many collections.
@@ -124,10 +123,9 @@ def saved_qps(path: Path) -> Sequence[QP]:
 @final
 @dataclass(frozen=True)
 class Folder:
-    """What a folder holds: sets of QPs, files of hierarchies, and what could not be read, with the reasons."""
+    """What a folder holds: sets of QPs, and what could not be read, with the reasons."""
 
     sets: list[ProblemSet]
-    ranked: dict[str, Path]
     unread: dict[str, str]
 
 
@@ -135,8 +133,8 @@ def from_folder(folder: Path) -> Folder:
     """Every folder of .npz files at or below ``folder`` as a set of its own.
 
     Understood are QPs saved by this library; ``P, q, G, h, A, b, lb, ub`` (what is not there is absent) for
-    ½ xᵀPx + qᵀx, G x ≤ h, A x = b; and ``P, q, A, l, u`` for l ≤ A x ≤ u; hierarchies ``A0, l0, u0, A1, …``. Problem
-    sets of an older comparison are sets again.
+    ½ xᵀPx + qᵀx, G x ≤ h, A x = b; and ``P, q, A, l, u`` for l ≤ A x ≤ u. Problem sets of an older comparison
+    are sets again.
 
     Raises:
         InvalidInput: no such folder, or nothing in it that can be read.
@@ -145,16 +143,12 @@ def from_folder(folder: Path) -> Folder:
         raise InvalidInput(f"{folder} is neither a scenario nor a folder of QPs (.npz)")
     found: dict[str, list[tuple[str, QP]]] = {}
     sets: list[ProblemSet] = []
-    levels: dict[str, Path] = {}
     unread: dict[str, str] = {}
     for path in sorted(folder.rglob("*.npz")):
         place = path.parent.relative_to(folder)
         try:
             if _is_set(path):
                 sets.append(ProblemSet.load(path))
-            elif is_ranked(path):
-                read_ranked(path)
-                levels["/".join((folder.resolve().name, *place.parts, path.stem))] = path
             else:
                 qp = read_qp(path)
                 found.setdefault("/".join((folder.resolve().name, *place.parts)), []).append((path.stem, qp))
@@ -164,9 +158,9 @@ def from_folder(folder: Path) -> Folder:
         labels, qps = zip(*members, strict=True)
         stretches = [(i, i + 1) for i in range(len(qps))]
         sets.append(ProblemSet(name, "files", "files", qps, labels, stretches))
-    if not sets and not levels:
+    if not sets:
         raise InvalidInput(f"{folder} holds no QP that can be read; see docs/solvers.md for the formats")
-    return Folder(sets, levels, unread)
+    return Folder(sets, unread)
 
 
 def read_qp(path: Path) -> QP:

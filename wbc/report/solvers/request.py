@@ -35,8 +35,7 @@ class ScenarioRequest:
 @final
 @dataclass(frozen=True)
 class Request:
-    """Everything that decides what is measured; ``files`` are the problem sets' files by set name, ``ranked`` those of
-    hierarchies.
+    """Everything that decides what is measured; ``files`` are the problem sets' files by set name.
 
     ``rounds``: how often each solve is timed, interleaved with those of the other solvers; the least counts.
     ``limit``: seconds a solve may take, ``patience``: seconds a whole scenario may take.
@@ -45,7 +44,6 @@ class Request:
     solvers: Sequence[Solver]
     scenarios: Sequence[ScenarioRequest] = ()
     files: Mapping[str, str] = field(default_factory=dict)
-    ranked: Mapping[str, str] = field(default_factory=dict)
     classes: Mapping[str, float | None] = field(default_factory=lambda: dict(CLASSES))
     rounds: int = 3
     limit: float = 5.0

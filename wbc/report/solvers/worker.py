@@ -31,8 +31,7 @@ class Worker:
         self._sets: dict[str, ProblemSet] = {}
 
     def answers(self, order: dict[str, Any]) -> Iterator[dict[str, Any]]:
-        """Do what an order says: one finding each for "loop", "torture", "ranked" and "levels", one a "
-        "problem for "solve"."""
+        """Do what an order says: one finding each for "loop" and "torture", one a problem for "solve"."""
         tolerance = order["tolerance"]
         solver = self._solver if tolerance is None else self._solver.at(tolerance)
         match order["do"]:
@@ -48,14 +47,6 @@ class Worker:
                 from wbc.report.solvers.loop import closed_loop
 
                 yield closed_loop(order["scenario"], order["parameters"], order["settings"], solver)
-            case "ranked":
-                from wbc.report.solvers.ranked import ranked
-
-                yield ranked(self._folder / order["file"])
-            case "levels":
-                from wbc.report.solvers.levels import levels
-
-                yield levels(order["scenario"], order["parameters"], order["settings"], solver)
 
     def warm_up(self) -> None:
         """Import what the solver needs, so that no problem pays for it."""
