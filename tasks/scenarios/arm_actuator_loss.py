@@ -32,6 +32,7 @@ from .. import (
     TorqueLimits,
     When,
 )
+from . import judge
 from .arm_reach import TOOLS
 from .single import Single
 
@@ -174,9 +175,8 @@ def _judged(robot: PinocchioModel, seen: Sequence[Seen], early: Sequence[Seen]) 
         Check("longest from fault to brake", delay, "<=", 0.02, "s"),
         Check("joints that carry something", float(len(loaded)), "=", float(len(lost)), "of all"),
     ]
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=measure.violations(run),
-        tracking=measure.tracking(run), verdict=verdict, figures=figures, robot=robot,
+    return judge.result(
+        run, verdict, figures=figures, robot=robot,
         called="brake", beside=shown,
         sections=[lambda result: _section(result, by), lambda result: _table(robot, by, early)],
     )  # fmt: skip

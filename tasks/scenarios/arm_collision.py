@@ -34,6 +34,7 @@ from .. import (
     When,
 )
 from ..components.diagnosis import Diagnosis
+from . import judge
 from .arm_reach import TOOLS
 from .single import Single
 
@@ -191,9 +192,8 @@ def _judged(robot: PinocchioModel, hits: Sequence[Hit], stiff: Hit, link: str, f
         Check("links named rightly, of pushes that their own joint feels", float(named), ">=", 0.9 * len(felt),
               f"of {len(felt)}"),
     ]  # fmt: skip
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=measure.violations(run),
-        tracking=measure.tracking(run), verdict=verdict, figures=figures, robot=robot,
+    return judge.result(
+        run, verdict, figures=figures, robot=robot,
         called="yields", beside={"stiff": stiff.run},
         sections=[lambda result: _pictures(result, mine[0], stiff), lambda result: _every(hits)],
     )  # fmt: skip

@@ -184,22 +184,20 @@ def _judged(robot: PinocchioModel, runs: Mapping[Case, wbc.Run], mass: float) ->
         "true_mass_of_last_link": float(_truth(robot, mass)[-10]),
         "heaviest_kg": most,
     }  # fmt: skip
-    violations = measure.violations(run)
     verdict = [
         Check("error without adaptation, as a multiple of the error with it", stubborn / learning, ">=", 30.0),
         Check("tool's error after the pick-up, peak", peak, "<", 0.01, "m"),
         Check("ticks whose parameters belong to no rigid body", float(unphysical), "=", 0.0),
         Check("largest rise of V within 10 ms, of V at the pick-up", rises[0], "<", 1e-2),
         Check("that rise with half the period, over the rise with the whole", rises[1] / (rises[0] or 1.0), "<=", 0.75),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]  # fmt: skip
     if Case(True, True) in errors:
         rough = late(Case(False, True)) / late(Case(True, True))
         figures |= {"ratio_rough": rough, "error_with_rough": late(Case(True, True))}
         verdict.insert(1, Check("the same with noise and friction", rough, ">=", 15.0))
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
-        figures=figures, robot=robot, called=str(Case(True)),
+    return judge.result(
+        run, verdict, tracking={}, figures=figures, robot=robot, called=str(Case(True)),
         beside={str(case): runs[case] for case in errors if case != Case(True)},
         sections=[lambda result: _section(result, runs, errors), lambda result: _limits(most, joint, mass)],
     )  # fmt: skip

@@ -110,7 +110,6 @@ def _judged(run: wbc.Run, robot: PinocchioModel, task: str) -> ScenarioResult:
     t = run["t"]
     caught_up = judge.away_from(t, [0.0, STEP_TIME])
     tracking = measure.tracking(run, keep=caught_up)
-    violations = measure.violations(run)
     error = np.linalg.norm(run[f"error.{task}"][:, :3], axis=1)
     late = np.flatnonzero((t >= STEP_TIME) & (error > 0.01))
     figures = {
@@ -121,9 +120,6 @@ def _judged(run: wbc.Run, robot: PinocchioModel, task: str) -> ScenarioResult:
     where = measure.place(run, np.where(caught_up, error, 0.0), np.inf, plot=f"tracking.{task}")
     verdict = [
         Check("position error after catching up, rms", tracking[task]["rms"], "<", 2e-3, "m", where),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
-        verdict=verdict, figures=figures, robot=robot,
-    )  # fmt: skip
+    return judge.result(run, verdict, tracking=tracking, figures=figures, robot=robot)

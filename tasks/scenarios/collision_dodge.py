@@ -159,7 +159,6 @@ def _judged(
     around: Sequence[Obstacle],
 ) -> ScenarioResult:  # fmt: skip
     run, (kept, free) = runs[0], clearances
-    violations = measure.violations(run)
     steps = np.abs(np.diff(run["tau"], axis=0)).max(initial=0.0)
     figures = {
         "min_distance_m": kept.smallest,
@@ -174,13 +173,12 @@ def _judged(
     verdict = [
         Check("smallest distance", kept.smallest, ">", 0.0, "m"),
         Check("smallest distance minus the margin", kept.smallest - margin, ">", -1e-3, "m"),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]
     if through:
         verdict.insert(2, Check("smallest distance without the limit", free.smallest, "<", 0.0, "m"))
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
-        verdict=verdict, figures=figures, robot=robot, obstacles=around,
+    return judge.result(
+        run, verdict, figures=figures, robot=robot, obstacles=around,
         called="with collision avoidance", beside={"without": runs[1]},
         sections=[lambda result: _section(result, clearances, runs, margin)],
     )  # fmt: skip

@@ -35,6 +35,7 @@ from .. import (
     When,
 )
 from ..components.diagnosis import ACTUATOR, Diagnosis
+from . import judge
 from .arm_collision import jacobian, moved_links
 from .arm_reach import TOOLS
 from .single import Single
@@ -246,9 +247,9 @@ def _judged(
         for chosen, text, key, relation, bound in demands if chosen
     ]  # fmt: skip
     run = wbc.Run(run.columns, {**run.meta, "scenario": DiagnosisStatistics.name, "parameters": dict(parameters)})
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations={}, tracking={}, verdict=verdict,
-        figures=figures, robot=robot, sections=[lambda result: _section(robot, cases, threshold)],
+    return judge.result(
+        run, verdict, violations={}, tracking={}, figures=figures, robot=robot,
+        sections=[lambda result: _section(robot, cases, threshold)],
     )  # fmt: skip
 
 

@@ -106,7 +106,7 @@ class DualArm(Single):
 
 
 def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, duration: float) -> ScenarioResult:
-    tracking, violations = measure.tracking(run), measure.violations(run)
+    tracking = measure.tracking(run)
     task = f"Frame[{hands[0]}]"
     bar, way, plot = tracking[task], np.linalg.norm(measure.errors(run, task)["m"], axis=1), f"tracking.{task}"
     error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
@@ -125,12 +125,9 @@ def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, durati
         judge.stood_check(run, duration),
         Check("distance of the bar from its target", bar["max"], "<", BAR, "m", away),
         Check("error of the force in the bar", figures["internal_force_error_N"], "<", SQUEEZE, "N", squeezed),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]  # fmt: skip
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
-        verdict=verdict, figures=figures, robot=robot, sections=[lambda result: _section(result, asked)],
-    )  # fmt: skip
+    return judge.result(run, verdict, figures=figures, robot=robot, sections=[lambda result: _section(result, asked)])
 
 
 def _section(result: ScenarioResult, asked: Vec) -> Section:

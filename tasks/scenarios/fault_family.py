@@ -11,13 +11,12 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 
 from ..components.fault_reaction import TABLE
-from . import humanoid_joint_loss, humanoid_stand, quadruped_joint_loss, quadruped_stand
+from . import humanoid_joint_loss, humanoid_stand, judge, quadruped_joint_loss, quadruped_stand
 from .fault_trials import Outcome, Stand, learnt, trial
 from .held_sway import Held, HeldSway, reserve, table_with
 from .single import Single
@@ -191,9 +190,8 @@ def _judged(stand: Stand, rows: Sequence[Row], shown: Outcome) -> ScenarioResult
         Check(f"{row.joint}: falls, of {row.possible} moments at which it can stand", float(row.broken), "=", 0.0)
         for row in rows if row.enough
     ]  # fmt: skip
-    return ScenarioResult(
-        run=shown.run, ok=all(check.ok for check in verdict), violations=measure.violations(shown.run),
-        tracking=measure.tracking(shown.run), verdict=verdict, figures={"rows": [row.as_dict() for row in rows]},
+    return judge.result(
+        shown.run, verdict, figures={"rows": [row.as_dict() for row in rows]},
         robot=stand.robot(), sections=[lambda result: _section(rows)],
     )  # fmt: skip
 

@@ -8,13 +8,13 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.report import measure
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Progress, ScenarioResult
 
 from .. import Thresholds, When
 from ..components.fault_reaction import TABLE
 from . import fault_sections as sections
+from . import judge
 from .fault_trials import LEARNING, Gains, Outcome, Pair, Stand, learnt, trial
 from .least_torque import least_torque
 from .standing import standing_stack
@@ -82,9 +82,8 @@ def _judged(
     run, stand = shown.answered.run, plan.stand
     reasons = [reason(stand, pair) for pair in lost]
     verdict = [*plan.demand(without, answered), _nothing_before(answered)]
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=measure.violations(run),
-        tracking=measure.tracking(run), verdict=verdict, figures=figures(plan.fault, known, stand, pairs, varied),
+    return judge.result(
+        run, verdict, figures=figures(plan.fault, known, stand, pairs, varied),
         robot=stand.robot(), called="with an answer", beside={"without an answer": shown.without.run},
         sections=[
             lambda result: sections.signals(result, shown, known),

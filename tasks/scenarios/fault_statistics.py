@@ -20,6 +20,7 @@ from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
 from wbc.types import Status, Vec
 
 from .. import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
+from . import judge
 from .single import Single
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
@@ -210,9 +211,9 @@ def _judged(
         "statuses": [status.name for status in STATUSES],
         "limits": {k: getattr(robot.limits, k).tolist() for k in ("q_min", "q_max", "v_max", "tau_max")},
     }  # fmt: skip
-    return ScenarioResult(
-        run=wbc.Run(columns, meta), ok=all(check.ok for check in verdict), violations={}, tracking={}, verdict=verdict,
-        figures=figures, sections=[lambda result: _section(trials, windows, robot, known)],
+    return judge.result(
+        wbc.Run(columns, meta), verdict, violations={}, tracking={}, figures=figures,
+        sections=[lambda result: _section(trials, windows, robot, known)],
     )  # fmt: skip
 
 

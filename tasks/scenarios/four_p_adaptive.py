@@ -111,7 +111,7 @@ def _adapted(parameters: Mapping[str, Any], go: TorqueRun, *, still: bool) -> Ad
 
 
 def _judged(moving: Adapted, still: Adapted, parameters: Mapping[str, Any]) -> ScenarioResult:
-    run, violations = moving.run, measure.violations(moving.run)
+    run = moving.run
     law = float(np.abs(run["tau"] - moving.signal("tau")).max())
     ordered = max(_out_of_order(of.signal("a_hat")) for of in (moving, still))
     unit_masses = Planar4P().cartesian_inertia(np.zeros(4))
@@ -133,15 +133,14 @@ def _judged(moving: Adapted, still: Adapted, parameters: Mapping[str, Any]) -> S
         Check("rise of V in one tick over V(0), at rest", still.rise, "<=", 1e-6),
         Check("coefficients not found, moving", float(moving.off.max()), "<", 0.05, "kg"),
         Check("a2 and a4 not found, at rest", float(still.off[[1, 3]].max()), "<", 1e-3, "kg"),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]  # fmt: skip
     if parameters["physical"]:
         verdict.append(
             Check("by how much the coefficients are outside those of positive masses", ordered, "<=", 1e-9, "kg")
         )
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
-        figures=figures, robot=Planar4P(m=parameters["m"]),
+    return judge.result(
+        run, verdict, tracking={}, figures=figures, robot=Planar4P(m=parameters["m"]),
         sections=[lambda result: _coefficients(moving, still), lambda result: _errors(moving, still)],
     )  # fmt: skip
 

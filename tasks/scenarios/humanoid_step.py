@@ -103,7 +103,6 @@ def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequen
 
 def judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> ScenarioResult:
     """Whether the run is what the walk was to be."""
-    tracking, violations = measure.tracking(run), measure.violations(run)
     stood, com = measure.seconds(run), measure.tracking(run)["CenterOfMass"]
     asked = [step for step in way.steps if step.down + PLACED < duration]
     misses = [_miss(run, robot, step) for step in asked if step.down + PLACED < stood]
@@ -134,12 +133,9 @@ def judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> S
         Check("placement of a foot", placement, "<", PLACEMENT, "m"),
         slip,
         *judge.step_checks(plan_step, force_step),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
-        verdict=verdict, figures=figures, robot=robot,
-    )  # fmt: skip
+    return judge.result(run, verdict, figures=figures, robot=robot)
 
 
 def _miss(run: wbc.Run, robot: PinocchioModel, step: Footstep) -> float:

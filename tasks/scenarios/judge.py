@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.control.recorder import Run
 from wbc.report import measure
-from wbc.sim.scenario import Check, Place
+from wbc.sim.scenario import Check, Place, ScenarioResult
 from wbc.stack.contact import Contact
 from wbc.types import Vec
 
@@ -96,12 +97,18 @@ def error_check(text: str, run: Run, task: str, bound: float, keep: NDArray[np.b
     return Check(text, rms, "<", bound, "m", measure.place(run, error, np.inf, plot=f"tracking.{task}"))
 
 
-def common_checks(run: Run, violations: Mapping[str, tuple[float, str]]) -> list[Check]:
+def result(run: Run, verdict: Sequence[Check], **shown: Any) -> ScenarioResult:
+    """What a scenario hands back of a run that is judged by ``verdict`` alone; ``shown``: other fields of it."""
+    measured = {"violations": measure.violations(run), "tracking": measure.tracking(run)}
+    return ScenarioResult(run=run, ok=all(check.ok for check in verdict), verdict=verdict, **measured | shown)
+
+
+def common_checks(run: Run) -> list[Check]:
     """Every tick certified, no limit broken."""
     share, missed = certified_share(run), ~measure.solved(run)
     where = measure.place(run, missed.astype(float), 0.5, plot="certificate") if missed.any() else Place()
     checks, found = [Check("certified ticks", share, "=", 1.0, "share", where)], measure.excesses(run)
-    for kind, (value, unit) in violations.items():
+    for kind, (value, unit) in measure.violations(run).items():
         excess = found.get(kind)
         place = Place() if excess is None else measure.place(run, excess.values, TOLERANCE, excess.parts, excess.plot)
         checks.append(Check(f"{kind} beyond its limit", value, "<=", TOLERANCE, unit, place))

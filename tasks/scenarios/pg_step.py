@@ -158,7 +158,6 @@ def _judged(run: wbc.Run, of: Setting, beside: Beside) -> ScenarioResult:
     free = there & (beside.alpha >= alpha_max) & away
     same = float(np.abs(beside.v_qp - beside.v_step)[free].max(initial=0.0))
     over = float((np.abs(run["v_cmd"]) - of.v_max).max())
-    violations = measure.violations(run)
     figures = {
         "alpha_star_in_plane": by_formula,
         "alpha_star_smallest": float(np.nanmin(beside.alpha)),
@@ -176,11 +175,10 @@ def _judged(run: wbc.Run, of: Setting, beside: Beside) -> ScenarioResult:
         Check("QP costlier than the step, at most", costlier, "<=", 1e-8),
         Check("QP and step apart where nothing limits", same, "<=", 1e-6, "rad/s"),
         Check("commanded speed beyond its share of the limit", max(over, 0.0), "<=", judge.TOLERANCE, "rad/s"),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]  # fmt: skip
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
-        verdict=verdict, figures=figures, robot=of.robot,
+    return judge.result(
+        run, verdict, figures=figures, robot=of.robot,
         sections=[lambda result: _in_plane(plane, by_qp), lambda result: _along_the_path(result, of, beside)],
     )  # fmt: skip
 

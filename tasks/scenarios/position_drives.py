@@ -131,7 +131,7 @@ def _judged(runs: Mapping[str, Run], aim: _Aim, duration: float) -> ScenarioResu
         rms[name] = float(np.sqrt(np.mean(error**2))) if len(error) else np.inf
         largest[name] = float(error.max(initial=0.0))
     asked, run = next(iter(runs.items()))
-    violations, stood = measure.violations(run), {name: measure.seconds(each) for name, each in runs.items()}
+    stood = {name: measure.seconds(each) for name, each in runs.items()}
     figures = {
         "error_rms_m": rms,
         "error_max_m": largest,
@@ -141,11 +141,10 @@ def _judged(runs: Mapping[str, Run], aim: _Aim, duration: float) -> ScenarioResu
     verdict = [
         judge.stood_check(run, duration),
         Check("error of the robot itself, rms", rms[asked], "<", ERROR, "m"),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
-        verdict=verdict, figures=figures, robot=aim.robot, sections=[_comparison],
+    return judge.result(
+        run, verdict, figures=figures, robot=aim.robot, sections=[_comparison],
         called=asked, beside={name: each for name, each in runs.items() if name != asked},
     )  # fmt: skip
 

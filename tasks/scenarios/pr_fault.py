@@ -108,7 +108,6 @@ def _fractions(of: Seen, solver: str) -> tuple[Vec, Vec]:
 def _judged(seen: Mapping[str, Seen], robot: PlanarRobot, threshold: Sequence[float], solver: str) -> ScenarioResult:
     total = next(iter(seen.values()))
     run, row = total.run, round(AT / total.run.meta["dt"])
-    violations = measure.violations(run)
     momentum = robot.momentum(Q_START, V_START)
     fast = max(PUBLISHED)
     alarm = run[f"signal.{_name(fast)}.alarm"]
@@ -141,11 +140,10 @@ def _judged(seen: Mapping[str, Seen], robot: PlanarRobot, threshold: Sequence[fl
         Check("alarm of joint 1 later than the formula says", late, "<=", 2e-3, "s"),
         Check("alarms of the healthy joint", float(alarm[:, 1].sum()), "=", 0.0, "ticks"),
         Check("share lost of joint 1, formula and QP apart", float(np.abs(lost[0] - lost[1]).max()), "<=", 1e-6),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]  # fmt: skip
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking={}, verdict=verdict,
-        figures=figures, robot=robot,
+    return judge.result(
+        run, verdict, tracking={}, figures=figures, robot=robot,
         sections=[
             lambda result: _total_fault(result, total, momentum),
             lambda result: _other_faults(seen, solver),

@@ -132,7 +132,6 @@ def _judged(robot: PlanarRobot, damped: Tracking, free: Tracking, solver: str) -
         np.abs(run["tau"][::EVERY] - _by_formula(robot, run, damped.damping, run.meta["parameters"]["kp"])).max()
     )
     spins = {name: float(np.abs(of.run["plant.v"][:, 1]).max()) for name, of in (("damped", damped), ("free", free))}
-    violations = measure.violations(run)
     figures = {
         "tau_start_1_N": float(run["tau"][0, 0]),
         "tau_start_2_Nm": float(run["tau"][0, 1]),
@@ -151,11 +150,10 @@ def _judged(robot: PlanarRobot, damped: Tracking, free: Tracking, solver: str) -
         Check("error of x, damped", damped.off, "<", 1e-3, "m"),
         Check("error of x, not damped", free.off, "<", 1e-2, "m"),
         Check("fastest turn, damped over not damped", spins["damped"] / spins["free"], "<", 1.0),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]  # fmt: skip
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
-        verdict=verdict, figures=figures, robot=robot,
+    return judge.result(
+        run, verdict, figures=figures, robot=robot,
         sections=[lambda result: _first_instant(solver), lambda result: _the_run(result, damped, free)],
     )  # fmt: skip
 

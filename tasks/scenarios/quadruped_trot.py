@@ -134,7 +134,7 @@ def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, tr
 
 
 def _judged(run: wbc.Run, robot: PinocchioModel, trot: Sequence[Swing], duration: float) -> ScenarioResult:
-    violations, t = measure.violations(run), measure.times(run)
+    t = measure.times(run)
     after = t >= min(START, t[-1])
     tracking = measure.tracking(run, keep=after)
     names = {contact["frame"]: name for name, contact in run.meta["contacts"].items()}
@@ -163,12 +163,9 @@ def _judged(run: wbc.Run, robot: PinocchioModel, trot: Sequence[Swing], duration
         Check("drift of the base", float(drift.max()), "<", DRIFT, "m", measure.place(run, drift, DRIFT)),
         slip,
         *judge.step_checks(plan_step, force_step),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
-        verdict=verdict, figures=figures, robot=robot,
-    )  # fmt: skip
+    return judge.result(run, verdict, tracking=tracking, figures=figures, robot=robot)
 
 
 def _done(run: wbc.Run, swing: Swing, names: Mapping[str, str]) -> bool:

@@ -123,7 +123,6 @@ def _judged(
     duration: float,
 ) -> ScenarioResult:  # fmt: skip
     run = runs[asked]
-    violations = measure.violations(run)
     rms = {kind: _balance(each) for kind, each in runs.items()}
     figures = {
         "balance_rms_m": rms,
@@ -135,13 +134,12 @@ def _judged(
     }
     verdict = [
         judge.stood_check(run, duration),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]
     if asked == "strict":
         verdict.insert(1, Check("error of the centre of mass, rms", rms["strict"], "<", 2e-3, "m"))
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=measure.tracking(run),
-        verdict=verdict, figures=figures, robot=robot, sections=[_Costs(runs, conditions, stance)],
+    return judge.result(
+        run, verdict, figures=figures, robot=robot, sections=[_Costs(runs, conditions, stance)],
         called=asked, beside={kind: each for kind, each in runs.items() if kind != asked},
     )  # fmt: skip
 

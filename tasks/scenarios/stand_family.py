@@ -12,13 +12,12 @@ import wbc
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, Push
 from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
 from wbc.sim.simulate import simulate
 
-from . import humanoid_stand, quadruped_stand
+from . import humanoid_stand, judge, quadruped_stand
 from .single import Single
 from .standing import Stance, push_force, standing_plant, standing_stack
 
@@ -117,11 +116,8 @@ def _simulated(
 def _judged(robot: PinocchioModel, rows: Sequence[Row], run: wbc.Run) -> ScenarioResult:
     stood = sum(row.stands for row in rows)
     verdict = [Check("stands", float(stood), "=", float(len(rows)), f"of {len(rows)}")]
-    return ScenarioResult(
-        run=run, ok=stood == len(rows), violations=measure.violations(run), tracking=measure.tracking(run),
-        verdict=verdict, figures={"rows": [row.as_dict() for row in rows]}, robot=robot,
-        sections=[lambda result: _section(rows)],
-    )  # fmt: skip
+    shown = {"rows": [row.as_dict() for row in rows]}
+    return judge.result(run, verdict, figures=shown, robot=robot, sections=[lambda result: _section(rows)])
 
 
 def _section(rows: Sequence[Row]) -> Section:

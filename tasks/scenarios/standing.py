@@ -188,7 +188,6 @@ def _judged(
     t, contacts = run["t"], feet(robot)
     keep = judge.away_from(t, [push.start for push in pushes], after=RECOVERY)
     tracking = measure.tracking(run, keep=keep)
-    violations = measure.violations(run)
     most = 1e-3 * 9.81 * robot.mass  # soft contacts keep their cones to a thousandth of what they carry
     through = f" through pushes: {len(pushes)}" if pushes else ""
     wrenches = judge.cone_excess(run, true_surfaces(robot))
@@ -212,9 +211,6 @@ def _judged(
             "net wrench of a foot outside its cone (bound: 0.1 % of the weight)", outside, "<=", most, "N",
             measure.place(run, wrenches, most, [contact.name for contact in contacts], "forces"),
         ),
-        *judge.common_checks(run, violations),
+        *judge.common_checks(run),
     ]  # fmt: skip
-    return ScenarioResult(
-        run=run, ok=all(check.ok for check in verdict), violations=violations, tracking=tracking,
-        verdict=verdict, figures=figures, robot=robot,
-    )  # fmt: skip
+    return judge.result(run, verdict, tracking=tracking, figures=figures, robot=robot)

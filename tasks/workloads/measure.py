@@ -26,14 +26,12 @@ from wbc.stack.hierarchy import Hierarchy, Scaled, Strict, Weighted
 from wbc.stack.plan import Plan
 from wbc.types import Vec
 
-from .calls import calls_of
 from .robots import MadeRobot
 from .workload import ClosedLoop, Problem, Progress, Record
 
 HIERARCHIES: Mapping[str, Hierarchy] = {"weighted": Weighted(), "strict": Strict(), "scaled": Scaled()}
 WARM_UP = 100
 _REPORT_EVERY = 250
-_COUNTED = 100
 _PARTS = ("update", "fill", "solve", "decode")
 _SOLVE = _PARTS.index("solve")
 
@@ -89,7 +87,6 @@ def measure(
         record = timed[-1]
         splits = [_split_loop(setting, record, steps) for _ in range(repeats)]
         bare = [_bare_pinocchio(setting, record, steps) for _ in range(repeats)]
-        calls = _numpy_calls(setting, record)
 
     total = _microseconds([run.nanoseconds for run in timed])
     raw = min((_microseconds([run.nanoseconds]) for run in timed), key=np.median)
@@ -108,7 +105,6 @@ def measure(
         "split_us": split | {"rest": round(_median(total) - sum(split.values()), 2)},
         "pinocchio_us": pinocchio_us,
         "total_over_pinocchio": round(_median(total) / pinocchio_us, 2),
-        "numpy_calls": calls,
         "qp": _sizes(controller.qp),
         "solver_failures": splits[-1][1],
         "certified": float(record.solved.mean()),
@@ -214,15 +210,6 @@ class _Clock:
         self.gave = gave = self._call(*arguments)
         self.nanoseconds = now() - start
         return gave
-
-
-def _numpy_calls(setting: _Setting, record: Record) -> dict[str, float]:
-    """Calls of numpy, BLAS, LAPACK and DAQP in a tick, over the run's first states."""
-    controller = setting.controller()
-    ticks = min(record.ticks, _COUNTED)
-    controller.tick(0.0, record.q[0], record.v[0])  # the first one prepares what others keep
-    found = calls_of(lambda k: controller.tick(k * controller.dt, record.q[k], record.v[k]), ticks)
-    return {"median": float(np.median(found)), "max": float(found.max())}
 
 
 def _bare_pinocchio(setting: _Setting, record: Record, steps: _Steps) -> Any:

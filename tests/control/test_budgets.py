@@ -10,7 +10,7 @@ import pytest
 
 import wbc
 from tasks import CenterOfMass, Frame, JointPositionLimits, JointVelocityLimits, Posture, Sole, TorqueLimits
-from tasks.workloads.calls import calls_of
+from tests.control.numpy_calls import calls_of
 from wbc import Controller, InverseDynamics, Stack, VelocityLevel
 
 ARM, HUMANOID = wbc.load("arm"), wbc.load("humanoid")

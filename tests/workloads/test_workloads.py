@@ -15,7 +15,7 @@ from wbc.errors import InvalidInput
 LIMITS = ("tau_viol_max_Nm", "vel_viol_max", "pos_viol_max", "friction_viol_max_N")
 FIELDS = {
     "peer", "version", "variant", "workload", "ticks", "repeats", "total_us", "raw_us", "split_us", "qp",
-    "solver_failures", "numpy_calls", "counts", "certified", "pinocchio_us", "total_over_pinocchio", "quality",
+    "solver_failures", "counts", "certified", "pinocchio_us", "total_over_pinocchio", "quality",
 }  # fmt: skip
 
 each_workload = pytest.mark.parametrize("name", WORKLOADS)

@@ -33,36 +33,33 @@ def _tables(loops: Sequence[Data]) -> Iterator[Table]:
     tasks = list(dict.fromkeys(task for loop in ran for task in loop["tracking"]))
     kinds = list(dict.fromkeys(kind for loop in ran for kind in loop["violations"]))
     units = {kind: loop["violations"][kind][1] for loop in ran for kind in loop["violations"]}
-    jerks, chatters = (_least(loop[part] for loop in ran) for part in ("jerk", "chatter"))
-    unit = next((loop["chatter_unit"] for loop in ran if loop["chatter_unit"]), "")
+    jerks = _least(loop["jerk"] for loop in ran)
     order = list(dict.fromkeys(loop["solver"] for loop in ran))
     ran = sorted(ran, key=lambda loop: order.index(loop["solver"]))  # the sort is stable: classes stay in order
     rows: list[list[Cell]] = []
     for loop in ran:
-        jerk, chatter = loop["jerk"], loop["chatter"]
         rows.append([
             loop["solver"], loop["class"], loop["ok"], _share(loop), _worst_tracking(loop, ran, tasks),
-            _over(jerk, jerks), _over(chatter, chatters), *loop["tick_us"],
+            _over(loop["jerk"], jerks), *loop["tick_us"],
             Marked(str(loop["late"]), "bad") if loop["late"] else 0,
         ])  # fmt: skip
-    columns = ("solver", "asked for", "verdict", "ticks solved", "tracking", "jerk", "above 30 Hz",
+    columns = ("solver", "asked for", "verdict", "ticks solved", "tracking", "jerk",
                "tick p50 [µs]", "p99 [µs]", "max [µs]", "late ticks")  # fmt: skip
     note = (
         "Tracking: the worst ratio of a task's rms error to the least of all runs. Jerk: rms change of commanded "
-        f"joint acceleration; above 30 Hz: rms of the command{f' [{unit}]' if unit else ''} beyond what links can "
-        "follow; both over the least of all runs. Late: ticks longer than the period. One run each: its maximum is "
-        "the machine's too."
+        "joint acceleration, over the least of all runs. Late: ticks longer than the period. One run each: its maximum "
+        "is the machine's too."
     )
     if rows:
         yield Table(columns, [row for row in rows if row[1] == ran[0]["class"]], note)
         yield Table(columns, rows, "The same in every class", folded=True)
         detail: list[list[Cell]] = [
-            [loop["solver"], loop["class"], *(_violation(loop, kind) for kind in kinds), loop["jerk"], loop["chatter"],
+            [loop["solver"], loop["class"], *(_violation(loop, kind) for kind in kinds), loop["jerk"],
              *(loop["tracking"].get(task) for task in tasks), loop["ended"]]
             for loop in ran
         ]  # fmt: skip
         heads = [f"{kind} [{units[kind]}]" for kind in kinds]
-        details = ("solver", "asked for", *heads, "jerk [rad/s³]", f"above 30 Hz [{unit}]",
+        details = ("solver", "asked for", *heads, "jerk [rad/s³]",
                    *(f"{task}, rms" for task in tasks), "ended")  # fmt: skip
         yield Table(
             details, detail, "Limits exceeded at worst after integration, smoothness and tracking.", folded=True

@@ -39,15 +39,6 @@ def counted_calls() -> Iterator[list[int]]:
     """Count in the first entry of a list: functions of numpy, scipy and DAQP by name, and methods of arrays.
 
     Operators (``a += b``) and slices are not seen.
-
-    Example:
-        >>> import numpy as np
-        >>> from wbc.tasks.workloads.calls import counted_calls
-        >>> numbers = np.ones(3)
-        >>> with counted_calls() as calls:
-        ...     total = numbers.sum()
-        >>> calls[0]
-        1
     """
     calls, replaced = [0], []
 
