@@ -11,7 +11,7 @@ from wbc.tasks.scenarios import SCENARIOS
 
 from wbc.report import run_report, write
 from wbc.report.document import Figure
-from wbc.sim.scenario import silent
+from wbc.sim.scenario import Settings
 
 FOLDER = Path(__file__).parent / "figures"
 #: Scenario, its settings, and which of its own figures are kept.
@@ -28,7 +28,7 @@ def draw() -> None:
     for name, (settings, wanted) in DRAWN.items():
         scenario = SCENARIOS[name]
         chosen = scenario.choose(plant=None, hierarchy=None, duration=None)
-        result = scenario.run(scenario.parse(settings), solver="pdas", progress=silent, **chosen)
+        result = scenario.run(scenario.parse(settings), Settings(**chosen))
         for section in result.sections:
             for item in section(result).items:
                 if isinstance(item, Figure) and item.name in wanted:
@@ -39,7 +39,7 @@ def photograph() -> None:
     """Run a scenario that fails and write what Chromium, which has to be installed, shows of its page."""
     scenario = SCENARIOS["quadruped-stand"]
     chosen = scenario.choose(plant=None, hierarchy=None, duration=4.0)
-    result = scenario.run(scenario.parse(["push=120"]), solver="pdas", progress=silent, **chosen)
+    result = scenario.run(scenario.parse(["push=120"]), Settings(**chosen))
     with TemporaryDirectory() as folder:
         write(run_report(result), Path(folder))
         command = ["chromium", "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--hide-scrollbars",

@@ -15,7 +15,7 @@ from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -34,7 +34,6 @@ from .. import (
 )
 from . import judge
 from .arm_reach import TOOLS
-from .single import Single
 
 FAULT, RECOVERY = 3.0, 1.0  # seconds
 #: At this moment the second joint stops where the others cannot reach all of the path [s].
@@ -70,7 +69,7 @@ class Seen:
 
 
 @final
-class ArmActuatorLoss(Single):
+class ArmActuatorLoss(Scenario):
     """The tool follows a sinusoid; at 3 s the motor of a joint dies: each of the first ``joints`` joints in turn, once
     without an answer, once with its torque bounded to zero, once with its brake set.
 
@@ -85,22 +84,31 @@ class ArmActuatorLoss(Single):
     plants = ("mujoco",)
     duration = 7.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         robot = wbc.load(parameters["robot"])
         count = int(parameters["joints"])
         if not 1 <= count <= robot.nj:
             raise InvalidInput(f"parameter 'joints' is {count}; {robot.name} has {robot.nj} joints")
-        if duration <= FAULT + RECOVERY:
-            raise InvalidInput(f"duration is {duration:g} s; the fault comes at {FAULT:g} s: give at least 2 s more")
+        if settings.duration <= FAULT + RECOVERY:
+            raise InvalidInput(
+                f"duration is {settings.duration:g} s; the fault comes at {FAULT:g} s: give at least 2 s more"
+            )
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         seen: list[Seen] = []
         wanted = [(joint, answer) for joint in robot.joint_names[:count] for answer in ANSWERS]
-        for (joint, answer), one in trials(progress, wanted):
+        for (joint, answer), one in trials(settings.progress, wanted):
             one(0.0, f"{joint}, {answer}")
             fault = ActuatorFault(joint=joint, start=FAULT)
-            seen.append(_trial(robot, fault, answer, duration=duration, solver=solver, meta=meta))
+            seen.append(_trial(robot, fault, answer, duration=settings.duration, solver=settings.solver, meta=meta))
         early = [
-            _trial(robot, ActuatorFault(joint=joint, start=EARLY), "brake", duration=duration, solver=solver, meta=meta)
+            _trial(
+                robot,
+                ActuatorFault(joint=joint, start=EARLY),
+                "brake",
+                duration=settings.duration,
+                solver=settings.solver,
+                meta=meta,
+            )
             for joint in robot.joint_names[1:2]
         ]
         return _judged(robot, seen, early)

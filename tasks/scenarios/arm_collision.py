@@ -17,7 +17,7 @@ from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Push
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -36,7 +36,6 @@ from .. import (
 from ..components.diagnosis import Diagnosis
 from . import judge
 from .arm_reach import TOOLS
-from .single import Single
 
 #: When something pushes, and for how long [s].
 YIELDING = 0.2  # share of the damping that is left
@@ -72,7 +71,7 @@ class Hit:
 
 
 @final
-class ArmCollision(Single):
+class ArmCollision(Scenario):
     """A force of ``force`` [N] pushes the centre of mass of ``link`` for 0.8 s while the tool follows a sinusoid, in
     three directions; then every other link is pushed. The answer: all tasks lose stiffness and most damping.
 
@@ -87,22 +86,24 @@ class ArmCollision(Single):
     plants = ("mujoco",)
     duration = 3.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        if duration < START + LASTS:
-            raise InvalidInput(f"duration is {duration:g} s; the push ends at {START + LASTS:g} s")
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        if settings.duration < START + LASTS:
+            raise InvalidInput(f"duration is {settings.duration:g} s; the push ends at {START + LASTS:g} s")
         robot = wbc.load(parameters["robot"])
         force = checks.number("parameter 'force'", parameters["force"], low=0.0, strict=True)
         links = moved_links(robot)
         link = links[3] if parameters["link"] == "auto" else parameters["link"]
         robot.check_frame(link)
-        meta = {"scenario": self.name, "parameters": dict(parameters), "duration": duration}
+        meta = {"scenario": self.name, "parameters": dict(parameters), "duration": settings.duration}
         wanted = [(link, direction) for direction in DIRECTIONS]
         wanted += [(other, direction) for other in links if other != link for direction in DIRECTIONS]
         hits = list[Hit]()
-        for (pushed, direction), one in trials(progress, [*wanted, (link, "x")]):
+        for (pushed, direction), one in trials(settings.progress, [*wanted, (link, "x")]):
             one(0.0, f"push on {pushed}, {direction}")
             complies = len(hits) < len(wanted)
-            hits.append(_trial(robot, pushed, direction, force=force, complies=complies, solver=solver, meta=meta))
+            hits.append(
+                _trial(robot, pushed, direction, force=force, complies=complies, solver=settings.solver, meta=meta)
+            )
         return _judged(robot, hits[:-1], hits[-1], link, force)
 
 

@@ -10,20 +10,19 @@ import numpy as np
 
 import wbc
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownRobot
+from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, Settings, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
 from .. import Sinusoid, SlotineLi, TorqueLimits
 from . import judge
-from .single import Single
 
 #: When the load is picked up [s], and the end of the run whose error is compared [s].
 PICK, END = 3.0, 2.0
@@ -53,7 +52,7 @@ class Case:
 
 
 @final
-class ArmPayload(Single):
+class ArmPayload(Scenario):
     """All joints follow sines; after 3 s a point mass of ``mass`` [kg] is fixed to the tool. Slotine–Li with the last
     link's ten parameters adapted, against the same law with the same gains that learns nothing.
 
@@ -66,25 +65,26 @@ class ArmPayload(Single):
     takes = 80.0
     summary: ClassVar[str] = "an arm picks up a load it was not told of, with and without adaptation"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "mass": 2.0, "rough": True}
+    robots, knows = DAMPING, "the gains of these"
     plants = ("mujoco",)
     duration = 13.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        if duration <= PICK + END:
-            raise InvalidInput(f"duration is {duration:g} s; the load comes at {PICK:g} s: give {END:g} s more")
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        if settings.duration <= PICK + END:
+            raise InvalidInput(
+                f"duration is {settings.duration:g} s; the load comes at {PICK:g} s: give {END:g} s more"
+            )
         name = parameters["robot"]
-        if name not in DAMPING:
-            raise UnknownRobot(name, DAMPING, f"{self.name} knows the gains of these")
         mass = checks.number("parameter 'mass'", parameters["mass"], low=0.0, strict=True)
         robot = wbc.load(name)
         cases = [Case(True), Case(False), Case(True, dt=5e-4)]
         if parameters["rough"]:
             cases += [Case(True, True), Case(False, True)]
         runs: dict[Case, wbc.Run] = {}
-        for case, one in trials(progress, cases):
+        for case, one in trials(settings.progress, cases):
             meta = {"scenario": self.name, "parameters": dict(parameters)}
-            lasts = PICK + END if case.dt != 1e-3 else duration
-            runs[case] = _simulated(robot, case, mass, duration=lasts, solver=solver, meta=meta, progress=one)
+            lasts = PICK + END if case.dt != 1e-3 else settings.duration
+            runs[case] = _simulated(robot, case, mass, duration=lasts, solver=settings.solver, meta=meta, progress=one)
         return _judged(robot, runs, mass)
 
 

@@ -14,7 +14,7 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 from wbc.sim.simulate import simulate
 from wbc.stack.formulation import Formulation
 
@@ -42,28 +42,18 @@ class ArmReach(Scenario):
     plants = ("integrator", "mujoco")
     duration = 4.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy  # there is one
-        if duration <= STEP_TIME + 1.0:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        if settings.duration <= STEP_TIME + 1.0:
             raise InvalidInput(
-                f"duration is {duration:g} s; the target steps at {STEP_TIME:g} s: give at least 1 s more"
+                f"duration is {settings.duration:g} s; the target steps at {STEP_TIME:g} s: give at least 1 s more"
             )
         robot = wbc.load(parameters["robot"], base="fixed")
         frame = parameters["frame"] or TOOLS.get(parameters["robot"], robot.frame_names[-1])
-        level = _level(parameters["level"], plant)
+        level = _level(parameters["level"], settings.plant)
         stack = _stack(robot, frame, parameters["step"], level)
-        controller = wbc.Controller(robot, stack, level=level, solver=solver, dt=1e-3)
+        controller = wbc.Controller(robot, stack, level=level, solver=settings.solver, dt=1e-3)
         run = simulate(
-            controller, _plant(robot, plant, level), duration=duration, progress=progress,
+            controller, _plant(robot, settings.plant, level), duration=settings.duration, progress=settings.progress,
             meta={"scenario": self.name, "parameters": dict(parameters)},
         )  # fmt: skip
         return _judged(run, robot, stack.tasks[0].name)

@@ -18,7 +18,7 @@ from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -76,17 +76,7 @@ class CollisionDodge(Scenario):
     plants = ("mujoco", "integrator")
     duration = 8.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        del hierarchy  # there is one
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         robot = wbc.load(parameters["robot"], base="fixed")
         robot.check_frame(parameters["frame"])
         if not 0.0 < parameters["margin"] < 0.08:
@@ -95,11 +85,13 @@ class CollisionDodge(Scenario):
         avoidance = CollisionAvoidance(around, margin=parameters["margin"])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         runs = []
-        for limits, one in trials(progress, ([avoidance], [])):
+        for limits, one in trials(settings.progress, ([avoidance], [])):
             controller = wbc.Controller(
-                robot, stack(robot, parameters["frame"], limits), level=wbc.InverseDynamics(), solver=solver
+                robot, stack(robot, parameters["frame"], limits), level=wbc.InverseDynamics(), solver=settings.solver
             )
-            runs.append(simulate(controller, _plant(robot, plant), duration=duration, progress=one, meta=meta))
+            runs.append(
+                simulate(controller, _plant(robot, settings.plant), duration=settings.duration, progress=one, meta=meta)
+            )
         clearances = [clearance(run, robot, around) for run in runs]
         return _judged(runs, clearances, robot, parameters["margin"], around)
 

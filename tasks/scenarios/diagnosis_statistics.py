@@ -15,7 +15,7 @@ from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -38,7 +38,6 @@ from ..components.diagnosis import ACTUATOR, Diagnosis
 from . import judge
 from .arm_collision import jacobian, moved_links
 from .arm_reach import TOOLS
-from .single import Single
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: Seconds without a fault that thresholds come from; after a fault that are watched.
@@ -70,7 +69,7 @@ class Case:
 
 
 @final
-class DiagnosisStatistics(Single):
+class DiagnosisStatistics(Scenario):
     """An arm waves, and ``cases`` times something drawn by ``seed`` happens to it: a motor fails totally, partly, by a
     bias or a ceiling; something pushes one of its links for 0.2 to 1.5 s; or its hand picks up a load. The answer is
     that of each diagnosis. Sensors have noise with ``noise``, the controller's masses are wrong by up to ``masses``.
@@ -87,17 +86,16 @@ class DiagnosisStatistics(Single):
     }  # fmt: skip
     plants = ("mujoco",)
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        del duration  # the cases say how long it takes
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         robot = wbc.load(parameters["robot"])
         count = int(checks.number("parameter 'cases'", parameters["cases"], low=1))
         masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
-        waving = Waving(robot, masses, NOISE if parameters["noise"] else {}, solver, parameters["seed"])
-        progress(0.0, "learning thresholds")
+        waving = Waving(robot, masses, NOISE if parameters["noise"] else {}, settings.solver, parameters["seed"])
+        settings.progress(0.0, "learning thresholds")
         waving.learn()
         cases = []
         for k in range(count):
-            progress(k / count, f"case {k + 1} of {count}: {TRUTHS[k % len(TRUTHS)]}")
+            settings.progress(k / count, f"case {k + 1} of {count}: {TRUTHS[k % len(TRUTHS)]}")
             case, run = waving.case(TRUTHS[k % len(TRUTHS)])
             cases.append(case)
         return _judged(robot, run, parameters, cases, waving.threshold)

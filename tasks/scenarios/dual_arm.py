@@ -15,7 +15,7 @@ from wbc.models.collision import Obstacle
 from wbc.models.geometry import Cylinder
 from wbc.report import measure
 from wbc.report.document import Curve, Plot, Section
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -24,7 +24,6 @@ from ..criteria.manipulability import ROWS
 from ..motions import pose_motion, swing
 from . import judge
 from .humanoid_stand import STANCES
-from .single import Single
 from .standing import held_by_damping, joint_constraints, standing_plant
 
 #: The hands of each robot, left and right; how they are held, where the robot's own stance leaves them too little room
@@ -48,7 +47,7 @@ RADIUS = 0.012
 
 
 @final
-class DualArm(Single):
+class DualArm(Scenario):
     """Torque control at 1 kHz in MuJoCo, standing on both feet. The bar is a weld between the hands and weighs nothing.
 
     ``squeeze`` [N]: how hard the hands press on its ends. ``robot``: g1 (needs example-robot-data) or humanoid.
@@ -64,7 +63,7 @@ class DualArm(Single):
     plants = ("mujoco",)
     duration = 6.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         name = parameters["robot"]
         squeeze = checks.number("parameter 'squeeze'", parameters["squeeze"])
         stance, (left, right) = replace(STANCES[name], joints={**STANCES[name].joints, **HELD[name]}), HANDS[name]
@@ -94,15 +93,15 @@ class DualArm(Single):
             contacts=contacts,
             subject_to=joint_constraints(robot),
         )
-        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
         run = simulate(
-            controller, floor, duration=duration, progress=progress,
+            controller, floor, duration=settings.duration, progress=settings.progress,
             meta={"scenario": self.name, "parameters": dict(parameters)},
         )  # fmt: skip
         asked = np.array([press(t)[0][:3] for t in run["t"]])
         middle = pin.SE3(pin.Quaternion.FromTwoVectors(np.eye(3)[2], along).matrix(), 0.5 * length * along)
         drawn = Obstacle("bar", Cylinder(RADIUS, length), lambda t: motion(t)[0] * middle)
-        return replace(_judged(run, robot, (left, right), asked, duration), obstacles=[drawn])
+        return replace(_judged(run, robot, (left, right), asked, settings.duration), obstacles=[drawn])
 
 
 def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, duration: float) -> ScenarioResult:

@@ -13,13 +13,12 @@ from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 
 from ..components.fault_reaction import TABLE
 from . import humanoid_joint_loss, humanoid_stand, judge, quadruped_joint_loss, quadruped_stand
 from .fault_trials import Outcome, Stand, learnt, trial
 from .held_sway import Held, HeldSway, reserve, table_with
-from .single import Single
 from .standing import held_by_damping
 
 ROBOTS: Sequence[str] = (*humanoid_stand.STANCES, *quadruped_stand.STANCES)
@@ -81,7 +80,7 @@ class Row:
 
 
 @final
-class FaultFamily(Single):
+class FaultFamily(Scenario):
     """Each leg joint's motor loses its strength, at ``moments`` moments spread over the sway's period, with the answer.
 
     ``robot``: g1, talos, go2 (need example-robot-data), humanoid or quadruped; ``joints``: all, or names and parts of
@@ -103,21 +102,21 @@ class FaultFamily(Single):
     plants = ("mujoco",)
     duration = 1.6  # of eight moments two are up to 1.57 s apart: every phase of the sway is passed
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        stand = _standing(parameters, solver)
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        stand = _standing(parameters, settings.solver)
         moments = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
         left = checks.number("parameter 'left'", parameters["left"], low=0.0, high=0.9)
         if parameters["answer"] not in ("usual", "release", "none"):
             raise InvalidInput(f"parameter 'answer' is {parameters['answer']!r}; it must be usual, release or none")
         joints = chosen(stand.robot(), parameters["joints"])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        progress(0.0, "learning thresholds")
+        settings.progress(0.0, "learning thresholds")
         known, sway, rows = learnt(stand), HeldSway.of(stand), []
         table = table_with(sway) if parameters["answer"] == "usual" else TABLE
         for i, joint in enumerate(joints):
             outcomes = []
             for k in range(moments):
-                progress((i + k / moments) / len(joints), f"{joint}, moment {k + 1} of {moments}")
+                settings.progress((i + k / moments) / len(joints), f"{joint}, moment {k + 1} of {moments}")
                 started = replace(stand, stance=replace(stand.stance, begun=begun(k, moments)))
                 fault = ActuatorFault(joint=joint, start=FAULT, effectiveness=left)
                 outcomes.append(
@@ -126,7 +125,7 @@ class FaultFamily(Single):
                         fault,
                         known,
                         react=parameters["answer"] != "none",
-                        after=duration,
+                        after=settings.duration,
                         table=table,
                         meta=meta,
                     )

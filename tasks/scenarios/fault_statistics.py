@@ -16,12 +16,11 @@ from wbc.report.document import Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Effect, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 from wbc.types import Status, Vec
 
 from .. import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
 from . import judge
-from .single import Single
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].
@@ -51,7 +50,7 @@ class Trial:
 
 
 @final
-class FaultStatistics(Single):
+class FaultStatistics(Scenario):
     """An arm waves while, one after the other, ``faults`` motors drawn by ``seed`` fail for 60 ms: totally, partly, by
     a bias, at any moment; sensors have noise and the controller's masses are wrong by up to ``masses``. Nothing reacts.
     Then it waves for ``nominal`` seconds more without a fault. How many are found, laid to the right joint, after how
@@ -69,19 +68,18 @@ class FaultStatistics(Single):
     }  # fmt: skip
     plants = ("mujoco",)
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        del duration  # the faults say how long it takes
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         robot = wbc.load(parameters["robot"])
         count = int(checks.number("parameter 'faults'", parameters["faults"], low=1))
         nominal = checks.number("parameter 'nominal'", parameters["nominal"], low=0.0)
         masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
-        arm = Arm(robot, masses, solver, parameters["seed"])
-        progress(0.0, "learning thresholds")
+        arm = Arm(robot, masses, settings.solver, parameters["seed"])
+        settings.progress(0.0, "learning thresholds")
         known = arm.learn(checks.number("parameter 'learning'", parameters["learning"], low=1.0))
         trials, windows = [], []
         for k in range(count):
             if k % max(count // 100, 1) == 0:
-                progress(k / (count + 1), f"fault {k + 1} of {count}")
+                settings.progress(k / (count + 1), f"fault {k + 1} of {count}")
             trial, window = arm.fault(known)
             trials.append(trial)
             windows.append(window)

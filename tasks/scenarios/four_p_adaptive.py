@@ -11,13 +11,12 @@ import wbc
 from wbc.models import Planar4P
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.types import Vec
 
 from .. import SlotineLi, TorqueLimits
 from . import judge
 from .exact_plant import ExactPlant
-from .single import Single
 from .torque_run import TorqueRun
 
 #: The motion that excites everything: amplitudes [m] and angular frequencies [rad/s]; and the place to stay at [m].
@@ -70,7 +69,7 @@ class Adapted(NamedTuple):
 
 
 @final
-class FourPAdaptive(Single):
+class FourPAdaptive(Scenario):
     """A 4P robot of unknown masses ``m`` [kg] follows a motion from â = 0, then another one only goes to a place.
 
     The controller's model has unit masses and none of them is used. ``gain`` is Γ; with ``physical`` the coefficients
@@ -86,15 +85,15 @@ class FourPAdaptive(Single):
     }  # fmt: skip
     duration = 10.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         meta = {
             "scenario": self.name,
             "parameters": dict(parameters),
             "model": "the controller's model has other masses than the plant, and uses none of them",
         }
         moving, still = (
-            _adapted(parameters, TorqueRun(solver, duration, one, meta), still=still)
-            for still, one in trials(progress, (False, True))
+            _adapted(parameters, TorqueRun(settings.solver, settings.duration, one, meta), still=still)
+            for still, one in trials(settings.progress, (False, True))
         )
         return _judged(moving, still, parameters)
 

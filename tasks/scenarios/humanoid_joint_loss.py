@@ -8,13 +8,12 @@ from typing import Any, ClassVar, final
 
 from wbc import checks
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 
 from . import fault_scenario
 from .fault_trials import Gains, Outcome, Stand
 from .held_sway import HeldSway, table_with
 from .humanoid_stand import STANCES
-from .single import Single
 
 JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
 #: What the answer does not mend: the waist carries the body alone.
@@ -52,7 +51,7 @@ def variants(upright: str) -> dict[str, Gains]:
 
 
 @final
-class HumanoidJointLoss(Single):
+class HumanoidJointLoss(Scenario):
     """The motor of one leg joint dies at ``moments`` moments of the sway; each time without and with an answer.
 
     ``robot``: g1, talos (both need example-robot-data) or humanoid; ``joint``: auto, or a joint's name. ``noise``:
@@ -71,10 +70,10 @@ class HumanoidJointLoss(Single):
     plants = ("mujoco",)
     duration = 8.0  # Talos takes up to 6 s to fall
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         name = parameters["robot"]
         count = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
-        stand = standing_of(name, parameters, solver)
+        stand = standing_of(name, parameters, settings.solver)
         joint = JOINTS[name] if parameters["joint"] == "auto" else parameters["joint"]
         stand.robot().joint(joint)
         plan = fault_scenario.Plan(
@@ -83,10 +82,10 @@ class HumanoidJointLoss(Single):
             table=table_with(HeldSway.of(stand)),
             variants=variants(stand.stance.upright) if parameters["variants"] else {},
             lost=[ActuatorFault(joint=other) for other in LOST[name]] if parameters["variants"] else [],
-            after=duration,
+            after=settings.duration,
         )  # fmt: skip
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        return fault_scenario.run(plan, meta=meta, progress=progress)
+        return fault_scenario.run(plan, meta=meta, progress=settings.progress)
 
 
 def standing_of(name: str, parameters: Mapping[str, Any], solver: str) -> Stand:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from wbc.sim.scenario import Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Parameter, Scenario, ScenarioResult, Settings
 
-from .single import Single
-from .standing import Demand, Stance, push_force, pushes_within, stand
+from .standing import Demand, Stance, push_force, stand
 
 #: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles; soles
 #: flat, the three pitch angles of a leg adding up to nothing [rad].
@@ -32,7 +31,7 @@ PUSH: Mapping[str, float] = {"talos": 60.0, "g1": 30.0, "humanoid": 40.0}
 
 
 @final
-class HumanoidStand(Single):
+class HumanoidStand(Scenario):
     """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the torso.
 
     ``push`` [N]; auto: as strong as is usual for the robot. ``robot``: talos, g1 (both need example-robot-data) or
@@ -48,11 +47,7 @@ class HumanoidStand(Single):
     plants = ("mujoco",)
     duration = 10.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         name = parameters["robot"]
-        stance, force = STANCES[name], push_force(parameters["push"], PUSH[name])
-        parameters = {**parameters, "push": force}
-        return stand(
-            self.name, stance.robot(name), stance, pushes_within(duration, stance.upright, force), DEMANDS[name],
-            parameters=parameters, solver=solver, duration=duration, progress=progress,
-        )  # fmt: skip
+        parameters = {**parameters, "push": push_force(parameters["push"], PUSH[name])}
+        return stand(self.name, STANCES[name], DEMANDS[name], parameters, settings)

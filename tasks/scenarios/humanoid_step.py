@@ -14,7 +14,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 from wbc.sim.simulate import simulate
 from wbc.stack.contact import Contact
 
@@ -22,7 +22,6 @@ from .. import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
 from . import judge
 from .humanoid_stand import STANCES
 from .plan_step import PlanStep
-from .single import Single
 from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 from .walking import Footstep, Gait, Walk, walk
 
@@ -40,7 +39,7 @@ PLACED, IMPACT = 0.1, 0.02
 
 
 @final
-class HumanoidStep(Single):
+class HumanoidStep(Scenario):
     """Torque control at 1 kHz in MuJoCo; everything planned ahead as functions of time, no sensor in the feet.
 
     ``robot``: talos, g1 (both need example-robot-data) or humanoid. ``steps``: how many. ``length`` of a step [m]; 0:
@@ -57,7 +56,7 @@ class HumanoidStep(Single):
     plants = ("mujoco",)
     duration = 30.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         name = parameters["robot"]
         steps = int(checks.number("parameter 'steps'", parameters["steps"], low=1))
         length = checks.number("parameter 'length'", parameters["length"]) or GAITS[name].length
@@ -72,13 +71,17 @@ class HumanoidStep(Single):
         way = walk(state, robot.feet, replace(GAITS[name], length=length), steps,
                    first=FEET.index(parameters["first"]))  # fmt: skip
         controller = wbc.Controller(
-            robot, walking_stack(state, stance, way, contacts), level=wbc.InverseDynamics(), solver=solver, dt=1e-3
+            robot,
+            walking_stack(state, stance, way, contacts),
+            level=wbc.InverseDynamics(),
+            solver=settings.solver,
+            dt=1e-3,
         )
         run = simulate(
-            controller, floor, duration=duration, progress=progress,
+            controller, floor, duration=settings.duration, progress=settings.progress,
             meta={"scenario": self.name, "parameters": {**parameters, "length": length}},
         )  # fmt: skip
-        return judged(run, robot, way, duration)
+        return judged(run, robot, way, settings.duration)
 
 
 def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequence[Contact]) -> wbc.Stack:

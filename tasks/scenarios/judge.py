@@ -99,7 +99,7 @@ def error_check(text: str, run: Run, task: str, bound: float, keep: NDArray[np.b
 
 def result(run: Run, verdict: Sequence[Check], **shown: Any) -> ScenarioResult:
     """What a scenario hands back of a run that is judged by ``verdict`` alone; ``shown``: other fields of it."""
-    measured = {"violations": measure.violations(run), "tracking": measure.tracking(run)}
+    measured: dict[str, Any] = {"violations": measure.violations(run), "tracking": measure.tracking(run)}
     return ScenarioResult(run=run, ok=all(check.ok for check in verdict), verdict=verdict, **measured | shown)
 
 

@@ -15,14 +15,13 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 from wbc.sim.simulate import simulate
 from wbc.types import Index, Vec
 
 from .. import JointPositionLimits, JointVelocityLimits, Manipulability, Position, ProjectedGradient, Sinusoid
 from . import judge
 from .pictures import picture
-from .single import Single
 
 TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp", "arm": "tool"}
 #: Ticks between two at which the closed form is asked too.
@@ -74,7 +73,7 @@ class Beside:
 
 
 @final
-class PgStep(Single):
+class PgStep(Scenario):
     """The tool follows a path; what joints are left climb its manipulability, within ``speed`` (a share) of the limits.
 
     The command is the QP over q̇: min ½ |q̇ − α_max ∇H|² under J q̇ = ṙ and all limits. Beside it, at the same states,
@@ -89,17 +88,23 @@ class PgStep(Single):
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "alpha_max": 80.0, "speed": 0.2}
     duration = 6.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         robot = _robot(parameters["robot"])
         tool = TOOLS.get(robot.name, robot.frame_names[-1])
         setting = Setting(
-            robot, tool, Manipulability(tool), parameters["alpha_max"], parameters["speed"] * robot.limits.v_max, solver
+            robot,
+            tool,
+            Manipulability(tool),
+            parameters["alpha_max"],
+            parameters["speed"] * robot.limits.v_max,
+            settings.solver,
         )
         controller = wbc.Controller(
-            robot, _stack(setting), level=wbc.VelocityLevel(regularisation=1e-10), solver=solver
+            robot, _stack(setting), level=wbc.VelocityLevel(regularisation=1e-10), solver=settings.solver
         )  # fmt: skip
+        plant = IntegratorPlant(robot, level="velocity")
         run = simulate(
-            controller, IntegratorPlant(robot, level="velocity"), duration=duration, progress=progress,
+            controller, plant, duration=settings.duration, progress=settings.progress,
             meta={"scenario": self.name, "parameters": dict(parameters)},
         )  # fmt: skip
         return _judged(run, setting, _beside(run, setting))

@@ -14,14 +14,13 @@ from wbc.report import measure
 from wbc.report.document import Cell, Section, Table, Text
 from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
 from .. import JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
 from ..trajectories import Trajectory
 from . import arm_reach, humanoid_stand, judge, quadruped_stand
-from .single import Single
 from .standing import Stance, standing_plant, standing_stack
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
@@ -48,7 +47,7 @@ WAYS: Mapping[str, Way] = {
 
 
 @final
-class PositionControl(Single):
+class PositionControl(Scenario):
     """The tool of an arm, or the centre of mass of a robot on its feet, follows a sinusoid in MuJoCo four times: with
     position drives that are sent the controller's own setpoint, with and without its torques; that are sent setpoints
     from the measured state; and without drives, by torques. The first is recorded.
@@ -66,16 +65,18 @@ class PositionControl(Single):
     plants = ("mujoco",)
     duration = 4.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         aim = _aim(parameters["robot"])
         runs = dict[str, Run]()
-        for (name, way), one in trials(progress, WAYS.items()):
-            controller = wbc.Controller(aim.robot, aim.stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
+        for (name, way), one in trials(settings.progress, WAYS.items()):
+            controller = wbc.Controller(
+                aim.robot, aim.stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3
+            )
             runs[name] = simulate(
-                wbc.Setpoint(controller, feedback=way.feedback), aim.plant(way.drives), duration=duration,
+                wbc.Setpoint(controller, feedback=way.feedback), aim.plant(way.drives), duration=settings.duration,
                 progress=one, meta={"scenario": self.name, "parameters": dict(parameters)},
             )  # fmt: skip
-        return _judged(runs, aim, duration)
+        return _judged(runs, aim, settings.duration)
 
 
 @final

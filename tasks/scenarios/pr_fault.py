@@ -14,13 +14,12 @@ from wbc.models.planar import PlanarRobot
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.types import Vec
 
 from .. import MomentumObserver, Torque
 from . import judge
 from .exact_plant import ExactPlant
-from .single import Single
 from .torque_run import TorqueRun
 
 #: Where the robot is when the fault comes [m, rad], how it moves, and what is asked of its actuators [N, N m].
@@ -59,7 +58,7 @@ class Seen(NamedTuple):
 
 
 @final
-class PrFault(Single):
+class PrFault(Scenario):
     """At t = 0 actuator 1 dies while (5 N, −2 N m) are asked for; two observers watch, K = 10 and K = 3 [1/s].
 
     Then the same with a partial fault, a bias, and two faults at once. ``threshold`` [N, N m] raises the alarm.
@@ -72,14 +71,16 @@ class PrFault(Single):
     parameters: ClassVar[Mapping[str, Parameter]] = {"threshold": (0.5, 0.1)}
     duration = 1.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         robot = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, v_max=[10.0, 40.0], tau_max=[10.0, 5.0])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         seen = {
-            kind: _seen(robot, faults, parameters["threshold"], TorqueRun(solver, duration, one, meta))
-            for (kind, faults), one in trials(progress, FAULTS.items())
+            kind: _seen(
+                robot, faults, parameters["threshold"], TorqueRun(settings.solver, settings.duration, one, meta)
+            )
+            for (kind, faults), one in trials(settings.progress, FAULTS.items())
         }
-        return _judged(seen, robot, parameters["threshold"], solver)
+        return _judged(seen, robot, parameters["threshold"], settings.solver)
 
 
 def _name(gain: float) -> str:

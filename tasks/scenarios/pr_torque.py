@@ -14,13 +14,12 @@ from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
 from wbc.report import measure
 from wbc.report.document import Curve, Plot, Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.types import Vec
 
 from .. import MeasuredWrench, Position, Torque, TorqueLimits
 from . import judge
 from .exact_plant import ExactPlant
-from .single import Single
 from .torque_run import TorqueRun
 
 TIP = "end_effector"
@@ -50,7 +49,7 @@ class Tracking(NamedTuple):
 
 
 @final
-class PrTorque(Single):
+class PrTorque(Scenario):
     """The tip's x follows 1 − cos 3t; among all torques that do it the one nearest to τ₀ in the norm of M⁻¹ is taken.
 
     A constant force of (−1, 1) N acts at the tip; a sensor measures it. ``damping`` is the diagonal of D in
@@ -64,17 +63,17 @@ class PrTorque(Single):
     parameters: ClassVar[Mapping[str, Parameter]] = {"damping": (0.0, 2.0), "kp": 100.0}
     duration = 4.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         robot = PlanarPR(
             m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, gravity=0.0, v_max=[20.0, 60.0], tau_max=[1000.0, 100.0]
         )  # fmt: skip
         damping = np.array(parameters["damping"])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
         damped, free = (
-            Tracking(_tracked(robot, D, parameters["kp"], TorqueRun(solver, duration, one, meta)), D)
-            for D, one in trials(progress, (damping, np.zeros(2)))
+            Tracking(_tracked(robot, D, parameters["kp"], TorqueRun(settings.solver, settings.duration, one, meta)), D)
+            for D, one in trials(settings.progress, (damping, np.zeros(2)))
         )
-        return _judged(robot, damped, free, solver)
+        return _judged(robot, damped, free, settings.solver)
 
 
 def _at_start(acceleration: float) -> WeightedTorque:

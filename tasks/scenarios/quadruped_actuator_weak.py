@@ -7,20 +7,19 @@ from typing import Any, ClassVar, final
 
 from wbc import checks
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 
 from . import fault_scenario
 from .fault_trials import Outcome
 from .quadruped_joint_loss import BETWEEN, FIRST, KNEES, VARIANTS, standing_of
 from .quadruped_stand import STANCES
-from .single import Single
 
 #: How far off the share lost may be taken.
 CLOSE = 0.05
 
 
 @final
-class QuadrupedActuatorWeak(Single):
+class QuadrupedActuatorWeak(Scenario):
     """A knee's motor delivers ``left`` of what it is sent, from one of ``moments`` moments of the sway on.
 
     ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
@@ -40,17 +39,17 @@ class QuadrupedActuatorWeak(Single):
     plants = ("mujoco",)
     duration = 4.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        stand, joint, moments = standing_of(parameters, KNEES, solver)
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        stand, joint, moments = standing_of(parameters, KNEES, settings.solver)
         left = checks.number("parameter 'left'", parameters["left"], low=0.25, high=0.9)
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint, effectiveness=left), [FIRST + BETWEEN * k for k in range(moments)],
-            lambda without, answered: _demand(without, answered, left, stand.rough), after=duration,
+            lambda without, answered: _demand(without, answered, left, stand.rough), after=settings.duration,
             variants=VARIANTS if parameters["variants"] else {},
             lost=[ActuatorFault(joint=joint)] if parameters["variants"] else [],
         )  # fmt: skip
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        return fault_scenario.run(plan, meta=meta, progress=progress)
+        return fault_scenario.run(plan, meta=meta, progress=settings.progress)
 
 
 def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], left: float, rough: bool) -> list[Check]:

@@ -7,13 +7,12 @@ from typing import Any, ClassVar, final
 
 from wbc import checks
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 
 from . import fault_scenario
 from .fault_trials import Gains, Outcome, Stand
 from .held_sway import HeldSway, table_with
 from .quadruped_stand import STANCES
-from .single import Single
 
 JOINTS: Mapping[str, str] = {"go2": "FL_hip_joint", "quadruped": "front_left_hip_roll"}
 KNEES: Mapping[str, str] = {"go2": "FL_calf_joint", "quadruped": "front_left_knee"}
@@ -23,7 +22,7 @@ FIRST, BETWEEN = 2.0, 0.25
 
 
 @final
-class QuadrupedJointLoss(Single):
+class QuadrupedJointLoss(Scenario):
     """A hip's motor dies at ``moments`` moments of the sway; each time without and with an answer.
 
     ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
@@ -42,17 +41,17 @@ class QuadrupedJointLoss(Single):
     plants = ("mujoco",)
     duration = 4.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        stand, joint, moments = standing_of(parameters, JOINTS, solver)
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        stand, joint, moments = standing_of(parameters, JOINTS, settings.solver)
         plan = fault_scenario.Plan(
             stand, ActuatorFault(joint=joint), [FIRST + BETWEEN * k for k in range(moments)],
-            lambda without, answered: _demand(without, answered, stand.rough), after=duration,
+            lambda without, answered: _demand(without, answered, stand.rough), after=settings.duration,
             table=table_with(HeldSway.of(stand)),
             variants=VARIANTS if parameters["variants"] else {},
             lost=[ActuatorFault(joint=KNEES[stand.name])] if parameters["variants"] else [],
         )  # fmt: skip
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        return fault_scenario.run(plan, meta=meta, progress=progress)
+        return fault_scenario.run(plan, meta=meta, progress=settings.progress)
 
 
 #: Other gains, as somebody might have chosen them.

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
-from wbc.sim.scenario import Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Parameter, Scenario, ScenarioResult, Settings
 
-from .single import Single
-from .standing import Demand, Stance, pushes_within, stand
+from .standing import Demand, Stance, stand
 
 STANCES: Mapping[str, Stance] = {
     "go2": Stance("base", (0.02, 0.03, 0.03), (0.7, 0.5, 1.0)),
@@ -18,7 +17,7 @@ DEMAND = Demand(com_rms=2.5e-3, slip=1e-3)
 
 
 @final
-class QuadrupedStand(Single):
+class QuadrupedStand(Scenario):
     """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the trunk.
 
     ``push`` [N]. ``robot``: go2 (needs example-robot-data) or quadruped.
@@ -33,10 +32,5 @@ class QuadrupedStand(Single):
     plants = ("mujoco",)
     duration = 10.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
-        name = parameters["robot"]
-        stance = STANCES[name]
-        return stand(
-            self.name, stance.robot(name), stance, pushes_within(duration, stance.upright, parameters["push"]), DEMAND,
-            parameters=parameters, solver=solver, duration=duration, progress=progress,
-        )  # fmt: skip
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        return stand(self.name, STANCES[parameters["robot"]], DEMAND, parameters, settings)

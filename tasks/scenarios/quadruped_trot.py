@@ -12,7 +12,7 @@ from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -21,7 +21,6 @@ from ..trajectories import Trajectory
 from . import judge
 from .plan_step import PlanStep
 from .quadruped_stand import STANCES
-from .single import Single
 from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 
 #: The weight goes over the middle of the feet in ``CENTRED`` s; the first feet swing at ``START``, the last are down
@@ -76,7 +75,7 @@ def swinging(position: Vec, lifted: Sequence[float]) -> Trajectory:
 
 
 @final
-class QuadrupedTrotInPlace(Single):
+class QuadrupedTrotInPlace(Scenario):
     """Torque control at 1 kHz in MuJoCo. On two feet nothing holds a robot up for long: it comes down on the others
     before it has tipped over. A contact is made when a force sensor in the foot feels the ground.
 
@@ -92,19 +91,19 @@ class QuadrupedTrotInPlace(Single):
     plants = ("mujoco",)
     duration = 10.0
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         name = parameters["robot"]
         stance = STANCES[name]
         robot = stance.robot(name)
         floor = standing_plant(robot, stance, held_by_damping(robot))
-        trot = swings(list(robot.feet), duration)
+        trot = swings(list(robot.feet), settings.duration)
         stack = trotting_stack(robot, stance, floor, trot)
-        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
         run = simulate(
-            controller, floor, duration=duration, progress=progress,
+            controller, floor, duration=settings.duration, progress=settings.progress,
             meta={"scenario": self.name, "parameters": dict(parameters)},
         )  # fmt: skip
-        return _judged(run, robot, trot, duration)
+        return _judged(run, robot, trot, settings.duration)
 
 
 def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, trot: Sequence[Swing]) -> wbc.Stack:

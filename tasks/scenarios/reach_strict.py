@@ -9,12 +9,11 @@ import numpy as np
 
 import wbc
 from wbc.control.recorder import Run
-from wbc.errors import UnknownRobot
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Cell, Curve, Plot, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
 from wbc.sim.simulate import simulate
 from wbc.stack.hierarchy import Hierarchy
 
@@ -44,39 +43,30 @@ class ReachStrict(Scenario):
     takes = 35.0
     summary: ClassVar[str] = "a humanoid reaches for what is out of reach; ranked strictly, its balance does not give"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "humanoid", "reach": 0.6}
+    robots = STANCES
     plants = ("mujoco", "integrator")
     hierarchies = ("strict", "weighted", "scaled")
     duration = 4.0
 
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
-        name = parameters["robot"]
-        if name not in STANCES:
-            raise UnknownRobot(name, STANCES, f"{self.name} knows how these stand")
-        stance = STANCES[name]
-        robot = stance.robot(name)
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+        stance = STANCES[parameters["robot"]]
+        robot = stance.robot(parameters["robot"])
         meta = {"scenario": self.name, "parameters": dict(parameters)}
-        names = [hierarchy, *(name for name in HIERARCHIES if name != hierarchy)]
+        names = [settings.hierarchy, *(name for name in HIERARCHIES if name != settings.hierarchy)]
         runs, conditions = dict[str, Run](), dict[str, float]()
-        for kind, one in trials(progress, names):
+        for kind, one in trials(settings.progress, names):
             controller = wbc.Controller(
                 robot, _stack(robot, stance, parameters["reach"]), level=wbc.InverseDynamics(),
-                hierarchy=HIERARCHIES[kind], solver=solver, dt=1e-3,
+                hierarchy=HIERARCHIES[kind], solver=settings.solver, dt=1e-3,
             )  # fmt: skip
             runs[kind] = simulate(
-                controller, _plant(robot, stance, plant), duration=duration, meta=meta,
+                controller, _plant(robot, stance, settings.plant), duration=settings.duration, meta=meta,
                 progress=one,
             )  # fmt: skip
             conditions[kind] = float(np.linalg.cond(controller.qp.H))
-        return _judged(runs, conditions, asked=hierarchy, robot=robot, stance=stance, duration=duration)
+        return _judged(
+            runs, conditions, asked=settings.hierarchy, robot=robot, stance=stance, duration=settings.duration
+        )
 
 
 def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:

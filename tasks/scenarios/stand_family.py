@@ -14,11 +14,10 @@ from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Disturbance, Payload, Push
-from wbc.sim.scenario import Check, Parameter, Progress, ScenarioResult, trials
+from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, Settings, trials
 from wbc.sim.simulate import simulate
 
 from . import humanoid_stand, judge, quadruped_stand
-from .single import Single
 from .standing import Stance, push_force, standing_plant, standing_stack
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
@@ -51,7 +50,7 @@ class Row:
 
 
 @final
-class StandFamily(Single):
+class StandFamily(Scenario):
     """A swaying robot is pushed for 0.2 s from ``sides`` sides, once each; a humanoid gets a load in either hand too.
 
     ``robot``: talos, g1, go2 (need example-robot-data), humanoid or quadruped. ``push`` [N] and ``load`` [kg]: numbers,
@@ -67,7 +66,7 @@ class StandFamily(Single):
     plants = ("mujoco",)
     duration = 3.2
 
-    def play(self, parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         name = parameters["robot"]
         force = push_force(parameters["push"], PUSH[name])
         load, sides = parameters["load"], int(checks.number("parameter 'sides'", parameters["sides"], low=1))
@@ -78,10 +77,12 @@ class StandFamily(Single):
         if not cases:
             raise InvalidInput("parameters 'push' and 'load' leave nothing to stand")
         rows = []
-        for (what, disturbance), one in trials(progress, cases):
+        for (what, disturbance), one in trials(settings.progress, cases):
             one(0.0, what)
             meta = {"scenario": self.name, "parameters": dict(parameters)}
-            run, stands = _simulated(robot, stance, disturbance, duration=duration, solver=solver, meta=meta, one=one)
+            run, stands = _simulated(
+                robot, stance, disturbance, duration=settings.duration, solver=settings.solver, meta=meta, one=one
+            )
             error = np.linalg.norm(run["error.CenterOfMass"], axis=1)
             last = float(error[-1])
             off = OFF if isinstance(disturbance, Push) else OFF_LOADED

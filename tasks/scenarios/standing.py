@@ -15,7 +15,7 @@ from wbc.report import measure
 from wbc.sim.disturbance import Push
 from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Progress, ScenarioResult
+from wbc.sim.scenario import Check, ScenarioResult, Settings
 from wbc.sim.simulate import simulate
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
@@ -168,15 +168,15 @@ def pushes_within(duration: float, frame: str, force: float) -> list[Push]:
 
 
 def stand(
-    name: str, robot: PinocchioModel, stance: Stance, pushes: Sequence[Push], demand: Demand, *,
-    parameters: Mapping[str, Any], solver: str, duration: float, progress: Progress,
-) -> ScenarioResult:  # fmt: skip
-    """Run the standing stack by torque control at 1 kHz in MuJoCo, and judge it."""
-    stack = standing_stack(robot, stance)
-    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
+    name: str, stance: Stance, demand: Demand, parameters: Mapping[str, Any], settings: Settings
+) -> ScenarioResult:
+    """Run the standing stack by torque control at 1 kHz in MuJoCo under pushes of ``push`` [N], and judge it."""
+    robot, duration = stance.robot(parameters["robot"]), settings.duration
+    stack, pushes = standing_stack(robot, stance), pushes_within(duration, stance.upright, parameters["push"])
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
     plant = standing_plant(robot, stance, stack.contacts)
     run = simulate(
-        controller, plant, duration=duration, disturbances=pushes, progress=progress,
+        controller, plant, duration=duration, disturbances=pushes, progress=settings.progress,
         meta={"scenario": name, "parameters": dict(parameters)},
     )  # fmt: skip
     return _judged(run, robot, pushes, demand, duration)

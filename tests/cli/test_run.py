@@ -154,13 +154,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # it is ignored in wha
 class Reach(Scenario):
     name, summary, duration = "reach", "an arm reaches until Ctrl-C", 2.0
 
-    def run(self, parameters, *, solver, hierarchy, duration, plant, progress):
+    def run(self, parameters, settings):
         robot = wbc.load("arm")
         stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[JointVelocityLimits()])
-        controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), solver=solver)
+        controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), solver=settings.solver)
         plant = IntegratorPlant(robot, level="velocity")
         stop = lambda t: os.kill(os.getpid(), signal.SIGINT) if t > 0.0995 else None
-        run = simulate(controller, plant, duration=duration, before_tick=stop)
+        run = simulate(controller, plant, duration=settings.duration, before_tick=stop)
         return ScenarioResult(run, True, {}, {}, [Check("never reached", 1.0, "=", 1.0)], robot=robot)
 """
 

@@ -25,15 +25,15 @@ class Wave(Scenario):
     plants = ("paper", "integrator")
     duration = 0.4
 
-    def run(self, parameters, *, solver, hierarchy, duration, plant, progress):
+    def run(self, parameters, settings):
         print("a scenario that chatters")
         robot = load(parameters["robot"])
-        progress(0.5, "half way")
+        settings.progress(0.5, "half way")
         if parameters["ends"] == "interrupted":
             raise KeyboardInterrupt
         if parameters["ends"] == "with a bug":
             raise RuntimeError("a bug")
-        t = np.arange(round(duration / DT)) * DT
+        t = np.arange(round(settings.duration / DT)) * DT
         swing = np.sin(2 * np.pi * t)[:, None] * np.ones(robot.nj)
         columns = {
             "t": t, "q": robot.q0 + parameters["amplitude"] * swing, "v": 0 * swing, "v_cmd": 0 * swing,
@@ -42,10 +42,10 @@ class Wave(Scenario):
         }  # fmt: skip
         limits = {key: getattr(robot.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")}
         meta = {
-            "scenario": self.name, "robot": robot.name, "level": "velocity", "hierarchy": hierarchy, "solver": solver,
-            "dt": DT, "duration": duration, "joint_names": list(robot.joint_names),
+            "scenario": self.name, "robot": robot.name, "level": "velocity", "hierarchy": settings.hierarchy,
+            "solver": settings.solver, "dt": DT, "duration": settings.duration, "joint_names": list(robot.joint_names),
             "joint_units": list(robot.joint_units), "limits": limits, "statuses": ["solved"], "contacts": {},
-            "tasks": {"Position[tool]": {"units": ["m"] * 3}}, "plant": {"plant": plant},
+            "tasks": {"Position[tool]": {"units": ["m"] * 3}}, "plant": {"plant": settings.plant},
             "parameters": dict(parameters),
         }  # fmt: skip
         run = Run(columns, meta)

@@ -9,13 +9,13 @@ import pytest
 from tasks.scenarios import SCENARIOS
 from wbc.errors import InvalidInput
 from wbc.report import run_report
-from wbc.sim.scenario import ScenarioResult, silent
+from wbc.sim.scenario import ScenarioResult, Settings
 
 
 def run(duration: float, *settings: str, plant: str = "integrator") -> ScenarioResult:
     scenario = SCENARIOS["collision-dodge"]
     chosen = scenario.choose(plant=plant, hierarchy=None, duration=duration)
-    return scenario.run(scenario.parse(settings), solver="pdas", progress=silent, **chosen)
+    return scenario.run(scenario.parse(settings), Settings(**chosen))
 
 
 def failed(result: ScenarioResult) -> list[Any]:

@@ -18,7 +18,7 @@ from tasks.scenarios.least_torque import least_torque
 from tests.scenarios.test_standing import failed, needs_examples
 from wbc.errors import InvalidInput, UnknownJoint, UnknownRobot
 from wbc.report.document import Plot
-from wbc.sim.scenario import ScenarioResult, silent
+from wbc.sim.scenario import ScenarioResult, Settings
 from wbc.stack.contact import ContactRows
 
 HUMANOID = wbc.load("humanoid", base="floating")
@@ -27,7 +27,7 @@ HUMANOID = wbc.load("humanoid", base="floating")
 def run(name: str, *parameters: str, duration: float | None = None) -> ScenarioResult:
     scenario = SCENARIOS[name]
     chosen = scenario.choose(plant=None, hierarchy=None, duration=duration)
-    return scenario.run(scenario.parse(parameters), solver="pdas", progress=silent, **chosen)
+    return scenario.run(scenario.parse(parameters), Settings(**chosen))
 
 
 @pytest.mark.physics

@@ -11,13 +11,13 @@ from tasks.scenarios import SCENARIOS
 from wbc.errors import InvalidInput
 from wbc.report import run_report
 from wbc.report.document import Figure, Plot
-from wbc.sim.scenario import ScenarioResult, silent
+from wbc.sim.scenario import ScenarioResult, Settings
 
 
 def run(name: str, *settings: str, duration: float | None = None, solver: str = "pdas") -> ScenarioResult:
     scenario = SCENARIOS[name]
     chosen = scenario.choose(plant=None, hierarchy=None, duration=duration)
-    return scenario.run(scenario.parse(settings), solver=solver, progress=silent, **chosen)
+    return scenario.run(scenario.parse(settings), Settings(**chosen, solver=solver))
 
 
 def failed(result: ScenarioResult) -> list[str]:

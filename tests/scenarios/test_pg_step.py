@@ -6,13 +6,13 @@ import pytest
 
 from tasks.scenarios import SCENARIOS
 from wbc.report.document import Figure, Plot
-from wbc.sim.scenario import ScenarioResult, silent
+from wbc.sim.scenario import ScenarioResult, Settings
 
 
 def run(*settings: str) -> ScenarioResult:
     scenario = SCENARIOS["pg-step"]
     chosen = scenario.choose(plant=None, hierarchy=None, duration=1.5)
-    return scenario.run(scenario.parse(["robot=arm", *settings]), solver="pdas", progress=silent, **chosen)
+    return scenario.run(scenario.parse(["robot=arm", *settings]), Settings(**chosen))
 
 
 def test_it_is_good_and_its_numbers_are_those_of_the_plane():

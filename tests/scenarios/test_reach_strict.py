@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from tasks.scenarios.reach_strict import ReachStrict
-from wbc.sim.scenario import ScenarioResult, silent
+from wbc.sim.scenario import ScenarioResult, Settings
 
 REACH = ReachStrict()
 
 
 def run(plant: str, hierarchy: str, *settings: str, duration: float = 0.05) -> ScenarioResult:
     chosen = REACH.choose(plant=plant, hierarchy=hierarchy, duration=duration)
-    return REACH.run(REACH.parse(settings), solver="pdas", progress=silent, **chosen)
+    return REACH.run(REACH.parse(settings), Settings(**chosen))
 
 
 @pytest.mark.parametrize("hierarchy", REACH.hierarchies)

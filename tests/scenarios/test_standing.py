@@ -9,7 +9,7 @@ import pytest
 from tasks.scenarios import SCENARIOS
 from wbc.errors import InvalidInput, ModelError, UnknownFrame, UnknownRobot
 from wbc.models.catalogue import example_robots
-from wbc.sim.scenario import ScenarioResult, silent
+from wbc.sim.scenario import ScenarioResult, Settings
 
 
 def has_example_robots() -> bool:
@@ -26,7 +26,7 @@ needs_examples = pytest.mark.skipif(not has_example_robots(), reason="pip instal
 def run(name: str, *settings: str, duration: float | None = None, plant: str | None = None) -> ScenarioResult:
     scenario = SCENARIOS[name]
     chosen = scenario.choose(plant=plant, hierarchy=None, duration=duration)
-    return scenario.run(scenario.parse(settings), solver="pdas", progress=silent, **chosen)
+    return scenario.run(scenario.parse(settings), Settings(**chosen))
 
 
 def failed(result: ScenarioResult) -> list[Any]:

@@ -22,7 +22,7 @@ class Flip(Scenario):
     hierarchies = ("weighted", "strict")
     duration = 0.1
 
-    def run(self, parameters, *, solver, hierarchy, duration, plant, progress):
+    def run(self, parameters, settings):
         place = Path(parameters["deadly"] or "nowhere")
         if place.is_file():
             place.unlink(missing_ok=True)

@@ -60,7 +60,7 @@ def run(
     from wbc.report.build import require_extras
     from wbc.report.folder import replaced
     from wbc.report.record import write_run
-    from wbc.sim.scenario import find, is_file, scenarios, scenarios_of
+    from wbc.sim.scenario import Settings, find, is_file, scenarios, scenarios_of
     from wbc.sim.simulate import Interrupted
 
     if scenario is None or is_file(scenario):
@@ -80,7 +80,7 @@ def run(
     with replaced(folder) as pending, notes() as found, on_stderr():
         with progress(f"running {chosen.name}") as step, _shown(live, port):
             try:
-                result = chosen.run(parameters, solver=solver, progress=step, **chosen_settings)
+                result = chosen.run(parameters, Settings(**chosen_settings, solver=solver, progress=step))
             except Interrupted as stop:
                 result, interrupted = _unfinished(stop, chosen.name), True
         with progress("drawing the report") as step:

@@ -12,13 +12,13 @@ import inspect
 import operator
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar, final
 
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownName, UnknownScenario, WbcError
+from wbc.errors import InvalidInput, UnknownName, UnknownRobot, UnknownScenario, WbcError
 from wbc.plugins import one_line, registered
 
 if TYPE_CHECKING:
@@ -156,11 +156,24 @@ class ScenarioResult:
     beside: Mapping[str, Run] = field(default_factory=dict)
 
 
+@final
+@dataclass(frozen=True)
+class Settings:
+    """How a scenario is run: one of its ``plants`` and ``hierarchies``, for how long [s], by which QP solver."""
+
+    plant: str
+    hierarchy: str
+    duration: float
+    solver: str = "pdas"
+    progress: Progress = silent
+
+
 class Scenario(ABC):
     """A model, a stack, a plant, disturbances and what counts as success, runnable by name.
 
     ``parameters`` names what ``--set key=value`` may change, with defaults that also give the type; ``plants`` and
     ``hierarchies`` what ``--plant`` and ``--hierarchy`` may be, the default first; ``duration`` is in seconds.
+    ``robots`` names what the parameter ``robot`` may be, None for any, and ``knows`` what the scenario knows of them.
     ``wbc list`` shows scenarios by ``group``, with ``takes``, roughly how long a run and its report take [s].
 
     Example:
@@ -168,8 +181,8 @@ class Scenario(ABC):
         >>> class Wave(Scenario):
         ...     name, summary = "wave", "an arm waves"
         ...     parameters = {"amplitude": 0.1, "robot": "arm"}
-        ...     def run(self, parameters, *, duration, **settings):
-        ...         return wave(parameters["robot"], parameters["amplitude"], duration)
+        ...     def run(self, parameters, settings):
+        ...         return wave(parameters["robot"], parameters["amplitude"], settings.duration)
         >>> Wave().parse(["amplitude=0.2"])
         {'amplitude': 0.2, 'robot': 'arm'}
     """
@@ -182,22 +195,15 @@ class Scenario(ABC):
     duration: ClassVar[float] = 4.0
     group: ClassVar[str] = ""
     takes: ClassVar[float | None] = None
+    robots: ClassVar[Collection[str] | None] = None
+    knows: ClassVar[str] = "how these stand"
 
     @abstractmethod
-    def run(
-        self,
-        parameters: Mapping[str, Any],
-        *,
-        solver: str,
-        hierarchy: str,
-        duration: float,
-        plant: str,
-        progress: Progress,
-    ) -> ScenarioResult:
+    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         """Do it. ``parameters`` is complete: the defaults and what the user set.
 
         Raises:
-            WbcError: an unknown robot, frame or solver, or a setting without meaning here; before the first tick.
+            WbcError: an unknown frame or solver, or a setting without meaning here; before the first tick.
         """
 
     @final
@@ -207,6 +213,7 @@ class Scenario(ABC):
         Raises:
             InvalidInput: no "=", or a value of another type.
             UnknownParameter: no such key.
+            UnknownRobot: a robot that the scenario does not know.
         """
         result = dict(self.parameters)
         for setting in settings:
@@ -216,11 +223,13 @@ class Scenario(ABC):
             if key not in self.parameters:
                 raise UnknownParameter(key, self.parameters)
             result[key] = _read(key, text, self.parameters[key])
+        if self.robots is not None and result["robot"] not in self.robots:
+            raise UnknownRobot(result["robot"], self.robots, f"{self.name} knows {self.knows}")
         return result
 
     @final
     def choose(self, *, plant: str | None, hierarchy: str | None, duration: float | None) -> dict[str, Any]:
-        """The settings of :meth:`run` with the scenario's defaults where nothing is given.
+        """Fields of :class:`Settings`, with the scenario's defaults where nothing is given.
 
         Raises:
             InvalidInput: a duration that is not positive.

@@ -11,7 +11,7 @@ from wbc.errors import WbcError
 from wbc.report import measure
 from wbc.report.record import demands, plain
 from wbc.sim.joining import joined
-from wbc.sim.scenario import ScenarioResult, find, silent
+from wbc.sim.scenario import ScenarioResult, Settings, find
 from wbc.sweep.draw import axes
 from wbc.sweep.plan import Trial
 
@@ -35,7 +35,7 @@ def done(trial: Trial, keep: Callable[[ScenarioResult], object] | None = None) -
         scenario = find(trial.scenario)
         parameters = {key: _as(scenario.parameters[key], value) for key, value in parameters.items()}
         with joined(disturbances=trial.disturbances), redirect_stdout(sys.stderr):
-            result = scenario.run(parameters, solver=trial.solver, progress=silent, **trial.settings)
+            result = scenario.run(parameters, Settings(**trial.settings, solver=trial.solver))
     except WbcError as refusal:
         return {**about, "ok": False, "error": str(refusal)}
     except Exception as bug:  # a scenario's own, of any kind: one line of a thousand

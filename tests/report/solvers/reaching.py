@@ -23,16 +23,17 @@ class Reach(Scenario):
     parameters = {"way": 0.3, "good": True, "robot": "arm"}  # noqa: RUF012 - a user's own style
     duration = 0.3
 
-    def run(self, parameters, *, solver, hierarchy, duration, plant, progress):
+    def run(self, parameters, settings):
         robot = load(parameters["robot"])
         above = robot.state().frame("tool").position + np.array([0.0, 0.0, parameters["way"]])
         stack = Stack(
             [Position("tool", target=above, kp=400), Posture(robot.q0, weight=1e-3)],
             subject_to=[JointVelocityLimits()],
         )
-        controller = Controller(robot, stack, level=VelocityLevel(), solver=solver, dt=1e-3)
+        controller = Controller(robot, stack, level=VelocityLevel(), solver=settings.solver, dt=1e-3)
         plant = IntegratorPlant(robot, level="velocity", dt=1e-3)
-        run = simulate(controller, plant, duration=duration, progress=progress, meta={"scenario": self.name})
+        about = {"scenario": self.name}
+        run = simulate(controller, plant, duration=settings.duration, progress=settings.progress, meta=about)
         good = bool(parameters["good"]) and measure.statuses(run) == {"SOLVED": run.rows}
         return ScenarioResult(
             run=run, ok=good, violations=measure.violations(run), tracking=measure.tracking(run),

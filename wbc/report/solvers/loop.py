@@ -14,7 +14,7 @@ from wbc.qp.solver import Solver
 from wbc.report import measure
 from wbc.report.smoothness import joints
 from wbc.report.solvers.measure import plain
-from wbc.sim.scenario import find, silent
+from wbc.sim.scenario import Settings, find
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
@@ -30,7 +30,7 @@ def closed_loop(
     chosen: Any = solver  # a controller takes settings as well as names
     try:
         with redirect_stdout(stderr):
-            result = find(scenario).run(parameters, solver=chosen, progress=silent, **settings)
+            result = find(scenario).run(parameters, Settings(**settings, solver=chosen))
     except WbcError as refusal:
         return {"error": str(refusal)}
     run = result.run

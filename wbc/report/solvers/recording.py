@@ -11,7 +11,7 @@ from wbc.errors import InvalidInput
 from wbc.qp.problem import QP
 from wbc.report.solvers.problems import ProblemSet
 from wbc.sim.joining import joined
-from wbc.sim.scenario import Progress, silent
+from wbc.sim.scenario import Progress, Settings, silent
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
@@ -100,6 +100,6 @@ def record(
     """
     recorder = QpRecorder(count)
     with joined(recorder), redirect_stdout(stderr):
-        scenario.run(parameters, solver=solver, progress=progress, **settings)
+        scenario.run(parameters, Settings(**settings, solver=solver, progress=progress))
     chosen = ", ".join(f"{key} = {value}" for key, value in {**parameters, **settings}.items())
     return recorder.problems(scenario.name, f"recorded from {scenario.name} ({chosen}) run by {solver}")
