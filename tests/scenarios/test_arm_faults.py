@@ -62,7 +62,7 @@ def test_parameters_that_make_no_sense_are_refused() -> None:
     with pytest.raises(UnknownRobot, match="panda"):
         run("arm-payload", "robot=pand")
     with pytest.raises(InvalidInput, match="the load comes at 3 s"):
-        run("arm-payload", "robot=arm", duration=2.0)
+        run("arm-payload", duration=2.0)
     with pytest.raises(InvalidInput, match="has 7 joints"):
         run("arm-actuator-loss", "robot=arm", "joints=9")
     with pytest.raises(UnknownFrame):
