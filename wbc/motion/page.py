@@ -172,7 +172,8 @@ def _person(motion: Motion, scale: float) -> tuple[list[Obstacle], list[Part]]:
         turned = np.stack([x, np.cross(z, x), z], axis=2)
         name = f"{one} to {other} of the person"
         moving.append(Obstacle(name, Sphere(_RADIUS), _poses(0.5 * (start + end), turned, motion.rate)))
-        solid.append(Part(name, *capsule(_RADIUS, float(np.median(length))), _BONE))
+        bone = capsule(_RADIUS, float(np.median(length)))
+        solid.append(Part(name, bone.vertices, bone.faces, _BONE))
     return moving, solid
 
 

@@ -74,11 +74,11 @@ def planar(robot: PlanarRobot) -> list[Part]:
     for i, joint in enumerate(robot.chain.joints, start=1):
         axis = np.array([0.0, 1.0, 0.0] if joint == "Py" else [1.0, 0.0, 0.0])
         if joint == "R":
-            rod = _rod(radius, robot.parameters[f"l{i}"])
+            rod = capsule(radius, robot.parameters[f"l{i}"])
             middle = 0.5 * robot.parameters[f"l{i}"] * axis
             found.append(Part(f"link{i}", rod.vertices @ _turn_z_to(axis).T + middle, rod.faces, LIGHT))
             continue
-        rail, block = _rod(0.3 * radius, 4.0 * size), _box((4.0 * radius, 4.0 * radius, 3.0 * radius))
+        rail, block = capsule(0.3 * radius, 4.0 * size), _box((4.0 * radius, 4.0 * radius, 3.0 * radius))
         found.append(Part(f"link{i - 1}" if i > 1 else "base", rail.vertices @ _turn_z_to(axis).T, rail.faces, DARK))
         found.append(Part(f"link{i}", block.vertices, block.faces, LIGHT))
     return found
@@ -93,7 +93,7 @@ def skeleton(robot: PinocchioModel) -> list[Part]:
         along = np.array(joint.origin.xyz)
         length = float(np.linalg.norm(along))
         if length > 0.5 * radius:
-            bone = _rod(radius, length)
+            bone = capsule(radius, length)
             placed = bone.vertices @ _turn_z_to(along / length).T + along / 2
             bones.append(Part(joint.parent, placed, bone.faces, LIGHT))
     for frame, foot in robot.feet.items():
@@ -115,11 +115,11 @@ def _box(size: tuple[float, float, float]) -> Surface:
     return _surface(box(extents=size))
 
 
-def _rod(radius: float, length: float) -> Surface:
+def capsule(radius: float, length: float) -> Surface:
     """A capsule; ``length`` is between the centres of its ends."""
-    from trimesh.creation import capsule
+    from trimesh import creation
 
-    return _surface(capsule(height=length, radius=radius, count=(12, 24)))
+    return _surface(creation.capsule(height=length, radius=radius, count=(12, 24)))
 
 
 def _surface(mesh: Any) -> Surface:
