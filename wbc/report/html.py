@@ -19,6 +19,8 @@ from wbc.report.packed import data, scenes
 ASSETS = Path(__file__).with_name("assets")
 #: A text of so many characters stays on one line of its cell.
 SHORT = 16
+#: One of more characters needs the width of a phone.
+LONG = 40
 
 
 def html(report: Report) -> str:
@@ -91,7 +93,8 @@ def _anchor(title: str) -> str:
 
 def _cards(table: Table) -> bool:
     """Whether rows are read one by one, as those with words are: a narrow page shows each as a block of lines."""
-    return len(table.columns) > 3 and any(" " in formatted(row[0]) for row in table.rows)
+    long = any(len(formatted(cell)) > LONG for row in table.rows for cell in row)
+    return (len(table.columns) > 3 and any(" " in formatted(row[0]) for row in table.rows)) or long
 
 
 def _look(cell: Cell, numeric: bool) -> str:
