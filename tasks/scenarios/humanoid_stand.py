@@ -7,6 +7,7 @@ from typing import Any, ClassVar, final
 
 from wbc.sim.scenario import Parameter, Scenario, ScenarioResult, Settings
 
+from .estimated import PARAMETERS
 from .standing import Demand, Stance, push_force, stand
 
 #: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles; soles
@@ -36,13 +37,14 @@ class HumanoidStand(Scenario):
 
     ``push`` [N]; auto: as strong as is usual for the robot. ``robot``: talos, g1 (both need example-robot-data) or
     humanoid.
+    ``sensors``: a set of ``wbc.robots.SENSORS`` by which the base is estimated, its errors drawn by ``seed``; or truth.
     """
 
     name: ClassVar[str] = "humanoid-stand"
     group: ClassVar[str] = "legs"
     takes = 30.0
     summary: ClassVar[str] = "a humanoid sways on its feet, draws a circle with a hand and takes two pushes"
-    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": "auto"}
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": "auto", **PARAMETERS}
     robots = STANCES
     plants = ("mujoco",)
     duration = 10.0

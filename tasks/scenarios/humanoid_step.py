@@ -20,6 +20,7 @@ from wbc.stack.contact import Contact
 
 from .. import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
 from . import judge
+from .estimated import PARAMETERS, sensing, with_estimate
 from .humanoid_stand import STANCES
 from .plan_step import PlanStep
 from .standing import Stance, held_by_damping, joint_constraints, standing_plant
@@ -44,13 +45,16 @@ class HumanoidStep(Scenario):
 
     ``robot``: talos, g1 (both need example-robot-data) or humanoid. ``steps``: how many. ``length`` of a step [m]; 0:
     the robot's usual one (0.10, 0.05, 0.08). ``first``: the foot that takes the first step, left or right.
+    ``sensors``: a set of ``wbc.robots.SENSORS`` by which the base is estimated, its errors drawn by ``seed``; or truth.
     """
 
     name: ClassVar[str] = "humanoid-step"
     group: ClassVar[str] = "legs"
     takes = 60.0
     summary: ClassVar[str] = "a humanoid takes ten steps: shift the weight, lift a foot, place it ahead"
-    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "steps": 10, "length": 0.0, "first": "left"}
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "robot": "talos", "steps": 10, "length": 0.0, "first": "left", **PARAMETERS,
+    }  # fmt: skip
     robots = GAITS
     knows = "how these walk"
     plants = ("mujoco",)
@@ -78,10 +82,10 @@ class HumanoidStep(Scenario):
             dt=1e-3,
         )
         run = simulate(
-            controller, floor, duration=settings.duration, progress=settings.progress,
-            meta={"scenario": self.name, "parameters": {**parameters, "length": length}},
+            controller, floor, duration=settings.duration, disturbances=sensing(parameters),
+            progress=settings.progress, meta={"scenario": self.name, "parameters": {**parameters, "length": length}},
         )  # fmt: skip
-        return judged(run, robot, way, settings.duration)
+        return with_estimate(judged(run, robot, way, settings.duration), parameters)
 
 
 def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequence[Contact]) -> wbc.Stack:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, final
 
 from wbc.sim.scenario import Parameter, Scenario, ScenarioResult, Settings
 
+from .estimated import PARAMETERS
 from .standing import Demand, Stance, stand
 
 STANCES: Mapping[str, Stance] = {
@@ -21,13 +22,14 @@ class QuadrupedStand(Scenario):
     """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the trunk.
 
     ``push`` [N]. ``robot``: go2 (needs example-robot-data) or quadruped.
+    ``sensors``: a set of ``wbc.robots.SENSORS`` by which the base is estimated, its errors drawn by ``seed``; or truth.
     """
 
     name: ClassVar[str] = "quadruped-stand"
     group: ClassVar[str] = "legs"
     takes = 15.0
     summary: ClassVar[str] = "a quadruped sways on four feet and takes two pushes"
-    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2", "push": 30.0}
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2", "push": 30.0, **PARAMETERS}
     robots = STANCES
     plants = ("mujoco",)
     duration = 10.0

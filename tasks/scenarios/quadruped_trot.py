@@ -19,6 +19,7 @@ from wbc.types import Vec
 from .. import CenterOfMass, ContactSchedule, MinimumJerk, Orientation, Piecewise, Position, Posture
 from ..trajectories import Trajectory
 from . import judge
+from .estimated import PARAMETERS, sensing, with_estimate
 from .plan_step import PlanStep
 from .quadruped_stand import STANCES
 from .standing import Stance, held_by_damping, joint_constraints, standing_plant
@@ -80,13 +81,14 @@ class QuadrupedTrotInPlace(Scenario):
     before it has tipped over. A contact is made when a force sensor in the foot feels the ground.
 
     ``robot``: go2 (needs example-robot-data) or quadruped.
+    ``sensors``: a set of ``wbc.robots.SENSORS`` by which the base is estimated, its errors drawn by ``seed``; or truth.
     """
 
     name: ClassVar[str] = "quadruped-trot-in-place"
     group: ClassVar[str] = "legs"
     takes = 25.0
     summary: ClassVar[str] = "a quadruped lifts two feet across from one another, then the other two, in place"
-    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2"}
+    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "go2", **PARAMETERS}
     robots = STANCES
     plants = ("mujoco",)
     duration = 10.0
@@ -100,10 +102,10 @@ class QuadrupedTrotInPlace(Scenario):
         stack = trotting_stack(robot, stance, floor, trot)
         controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
         run = simulate(
-            controller, floor, duration=settings.duration, progress=settings.progress,
-            meta={"scenario": self.name, "parameters": dict(parameters)},
+            controller, floor, duration=settings.duration, disturbances=sensing(parameters),
+            progress=settings.progress, meta={"scenario": self.name, "parameters": dict(parameters)},
         )  # fmt: skip
-        return _judged(run, robot, trot, settings.duration)
+        return with_estimate(_judged(run, robot, trot, settings.duration), parameters)
 
 
 def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, trot: Sequence[Swing]) -> wbc.Stack:

@@ -33,6 +33,7 @@ from .. import (
     feet,
 )
 from . import judge
+from .estimated import sensing, with_estimate
 
 #: What the controller keeps in hand for what it does not know of: of the floor's friction, of the joints' speed, of
 #: their range [rad]. A push of 120 N throws a head by half a radian per second before any motor can answer.
@@ -176,10 +177,10 @@ def stand(
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
     plant = standing_plant(robot, stance, stack.contacts)
     run = simulate(
-        controller, plant, duration=duration, disturbances=pushes, progress=settings.progress,
-        meta={"scenario": name, "parameters": dict(parameters)},
+        controller, plant, duration=duration, disturbances=[*pushes, *sensing(parameters)],
+        progress=settings.progress, meta={"scenario": name, "parameters": dict(parameters)},
     )  # fmt: skip
-    return _judged(run, robot, pushes, demand, duration)
+    return with_estimate(_judged(run, robot, pushes, demand, duration), parameters)
 
 
 def _judged(

@@ -127,7 +127,9 @@ class BaseEstimator:
         self._foot_of = np.repeat(np.arange(len(names)), counts)
         self._radius = np.array([foot.radius if foot.kind == "point" else 0.0 for foot in self._feet])
         self._gates = np.array([chdtri(3 * count, gate) for count in counts])
+        self._least_gate = float(self._gates.min())
         self._up = -robot.gravity / np.linalg.norm(robot.gravity)
+        self._up_cross = cross_matrix(self._up)
         self.lever, self.mount = self._imu(imu_frame)
         self._filter = InvariantFilter(sum(counts), self.noise, np.array(robot.gravity))
         self._names = names
@@ -165,7 +167,7 @@ class BaseEstimator:
             raise InvalidInput(f"q[3:7] is a quaternion of length {np.linalg.norm(q[3:7]):g}; it must be 1")
         base = rotation(q[3:7])
         variance = np.concatenate([self._tilt2 * (1.0 - self._up**2), np.full(3, self._speed2), np.zeros(3)])
-        velocity = base @ (v[:3] + np.cross(v[3:6], self.lever))
+        velocity = base @ (v[:3] + cross_matrix(v[3:6]) @ self.lever)
         self._filter.start(base @ self.mount, velocity, q[:3] + base @ self.lever, variance)
         self._q, self._v = q, v
         self._t: float | None = None
@@ -197,7 +199,7 @@ class BaseEstimator:
         R, lever = self._filter.R, self.mount.T @ -self.lever
         p, arm = self._filter.p + R @ lever, R @ cross_matrix(lever)
         rate = R @ (self.mount.T @ self._v[3:6])
-        v = self._filter.v + np.cross(rate, R @ lever)
+        v = self._filter.v + cross_matrix(rate) @ R @ lever
         into = np.zeros((9, 15))  # of the base: p + R l, v + R (ω × l)
         into[:3, 6:9], into[:3, :3] = np.eye(3), -cross_matrix(p)
         into[3:6, :3] = np.eye(3)
@@ -303,7 +305,7 @@ class BaseEstimator:
         q[:3] = estimate.p - base @ self.lever
         q[3:7] = quaternion_of(base, self._q[3:7])
         v[3:6] = self.mount @ (gyro - estimate.gyro_bias)
-        v[:3] = base.T @ estimate.v - np.cross(v[3:6], self.lever)
+        v[:3] = base.T @ estimate.v - cross_matrix(v[3:6]) @ self.lever
         if not (np.isfinite(q).all() and np.isfinite(v).all() and np.isfinite(estimate.P).all()):
             raise np.linalg.LinAlgError("the estimate is not finite")
         self._t, self._turns, self._touching, self._standing, self._since = t, turns, touching, touching, since
@@ -317,7 +319,7 @@ class BaseEstimator:
         angle = 0.5 * np.column_stack(
             [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]]
         )
-        moved: Mat = (self._radius[:, None] * np.cross(angle, self._up))[self._foot_of]
+        moved: Mat = (self._radius[:, None] * (angle @ self._up_cross))[self._foot_of]
         return moved
 
     def _normal(self, tau: Vec | None, forces: Vec | None) -> Vec:
@@ -365,6 +367,9 @@ class BaseEstimator:
             return []
         points = self._points_of(feet)
         r, S, seen = self._filter.innovation(points, places[points], self._encoders(J, points))
+        # No foot alone exceeds what all of them do together.
+        if self._filter.correct(r, S, seen, self._least_gate):
+            return []
         held, slips, at = np.ones(len(r), dtype=bool), [], 0
         for i in feet:
             own = slice(at, at + 3 * len(self._points[i]))
@@ -373,7 +378,7 @@ class BaseEstimator:
                 held[own] = False
             at = own.stop
         if slips:
-            r, S, seen = r[held], S[np.ix_(held, held)], seen[:, held]
+            r, S, seen = r[held], S[np.ix_(held, held)], seen[held]
         if r.size:
             self._filter.correct(r, S, seen)
         return slips
@@ -401,14 +406,16 @@ def rotation(quaternion: Vec) -> Mat:
 
 def quaternion_of(R: Mat, near: Vec) -> Vec:
     """The quaternion x y z w of R (3, 3): that of the two which is near another."""
-    trace = R.trace()
-    squares = 1.0 + np.array([*(2.0 * np.diagonal(R) - trace), trace])  # four times those of its entries
-    i = int(squares.argmax())
-    odd, even = R - R.T, R + R.T
-    if i == 3:
-        entries = np.array([odd[2, 1], odd[0, 2], odd[1, 0], squares[3]])
-    else:
-        entries = np.array([*even[i], (odd[2, 1], odd[0, 2], odd[1, 0])[i]])
-        entries[i] = squares[i]
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)  # four times those of its entries
+    most = squares.index(max(squares))
+    entries = np.array(
+        (
+            (squares[0], b + d, c + g, h - f),
+            (b + d, squares[1], f + h, c - g),
+            (c + g, f + h, squares[2], d - b),
+            (h - f, c - g, d - b, squares[3]),
+        )[most]
+    )
     quaternion: Vec = entries / np.linalg.norm(entries)
     return quaternion if quaternion @ near >= 0.0 else -quaternion

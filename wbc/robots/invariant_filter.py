@@ -162,17 +162,28 @@ class InvariantFilter:
 
     def innovation(self, points: Index, y: Mat, N: Mat) -> tuple[Vec, Mat, Mat]:
         """r (3m,) of the ``points`` (m,) that the encoders see at ``y`` (m, 3), covariance S (3m, 3m) of r with that of
-        the encoders ``N`` (3m, 3m), and P Hᵀ (15 + 3k, 3m)."""
-        rows = _rows(points)
-        seen = self.P[:, rows] - np.tile(self.P[:, _P], len(points))
-        S = seen[rows] - np.tile(seen[_P], (len(points), 1)) + N
+        the encoders ``N`` (3m, 3m), and H P (3m, 15 + 3k)."""
+        rows, m = _rows(points), len(points)
+        seen = self.P[rows]
+        seen.reshape(m, 3, -1)[...] -= self.P[_P]
+        S = seen[:, rows] + N
+        S.reshape(3 * m, m, 3)[...] -= seen[:, None, _P]
         return (self.d[points] - self.p - y).reshape(-1), S, seen
 
-    def correct(self, r: Vec, S: Mat, seen: Mat) -> None:
-        """Take up an innovation r (3m,) with S (3m, 3m) and P Hᵀ (15 + 3k, 3m)."""
-        factor, _ = dpotrf(S, lower=1)
-        half, _ = dtrtrs(factor, np.column_stack([seen.T, r]), lower=1)
-        half, whitened = half[:, :-1], half[:, -1]
+    def correct(self, r: Vec, S: Mat, seen: Mat, most: float = math.inf) -> bool:
+        """Take up an innovation r (3m,) with S (3m, 3m) and H P (3m, 15 + 3k), unless rᵀ S⁻¹ r is more than ``most``:
+        False, and nothing is done.
+
+        Raises:
+            LinAlgError: S is not positive definite.
+        """
+        factor, failed = dpotrf(S, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("the covariance of an innovation is not positive definite")
+        whitened, _ = dtrtrs(factor, r, lower=1)
+        if whitened @ whitened > most:
+            return False
+        half, _ = dtrtrs(factor, seen, lower=1)
         step = -(whitened @ half)
         turn, gamma_1, _ = exponentials(step[_R])
         moves = step.reshape(-1, 3) @ gamma_1.T
@@ -183,12 +194,14 @@ class InvariantFilter:
         self.accelerometer_bias = self.accelerometer_bias + step[_BA]
         self.d = self.d @ turn.T + moves[5:]
         self.P = self.P - half.T @ half
+        return True
 
     def place(self, points: Index, y: Mat, N: Mat) -> None:
         """Let the ``points`` (m,) stand where the encoders see them: at ``y`` (m, 3), with covariance N (3m, 3m)."""
         rows, P = _rows(points), self.P.copy()
-        P[rows] = np.tile(P[_P], (len(points), 1))
-        P[:, rows] = np.tile(P[:, _P], len(points))
+        source = np.tile(np.arange(_P.start, _P.stop), len(points))
+        P[rows] = P[source]
+        P[:, rows] = P[:, source]
         P[np.ix_(rows, rows)] += N
         self.d, self.P = self.d.copy(), P
         self.d[points] = self.p + y
@@ -196,7 +209,8 @@ class InvariantFilter:
 
 def cross_matrix(x: Vec) -> Mat:
     """x× (3, 3), with x× y = x × y."""
-    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
+    a, b, c = x.tolist()
+    return np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
 
 
 def exponentials(phi: Vec) -> tuple[Mat, Mat, Mat]:
@@ -210,7 +224,7 @@ def exponentials(phi: Vec) -> tuple[Mat, Mat, Mat]:
         a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
         c, d = (1.0 - a) / square, (0.5 - b) / square
     X = cross_matrix(phi)
-    XX = X @ X
+    XX = np.outer(phi, phi) - square * _I
     return _I + a * X + b * XX, _I + b * X + c * XX, 0.5 * _I + c * X + d * XX
 
 

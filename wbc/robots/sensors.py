@@ -79,11 +79,12 @@ SENSORS: Mapping[str, Sensors] = {
 class EstimatedBase(Disturbance):
     """The controller is told what an estimator makes of ``sensors``; ``seed`` decides their errors.
 
-    The rate and the specific force that the IMU gives are means over a step, from the plant's own states; it sits at
-    ``imu_frame``, default: the base.
+    Before the run the robot has stood still for ``still`` [s] on all feet, and the estimator has listened. The rate and
+    the specific force that the IMU gives are means over a step, from the plant's own states. The IMU sits at
+    ``imu_frame``; default: the base.
 
     Raises:
-        InvalidInput: a seed that is not a whole number >= 0.
+        InvalidInput: a seed that is not a whole number >= 0, or a negative time.
 
     Example:
         >>> from wbc.robots import SENSORS, EstimatedBase
@@ -94,8 +95,10 @@ class EstimatedBase(Disturbance):
     sensors: Sensors
     seed: int = 0
     imu_frame: str = ""
+    still: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.number("still", self.still, low=0.0)
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise InvalidInput(f"seed is {self.seed!r}; it must be a whole number, at least 0")
 
@@ -138,7 +141,10 @@ class Sensing(Effect):
             lean = np.zeros(self._model.nv)
             lean[3:5] = self._sensors.tilt * self._random.standard_normal(2)
             self.estimator.reset(self._model.integrate(q, lean), v)
-        self._late.append(self._sampled(q, v))
+            steps, dt = round(self._settings.still / self._plant.dt), self._plant.dt
+            for k in range(steps):
+                self.estimator.update(**self._sampled(q, 0.0 * v, self._plant.t + (k - steps) * dt))
+        self._late.append({**self._sampled(q, v, self._plant.t), **self._pressing()})
         self.sample = self._late[0]
         return self.estimator.update(**self.sample)
 
@@ -146,34 +152,36 @@ class Sensing(Effect):
         self._tau = np.array(command.tau)
         return command
 
-    def _sampled(self, q: Vec, v: Vec) -> dict[str, Any]:
-        """A sample of the plant as it is, joints as in q (nq,), v (nv,)."""
-        plant, sensors, nj, normal = self._plant, self._sensors, self._model.nj, self._random.standard_normal
+    def _sampled(self, q: Vec, v: Vec, t: float) -> dict[str, Any]:
+        """A sample at t [s] of the plant as it is, joints as in q (nq,), v (nv,)."""
+        sensors, nj, normal = self._sensors, self._model.nj, self._random.standard_normal
         self.bias = self.bias + self._walk * normal(6)
         imu = self._motion() + self.bias + self._size * normal(6)
-        sample: dict[str, Any] = {
-            "t": plant.t,
+        return {
+            "t": t,
             "joint_q": q[-nj:] + sensors.joint_position * normal(nj),
             "joint_v": v[-nj:] + sensors.joint_velocity * normal(nj),
             "gyro_in_imu": imu[:3],
             "acceleration_in_imu": imu[3:],
         }
-        if sensors.feet == "torques":
-            sample["joint_tau"] = self._tau
-        else:
-            up = -self._model.gravity / np.linalg.norm(self._model.gravity)
-            sample["forces"] = {name: float(up @ wrench[:3]) for name, wrench in plant.wrenches().items()}  # type: ignore[attr-defined]
-        return sample
+
+    def _pressing(self) -> dict[str, Any]:
+        """What says which feet touch."""
+        if self._sensors.feet == "torques":
+            return {"joint_tau": self._tau}
+        plant: Any = self._plant
+        up = -self._model.gravity / np.linalg.norm(self._model.gravity)
+        return {"forces": {name: float(up @ wrench[:3]) for name, wrench in plant.wrenches().items()}}
 
     def _motion(self) -> Vec:
         """Mean rate [rad/s] and specific force [m/s²] of the IMU (6,) in the last step, its axes."""
         assert self._before is not None, "measure has begun"
-        model, dt = self._model, self._plant.dt
-        before, now = self._before, (self._plant.q, self._plant.v)
-        self._before = now
-        rate = model.difference(before[0], now[0])[3:6] / dt
-        estimator = self.estimator
-        middle = model.integrate(before[0], 0.5 * model.difference(before[0], now[0]))
-        velocities = [rotation(q[3:7]) @ (v[:3] + np.cross(v[3:6], estimator.lever)) for q, v in (before, now)]
-        force = rotation(middle[3:7]).T @ ((velocities[1] - velocities[0]) / dt - model.gravity)
-        return np.concatenate([estimator.mount.T @ rate, estimator.mount.T @ force])
+        model, estimator, dt = self._model, self.estimator, self._plant.dt
+        (q, v), (q_now, v_now) = self._before, (self._plant.q, self._plant.v)
+        self._before = q_now, v_now
+        step = model.difference(q, q_now)
+        R, R_now, middle = (rotation(x[3:7]) for x in (q, q_now, model.integrate(q, 0.5 * step)))
+        change = R_now @ (v_now[:3] + np.cross(v_now[3:6], estimator.lever))
+        change -= R @ (v[:3] + np.cross(v[3:6], estimator.lever))
+        force = middle.T @ (change / dt - model.gravity)
+        return np.concatenate([estimator.mount.T @ step[3:6] / dt, estimator.mount.T @ force])
