@@ -1,7 +1,8 @@
 """Plain leg odometry, which the estimator is compared with, and the table of both.
 
-The orientation is that of the start, turned by the gyroscope less its mean at rest. The velocity is the mean of what the feet that press
-say, R (ω × s + J q̇) = −v for a foot at s from the base, and is held while none presses. The position is its sum.
+The orientation is that of the start, turned by the gyroscope less its mean at rest. The velocity is the mean of what
+the feet that press say, R (ω × s + J q̇) = −v for a foot at s from the base, and is held while none presses. The
+position is its sum.
 
     python -m tests.robots.leg_odometry SCENARIO ROBOT SENSORS SEEDS DURATION [key=value ...]
 
