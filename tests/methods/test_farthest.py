@@ -12,12 +12,21 @@ from scipy.optimize import linprog, nnls
 from tests.methods.problems import integer_task
 from tests.seeds import generator
 from wbc.methods import NullSpaceSaturation
-from wbc.methods.farthest import farthest
+from wbc.methods.farthest import Farthest, farthest
 from wbc.methods.null_space_saturation import Saturation
+from wbc.methods.shared import factors
 
 INF = np.inf
 #: 500 problems in every run of the tests, 20,000 in `make deep`.
 COUNT = 20 * settings().max_examples
+
+
+def found_on(E: np.ndarray, e: np.ndarray, lower: np.ndarray, upper: np.ndarray, gain: np.ndarray) -> Farthest | None:
+    """The farthest z with E z = e: ``values`` are z, and ``u`` is z in the space that E leaves."""
+    rows = factors(E)
+    F = rows.null.T
+    F[np.linalg.norm(F, axis=1) <= 1e-12] = 0.0  # what the equations decide
+    return farthest(rows.inverse(e), F, lower, upper, rows.null @ gain)
 
 
 def units(task: NullSpaceSaturation) -> np.ndarray:
@@ -115,36 +124,60 @@ def test_a_direction_of_many_variables_is_followed_as_far_as_the_linear_program_
         n = int(rng.integers(3, 9))
         E, inside = rng.integers(-2, 3, (int(rng.integers(1, n)), n)).astype(float), rng.uniform(-1.0, 1.0, n)
         gain = rng.normal(size=n)
-        found = farthest((E, E @ inside), np.full(n, -1.0), np.ones(n), gain)
+        found = found_on(E, E @ inside, np.full(n, -1.0), np.ones(n), gain)
         best = linprog(-gain, A_eq=E, b_eq=E @ inside, bounds=[(-1.0, 1.0)] * n, method="highs-ds")
-        assert found.feasible and gain @ found.z == pytest.approx(-best.fun, abs=1e-8)
-        np.testing.assert_allclose(E @ found.z, E @ inside, rtol=0, atol=1e-12)
-        moved += gain @ found.z > gain @ inside + 1e-3
+        assert found is not None and gain @ found.values == pytest.approx(-best.fun, abs=1e-8)
+        np.testing.assert_allclose(E @ found.values, E @ inside, rtol=0, atol=1e-12)
+        moved += gain @ found.values > gain @ inside + 1e-3
     assert moved > COUNT // 8, "most directions lead somewhere"
 
 
 def test_of_points_equally_far_the_shortest_is_taken():
     """max z1 + z2 in the unit square cut by z1 + z2 + z3 = 1.5: a whole edge is farthest."""
-    found = farthest((np.ones((1, 3)), np.array([1.5])), np.zeros(3), np.ones(3), np.array([1.0, 1.0, 0.0]))
-    np.testing.assert_allclose(found.z, [0.75, 0.75, 0.0], rtol=0, atol=1e-14)
+    found = found_on(np.ones((1, 3)), np.array([1.5]), np.zeros(3), np.ones(3), np.array([1.0, 1.0, 0.0]))
+    assert found is not None
+    np.testing.assert_allclose(found.values, [0.75, 0.75, 0.0], rtol=0, atol=1e-14)
 
 
 def test_its_push_is_the_least_from_which_the_quadratic_program_has_the_same_answer():
     """x + 0.1 y = s with x, y <= 1 and s <= 2: the last 0.1 of s costs y = 1, and pushes below s + 10 y stop short."""
-    found = farthest(
-        (np.array([[1.0, 0.1, -1.0]]), np.zeros(1)),
-        np.full(3, -INF),
-        np.array([1.0, 1.0, 2.0]),
+    found = found_on(
+        np.array([[1.0, 0.1, -1.0]]), np.zeros(1), np.full(3, -INF), np.array([1.0, 1.0, 2.0]),
         np.array([0.0, 0.0, 1.0]),
-    )
-    np.testing.assert_allclose(found.z, [1.0, 1.0, 1.1], rtol=0, atol=1e-14)
+    )  # fmt: skip
+    assert found is not None
+    np.testing.assert_allclose(found.values, [1.0, 1.0, 1.1], rtol=0, atol=1e-14)
     assert found.push == pytest.approx(1.1 + 1.0 / 0.1)
+
+
+def test_its_multipliers_balance_the_push_along_the_slope_whatever_it_is():
+    """Rows at their limits push back: u - mu slope + F' multipliers = 0, signs as they must be from the push on."""
+    rng, held = generator("balance"), 0
+    for _ in range(COUNT // 4):
+        k, m = int(rng.integers(1, 6)), int(rng.integers(6, 12))
+        F, slope = rng.normal(size=(m, k)), rng.normal(size=k)
+        F /= np.linalg.norm(F, axis=1)[:, None]
+        slope /= np.linalg.norm(slope)
+        upper, start = np.ones(m), rng.uniform(-0.5, 0.5, m)
+        F = np.vstack([F, np.eye(k)])
+        lower, upper, start = np.full(m + k, -1.0), np.ones(m + k), np.append(start, np.zeros(k))
+        found = farthest(start, F, lower, upper, slope)
+        assert found is not None
+        for push in (found.push, 2.0 * found.push + 1.0):
+            pushes = found.multipliers(push)
+            np.testing.assert_allclose(found.u - push * slope + F.T @ pushes, 0.0, rtol=0, atol=1e-9 * (1.0 + push))
+            room = np.where(pushes > 0.0, upper - found.values, found.values - lower)
+            at = np.abs(room[np.abs(pushes) > 1e-9 * (1.0 + push)])
+            assert (at <= 1e-12).all()
+            held += len(at)
+    assert held > COUNT
 
 
 @pytest.mark.parametrize("beyond", [1e-6, 1.0])
 def test_limits_that_leave_no_point_are_infeasible_and_rounding_in_them_is_not(beyond: float):
     """z1 + z2 + z3 = 3 with z <= 1 is one point."""
     ones, gain = np.ones((1, 3)), np.array([1.0, 0.0, 0.0])
-    one = farthest((ones, np.array([3.0 + 1e-12])), np.full(3, -INF), np.ones(3), gain)
-    np.testing.assert_allclose(one.z, 1.0, rtol=0, atol=1e-11)
-    assert not farthest((ones, np.array([3.0 + beyond])), np.full(3, -INF), np.ones(3), gain).feasible
+    one = found_on(ones, np.array([3.0 + 1e-12]), np.full(3, -INF), np.ones(3), gain)
+    assert one is not None
+    np.testing.assert_allclose(one.values, 1.0, rtol=0, atol=1e-11)
+    assert found_on(ones, np.array([3.0 + beyond]), np.full(3, -INF), np.ones(3), gain) is None

@@ -426,13 +426,14 @@ def test_a_start_on_a_limit_that_the_task_leaves_outwards_asks_for_scale_zero(so
     ]
     try:
         on, beyond, inside = (task.solve(solver) for task in tasks)
-    except SolverFailed:  # one that iterates may say that a limit so near to the task contradicts it, and is named
-        assert solver not in ("pdas", "daqp", "quadprog") and slope < 1e-5
+    except SolverFailed:  # one that iterates may not get near enough to a limit so near to the task, and is named
+        assert solver not in ("pdas", "daqp", "quadprog") and slope <= 1e-5
         return
-    assert on.feasible and on.scale <= 1e-14 / slope
-    np.testing.assert_allclose(on.x, start, rtol=0, atol=1e-13 / slope)
+    known = 1e-14 if solver in ("pdas", "daqp", "quadprog") else 1e-11  # of x₂: a vertex, or a point that is certified
+    assert on.feasible and on.scale <= known / slope
+    np.testing.assert_allclose(on.x, start, rtol=0, atol=10.0 * known / slope)
     assert not beyond.feasible
-    assert inside.scale == pytest.approx(0.5, abs=1e-14 / slope)
+    assert inside.scale == pytest.approx(0.5, abs=known / slope)
 
 
 def test_a_drift_out_of_reach_is_infeasible_unless_one_scale_meets_it():

@@ -21,9 +21,9 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
-from wbc.methods.least_distance import answered, nearest
+from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.metric import inverse_root, metric
+from wbc.methods.shared import inverse_root, metric
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import ROUNDING, SAME, TINY
@@ -82,14 +82,12 @@ class ContactEstimate(Method):
         length = float(np.linalg.norm(axis))
         if normal is not None and length < ROUNDING:
             raise InvalidInput("normal has length 0")
-        fields = {
-            "J": J, "residual": checks.array("residual", residual, (n,)),
-            "weight": metric("weight", 1.0 if weight is None else weight, n),
-            "normal": axis / length if normal is not None else axis,
-            "friction": 0.0 if friction is None else checks.number("friction", friction, low=0.0, strict=True),
-        }  # fmt: skip
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
+        self._set(
+            J=J, residual=checks.array("residual", residual, (n,)),
+            weight=metric("weight", 1.0 if weight is None else weight, n),
+            normal=axis / length if normal is not None else axis,
+            friction=0.0 if friction is None else checks.number("friction", friction, low=0.0, strict=True),
+        )  # fmt: skip
 
     @property
     def _curvature(self) -> Mat:
@@ -127,7 +125,8 @@ class ContactEstimate(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        found = answered(nearest(self.qp(), self._free, inverse_root(self._curvature), solver), solver)
+        found = nearest(self.qp(), self._free, inverse_root(self._curvature), solver)
+        assert found is not None  # zero is a force
         return self._explained(found.x)
 
     def difference(self, result: Explained, reference: Explained) -> Mapping[str, float]:

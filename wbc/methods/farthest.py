@@ -1,13 +1,10 @@
 """The farthest point of a polyhedron in one direction and, where there are several, the shortest: a finite method.
 
-    maximise gᵀ z, then minimise |z|²   subject to   E z = e,  lower ≤ z ≤ upper,   gᵀ z bounded there.
+    maximise cᵀ u, then minimise |u|²   subject to   lower ≤ start + F u ≤ upper,   cᵀ u bounded there.
 
-Both at once are  minimise ½ |z|² − μ gᵀ z  for every μ above some number (Mangasarian). The equations go first,
-
-    z = start + F u,   F orthonormal:   minimise ½ |u|² − μ cᵀ u   subject to   G u ≤ h,   c = Fᵀ g,   G = [F; −F],
-
-and the dual active-set method of Goldfarb and Idnani solves the rest. It keeps a set A of rows held as equations, with
-multipliers y ≥ 0, and its point is the optimum of these rows alone:
+Both at once are  minimise ½ |u|² − μ cᵀ u  subject to G u ≤ h, G = [F; −F],  for every μ above some number
+(Mangasarian). The dual active-set method of Goldfarb and Idnani solves that. It keeps a set A of rows held as
+equations, with multipliers y ≥ 0, and its point is the optimum of these rows alone:
 
     u = μ c − G_Aᵀ y,   G_A u = h_A.
 
@@ -20,7 +17,7 @@ row that joins, so no set A comes twice and the method ends, whatever ties there
 No step multiplies two quantities that depend on μ. They are therefore pairs (a, b) = a μ + b, compared by a first and
 then by b: μ is larger than every number, and no value of it has to be guessed. At the end a = 0 for all of u.
 
-Rounding is judged relative to the problem: columns of F are orthonormal, so d is known to a part of 1 + Σ|r| and a
+Rounding is judged relative to the problem: rows of F are no longer than one, so d is known to a part of 1 + Σ|r| and a
 violation to a part of the lengths in it. Quantities within that of each other tie. The optimum is unique, so the order
 of steps, and with it the rounding of another processor, changes its last bits only.
 
@@ -36,7 +33,6 @@ from typing import NamedTuple, final
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from wbc.methods.shared import factors
 from wbc.tolerances import NOISE, ROUNDING
 from wbc.types import Mat, Vec
 
@@ -47,20 +43,23 @@ WIDENED = 5e-9
 @final
 @dataclass(frozen=True, eq=False)
 class Farthest:
-    """The point z (n,), the limits that it keeps (n,) and a μ from which it is the optimum; z is NaN without one.
+    """The point u (k,), its values start + F u (m,), and how rows push on it when the push along the slope is μ.
 
-    ``lower`` and ``upper`` are those given, but for limits that contradict each other by no more than rounding.
+    ``push`` is the least μ from which u is the optimum. ``lower`` and ``upper`` (m,) are those given, but for limits
+    that contradict each other by no more than rounding.
     """
 
-    z: Vec
+    u: Vec
+    values: Vec
     lower: Vec
     upper: Vec
     push: float
+    pushes: Mat
 
-    @property
-    def feasible(self) -> bool:
-        """Whether there is a point."""
-        return not bool(np.isnan(self.z).any())
+    def multipliers(self, push: float) -> Vec:
+        """Multipliers (m,) of the rows at this μ, positive at an upper limit: u − μ slope + Fᵀ multipliers = 0."""
+        result: Vec = push * self.pushes[:, 0] + self.pushes[:, 1]
+        return result
 
 
 class _Event(NamedTuple):
@@ -70,47 +69,33 @@ class _Event(NamedTuple):
     place: int | None
 
 
-def farthest(equations: tuple[Mat, Vec], lower: Vec, upper: Vec, gain: Vec) -> Farthest:
-    """The z (n,) of largest ``gain`` · z, then of least norm, with E z = e (``equations``) and lower ≤ z ≤ upper.
+def farthest(start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec, *, terms: float = 0.0) -> Farthest | None:
+    """The u (k,) of largest ``slope`` · u, then of least norm, with lower ≤ start + F u ≤ upper.
 
-    Rows of E may depend on each other, and e must be in their range. Some limit must end every way along which
-    ``gain`` · z grows.
+    Neither rows of F (m, k) nor ``slope`` (k,) are longer than one. Some limit must end every way along which
+    ``slope`` · u grows. ``terms`` is the size of the numbers that ``start`` is a sum of, where they are larger: it is
+    known to their rounding. ``None``: multipliers prove that there is no such u.
     """
-    found, n = factors(equations[0]), len(lower)
-    search = _Search(found.inverse(equations[1]), found.null.T, lower, upper, found.null @ gain)
-    possible = search.run()
-    low, high, z = -search.limit[n:], search.limit[:n], search.z[:, 1].copy()
-    for row in search.held:
-        z[row % n] = high[row] if row < n else low[row - n]
-    growing = search.y[:, 0] > 0.0
-    push = float((-search.y[growing, 1] / search.y[growing, 0]).max(initial=0.0))
-    return Farthest(z if possible else np.full(n, np.nan), low, high, push if possible else np.nan)
-
-
-def shortest(rows: Mat, lower: Vec, upper: Vec) -> tuple[Vec, Vec] | None:
-    """The shortest u (k,) with lower ≤ ``rows`` u ≤ upper, and multipliers (m,) with u + rowsᵀ multipliers = 0.
-
-    ``rows`` (m, k) are no longer than one. A multiplier is positive at an upper limit. ``None``: multipliers prove that
-    there is no such u.
-    """
-    m = len(rows)
-    search = _Search(np.zeros(m), rows, lower, upper, np.zeros(rows.shape[1]))
+    search, m = _Search((start, max(terms, float(np.linalg.norm(start)))), F, (lower, upper), slope), len(start)
     if not search.run():
         return None
-    push = np.zeros(2 * m)
-    push[search.held] = search.y[:, 1]
-    return search.u[:, 1], push[:m] - push[m:]
+    pushes, low, high, values = np.zeros((2 * m, 2)), -search.limit[m:], search.limit[:m], search.z[:, 1].copy()
+    pushes[search.held] = search.y
+    for row in search.held:
+        values[row % m] = high[row] if row < m else low[row - m]
+    growing = search.y[:, 0] > 0.0
+    push = float((-search.y[growing, 1] / search.y[growing, 0]).max(initial=0.0))
+    return Farthest(search.u[:, 1], values, low, high, push, pushes[:m] - pushes[m:])
 
 
 @final
 class _Search:
-    """The method on rows z = start + F u and the cost ½ |u|² − μ slope · u; rows of F are no longer than one."""
+    """The method on rows z = start + F u and the cost ½ |u|² − μ slope · u."""
 
-    def __init__(self, start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec) -> None:
-        F = np.where(np.linalg.norm(F, axis=1)[:, None] > ROUNDING, F, 0.0)
-        self.start, self.F, self.slope = start, F, slope
+    def __init__(self, start: tuple[Vec, float], F: Mat, limits: tuple[Vec, Vec], slope: Vec) -> None:
+        (self.start, self.terms), self.F, self.slope = start, F, slope
         self.G = np.concatenate([F, -F])
-        self.limit = np.concatenate([upper, -lower])
+        self.limit = np.concatenate([limits[1], -limits[0]])
         self.held: list[int] = []
         self._hold()
 
@@ -132,7 +117,7 @@ class _Search:
         self.u = np.column_stack([along, self._from_values(b)])
         self.z = self.F @ self.u
         self.z[:, 1] += self.start
-        self.length = float(np.hypot(np.linalg.norm(self.u[:, 1]), np.linalg.norm(self.start)))
+        self.length = float(np.hypot(np.linalg.norm(self.u[:, 1]), self.terms))
 
     def _room(self) -> Vec:
         """h (2 n,): how far each limit is from ``start``."""

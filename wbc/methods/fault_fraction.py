@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.errors import NoClosedForm
-from wbc.methods.least_distance import answered, nearest
+from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.metric import inverse_root, metric
+from wbc.methods.shared import inverse_root, metric
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import SAME
@@ -62,12 +62,10 @@ class FaultFraction(Method):
 
     def __init__(self, tau: Any, residual: Any, *, weight: Any = None) -> None:
         tau = checks.array("tau", tau, (None,))
-        fields = {
-            "tau": tau, "residual": checks.array("residual", residual, (len(tau),)),
-            "weight": metric("weight", 1.0 if weight is None else weight, len(tau)),
-        }  # fmt: skip
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
+        self._set(
+            tau=tau, residual=checks.array("residual", residual, (len(tau),)),
+            weight=metric("weight", 1.0 if weight is None else weight, len(tau)),
+        )  # fmt: skip
 
     @property
     def identifiable(self) -> NDArray[np.bool_]:
@@ -116,7 +114,8 @@ class FaultFraction(Method):
         fraction, tau = np.full(len(known), np.nan), self.tau[known]
         if known.any():
             root = inverse_root(self.weight[np.ix_(known, known)]) / tau[:, None]
-            found = answered(nearest(self.qp(), self._wanted() / tau, root, solver), solver)
+            found = nearest(self.qp(), self._wanted() / tau, root, solver)
+            assert found is not None  # zero is a fraction
             fraction[known] = np.clip(found.x, 0.0, 1.0)  # of rounding
         return Fraction(fraction, known)
 

@@ -24,14 +24,17 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.friction import Pyramid
-from wbc.methods.least_distance import answered, nearest
+from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.metric import inverse_root, metric
-from wbc.methods.shared import box, factors
+from wbc.methods.shared import box, factors, inverse_root, metric
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
+
+#: Forces are compared relative to no less than this part of what the limits allow; where neither they nor the wrench
+#: ask for any, of 1 N.
+SMALL = 1e-3
 
 
 @final
@@ -92,17 +95,15 @@ class ForceDistribution(Method):
         G = checks.array("G", G, (None, None))
         nf = G.shape[1]
         lower, upper = box(nf, f_min=-np.inf if f_min is None else f_min, f_max=np.inf if f_max is None else f_max)
-        fields = {
-            "G": G, "wrench": checks.array("wrench", wrench, (len(G),)),
-            "weight": metric("weight", 1.0 if weight is None else weight, nf),
-            "friction": _friction(friction, nf), "friction_model": friction_model, "sides": sides, "f_min": lower,
-            "f_max": upper,
-        }  # fmt: skip
+        self._set(
+            G=G, wrench=checks.array("wrench", wrench, (len(G),)),
+            weight=metric("weight", 1.0 if weight is None else weight, nf),
+            friction=_friction(friction, nf), friction_model=friction_model, sides=sides, f_min=lower,
+            f_max=upper,
+        )  # fmt: skip
         if not isinstance(friction_model, str):
             raise InvalidInput(f"friction_model is {friction_model!r}; it must be 'inner' or 'outer'")
         Pyramid(1.0, friction_model, sides)
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
 
     @property
     def _root(self) -> Mat:
@@ -160,10 +161,8 @@ class ForceDistribution(Method):
         return self._nearest(solver)
 
     def _nearest(self, solver: str | Solver | None) -> Distribution:
-        found = nearest(self.qp(), np.zeros(self.G.shape[1]), self._root, solver, relaxed=True)
-        if solver is not None:
-            answered(found, solver)
-        return self._result(found.x, -found.y) if found.status.ok else self._infeasible()
+        found = nearest(self.qp(), np.zeros(self.G.shape[1]), self._root, solver)
+        return self._infeasible() if found is None else self._result(found.x, -found.y)
 
     def difference(self, result: Distribution, reference: Distribution) -> Mapping[str, float]:
         """Forces and the wrench in the metric of W, relative to the forces; multipliers by what they push."""
@@ -176,7 +175,9 @@ class ForceDistribution(Method):
         def size(f: Vec) -> float:
             return float(np.linalg.norm(factor @ f))
 
-        scale, reach = size(reference.f) or 1.0, np.linalg.norm(self.G @ root, axis=1)
+        limits = np.abs([self.f_min, self.f_max])
+        known = size(np.where(np.isfinite(limits), limits, 0.0).max(axis=0)) or (0.0 if self.wrench.any() else 1.0)
+        scale, reach = max(size(reference.f), SMALL * known) or 1.0, np.linalg.norm(self.G @ root, axis=1)
         inside = np.concatenate([self._pyramid()[0] @ result.f, result.f - self.f_min, self.f_max - result.f])
         found = {
             "force": size(result.f - reference.f) / scale,

@@ -18,6 +18,11 @@ class Method(ABC):
     :func:`wbc.testing.check_method` uses it to compare the closed form with every installed solver.
     """
 
+    def _set(self, **fields: Any) -> None:
+        """Write the data while building; they are frozen for everybody else."""
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
     @abstractmethod
     def closed_form(self) -> Any:
         """The answer by formula.

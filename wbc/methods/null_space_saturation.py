@@ -5,13 +5,13 @@
 x is a velocity (target ẏ, no drift) or an acceleration (target ÿ, drift = J̇ v, which is there whatever the robot does
 and so is never scaled). The direction of the task is kept, its size is reduced.
 
-*Closed form*: the dual active-set method of :mod:`wbc.methods.farthest` on (x, σ), σ = s |target| seen through J#. It
+*Closed form*: the dual active-set method of :mod:`wbc.methods.farthest` on (x, σ), σ = T s with T = |J# target|. It
 ends after finitely many steps with the largest scale and the shortest x. (The loop of Flacco, De Luca and Khatib puts
 one joint at its limit after another and takes none away, so it can end below the largest scale.)
 
 *QP*: max s is a linear program. For every μ above some number
 
-    minimise ½ |x|² + ½ (σ − μ)²   subject to   V x + drift = σ · direction,  lower ≤ x ≤ upper,  0 ≤ σ ≤ full
+    minimise ½ |x|² + ½ (σ − μ)²   subject to   J x + drift = σ target / T,  lower ≤ x ≤ upper,  0 ≤ σ ≤ T
 
 has the largest scale *and* the least norm (a linear penalty is exact; a quadratic one would be biased). The closed
 form tells such a μ; a solver then finds x and s on its own.
@@ -23,22 +23,19 @@ Robotics 31(3), 2015.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, SolverFailed
-from wbc.methods.farthest import Farthest, farthest
-from wbc.methods.least_distance import answered, nearest
+from wbc.errors import InvalidInput
+from wbc.methods.least_distance import Nearest, nearest
 from wbc.methods.method import Method
-from wbc.methods.scaling import ScaledTask
-from wbc.methods.shared import box, factors
+from wbc.methods.shared import box, factors, unit_lengths
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.qp.solvers import by_name
 from wbc.tolerances import NEAR, ROUNDING, SAME, SHARP
 from wbc.types import Mat, Vec
 
@@ -105,8 +102,7 @@ class NullSpaceSaturation(Method):
     def __init__(self, J: Any, target: Any, *, lower: Any, upper: Any, drift: Any = None) -> None:
         J, target, drift = _task("", J, target, drift)
         low, high = box(J.shape[1], lower=lower, upper=upper)
-        for name, value in {"J": J, "target": target, "lower": low, "upper": high, "drift": drift}.items():
-            object.__setattr__(self, name, value)
+        self._set(J=J, target=target, lower=low, upper=high, drift=drift)
 
     @classmethod
     def prioritised(cls, tasks: Sequence[tuple[Any, ...]], *, lower: Any, upper: Any) -> PrioritisedTasks:
@@ -124,18 +120,16 @@ class NullSpaceSaturation(Method):
 
     def closed_form(self) -> Saturation:
         """The largest scale, then the least norm, in finitely many steps."""
-        return self._result(_Level(self._task, self.lower, self.upper).exactly())
+        return self._result(*self._level.answer(None))
 
     @property
-    def _task(self) -> ScaledTask:
-        return ScaledTask(self.J, self.target, self.drift)
+    def _level(self) -> _Level:
+        return _Level((self.J, self.target, self.drift), self.lower, self.upper)
 
-    def _result(self, found: _Point) -> Saturation:
-        if not found.feasible:
-            return Saturation(found.x, np.nan, (), False)
-        near = NEAR * _known(self.lower, self.upper) + ROUNDING * np.linalg.norm(found.x)
-        at_limit = (found.x >= self.upper - near) | (found.x <= self.lower + near)
-        return Saturation(found.x, found.scale, tuple(int(i) for i in at_limit.nonzero()[0]), True)
+    def _result(self, x: Vec, scale: float) -> Saturation:
+        near = NEAR * _known(self.lower, self.upper) + ROUNDING * np.linalg.norm(x)
+        at_limit = (x >= self.upper - near) | (x <= self.lower + near)
+        return Saturation(x, scale, tuple(int(i) for i in at_limit.nonzero()[0]), not np.isnan(scale))
 
     def qp(self) -> QP:
         """Scale and least norm at once, in (x, s) (n + 1,): minimise ½ |x|² + ½ (T s − μ)² subject to
@@ -143,8 +137,8 @@ class NullSpaceSaturation(Method):
         J x − target s = −drift (m rows),  lower ≤ x ≤ upper,  0 ≤ s ≤ 1; T = |J# target| makes s a size of x, and μ is
         above the number from which the answer does not depend on it.
         """
-        level = _Level(self._task, self.lower, self.upper)
-        n, full = len(self.lower), level.task.full
+        level = self._level
+        n, full = len(self.lower), level.full
         H, g = np.eye(n + 1), np.zeros(n + 1)
         H[n, n], g[n] = full**2, -full * level.push
         return QP(
@@ -163,28 +157,27 @@ class NullSpaceSaturation(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        return self._result(_Level(self._task, self.lower, self.upper).by_solver(solver))
+        return self._result(*self._level.answer(solver))
 
     def difference(self, result: Saturation, reference: Saturation) -> Mapping[str, float]:
-        """Scales in [0, 1], residuals and norms relative to |x|, limits relative to themselves."""
+        """Scales by what they change x, residuals, norms at the same scale, relative to |x|; limits to themselves."""
         if result.feasible != reference.feasible:
             return {"feasible": np.inf}
         if not result.feasible:
             return {"feasible": 0.0}
-        task = self._task
+        level, lengths = self._level, unit_lengths(self.J)
         length, other = float(np.linalg.norm(result.x)), float(np.linalg.norm(reference.x))
-        known = _known(self.lower, self.upper)
-        unit = min(task.full, float(np.linalg.norm(known)) or task.full) + float(np.linalg.norm(task.drift))
-        size = max(length, other, SMALL * unit)
+        known, size = _known(self.lower, self.upper), max(length, other, SMALL * level.size)
         over = np.maximum(result.x - self.upper, self.lower - result.x) / np.where(known > 0.0, known, size)
-        missing = task.V @ result.x + task.drift - result.scale * task.full * task.direction
+        missing = (self.J @ result.x + self.drift - result.scale * self.target) / lengths
         found = {
-            "scale": abs(result.scale - reference.scale),
+            "scale": abs(result.scale - reference.scale) * min(1.0, level.full / size),
             "task": float(np.linalg.norm(missing)) / size,
             "limits": max(0.0, float(over.max(initial=0.0))),
         }
-        if found["scale"] * task.full <= SHARP * size:
-            found["norm"] = abs(length - other) / size
+        if found["scale"] <= SHARP:  # ½ |x|² grows by the push for each unit of σ: the last part of a scale may be dear
+            dear = level.push * level.full * abs(result.scale - reference.scale) / size
+            found["norm"] = max(0.0, abs(length - other) - dear) / size
         if min(result.scale, reference.scale) >= 1.0:
             found["x"] = float(np.linalg.norm(result.x - reference.x)) / size
         return found
@@ -212,7 +205,7 @@ class PrioritisedTasks(Method):
 
     def closed_form(self) -> PrioritisedSaturation:
         """Level by level the largest scale with those above kept, at the end the least norm, in finitely many steps."""
-        return self._levels(_Level.exactly)
+        return self._levels(None)
 
     def qp(self) -> QP:
         """The QP of the first level alone; those below it depend on its answer."""
@@ -226,17 +219,17 @@ class PrioritisedTasks(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        return self._levels(lambda level: level.by_solver(solver))
+        return self._levels(solver)
 
-    def _levels(self, answer: Callable[[_Level], _Point]) -> PrioritisedSaturation:
+    def _levels(self, solver: str | Solver | None) -> PrioritisedSaturation:
         n = len(self.lower)
         rows, x, scales = np.zeros((0, n)), np.full(n, np.nan), list[float | None]()
-        for entry in self.tasks:
-            task = ScaledTask(*entry)
-            found = answer(_Level(task, self.lower, self.upper, (rows, rows @ x if len(rows) else np.zeros(0))))
-            scales.append(found.scale if found.feasible else None)
-            if found.feasible:
-                x, rows = found.x, np.vstack([rows, task.V])
+        for J, target, drift in self.tasks:
+            kept = rows, rows @ x if len(rows) else np.zeros(0)
+            found, scale = _Level((J, target, drift), self.lower, self.upper, kept).answer(solver)
+            scales.append(None if np.isnan(scale) else scale)
+            if scales[-1] is not None:
+                x, rows = found, np.vstack([rows, factors(J, of_unit_length=True).V])
         return PrioritisedSaturation(x, tuple(scales), any(scale is not None for scale in scales))
 
     def difference(self, result: PrioritisedSaturation, reference: PrioritisedSaturation) -> Mapping[str, float]:
@@ -254,82 +247,47 @@ class PrioritisedTasks(Method):
 
 
 @final
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """x (n,) and the scale; NaN where no point is feasible."""
-
-    x: Vec
-    scale: float
-
-    @property
-    def feasible(self) -> bool:
-        return not np.isnan(self.scale)
-
-
-@final
 class _Level:
-    """One task in the box, with rows of the tasks above it kept: A x = b, ``kept`` = (A (k, n), b (k,)).
+    """J x + drift = s target in the box, with rows of the tasks above kept: A x = b, ``kept`` = (A (k, n), b (k,)).
 
-    The unknowns are z = (x, σ) (n + 1,), σ in the unit of x (:class:`ScaledTask`).
+    The unknowns are (x, σ) (n + 1,), σ = T s with T = ``full``, the length of the shortest x that does the whole task.
+    ``size`` is that of x: what the limits and the task ask for.
     """
 
-    def __init__(self, task: ScaledTask, lower: Vec, upper: Vec, kept: tuple[Mat, Vec] | None = None) -> None:
-        n = len(lower)
+    def __init__(self, task: tuple[Mat, Vec, Vec], lower: Vec, upper: Vec, kept: tuple[Mat, Vec] | None = None) -> None:
+        (J, target, drift), n = task, len(lower)
+        found = factors(J, of_unit_length=True)
         rows, right = (np.zeros((0, n)), np.zeros(0)) if kept is None else kept
-        self.task, self.lower, self.upper = task, lower, upper
-        A = np.block([[rows, np.zeros((len(rows), 1))], [task.V, -task.direction[:, None]]])
-        b = np.append(right, -task.drift)
-        missing = factors(A).rest.T @ b
-        self._possible = task.possible and bool(np.linalg.norm(missing) <= SAME * np.linalg.norm(b))
-        self._equations, self._towards = (A, b), np.append(np.zeros(n), 1.0)
-        self._found: Farthest | None = None
-        if self._possible:
-            low = np.append(lower - self._room(lower), task.low)
-            high = np.append(upper + self._room(upper), task.high)
-            self._found = farthest(self._equations, low, high, self._towards)
+        self.lower, self.upper, self.full = lower, upper, float(np.linalg.norm(found.solve(target))) or 1.0
+        known = float(np.linalg.norm(_known(lower, upper)))
+        self.size = min(self.full, known or self.full) + float(np.linalg.norm(found.solve(drift)))
+        # A limit that the whole task meets exactly would else stop it or not, as rounding falls.
+        part = min(LAST_BITS * found.condition, SAME)
+        low, high = (part * np.where(limit == 0.0, self.size, np.abs(limit)) for limit in (lower, upper))
+        self._towards = np.append(np.zeros(n), 1.0)
+        self._qp = QP(
+            np.eye(n + 1), np.zeros(n + 1),
+            A=np.block([[rows, np.zeros((len(rows), 1))], [J, -target[:, None] / self.full]]),
+            b=np.append(right, -drift), lb=np.append(lower - low, 0.0), ub=np.append(upper + high, self.full),
+        )  # fmt: skip
 
-    def _room(self, limit: Vec) -> Vec:
-        """By how much a limit (n,) is wider here: the rounding of an x that does the task.
-
-        A limit that the whole task meets exactly would else stop it or not, as rounding falls. It is a part of the
-        limit, or of the size of x where the limit is zero.
-        """
-        known = float(np.linalg.norm(_known(self.lower, self.upper)))
-        size = min(self.task.full, known or self.task.full) + float(np.linalg.norm(self.task.drift))
-        room: Vec = min(LAST_BITS * self.task.condition, SAME) * np.where(limit == 0.0, size, np.abs(limit))
-        return room
+    def _nearest(self, solver: str | Solver | None) -> Nearest | None:
+        return nearest(self._qp, np.zeros(self._qp.n), np.eye(self._qp.n), solver, along=self._towards)
 
     @property
     def push(self) -> float:
         """A μ that is large enough: twice what is needed, and more than the length of the answer."""
-        found = self._found
-        if found is None or not found.feasible:
-            return self.task.full
-        return 2.0 * max(found.push, float(np.linalg.norm(found.z))) or self.task.full
+        found = self._nearest(None)
+        return self.full if found is None else found.push or self.full
 
-    def exactly(self) -> _Point:
-        """The answer of the finite method."""
-        if self._found is None or not self._found.feasible:
-            return _Point(np.full(len(self.lower), np.nan), np.nan)
-        return self._point(self._found.z)
-
-    def by_solver(self, solver: str | Solver) -> _Point:
-        """The answer of a solver."""
-        found = self._found
-        if found is None or not found.feasible:
-            return self.exactly()
-        (A, b), size = self._equations, len(found.z)
-        qp = QP(np.eye(size), np.zeros(size), A=A, b=b, lb=found.lower, ub=found.upper)
-        answer = answered(nearest(qp, self.push * self._towards, np.eye(size), solver), solver)
-        if not answer.status.ok:
-            raise SolverFailed(by_name(solver).name, answer.status)
-        z = answer.x
-        if found.upper[-1] - z[-1] <= ROUNDING * np.linalg.norm(z):
-            z[-1] = found.upper[-1]
-        return self._point(z)
-
-    def _point(self, z: Vec) -> _Point:
-        return _Point(np.clip(z[:-1], self.lower, self.upper), self.task.scale(float(z[-1])))
+    def answer(self, solver: str | Solver | None) -> tuple[Vec, float]:
+        """x and the scale by a solver, or (None) by the finite method; NaN where no scale is feasible."""
+        found = self._nearest(solver)
+        if found is None:
+            return np.full(len(self.lower), np.nan), np.nan
+        scale = found.x[-1] / self.full
+        scale = 1.0 if self.full - found.x[-1] <= ROUNDING * np.linalg.norm(found.x) else float(max(scale, 0.0))
+        return np.clip(found.x[:-1], self.lower, self.upper), scale
 
 
 def _known(lower: Vec, upper: Vec) -> Vec:

@@ -28,12 +28,12 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.methods.gradient_step import Projection, Step
-from wbc.methods.least_distance import answered, nearest
+from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
 from wbc.methods.shared import box, choice, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.tolerances import MET, NEAR, ROUNDING, SHARP
+from wbc.tolerances import NEAR, ROUNDING, SHARP
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -84,13 +84,11 @@ class ProjectedGradientStep(Method):
             raise InvalidInput(f"origin is {origin!r}; from_gradient makes it")
         v_task = checks.array("v_task", v_task, (None,))
         lower, upper = box(v_task.size, v_min=v_min, v_max=v_max)
-        fields = {
-            "v_task": v_task, "v_null": checks.array("v_null", v_null, v_task.shape), "v_min": lower, "v_max": upper,
-            "alpha_max": _largest(alpha_max),
-            "origin": origin,
-        }  # fmt: skip
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
+        self._set(
+            v_task=v_task, v_null=checks.array("v_null", v_null, v_task.shape), v_min=lower, v_max=upper,
+            alpha_max=_largest(alpha_max),
+            origin=origin,
+        )  # fmt: skip
         if not np.isfinite(self._unit()):
             raise InvalidInput("alpha_max is inf, and so are all limits in the direction of v_null: give alpha_max")
 
@@ -196,14 +194,11 @@ class ProjectedGradientStep(Method):
 
         v_min − v_task ≤ v_null α ≤ v_max − v_task (n rows),  0 ≤ α ≤ α_max.
         """
-        return self._qp_towards(self._beyond())
-
-    def _qp_towards(self, alpha: float) -> QP:
         down, up = self._room()
         reach = 4.0 * self._unit() * np.abs(self._column)  # what no feasible step comes near is no limit
         down, up = np.where(down < -reach, -np.inf, down), np.where(up > reach, np.inf, up)
         return QP(
-            [[1.0]], [-alpha], C=self._column[:, None], cl=down, cu=up, lb=[0.0], ub=[self.alpha_max],
+            [[1.0]], [-self._beyond()], C=self._column[:, None], cl=down, cu=up, lb=[0.0], ub=[self.alpha_max],
             rows=[*self._joint_rows(), Row("step", "α")],
         )  # fmt: skip
 
@@ -213,12 +208,12 @@ class ProjectedGradientStep(Method):
         v − α v_null = v_task (n rows),  v_min ≤ v ≤ v_max,  0 ≤ α ≤ α_max. The first term is zero wherever the rows
         hold; it makes H positive definite without a price on v.
         """
-        n, alpha = self.v_task.size, self._beyond()
+        n, alpha, (down, up) = self.v_task.size, self._beyond(), self._room()
         link = np.hstack([np.eye(n), -self._column[:, None]])
         last = np.eye(n + 1)[n]
         return QP(
             link.T @ link + np.outer(last, last), -link.T @ self.v_task - alpha * last, A=link, b=self.v_task,
-            lb=np.append(self.v_min, 0.0), ub=np.append(self.v_max, self.alpha_max),
+            lb=np.append(self.v_task + down, 0.0), ub=np.append(self.v_task + up, self.alpha_max),
             rows=[*(Row("velocity", f"joint {i}") for i in range(n)), *self._joint_rows(), Row("step", "α")],
         )  # fmt: skip
 
@@ -246,7 +241,7 @@ class ProjectedGradientStep(Method):
     def solve(self, solver: str | Solver = "pdas", *, form: Literal["step", "velocity"] = "step") -> Step:
         """α* by QP: over α alone, or (``form="velocity"``) over velocity and step together.
 
-        The lower end of ``interval`` is a QP too: the feasible step that is nearest to one below zero.
+        The lower end of ``interval`` is a QP too.
 
         Raises:
             InvalidInput: no such form.
@@ -263,50 +258,13 @@ class ProjectedGradientStep(Method):
         return self._step(high, (min(low, high), high))
 
     def _furthest(self, direction: float, solver: str | Solver, form: str) -> float:
-        """The largest (1.0) or smallest (−1.0) feasible step; NaN where there is none.
-
-        max α in two proximal steps, minimise ½ (α − ᾱ)² with ᾱ beyond all that is feasible, then just beyond the
-        first answer: distances are a thousand times smaller then, and so is what a solver leaves of them.
-        """
-        alpha, slack, unit = 0.0, 0.0, self._unit()
-        for size in (1.0, 1e-3):
-            alpha, slack = self._nearest(alpha + 3.0 * direction * size * unit, size, solver, form)
-            if slack > MET:
-                break
-        # Both ends of [0, α_max] are limits of the QP too: what is beyond them is rounding.
-        return min(max(alpha, 0.0), self.alpha_max) if slack <= 0.5 * SHARP else np.nan
-
-    def _nearest(self, alpha: float, size: float, solver: str | Solver, form: str) -> tuple[float, float]:
-        """The feasible step nearest to this one, and the part w of its range by which every limit had to be relaxed.
-
-        The price of w is above any multiplier, so w > 0 says that there is no feasible step; and each solver has a
-        problem with an interior and an answer, also where one step is all that is feasible.
-        """
-        n, unit = self.v_task.size, self._unit()
-        give = np.append(np.where(self._moving, unit * np.abs(self._column), self._size), unit)
-        give[give == 0.0] = 1.0
-        shift = 0 if form == "step" else n  # unknowns: (v − v_task where the form has it, α, w)
-        moved, equal = self._column[:, None], np.zeros((0, shift + 2))
-        centre, root = np.zeros(shift + 2), np.diag(np.concatenate([give[:shift], [unit, 1.0]]))
-        if form == "velocity":
-            moved, equal = np.eye(n, n + 1), np.hstack([np.eye(n), -moved, np.zeros((n, 1))])
-            # The metric |v − v_task − α v_null|² + α²: its first term is zero wherever the equations hold.
-            centre[:n], root[:n, n] = alpha * self._column, unit * self._column
-        centre[shift:] = alpha, -10.0 * size
-        limited = np.vstack([moved, np.eye(shift + 1)[shift:]])
-        down, up = self._room()
-        down, up = np.append(down, 0.0), np.append(up, self.alpha_max)
-        near = 4.0 * give  # limits beyond that are out of every step's reach
-        none = np.full(n + 1, np.inf)
-        qp = QP(
-            np.eye(shift + 2), np.zeros(shift + 2), A=equal, b=np.zeros(len(equal)),
-            C=np.vstack([np.column_stack([limited, -give]), np.column_stack([limited, give])]),
-            cl=np.append(-none, np.where(down < -near, -np.inf, down)),
-            cu=np.append(np.where(up > near, np.inf, up), none),
-            lb=np.append(np.full(shift + 1, -np.inf), 0.0),
-        )  # fmt: skip
-        x = answered(nearest(qp, centre, root, solver), solver).x
-        return float(x[shift]), float(x[-1])
+        """The largest (1.0) or smallest (−1.0) feasible step; NaN where there is none."""
+        qp = self.qp() if form == "step" else self.qp_with_velocity()
+        centre = np.append(self.v_task if form == "velocity" else [], 0.0)
+        size = np.where(self._size > 0.0, self._size, 1.0) if form == "velocity" else np.zeros(0)
+        along = np.append(np.zeros(qp.n - 1), direction)
+        found = nearest(qp, centre, np.diag(np.append(size, self._unit())), solver, along=along)
+        return np.nan if found is None else float(np.clip(found.x[-1], 0.0, self.alpha_max))
 
     def difference(self, result: Step, reference: Step) -> Mapping[str, float]:
         """Steps relative to the step that takes a joint across its range, velocities to what the joints move at."""

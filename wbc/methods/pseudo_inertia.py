@@ -34,9 +34,9 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.methods.least_distance import answered, nearest
+from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.metric import inverse_root
+from wbc.methods.shared import inverse_root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
@@ -79,9 +79,11 @@ class PseudoInertia(Method):
     floor: float
 
     def __init__(self, parameters: Any, *, length: float = 0.1, floor: float = 1e-6) -> None:
-        object.__setattr__(self, "parameters", checks.array("parameters", parameters, (10,)))
-        object.__setattr__(self, "length", checks.number("length", length, low=0.0, strict=True))
-        object.__setattr__(self, "floor", checks.number("floor", floor, low=0.0, strict=True))
+        self._set(
+            parameters=checks.array("parameters", parameters, (10,)),
+            length=checks.number("length", length, low=0.0, strict=True),
+            floor=checks.number("floor", floor, low=0.0, strict=True),
+        )
 
     @staticmethod
     def metric(length: float = 0.1) -> Mat:
@@ -129,7 +131,8 @@ class PseudoInertia(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        found = answered(nearest(self.qp(), np.zeros(10), inverse_root(self.metric(self.length)), solver), solver)
+        found = nearest(self.qp(), np.zeros(10), inverse_root(self.metric(self.length)), solver)
+        assert found is not None  # the rows are independent
         parameters = self.parameters + found.x
         smallest = np.linalg.eigvalsh(np.tensordot(parameters, _basis(self.length)[0], axes=1))[0]
         return Possible(parameters, float(smallest))

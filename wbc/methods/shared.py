@@ -1,4 +1,4 @@
-"""What methods share: limits checked where they enter, and rows that depend on each other made independent."""
+"""What methods share: limits and metrics checked where they enter, rows made independent, roots of metrics."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.tolerances import NOISE, ROUNDING
+from wbc.tolerances import NOISE, ROUNDING, SAME
 from wbc.types import Mat, Vec
 
 
@@ -44,8 +45,49 @@ def box(size: int, **sides: Any) -> tuple[Vec, Vec]:
     return lower, upper
 
 
+def metric(name: str, value: Any, size: int) -> Mat:
+    """A symmetric positive definite matrix (size, size) from a positive number, a positive vector or such a matrix.
+
+    Raises:
+        InvalidInput: wrong shape, NaN or inf, an entry that is not positive, not symmetric, an eigenvalue that is not
+            positive.
+    """
+    given = checks.ndim(value)
+    if given == 0:
+        return np.diag(np.full(size, checks.number(name, value, low=0.0, strict=True)))
+    if given == 1:
+        diagonal = checks.array(name, value, (size,))
+        if (diagonal <= 0.0).any():
+            i = int(np.argmax(diagonal <= 0.0))
+            raise InvalidInput(f"{name}[{i}] is {diagonal[i]:g}; it must be positive")
+        return np.diag(diagonal)
+    matrix = checks.array(name, value, (size, size))
+    skew = np.abs(matrix - matrix.T)
+    if skew.max(initial=0.0) > SAME * np.abs(matrix).max(initial=0.0):
+        i, j = (int(k) for k in np.unravel_index(int(skew.argmax()), skew.shape))
+        raise InvalidInput(f"{name} is not symmetric: [{i}, {j}] is {matrix[i, j]:g}, [{j}, {i}] is {matrix[j, i]:g}")
+    matrix = 0.5 * (matrix + matrix.T)
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        smallest = float(np.linalg.eigvalsh(matrix)[0])
+        raise InvalidInput(f"{name} is not positive definite: an eigenvalue is {smallest:g}") from None
+    return matrix
+
+
+def root(matrix: Mat) -> Mat:
+    """R (n, n), lower triangular, with R Rᵀ = matrix."""
+    return np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
+
+
+def inverse_root(matrix: Mat) -> Mat:
+    """R (n, n), upper triangular, with R Rᵀ = matrix⁻¹."""
+    result: Mat = solve_triangular(np.linalg.cholesky(matrix), np.eye(len(matrix)), lower=True).T
+    return result
+
+
 class Factors(NamedTuple):
-    """A = U diag(values) V with what is not zero: U (m, r), values (r,), V (r, n).
+    """Rows A / length = U diag(values) V with what is not zero: U (m, r), values (r,), V (r, n), length (m,).
 
     ``rest`` (m, m − r) and ``null`` (n − r, n) complete U and V: what A cannot reach, and what it does not see.
 
@@ -57,20 +99,35 @@ class Factors(NamedTuple):
     V: Mat
     rest: Mat
     null: Mat
+    length: Vec
 
     @property
     def condition(self) -> float:
         """The largest value beside the smallest."""
         return float(self.values[0] / self.values[-1]) if len(self.values) else 1.0
 
+    def unreached(self, b: Vec) -> Vec:
+        """The part of b / length that A x cannot be, in coordinates of ``rest``."""
+        result: Vec = self.rest.T @ (b / self.length)
+        return result
+
+    def reaches(self, b: Vec, terms: Vec) -> bool:
+        """Whether A x can be b, to the rounding of numbers of the size ``terms`` (m,) that b is a sum of."""
+        return bool(np.linalg.norm(self.unreached(b)) <= SAME * np.linalg.norm(terms / self.length))
+
     def solve(self, b: Vec) -> Vec:
         """The right side of V x that belongs to A x = b."""
-        result: Vec = (self.U.T @ b) / self.values
+        result: Vec = (self.U.T @ (b / self.length)) / self.values
         return result
 
     def inverse(self, b: Vec) -> Vec:
         """A# b, the least-squares solution of least norm."""
         result: Vec = self.V.T @ self.solve(b)
+        return result
+
+    def multipliers(self, g: Vec) -> Vec:
+        """The y (m,) of least norm, rows at their lengths, with Aᵀ y = g for a g that rows of A combine to."""
+        result: Vec = (self.U @ ((self.V @ g) / self.values)) / self.length
         return result
 
     def projected(self, x: Vec) -> Vec:
@@ -84,8 +141,20 @@ class Factors(NamedTuple):
         return result
 
 
-def factors(A: Mat) -> Factors:
-    """The singular value decomposition of A (m, n) with its rank decided."""
-    U, values, V = np.linalg.svd(A)
+def factors(A: Mat, *, of_unit_length: bool = False) -> Factors:
+    """The singular value decomposition of A (m, n) with its rank decided.
+
+    ``of_unit_length``: of the rows divided by their lengths, so that they count alike whatever their units. Least
+    squares of rows out of reach are then another.
+    """
+    length = unit_lengths(A) if of_unit_length else np.ones(len(A))
+    U, values, V = np.linalg.svd(A / length[:, None])
     rank = int((values > ROUNDING * values.max(initial=0.0)).sum())
-    return Factors(U[:, :rank], values[:rank], V[:rank], U[:, rank:], V[rank:])
+    return Factors(U[:, :rank], values[:rank], V[:rank], U[:, rank:], V[rank:], length)
+
+
+def unit_lengths(rows: Mat) -> Vec:
+    """Lengths of the rows (m,); that of the longest for rows that are zero beside it."""
+    length: Vec = np.linalg.norm(rows, axis=1)
+    longest = float(length.max(initial=0.0))
+    return np.where(length > ROUNDING * longest, length, longest or 1.0)

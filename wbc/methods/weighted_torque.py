@@ -24,24 +24,16 @@ torque optimization, IEEE J. Robotics and Automation 3(4), 1987.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple, final
+from dataclasses import dataclass, replace
+from typing import Any, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
-from wbc.methods.least_distance import (
-    DEPENDENT,
-    Nearest,
-    answered,
-    nearest,
-    nearest_at_largest_scale,
-    unit_lengths,
-)
+from wbc.methods.least_distance import Nearest, nearest
 from wbc.methods.method import Method
-from wbc.methods.metric import inverse_root, metric, root, vector
-from wbc.methods.shared import box, choice
+from wbc.methods.shared import Factors, box, choice, factors, inverse_root, metric, root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import SAME
@@ -70,15 +62,6 @@ class Torque:
     cost: float
     scale: float
     feasible: bool
-
-
-class _Factors(NamedTuple):
-    """Rows G = A R of some ``length``: Λ = half halfᵀ, G# = right halfᵀ; ``beside``ᵀ rows / length = 0."""
-
-    half: Mat
-    right: Mat
-    beside: Mat
-    length: Vec
 
 
 @final
@@ -152,15 +135,13 @@ class WeightedTorque(Method):
         inverse = np.linalg.inv(M)
         W, root_tau = _weight(weight, M, 0.5 * (inverse + inverse.T))
         wanted = checks.array("task_acceleration", task_acceleration, (len(J),))
-        fields = {
-            "M": M, "n": n, "J": J, "task_acceleration": wanted,
-            "drift": vector("drift", drift, len(J)), "tau_0": vector("tau_0", tau_0, size),
-            "tau_external": vector("tau_external", tau_external, size), "W": W, "tau_min": low, "tau_max": high,
-            "E": E, "e": e, "damping": checks.number("damping", damping, low=0.0),
-            "_inverse": inverse, "_root": root_tau,
-        }  # fmt: skip
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
+        self._set(
+            M=M, n=n, J=J, task_acceleration=wanted,
+            drift=checks.each("drift", drift, len(J)), tau_0=checks.each("tau_0", tau_0, size),
+            tau_external=checks.each("tau_external", tau_external, size), W=W, tau_min=low, tau_max=high,
+            E=E, e=e, damping=checks.number("damping", damping, low=0.0),
+            _inverse=inverse, _root=root_tau,
+        )  # fmt: skip
 
     _inverse: Mat
     _root: Mat
@@ -212,8 +193,9 @@ class WeightedTorque(Method):
         if np.isfinite(self.tau_min).any() or np.isfinite(self.tau_max).any():
             raise NoClosedForm("with torque limits there is no closed form; use solve")
         A, b = self._torque_rows
-        factors = self._factors(A)
-        Lambda, scale = factors.half @ factors.half.T, self._reachable_scale(A, b, factors)
+        found = self._factors(A)
+        half = (found.U / found.values) / found.length[:, None]
+        Lambda, scale = half @ half.T, self._reachable_scale(A, b, found)
         feasible = scale == 1.0
         if np.isnan(scale):
             return self._none()
@@ -225,28 +207,23 @@ class WeightedTorque(Method):
         elif form == "null_space":
             tau = away @ (Lambda @ b) + (self.tau_0 - away @ (Lambda @ (A @ self.tau_0)))
         else:
-            inverse = (self._inverse @ self._root) @ factors.right @ factors.half.T  # J# in the metric M W M
+            inverse = (self._inverse @ self._root) @ found.V[:, : len(self.n)].T @ half.T  # J# in the metric M W M
             tau = self.tau_0 + self.M @ (inverse @ missing)
         return Torque(tau, self._acceleration(tau), Lambda @ missing, self._cost(tau), scale, feasible)
 
-    def _factors(self, A: Mat) -> _Factors:
-        """Of A R, R Rᵀ = W⁻¹, and of the slacks beside it."""
-        G = np.hstack([A @ self._root, np.eye(len(A), len(self.J)) * self.damping])
-        length = unit_lengths(G)
-        left, values, right = np.linalg.svd(G / length[:, None])
-        rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
-        half = (left[:, :rank] / values[:rank]) / length[:, None]
-        return _Factors(half, right[:rank, : len(self.n)].T, left[:, rank:], length)
+    def _factors(self, A: Mat) -> Factors:
+        """Of A R, R Rᵀ = W⁻¹, and of the slacks beside it: Λ = half halfᵀ with half = U / values / length."""
+        slacks = np.eye(len(A), len(self.J)) * self.damping
+        return factors(np.hstack([A @ self._root, slacks]), of_unit_length=True)
 
-    def _reachable_scale(self, A: Mat, b: Vec, factors: _Factors) -> float:
+    def _reachable_scale(self, A: Mat, b: Vec, found: Factors) -> float:
         """1 where all rows can be met, the only s in [0, 1] that can be where there is one, else NaN."""
-        away = factors.beside.T / factors.length
         magnitude = np.maximum(self._terms(A), np.abs(A) @ np.abs(self.tau_0))
-        rounding = SAME * float(np.linalg.norm(magnitude / factors.length))
-        unmet = away @ (b - A @ self.tau_0)
+        rounding = SAME * float(np.linalg.norm(magnitude / found.length))
+        unmet = found.unreached(b - A @ self.tau_0)
         if np.linalg.norm(unmet) <= rounding:
             return 1.0
-        task = away[:, : len(self.J)] @ self.task_acceleration
+        task = found.unreached(np.append(self.task_acceleration, np.zeros(len(self.e))))
         if np.linalg.norm(task) <= rounding:
             return np.nan
         scale = 1.0 - float(task @ unmet / (task @ task))
@@ -320,16 +297,33 @@ class WeightedTorque(Method):
         centre, root_x = self._metric(form)
         terms = self._terms(self._torque_rows[0])
         terms = np.append(terms, np.abs(self.n) + np.abs(self.tau_external)) if form == "joint" else terms
-        found, scale = answered(nearest(qp, centre, root_x, solver, terms=terms), solver), 1.0
-        feasible = found.status.ok
-        if not feasible and self.damping == 0.0:
-            direction = np.zeros(qp.n_eq)
-            direction[: len(self.J)] = self.task_acceleration
-            found, scale = nearest_at_largest_scale(
-                qp, direction, centre, root_x, size=found.size, solver=solver, terms=terms
-            )
-            answered(found, solver)
-        return self._result(found, form, scale, feasible) if found.status.ok else self._none()
+        found, scale, feasible = nearest(qp, centre, root_x, solver, terms=terms), 1.0, True
+        if found is None and self.damping == 0.0:
+            feasible = False
+            found, scale = self._scaled(qp, centre, root_x, solver, terms)
+        return self._none() if found is None else self._result(found, form, scale, feasible)
+
+    def _scaled(
+        self, qp: QP, centre: Vec, root_x: Mat, solver: str | Solver, terms: Vec
+    ) -> tuple[Nearest | None, float]:
+        """The optimum at the largest s in [0, 1] for which the rows can be met, and s: in (x, s) farthest along s."""
+        n, m = qp.n, len(self.J)
+        column = np.zeros((qp.n_eq, 1))
+        column[:m, 0] = -self.task_acceleration
+        extended = QP(
+            np.eye(n + 1), np.zeros(n + 1), A=np.hstack([qp.A, column]), b=qp.b + column[:, 0],
+            C=np.hstack([qp.C, np.zeros((len(qp.C), 1))]), cl=qp.cl, cu=qp.cu,
+            lb=np.append(qp.lb, 0.0), ub=np.append(qp.ub, 1.0),
+        )  # fmt: skip
+        rows = factors(qp.A @ root_x, of_unit_length=True)
+        wide = np.zeros((n + 1, n + 1))
+        wide[:n, :n], wide[n, n] = root_x, 1.0 / (np.linalg.norm(rows.solve(column[:, 0])) or 1.0)
+        found = nearest(
+            extended, np.append(centre, 0.0), wide, solver, terms=terms, along=np.append(np.zeros(n), 1.0)
+        )  # fmt: skip
+        if found is None:
+            return None, np.nan
+        return replace(found, x=found.x[:n], z_box=found.z_box[:n]), float(np.clip(found.x[n], 0.0, 1.0))
 
     def _metric(self, form: str) -> tuple[Vec, Mat]:
         """Where the cost of the form is zero, and R with cost = ½ |R⁻¹ (x − centre)|²."""

@@ -17,7 +17,7 @@ for every row Sᵢ of a task, whatever its weight. ``bounds`` holds the right si
 unit, and ``distance`` is the largest of them relative to the size of what is asked, 1 + |target|. A problem that
 names no tasks is judged by its variables: S is the identity, and the size of xⱼ is 1 + |x̂ⱼ|.
 
-For a cost given by its rows, H = D + Sᵀ w S with D diagonal, nothing has to be factored (:func:`spread`): any split
+For a cost given by its rows, H = D + Sᵀ w S with D diagonal, nothing has to be factored: any split
 r = r_D + Sᵀ w ρ gives |r|²_{H⁻¹} ≤ |r_D|²_{D⁻¹} + ρᵀ w ρ, and |Sᵢ|_{H⁻¹} ≤ 1/√wᵢ.
 
 **Directions without curvature.** H may be singular, or its curvature along some direction so small that the rounding
@@ -37,7 +37,7 @@ scales, which grow with the cost.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, final
 
@@ -199,21 +199,33 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
     )
 
 
-def spread(r: Vec, curvature: Vec, rho: Vec, weights: Vec) -> float:
-    """An upper bound √(|r|²_{D⁻¹} + ρᵀ w ρ) of |x̂ − x̃|_H for H = D + Sᵀ w S and the gradient split as r + Sᵀ w ρ.
+@final
+class Bounds(Mapping[str, float]):
+    """Bounds of tasks that are computed when the first of them is read, and then kept."""
 
-    Every row i of a task with weight wᵢ is within spread/√wᵢ of its optimum, every variable j within spread/√Dⱼ.
-    ``curvature`` (n,) is the diagonal of D. Where it is zero and r is not, the bound is infinite.
+    __slots__ = ("_compute", "_found")
 
-    Example:
-        >>> import numpy as np
-        >>> from wbc.qp.certificate import spread
-        >>> spread(np.array([3e-6]), np.array([4.0]), np.zeros(0), np.zeros(0))
-        1.5e-06
-    """
-    moved = r != 0.0
-    with np.errstate(divide="ignore", over="ignore"):
-        return float(np.sqrt(np.sum(r[moved] ** 2 / curvature[moved]) + weights.dot(rho * rho)))
+    def __init__(self, compute: Callable[[], Mapping[str, float]]) -> None:
+        self._compute = compute
+        self._found: Mapping[str, float] | None = None
+
+    @property
+    def _all(self) -> Mapping[str, float]:
+        if self._found is None:
+            self._found = self._compute()
+        return self._found
+
+    def __getitem__(self, name: str) -> float:
+        return self._all[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __repr__(self) -> str:
+        return repr({name: float(f"{bound:.3g}") for name, bound in self.items()})
 
 
 @final

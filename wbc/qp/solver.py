@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
+from dataclasses import replace
 from importlib.util import find_spec
 from time import perf_counter
 from typing import Self, final
@@ -141,7 +142,8 @@ class Solver(ABC):
     ``semidefinite`` says whether H may be singular (a linear program, a task without posture),
     ``repeatable`` whether fresh sessions give the same bits, and ``offline`` is true for a solver that is
     not shown to keep limits to 1e-6 at 1 kHz and so is refused by a controller. ``takes_rows`` is true for the one that
-    solves a tick from its rows (:mod:`wbc.qp.rows`); all others get products.
+    solves a tick from its rows (:mod:`wbc.qp.rows`); all others get products. ``session`` is what ``open`` makes, and
+    ``accuracies`` names the settings that say where the solver stops.
     """
 
     name: str
@@ -152,14 +154,17 @@ class Solver(ABC):
     repeatable: bool = True
     offline: bool = False
     takes_rows: bool = False
+    session: type[Session]
+    accuracies: tuple[str, ...] = ()
 
-    @abstractmethod
     def open(self, shape: Shape) -> Session:
         """A session for QPs of this shape.
 
         Raises:
             SolverMissing: the back end is not installed.
         """
+        self.require()
+        return self.session(self, shape)
 
     def available(self) -> bool:
         """Whether the back end is installed; nothing is imported to find out."""
@@ -194,5 +199,4 @@ class Solver(ABC):
 
     def _stopping_at(self, tolerance: float) -> Self:
         """These settings with another accuracy; themselves where a solver can be asked for none."""
-        del tolerance
-        return self
+        return replace(self, **dict.fromkeys(self.accuracies, tolerance)) if self.accuracies else self  # type: ignore[type-var]

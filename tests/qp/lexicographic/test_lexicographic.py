@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import wbc
 from tests.qp.lexicographic.hierarchies import random_hierarchy, recursion, residuals, stationarity
 from wbc.errors import InvalidProblem
-from wbc.qp.solvers.daqp_ import INFINITY
+from wbc.qp.solvers.kept import INFINITY
 from wbc.types import Status
 
 SEEDS = st.integers(0, 10**6)

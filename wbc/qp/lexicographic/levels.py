@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.qp.certificate import Certificate
+from wbc.qp.certificate import Bounds, Certificate
 from wbc.qp.lexicographic.compiled import rank
 from wbc.qp.lexicographic.compiled.rank import (
     AT_ONCE,
@@ -232,37 +232,12 @@ class Report:
         """The worst number of each kind among the levels that were decided, and the bounds of all tasks."""
         primal, distance = self._numbers.item(0), self._numbers.item(1)
         if self._proof is None:
-            return Certificate(primal, 0.0, 0.0, 1.0, 1.0, -1, distance, 0.0, _Bounds(self))
+            return Certificate(primal, 0.0, 0.0, 1.0, 1.0, -1, distance, 0.0, Bounds(self._bounds))
         worst, dual, gap, scale_dual, scale_gap, _, far, slope, _ = self._proof()
         primal, distance = max(worst, primal), max(far, distance)
-        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, slope, _Bounds(self))
+        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, slope, Bounds(self._bounds))
 
-
-@final
-class _Bounds(Mapping[str, float]):
-    """The bounds of the tasks of all levels, the lowest level's where one is in several."""
-
-    __slots__ = ("_made", "_report")
-
-    def __init__(self, report: Report) -> None:
-        self._report = report
-        self._made: Mapping[str, float] | None = None
-
-    @property
-    def _all(self) -> Mapping[str, float]:
-        if self._made is None:
-            proofs = [outcome.certificate for outcome in self._report() if outcome.how != NOT_OPTIMISED]
-            self._made = ChainMap(*(dict(proof.bounds) for proof in reversed(proofs)))
-        return self._made
-
-    def __getitem__(self, name: str) -> float:
-        return self._all[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._all)
-
-    def __len__(self) -> int:
-        return len(self._all)
-
-    def __repr__(self) -> str:
-        return repr({name: float(f"{bound:.3g}") for name, bound in self.items()})
+    def _bounds(self) -> Mapping[str, float]:
+        """The bounds of the tasks of all levels, the lowest level's where one is in several."""
+        proofs = [outcome.certificate for outcome in self() if outcome.how != NOT_OPTIMISED]
+        return ChainMap(*(dict(proof.bounds) for proof in reversed(proofs)))

@@ -126,13 +126,9 @@ class LexicographicSolver(RowSolver):
             return np.zeros(n_eq), np.zeros(n_in), np.zeros(n)
         return self.levels.multipliers()
 
-    @property
-    def active_count(self) -> int:
-        if self._weighed and self._leave is not None:
-            return self._leave.active_count
-        return len(self.levels.active()[0])
-
     def working_set(self) -> tuple[Index, Vec]:
+        if self._weighed and self._leave is not None:
+            return self._leave.working_set()
         items, side = self.levels.active()
         return np.where(items < self.problem.n, items, items - self._more), side
 

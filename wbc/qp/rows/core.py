@@ -133,10 +133,6 @@ class CoreSolver(RowSolver):
         p, push = self.problem, self.problem.unit * self.push
         return np.concatenate([push[p.base], push[p.equal]]), push[p.range], p.unit * self.z / p.scale
 
-    @property
-    def active_count(self) -> int:
-        return int(np.count_nonzero(self._side[: self._bounded]))
-
 
 def fits_rows(problem: RowProblem) -> bool:
     """Whether the row form is right and pays.

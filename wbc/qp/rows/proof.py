@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import final
 
-from wbc.qp.certificate import Certificate
+from wbc.qp.certificate import Bounds, Certificate
 from wbc.qp.rows.problem import RowProblem
 from wbc.types import Vec
 
@@ -24,33 +24,12 @@ class Proof:
 
     def __call__(self) -> Certificate:
         primal, dual, gap, scale_dual, scale_gap, distance, spread = self._numbers[:NUMBERS].tolist()
-        bounds = Bounds(spread, self._numbers[NUMBERS:], self._owners)
-        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, bounds)
+        reach = self._numbers[NUMBERS:]  # how far a row moves per unit of ``spread``
 
+        def bounds() -> Mapping[str, float]:
+            return {name: spread * float(reach[rows].max(initial=0.0)) for name, rows in self._owners.items()}
 
-@final
-class Bounds(Mapping[str, float]):
-    """How far each task can be from its optimum [unit of the task]; computed when it is read.
-
-    ``reach`` (rows,) is how far a row moves per unit of ``spread``; ``owners`` says whose row it is.
-    """
-
-    __slots__ = ("_owners", "_reach", "_spread")
-
-    def __init__(self, spread: float, reach: Vec, owners: Mapping[str, list[int]]) -> None:
-        self._spread, self._reach, self._owners = spread, reach, owners
-
-    def __getitem__(self, name: str) -> float:
-        return self._spread * float(self._reach[self._owners[name]].max(initial=0.0))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._owners)
-
-    def __len__(self) -> int:
-        return len(self._owners)
-
-    def __repr__(self) -> str:
-        return repr({name: float(f"{bound:.3g}") for name, bound in self.items()})
+        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, Bounds(bounds))
 
 
 def owners_of(p: RowProblem) -> dict[str, list[int]]:

@@ -95,10 +95,11 @@ class RowSolver(ABC):
         names = [p.rows[p.n_rows + i] if i < p.n else p.rows[i - p.first_row] for i in items.tolist()]
         return zip(names, side.tolist(), strict=True)
 
+    @final
     @property
-    @abstractmethod
     def active_count(self) -> int:
         """How many rows and bounds hold with equality, equalities apart."""
+        return len(self.working_set()[0])
 
     @property
     def answered(self) -> RowProblem:

@@ -75,9 +75,9 @@ class StandardSolver(RowSolver):
             return np.full(n_eq, np.nan), np.full(n_in, np.nan), np.full(n, np.nan)
         return self.solution.y, self.solution.z, self.solution.z_box
 
-    def active(self) -> tuple[Index, Vec]:
+    def working_set(self) -> tuple[Index, Vec]:
         """Items whose multiplier exceeds the distance to the bound that it pushes on, and the side of that."""
-        if self.solution is None:
+        if self.solution is None or not self.certificate.primal < TOLERANCE:
             return np.zeros(0, np.intp), np.zeros(0)
         p = self.problem
         force = np.concatenate([self.solution.z_box * p.scale, self.solution.z]) / p.unit
@@ -86,7 +86,3 @@ class StandardSolver(RowSolver):
         room = np.where(side > 0.0, p.upper[items] - value, value - p.lower[items])
         held = np.abs(force) > np.maximum(room, 0.0)
         return items[held], side[held]
-
-    @property
-    def active_count(self) -> int:
-        return len(self.active()[0]) if self.certificate.primal < TOLERANCE else 0

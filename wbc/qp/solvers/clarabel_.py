@@ -5,8 +5,8 @@ Goulart, Chen: Clarabel: an interior-point solver for conic programs with quadra
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Self, final
+from dataclasses import dataclass
+from typing import Any, final
 
 import numpy as np
 
@@ -26,38 +26,6 @@ STATUS = {
     "DualInfeasible": Status.UNBOUNDED,
     "AlmostDualInfeasible": Status.UNBOUNDED,
 }
-
-
-@final
-@dataclass(frozen=True)
-class Clarabel(Solver):
-    """Settings of Clarabel.
-
-    Args:
-        tol: feasibility and gap at which it stops, absolute and relative.
-        max_iter: iterations before it gives up.
-
-    Raises:
-        InvalidInput: a setting out of its range.
-    """
-
-    name = "clarabel"
-    requires = ("clarabel",)
-    package = "clarabel"
-
-    tol: float = ACCURACY
-    max_iter: int = 200
-
-    def __post_init__(self) -> None:
-        checks.number("tol", self.tol, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)
-
-    def open(self, shape: Shape) -> ClarabelSession:
-        self.require()
-        return ClarabelSession(self, shape)
-
-    def _stopping_at(self, tolerance: float) -> Self:
-        return replace(self, tol=tolerance)
 
 
 @final
@@ -105,3 +73,30 @@ class ClarabelSession(KeptSession):
         if status in (Status.INFEASIBLE, Status.UNBOUNDED):
             return Answer.none(qp.shape, status, iterations)
         return Answer(status, np.array(result.x), *self._form.multipliers(np.array(result.z)), iterations)
+
+
+@final
+@dataclass(frozen=True)
+class Clarabel(Solver):
+    """Settings of Clarabel.
+
+    Args:
+        tol: feasibility and gap at which it stops, absolute and relative.
+        max_iter: iterations before it gives up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+    """
+
+    name = "clarabel"
+    requires = ("clarabel",)
+    package = "clarabel"
+    session = ClarabelSession
+    accuracies = ("tol",)
+
+    tol: float = ACCURACY
+    max_iter: int = 200
+
+    def __post_init__(self) -> None:
+        checks.number("tol", self.tol, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)

@@ -14,10 +14,9 @@ import numpy as np
 from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import KeptSession
+from wbc.qp.solvers.kept import INFINITY, KeptSession
 from wbc.types import Status
 
-INFINITY = 1e30
 EQUALITY = 5
 
 STATUS = {
@@ -27,52 +26,6 @@ STATUS = {
     -4: Status.MAX_ITERATIONS,
     -6: Status.INFEASIBLE,  # the equalities alone contradict each other
 }
-
-
-@final
-@dataclass(frozen=True)
-class Daqp(Solver):
-    """Settings of DAQP.
-
-    Args:
-        primal_tol: how far a row may be violated [unit of the row]. Far below what is asked: it costs nothing.
-        eps_prox: weight of the proximal terms where H is singular; negative: only there.
-        eta_prox: change of x at which proximal steps end. Both defaults reach 1e-8 where DAQP's own reach 1e-6.
-        max_iter: changes of the active set before it gives up.
-
-    Raises:
-        InvalidInput: a setting out of its range.
-
-    Example:
-        >>> from wbc.qp import QP
-        >>> Daqp(max_iter=200).solve(QP([[1.0]], [-3.0], ub=[2.0])).x
-        array([2.])
-    """
-
-    name = "daqp"
-    requires = ("daqp",)
-    package = "daqp"
-
-    primal_tol: float = 1e-10
-    eps_prox: float = -1e-4
-    eta_prox: float = 1e-10
-    max_iter: int = 10_000
-
-    def __post_init__(self) -> None:
-        checks.number("primal_tol", self.primal_tol, low=0.0, strict=True)
-        checks.number("eps_prox", self.eps_prox)
-        checks.number("eta_prox", self.eta_prox, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)
-
-    def open(self, shape: Shape) -> DaqpSession:
-        self.require()
-        return DaqpSession(self, shape)
-
-    def _stopping_at(self, tolerance: float) -> Self:
-        # Its steps end at a vertex: less accuracy would save nothing.
-        return replace(
-            self, primal_tol=min(self.primal_tol, 0.1 * tolerance), eta_prox=min(self.eta_prox, 0.01 * tolerance)
-        )
 
 
 @final
@@ -127,3 +80,46 @@ class DaqpSession(KeptSession):
         force = np.array(info["lam"])
         force[n:] *= self._share
         return Answer(status, np.array(x), force[n : n + n_eq], force[n + n_eq :], force[:n], iterations)
+
+
+@final
+@dataclass(frozen=True)
+class Daqp(Solver):
+    """Settings of DAQP.
+
+    Args:
+        primal_tol: how far a row may be violated [unit of the row]. Far below what is asked: it costs nothing.
+        eps_prox: weight of the proximal terms where H is singular; negative: only there.
+        eta_prox: change of x at which proximal steps end. Both defaults reach 1e-8 where DAQP's own reach 1e-6.
+        max_iter: changes of the active set before it gives up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+
+    Example:
+        >>> from wbc.qp import QP
+        >>> Daqp(max_iter=200).solve(QP([[1.0]], [-3.0], ub=[2.0])).x
+        array([2.])
+    """
+
+    name = "daqp"
+    requires = ("daqp",)
+    package = "daqp"
+    session = DaqpSession
+
+    primal_tol: float = 1e-10
+    eps_prox: float = -1e-4
+    eta_prox: float = 1e-10
+    max_iter: int = 10_000
+
+    def __post_init__(self) -> None:
+        checks.number("primal_tol", self.primal_tol, low=0.0, strict=True)
+        checks.number("eps_prox", self.eps_prox)
+        checks.number("eta_prox", self.eta_prox, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)
+
+    def _stopping_at(self, tolerance: float) -> Self:
+        # Its steps end at a vertex: less accuracy would save nothing.
+        return replace(
+            self, primal_tol=min(self.primal_tol, 0.1 * tolerance), eta_prox=min(self.eta_prox, 0.01 * tolerance)
+        )

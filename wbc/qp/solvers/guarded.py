@@ -1,31 +1,29 @@
 """Guarded: any solver in a process of its own, under a time limit.
 
-A back end that hangs in C cannot be stopped from the process it hangs in. Here it runs in another one: numbers go there
-and back as bytes through a pipe, an answer that is not there in time is none, and the process is ended and replaced.
+A back end that hangs in C cannot be stopped from the process it hangs in. Here it runs in the one worker of a pool: an
+answer that is not there in time is none, and the pool is ended and replaced.
 """
 
 from __future__ import annotations
 
 import multiprocessing
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
+from multiprocessing.pool import AsyncResult
 from typing import Any, final
 
-import numpy as np
-
 from wbc import checks
-from wbc.errors import WbcError
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
-from wbc.types import Status, Vec
+from wbc.types import Mat, Status, Vec
 
-_STATUSES = tuple(Status)
+#: In the worker: its session, and the problem whose numbers arrive.
+_HERE: dict[str, Any] = {}
 
 
 @final
 @dataclass(frozen=True)
 class Guarded(Solver):
-    """``solver`` in a process of its own. Costs a tenth of a millisecond; opening it takes the start of a process.
+    """``solver`` in a process of its own. Costs some tenths of a millisecond; opening it takes the start of a process.
 
     Args:
         solver: what to run there.
@@ -58,83 +56,56 @@ class Guarded(Solver):
 
 @final
 class GuardedSession(Session):
-    """The process and the pipe to it. ``ended`` counts the processes that did not answer in time."""
+    """The pool of one worker. ``ended`` counts the processes that did not answer in time."""
 
     def __init__(self, solver: Guarded, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._inner, self._seconds = solver.solver, solver.seconds
-        self._context = multiprocessing.get_context("spawn")
-        self._ready = False
         self.ended = 0
         self._start()
-        self._pipe.poll(60.0)  # while building there is time; in a solve nobody waits for a process to start
+        self._ready.wait(60.0)  # while building there is time; in a solve nobody waits for a process to start
 
     def _start(self) -> None:
-        self._pipe, other = self._context.Pipe()
-        self._process = self._context.Process(target=_serve, args=(other, self._inner, self.shape), daemon=True)
-        self._process.start()
-        other.close()
-        self._ready = False
-
-    def _stands_ready(self) -> bool:
-        if not self._ready and self._pipe.poll():
-            self._ready = self._pipe.recv_bytes() == b"ready"
-        return self._ready
+        self._pool = multiprocessing.get_context("spawn").Pool(1, _open, (self._inner, self.shape))
+        self._ready: AsyncResult[int] = self._pool.apply_async(len, ((),))
 
     def _solve(self, qp: QP) -> Answer:
+        none = Answer.none(self.shape, Status.FAILED)
+        if not self._ready.ready():
+            return none
         try:
-            if self._stands_ready():
-                self._pipe.send_bytes(_numbers(qp).tobytes())
-                if self._pipe.poll(self._seconds):
-                    return self._answer(np.frombuffer(self._pipe.recv_bytes()))
-            elif self._process.is_alive():
-                return Answer.none(self.shape, Status.FAILED)
-        except (OSError, EOFError):  # it died
-            pass
-        self.ended += 1
-        self.close()
-        self._start()
-        return Answer.none(self.shape, Status.FAILED)
-
-    def _answer(self, numbers: Vec) -> Answer:
-        n, n_eq, n_in = self.shape
-        x, y, z, z_box = np.split(numbers[2:].copy(), np.cumsum([n, n_eq, n_in]))
-        return Answer(_STATUSES[int(numbers[0])], x, y, z, z_box, int(numbers[1]))
+            return self._pool.apply_async(_answered, _numbers(qp)).get(self._seconds)
+        except multiprocessing.TimeoutError:  # it hangs, or it died
+            self.ended += 1
+            self.close()
+            self._start()
+        except Exception:  # whatever the back end raises, there is no answer
+            return none
+        return none
 
     def close(self) -> None:
         """End the process."""
-        self._process.kill()
-        self._process.join()
-        self._pipe.close()
+        self._pool.terminate()
+        self._pool.join()
 
     def __del__(self) -> None:
-        if getattr(self, "_process", None) is not None and self._process.is_alive():
-            self.close()
+        if hasattr(self, "_pool"):
+            self._pool.terminate()
 
 
-def _numbers(qp: QP) -> Vec:
-    return np.concatenate([part.ravel() for part in (qp.H, qp.g, qp.matrix, qp.lower, qp.upper, qp.lb, qp.ub)])
+def _numbers(qp: QP) -> tuple[Mat | Vec, ...]:
+    return qp.H, qp.g, qp.matrix, qp.lower, qp.upper, qp.lb, qp.ub
 
 
-def _serve(pipe: Connection[Any, Any], solver: Solver, shape: Shape) -> None:
-    """Answer one problem after the other until the pipe ends."""
-    session, qp = solver.open(shape), QP.empty(shape)
-    parts = (qp.H, qp.g, qp.matrix, qp.lower, qp.upper, qp.lb, qp.ub)
-    ends = np.cumsum([part.size for part in parts])
-    pipe.send_bytes(b"ready")
-    while True:
-        try:
-            numbers = np.frombuffer(pipe.recv_bytes())
-        except EOFError:
-            return
-        for part, values in zip(parts, np.split(numbers, ends[:-1]), strict=True):
-            part.flat[:] = values
-        try:
-            found = session.solve(qp)
-        except (WbcError, ValueError, ArithmeticError):
-            empty = Answer.none(shape, Status.FAILED)
-            status, iterations, vectors = Status.FAILED, 0, [empty.x, empty.y, empty.z, empty.z_box]
-        else:
-            status, iterations, vectors = found.status, found.iterations, [found.x, found.y, found.z, found.z_box]
-        head = [float(_STATUSES.index(status)), float(iterations)]
-        pipe.send_bytes(np.concatenate([head, *vectors]).tobytes())
+def _open(solver: Solver, shape: Shape) -> None:
+    """What the worker begins with."""
+    _HERE.update(session=solver.open(shape), qp=QP.empty(shape))
+
+
+def _answered(*numbers: Mat | Vec) -> Answer:
+    """The worker's answer to the problem of these numbers."""
+    qp = _HERE["qp"]
+    for part, values in zip(_numbers(qp), numbers, strict=True):
+        part[:] = values
+    found = _HERE["session"].solve(qp)
+    return Answer(found.status, found.x, found.y, found.z, found.z_box, found.iterations)

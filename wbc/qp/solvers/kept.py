@@ -13,6 +13,9 @@ from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.types import Index, Mat, Status, Vec
 
+#: What back ends in C take for no bound.
+INFINITY = 1e30
+
 
 class KeptSession(Session):
     """A session around a workspace of its back end.

@@ -6,19 +6,17 @@ Programming Computation 12, 2020.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Self, final
+from dataclasses import dataclass
+from typing import Any, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import KeptSession, Pattern
+from wbc.qp.solvers.kept import INFINITY, KeptSession, Pattern
 from wbc.tolerances import ACCURACY
 from wbc.types import Status
-
-INFINITY = 1e30
 
 STATUS = {
     "OSQP_SOLVED": Status.SOLVED,
@@ -29,41 +27,6 @@ STATUS = {
     "OSQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
     "OSQP_DUAL_INFEASIBLE_INACCURATE": Status.UNBOUNDED,
 }
-
-
-@final
-@dataclass(frozen=True)
-class Osqp(Solver):
-    """Settings of OSQP. Its own defaults (1e-3) break limits visibly.
-
-    Args:
-        eps_abs: residuals at which it stops.
-        max_iter: iterations before it gives up.
-        polishing: solve once more with the rows that came out active held exactly; OSQP prints a line wherever
-            none is, so it is off.
-
-    Raises:
-        InvalidInput: a setting out of its range.
-    """
-
-    name = "osqp"
-    requires = ("osqp",)
-    package = "osqp"
-
-    eps_abs: float = ACCURACY
-    max_iter: int = 20_000
-    polishing: bool = False
-
-    def __post_init__(self) -> None:
-        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)
-
-    def open(self, shape: Shape) -> OsqpSession:
-        self.require()
-        return OsqpSession(self, shape)
-
-    def _stopping_at(self, tolerance: float) -> Self:
-        return replace(self, eps_abs=tolerance)
 
 
 @final
@@ -121,3 +84,33 @@ class OsqpSession(KeptSession):
             return Answer.none(qp.shape, status, iterations)
         m, n_eq, force = len(qp.lower), qp.n_eq, np.array(result.y)
         return Answer(status, np.array(result.x), force[:n_eq], force[n_eq:m], force[m:], iterations)
+
+
+@final
+@dataclass(frozen=True)
+class Osqp(Solver):
+    """Settings of OSQP. Its own defaults (1e-3) break limits visibly.
+
+    Args:
+        eps_abs: residuals at which it stops.
+        max_iter: iterations before it gives up.
+        polishing: solve once more with the rows that came out active held exactly; OSQP prints a line wherever
+            none is, so it is off.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+    """
+
+    name = "osqp"
+    requires = ("osqp",)
+    package = "osqp"
+    session = OsqpSession
+    accuracies = ("eps_abs",)
+
+    eps_abs: float = ACCURACY
+    max_iter: int = 20_000
+    polishing: bool = False
+
+    def __post_init__(self) -> None:
+        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)

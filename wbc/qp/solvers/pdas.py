@@ -16,28 +16,8 @@ import numpy as np
 
 from wbc.qp.answer import Answer
 from wbc.qp.certificate import Certificate
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Session, Solver
-
-
-@final
-@dataclass(frozen=True)
-class Pdas(Solver):
-    """The default solver. It has no settings, asks no other one, and solves a tick of a controller from its rows.
-
-    Example:
-        >>> from wbc.qp import QP
-        >>> qp = QP([[1.0]], [-3.0], ub=[2.0])
-        >>> session = Pdas().open(qp.shape)
-        >>> session.solve(qp).x, session.solve(qp).x, session.counts
-        (array([2.]), array([2.]), Counts(first=1, repaired=1, fallback=0))
-    """
-
-    name = "pdas"
-    takes_rows = True
-
-    def open(self, shape: Shape) -> PdasSession:
-        return PdasSession(self, shape)
 
 
 @final
@@ -55,3 +35,21 @@ class PdasSession(Session):
 
     def _improved(self, qp: QP, answer: Answer, proof: Certificate) -> tuple[Answer, Certificate]:
         return self._onwards(qp, answer, proof)
+
+
+@final
+@dataclass(frozen=True)
+class Pdas(Solver):
+    """The default solver. It has no settings, asks no other one, and solves a tick of a controller from its rows.
+
+    Example:
+        >>> from wbc.qp import QP
+        >>> qp = QP([[1.0]], [-3.0], ub=[2.0])
+        >>> session = Pdas().open(qp.shape)
+        >>> session.solve(qp).x, session.solve(qp).x, session.counts
+        (array([2.]), array([2.]), Counts(first=1, repaired=1, fallback=0))
+    """
+
+    name = "pdas"
+    takes_rows = True
+    session = PdasSession

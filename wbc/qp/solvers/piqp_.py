@@ -5,8 +5,8 @@ Schwan, Jiang, Kuhn, Jones: PIQP: a proximal interior-point quadratic programmin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Self, final
+from dataclasses import dataclass
+from typing import Any, final
 
 import numpy as np
 
@@ -23,38 +23,6 @@ STATUS = {
     "PIQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
     "PIQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
 }
-
-
-@final
-@dataclass(frozen=True)
-class Piqp(Solver):
-    """Settings of PIQP.
-
-    Args:
-        eps_abs: residuals at which it stops, and the duality gap.
-        max_iter: iterations before it gives up.
-
-    Raises:
-        InvalidInput: a setting out of its range.
-    """
-
-    name = "piqp"
-    requires = ("piqp",)
-    package = "piqp"
-
-    eps_abs: float = ACCURACY
-    max_iter: int = 250
-
-    def __post_init__(self) -> None:
-        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)
-
-    def open(self, shape: Shape) -> PiqpSession:
-        self.require()
-        return PiqpSession(self, shape)
-
-    def _stopping_at(self, tolerance: float) -> Self:
-        return replace(self, eps_abs=tolerance)
 
 
 @final
@@ -103,3 +71,30 @@ class PiqpSession(KeptSession):
         z[self._bounded] = result.z_u - result.z_l
         z_box -= result.z_bl
         return Answer(status, np.array(result.x), np.array(result.y), z, z_box, iterations)
+
+
+@final
+@dataclass(frozen=True)
+class Piqp(Solver):
+    """Settings of PIQP.
+
+    Args:
+        eps_abs: residuals at which it stops, and the duality gap.
+        max_iter: iterations before it gives up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+    """
+
+    name = "piqp"
+    requires = ("piqp",)
+    package = "piqp"
+    session = PiqpSession
+    accuracies = ("eps_abs",)
+
+    eps_abs: float = ACCURACY
+    max_iter: int = 250
+
+    def __post_init__(self) -> None:
+        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)

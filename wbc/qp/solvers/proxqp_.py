@@ -6,19 +6,17 @@ for real-time robotics applications and beyond, 2023.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Self, final
+from dataclasses import dataclass
+from typing import Any, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import KeptSession
+from wbc.qp.solvers.kept import INFINITY, KeptSession
 from wbc.tolerances import ACCURACY
 from wbc.types import Status, Vec
-
-INFINITY = 1e20
 
 STATUS = {
     "PROXQP_SOLVED": Status.SOLVED,
@@ -26,47 +24,6 @@ STATUS = {
     "PROXQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
     "PROXQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
 }
-
-
-@final
-@dataclass(frozen=True)
-class ProxQp(Solver):
-    """Settings of ProxQP. Its own defaults (1e-5) are too coarse for torques.
-
-    Args:
-        eps_abs: residuals at which it stops.
-        max_iter: outer iterations before it gives up.
-        max_iter_in: inner iterations in each of these. At its own 1500 it may take half a minute to give up.
-
-    Raises:
-        InvalidInput: a setting out of its range.
-
-    Example:
-        >>> from wbc.qp import QP
-        >>> ProxQp().solve(QP([[1.0]], [-3.0], ub=[2.0])).status.name
-        'SOLVED'
-    """
-
-    name = "proxqp"
-    requires = ("proxsuite",)
-    package = "proxsuite"
-    repeatable = False  # its sums depend on where its memory lies
-
-    eps_abs: float = ACCURACY
-    max_iter: int = 100
-    max_iter_in: int = 50
-
-    def __post_init__(self) -> None:
-        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)
-        checks.number("max_iter_in", self.max_iter_in, low=1)
-
-    def open(self, shape: Shape) -> ProxQpSession:
-        self.require()
-        return ProxQpSession(self, shape)
-
-    def _stopping_at(self, tolerance: float) -> Self:
-        return replace(self, eps_abs=tolerance)
 
 
 @final
@@ -112,6 +69,42 @@ class ProxQpSession(KeptSession):
             return Answer.none(qp.shape, status, iterations)
         n_in, z = self.shape.n_in, np.array(results.z)
         return Answer(status, np.array(results.x), np.array(results.y), z[:n_in], z[n_in:], iterations)
+
+
+@final
+@dataclass(frozen=True)
+class ProxQp(Solver):
+    """Settings of ProxQP. Its own defaults (1e-5) are too coarse for torques.
+
+    Args:
+        eps_abs: residuals at which it stops.
+        max_iter: outer iterations before it gives up.
+        max_iter_in: inner iterations in each of these. At its own 1500 it may take half a minute to give up.
+
+    Raises:
+        InvalidInput: a setting out of its range.
+
+    Example:
+        >>> from wbc.qp import QP
+        >>> ProxQp().solve(QP([[1.0]], [-3.0], ub=[2.0])).status.name
+        'SOLVED'
+    """
+
+    name = "proxqp"
+    requires = ("proxsuite",)
+    package = "proxsuite"
+    repeatable = False  # its sums depend on where its memory lies
+    session = ProxQpSession
+    accuracies = ("eps_abs",)
+
+    eps_abs: float = ACCURACY
+    max_iter: int = 100
+    max_iter_in: int = 50
+
+    def __post_init__(self) -> None:
+        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
+        checks.number("max_iter", self.max_iter, low=1)
+        checks.number("max_iter_in", self.max_iter_in, low=1)
 
 
 def _bounded(values: Vec) -> Vec:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -61,49 +61,6 @@ BACKENDS = {
 
 
 @final
-@dataclass(frozen=True)
-class QpSolvers(Solver):
-    """A back end of the qpsolvers package, by its name there.
-
-    Offline: the problem is built anew at each call, and what ``accuracy`` means is the back end's own matter.
-
-    Raises:
-        UnknownSolver: no such back end.
-        InvalidInput: an accuracy that is not positive.
-
-    Example:
-        >>> QpSolvers("highs").offline
-        True
-    """
-
-    offline = True
-
-    name: str
-    accuracy: float = ACCURACY
-
-    def __post_init__(self) -> None:
-        checks.number("accuracy", self.accuracy, low=0.0, strict=True)
-        if self.name not in BACKENDS:
-            raise UnknownSolver(self.name, BACKENDS)
-        backend = BACKENDS[self.name]
-        object.__setattr__(self, "requires", ("qpsolvers", backend.module))
-        object.__setattr__(self, "package", f"qpsolvers {backend.package}")
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """What the back end is told."""
-        backend = BACKENDS[self.name]
-        return dict.fromkeys(backend.tolerances, self.accuracy) | dict(backend.others)
-
-    def open(self, shape: Shape) -> QpSolversSession:
-        self.require()
-        return QpSolversSession(self, shape)
-
-    def _stopping_at(self, tolerance: float) -> Self:
-        return replace(self, accuracy=tolerance)
-
-
-@final
 class QpSolversSession(Session):
     """Nothing is kept."""
 
@@ -133,6 +90,44 @@ class QpSolversSession(Session):
         y, z_box = _vector(found.y, qp.n_eq), _vector(found.z_box, qp.n)
         status = Status.SOLVED if found.found else Status.FAILED  # the best it has may still pass the certificate
         return Answer(status, np.array(found.x), y, z, z_box, 0, build_time + (found.build_time or 0.0))
+
+
+@final
+@dataclass(frozen=True)
+class QpSolvers(Solver):
+    """A back end of the qpsolvers package, by its name there.
+
+    Offline: the problem is built anew at each call, and what ``accuracy`` means is the back end's own matter.
+
+    Raises:
+        UnknownSolver: no such back end.
+        InvalidInput: an accuracy that is not positive.
+
+    Example:
+        >>> QpSolvers("highs").offline
+        True
+    """
+
+    offline = True
+    session = QpSolversSession
+    accuracies = ("accuracy",)
+
+    name: str
+    accuracy: float = ACCURACY
+
+    def __post_init__(self) -> None:
+        checks.number("accuracy", self.accuracy, low=0.0, strict=True)
+        if self.name not in BACKENDS:
+            raise UnknownSolver(self.name, BACKENDS)
+        backend = BACKENDS[self.name]
+        object.__setattr__(self, "requires", ("qpsolvers", backend.module))
+        object.__setattr__(self, "package", f"qpsolvers {backend.package}")
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What the back end is told."""
+        backend = BACKENDS[self.name]
+        return dict.fromkeys(backend.tolerances, self.accuracy) | dict(backend.others)
 
 
 def _vector(values: Any, size: int) -> Vec:

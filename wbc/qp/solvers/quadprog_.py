@@ -19,21 +19,6 @@ from wbc.types import Status
 
 
 @final
-@dataclass(frozen=True)
-class Quadprog(Solver):
-    """quadprog has no settings and keeps nothing; it needs a positive definite H."""
-
-    name = "quadprog"
-    requires = ("quadprog",)
-    package = "quadprog"
-    semidefinite = False
-
-    def open(self, shape: Shape) -> QuadprogSession:
-        self.require()
-        return QuadprogSession(self, shape)
-
-
-@final
 class QuadprogSession(Session):
     """Nothing is kept but the list of finite sides."""
 
@@ -58,3 +43,15 @@ class QuadprogSession(Session):
             return Answer.none(qp.shape, status)
         dual = dual if rows else np.empty(0)
         return Answer(Status.SOLVED, x, *form.multipliers(np.array(dual)), int(iterations[0]), build_time)
+
+
+@final
+@dataclass(frozen=True)
+class Quadprog(Solver):
+    """quadprog has no settings and keeps nothing; it needs a positive definite H."""
+
+    name = "quadprog"
+    requires = ("quadprog",)
+    package = "quadprog"
+    semidefinite = False
+    session = QuadprogSession
