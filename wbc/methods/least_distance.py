@@ -30,8 +30,11 @@ from wbc.methods.shared import factors, unit_lengths
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
-from wbc.tolerances import ROUNDING, SHARP
+from wbc.tolerances import NEAR, ROUNDING, SHARP, TINY
 from wbc.types import Mat, Vec
+
+#: Numbers of which a share of 1e-8 is no divisor count as zero.
+NOTHING = TINY / SHARP
 
 
 @final
@@ -85,7 +88,12 @@ def nearest(
         return None
     first, free, length = equations.inverse(right), equations.null, unit_lengths(rows[kept])
     bounded = rows[kept] / length[:, None]
-    start, F = at[kept] / length + bounded @ first, bounded @ free.T
+    start, low, high = at[kept] / length + bounded @ first, lower[kept] / length, upper[kept] / length
+    # u is measured by how far it is from the origin at least, up to √n.
+    outside = max(np.abs(first).max(initial=0.0), (low - start).max(initial=0.0), (start - high).max(initial=0.0))
+    unit = float(outside) if outside > NOTHING else 1.0
+    first, start, low, high = first / unit, start / unit, low / unit, high / unit
+    F = bounded @ free.T
     # What the equations decide nothing moves; the free directions are known to rounding times their condition.
     F[np.linalg.norm(F, axis=1) <= min(ROUNDING * equations.condition, SHARP)] = 0.0
     pull = np.zeros(qp.n) if along is None else root.T @ along
@@ -93,27 +101,33 @@ def nearest(
     if rate <= ROUNDING * np.linalg.norm(pull):  # the equations leave nothing along the direction
         pull, rate = np.zeros(qp.n), 1.0
     pull = pull / rate
-    size = float(np.linalg.norm(first) + ((np.abs(matrix[kept]) @ np.abs(centre)) / length).max(initial=0.0))
-    found = farthest(start, F, lower[kept] / length, upper[kept] / length, free @ pull, terms=size)
+    known = float(np.linalg.norm(first) + ((np.abs(matrix[kept]) @ np.abs(centre)) / length).max(initial=0.0) / unit)
+    found = farthest(start, F, low, high, free @ pull, terms=known)
     if found is None:
         return None
+    u = unit * (first + found.u @ free)
+    x, terms_of_x = centre + root @ u, (np.abs(centre) + np.abs(root) @ np.abs(u)).max()
     # Limits that contradict each other by little in the metric give way to each other; that may be much in x.
-    x = centre + root @ (first + found.u @ free)
-    beyond = np.maximum(matrix @ x - upper, lower - matrix @ x)
-    if (beyond > SHARP * np.linalg.norm(matrix, axis=1) * np.linalg.norm(x)).any():
+    beyond, little = np.maximum(matrix @ x - upper, lower - matrix @ x)[kept], np.linalg.norm(matrix[kept], axis=1)
+    little = np.maximum(terms_of_x * little, TINY)
+    if (beyond > np.maximum(SHARP * little, TINY)).any():
         return None
     push = 2.0 * max(found.push, float(np.linalg.norm(found.u))) if (free @ pull).any() else 0.0
     v, multipliers = found.u, found.multipliers(push)
     if solver is not None and len(v):
         size = float(np.linalg.norm(v)) or 1.0
-        low, high = (found.lower - start) / size, (found.upper - start) / size
-        reduced = QP(np.eye(len(v)), -(push / size) * (free @ pull), C=F, cl=low, cu=high)
+        # A limit that is met to 1e-8 in the metric is met to 1e-7 in x, however far apart weights are.
+        finer = np.where(little > NOTHING, np.maximum(1.0, SHARP / NEAR * (size * unit) * length / little), 1.0)
+        reduced = QP(
+            np.eye(len(v)), -(push / size) * (free @ pull), C=F * finer[:, None],
+            cl=finer * (found.lower - start) / size, cu=finer * (found.upper - start) / size,
+        )  # fmt: skip
         answer = by_name(solver).at(SHARP).open(reduced.shape).solve(reduced)
         if not answer.status.ok:
             raise SolverFailed(by_name(solver).name, answer.status)
-        v, multipliers = size * answer.x, size * answer.z
+        v, multipliers = size * answer.x, size * finer * answer.z
     u, pushed = first + v @ free, np.zeros(len(matrix))
     pushed[kept] = multipliers / length
     pushed[equal] = equations.multipliers(push * pull - u - pushed @ rows)
-    m = len(qp.lower)
-    return Nearest(centre + root @ u, pushed[: qp.n_eq], pushed[qp.n_eq : m], pushed[m:], push / rate)
+    m, pushed = len(qp.lower), unit * pushed
+    return Nearest(centre + unit * (root @ u), pushed[: qp.n_eq], pushed[qp.n_eq : m], pushed[m:], unit * push / rate)

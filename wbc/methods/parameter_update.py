@@ -27,12 +27,12 @@ from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
-from wbc.methods.least_distance import nearest
+from wbc.methods.least_distance import NOTHING, nearest
 from wbc.methods.method import Method
 from wbc.methods.shared import box, metric, root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.tolerances import SHARP, TINY
+from wbc.tolerances import SHARP
 from wbc.types import Mat, Vec
 
 Flags = NDArray[np.bool_]
@@ -146,7 +146,7 @@ class ParameterUpdate(Method):
 
     def _rounding(self) -> float:
         """How far outside the set, in the metric Γ⁻¹, an estimate is by rounding."""
-        return max(TINY, SHARP * float(np.linalg.norm(np.linalg.solve(root(self.gain), self.a_hat))))
+        return max(NOTHING, SHARP * float(np.linalg.norm(np.linalg.solve(root(self.gain), self.a_hat))))
 
     def _on_boundary(self) -> tuple[Flags, Flags, Flags]:
         """Which rows of C, lower and upper bounds â is on: nearer than a share of the terms of their own sums.
