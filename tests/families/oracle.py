@@ -22,6 +22,8 @@ from wbc.types import Mat, Vec
 
 #: Largest violation of a constraint, in its unit.
 FEASIBLE = 1e-6
+#: An optimum farther away than this many units of the unknowns rests on rows that are rounding, and proves nothing.
+FAR = 1e9
 #: What a task may be off by, as a share of one unit and what the task asks for.
 SHARE = 1e-4
 _NONE = np.zeros(0)
@@ -166,7 +168,7 @@ def least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec) -> Optimum | None:
         refined = _refined(F, f, E, e, within[active] / unit, np.concatenate([c.cu[up], -c.cl[low]])[active], x, unit)
         if refined is None:
             continue
-        if c.excess(refined[0]) <= 1e-7 and refined[1]:
+        if c.excess(refined[0]) <= 1e-7 and refined[1] and (np.abs(refined[0]) < FAR * unit).all():
             best = Optimum(refined[0], True)
             break
     return best or (Optimum(x, False) if c.excess(x) <= FEASIBLE else None)
@@ -271,7 +273,11 @@ def judge_scaled(p: Physical) -> Verdict:
             left = task.A @ p.x - task.b
             given_up[at - n] = np.clip(-float((task.w * task.asked) @ left) / length, 0.0, 1.0)
             directions.append(wide._replace(name=f"direction of {task.name}"))
-            shares.append(Rows(f"share of {task.name}", np.eye(n + k)[[at]], np.zeros(1), np.array([length])))
+            # In the unit of the task beside one: any share is right of a task that asks for next to nothing.
+            most = float(np.abs(task.asked).max(initial=0.0))
+            unit = max(most / (1.0 + most), FEASIBLE)
+            row = unit * np.eye(n + k)[[at]]
+            shares.append(Rows(f"share of {task.name}", row, np.zeros(1), np.array([length / unit**2])))
             at += 1
         if directions:
             stages += [directions, shares]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.families import legs, members, robots
+from tests.families import legs, members, odd_robots, robots
 from tests.families.oracle import judge
 from tests.seeds import SEED
 
@@ -25,6 +25,12 @@ def test_no_answer_on_random_trees_of_joints_that_is_called_solved_is_wrong() ->
 
 def test_no_answer_to_a_stack_of_any_members_that_is_called_solved_is_wrong() -> None:
     table = members.run(30, SEED, ticks=6, verbose=True)
+    assert not sum(row["wrong"] + row["uncertified"] for row in table.values()), table
+    assert sum(row["right"] for row in table.values()) >= 1
+
+
+def test_no_answer_of_an_odd_robot_in_a_loop_is_wrong_or_beyond_its_limits() -> None:
+    table = odd_robots.run(12, SEED, ticks=8, verbose=True)
     assert not sum(row["wrong"] + row["uncertified"] for row in table.values()), table
     assert sum(row["right"] for row in table.values()) >= 1
 
@@ -82,3 +88,10 @@ def test_a_contact_that_all_but_does_not_matter_to_a_level_leaves_the_levels_bel
         command = control.tick(1e-3 * tick, q, v)
         assert judge(control, command).word != "wrong"
         q, v = command.q, command.v
+
+
+def test_a_mobile_base_that_nothing_limits_makes_no_tick_of_a_weak_arm_infeasible(tmp_path: Path) -> None:
+    """Its motors cannot stop the arm within its limits: called infeasible and held, though a point lay within all."""
+    for control, decided, _ in odd_robots.ticked(6000034, tmp_path, 3):
+        assert decided.status.ok
+        assert odd_robots.judged(control, decided).word != "wrong"

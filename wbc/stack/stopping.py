@@ -72,7 +72,8 @@ class Stopping:
     do what the policy does, so positions, velocities and torques can be kept together for ever. A decision that leads
     to a state that is not safe is taken back: accelerations are bounded by a box around those of a way to rest, a
     quarter as large each time, and the tick is solved again. Where the torques do not allow the last box, each joint
-    is left the decelerations that still stop it at its limit.
+    is left the decelerations that still stop it at its limit. Where these contradict each other, too, the limits are
+    relaxed; on a robot with joints that nothing limits the first decision stands.
 
     It holds for robots on a fixed base without contacts, whose model, torque limits and states are what they are
     thought to be. The way to rest is computed with ``_MARGIN`` of the torques in hand. Other rows of the stack that
@@ -272,11 +273,20 @@ class Stopping:
             self._share = share
             if not solve():  # nor could it in a narrower box
                 self._just_in_time(state, low, high, lower, upper)
-                solve()
+                if not solve() and not self._may_be_relaxed(low, high):
+                    lower[:], upper[:] = low, high
+                    solve()
                 return
             if share == 0.0 or self._is_safe_after(plan, state):
                 return
             share = 0.25 * share if share > _LEAST_SHARE else 0.0
+
+    def _may_be_relaxed(self, low: Vec, high: Vec) -> bool:
+        """Whether limits bound every joint, so that a problem without an answer may be relaxed; else it has none.
+
+        A mobile base whose drives have no limits is one that they do not.
+        """
+        return any(bool(np.isfinite(pair).all()) for pair in ((low, high), (self._load.lower, self._load.upper)))
 
     def _just_in_time(self, state: RobotState, low: Vec, high: Vec, lower: Vec, upper: Vec) -> None:
         """Of the bounds ``low`` and ``high`` those decelerations, or more, that stop each joint at the limit ahead."""

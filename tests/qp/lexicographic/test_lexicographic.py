@@ -174,3 +174,22 @@ def test_a_hierarchy_with_bounds_alone_is_never_infeasible(solver: str):
     assert (answer.status is Status.SOLVED) <= answer.certificate.ok
     if answer.status is Status.SOLVED:
         np.testing.assert_allclose(answer.x, [0.0], atol=1e-6)
+
+
+@given(n=st.integers(2, 6), seed=SEEDS)
+def test_rounding_in_a_row_that_others_all_but_take_moves_nothing(n: int, seed: int):
+    """A task near a singularity that asks for a hundred: J x + asked σ = asked, then σ least, then x near p.
+
+    J has entries of a ten-millionth of ``asked``, which move their unknowns to their bounds, and others of its last
+    bits, which leave theirs to the last level.
+    """
+    rng = np.random.default_rng(seed)
+    felt = rng.permutation(np.arange(n) < rng.integers(1, n))
+    small, bits = 10.0 ** rng.uniform(-6.5, -4.0, n), 10.0 ** rng.uniform(-20.0, -16.0, n)
+    J = np.where(felt, small, bits) * rng.choice([-1.0, 1.0], n)
+    asked, bound, p = float(rng.uniform(50.0, 200.0)), 10.0 ** rng.uniform(0.0, 3.0), rng.uniform(-0.5, 0.5, n)
+    x, share = np.eye(n + 1)[:n], np.eye(n + 1)[n:]
+    levels = [(np.append(J, asked)[None], [asked], [asked]), (share, [0.0], [0.0]), (x, p, p)]
+    answer = wbc.lexicographic(levels, lb=np.append(np.full(n, -bound), 0.0), ub=np.append(np.full(n, bound), 1.0))
+    assert answer.status is Status.SOLVED
+    np.testing.assert_allclose(answer.x[:n], np.where(felt, np.sign(J) * bound, p), rtol=0, atol=1e-5 * bound)

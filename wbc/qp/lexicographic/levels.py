@@ -76,7 +76,7 @@ class Levels:
             of(n), of(n), of(n), of(n), of(n + 1), of(n), of(n), of(rows, n), of(rows, n), of(n, rows), of(rows),
             of(rows), of(rows), of(long), of(long), of(long), integers(long), of(rows, rows),
             of(n, n), of(long, n), of(n), of(p.n_range, n), of(items), of(items, n), of(items), of(5), of(items),
-            integers(rows), of(rows), of(1), of(1), self._sizes,
+            integers(rows), of(rows), of(1 + rows), of(1), self._sizes,
         )  # fmt: skip
         table, share = np.zeros((count, 6), dtype=np.int64), np.zeros(count)
         table[:, 4:] = share.__array_interface__["data"][0]  # of nothing

@@ -52,10 +52,11 @@ from wbc.qp.lexicographic.compiled.space import (
 from wbc.qp.rows.compiled.equality import reduced
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import place_of, views
-from wbc.tolerances import SHARP
+from wbc.tolerances import NOISE, SHARP
 
 #: Held items depend on others where no more than this share of their length is left: with less, what their bounds are
-#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to the second.
+#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to the second,
+#: or to what rounding leaves of a row that stands above all but its whole length.
 _HELD, _BESIDE = 1e-7, 1e-12
 #: A pull below this share of what it is made of is rounding.
 ROUNDING = 1e-11
@@ -76,6 +77,7 @@ def read_level(at: int) -> None:
             weight = 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
+        w.noise[1 + i] = NOISE * whole * weight
         if i < own:
             reduced(s, s.G[first + i], w.g)
             w.a[i] = w.weigh[i] * (dot(w.g, w.y0, n) + w.g[n])
@@ -132,7 +134,7 @@ def reduce(at: int, rank: int, d: int) -> None:
     w = space(at)
     k = w.sizes[ROWS]
     for i in range(k):
-        w.size[i] = sqrt(dot(w.W[i], w.W[i], d))
+        w.size[i] = max(sqrt(dot(w.W[i], w.W[i], d)), w.noise[1 + i] / _BESIDE)
         w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
     decided = triangular(at, w.A, k, rank, d, w.size, w.order, _BESIDE)
     w.sizes[DECIDED] = rank + decided

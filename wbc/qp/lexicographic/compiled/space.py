@@ -76,7 +76,7 @@ class Space(NamedTuple):
     held: Vec  # (m): the side that the core found for each item
     which: Index  # (k): which of y each row behind those in G is about, −1 − c of u where it is c
     toward: Vec  # (k): where it pulls
-    noise: Vec  # (1): what rounding can make, as a share of the length of a row in the space
+    noise: Vec  # (1 + k): what rounding can make, as a share of the length of a row in the space; of each row of W
     base: Vec  # (1): the length of X in √D y
     sizes: Index  # (16): see below
 
@@ -110,7 +110,7 @@ def space(at: int) -> Space:
         carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
         carray(floats(a[38]), n), carray(floats(a[39]), (m - n, n)), carray(floats(a[40]), m),
         carray(floats(a[41]), (m, n)), carray(floats(a[42]), m), carray(floats(a[43]), 5), carray(floats(a[44]), m),
-        carray(integers(a[45]), k), carray(floats(a[46]), k), carray(floats(a[47]), 1),
+        carray(integers(a[45]), k), carray(floats(a[46]), k), carray(floats(a[47]), 1 + k),
         carray(floats(a[48]), 1), s,
     )  # fmt: skip
 
