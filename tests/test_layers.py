@@ -46,7 +46,7 @@ ARROWS = {
     "tasks": set(),
     "sweep": LOOP | {"control", "sim", "report"},
     "motion": LOOP | {"control", "report", "sim", "tasks"},
-    "cli": LOOP | {"control", "sim", "report", "export", "live", "motion", "sweep", "testing"},
+    "cli": LOOP | {"control", "sim", "report", "export", "live", "motion", "robots", "sweep", "testing"},
     "__main__": {"cli"},
 }
 

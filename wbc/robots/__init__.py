@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from wbc.robots.invariant_filter import ImuNoise as ImuNoise
     from wbc.robots.joint_map import JointMap as JointMap
     from wbc.robots.lerobot import LeRobot as LeRobot
+    from wbc.robots.loop import Loop as Loop
+    from wbc.robots.motor_board import MotorBoard as MotorBoard
+    from wbc.robots.port import Udp as Udp
     from wbc.robots.ros2_control import Ros2Control as Ros2Control
     from wbc.robots.sensors import SENSORS as SENSORS
     from wbc.robots.sensors import EstimatedBase as EstimatedBase
@@ -30,8 +33,11 @@ _HOME = {
     "ImuNoise": "invariant_filter",
     "JointMap": "joint_map",
     "LeRobot": "lerobot",
+    "Loop": "loop",
+    "MotorBoard": "motor_board",
     "Ros2Control": "ros2_control",
     "Sensors": "sensors",
+    "Udp": "port",
     "UnitreeG1": "unitree",
     "UnitreeG1Arms": "unitree",
     "UnitreeGo2": "unitree",

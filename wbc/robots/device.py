@@ -73,6 +73,8 @@ class Order:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
+        if self._sound():
+            return
         size = len(checks.array("q", self.q, (None,)))
         for name in ("q", "dq", "tau", "gravity"):
             object.__setattr__(self, name, checks.each(name, getattr(self, name), size))
@@ -80,10 +82,40 @@ class Order:
             object.__setattr__(self, name, checks.gains(name, getattr(self, name), size))
         checks.number("weight", self.weight, low=0.0, high=1.0)
 
+    def _sound(self) -> bool:
+        """Whether all is as it should be already, as in a loop, where every check costs more than the order."""
+        given = (self.q, self.dq, self.tau, self.kp, self.kd)
+        if not all(type(one) is np.ndarray and one.dtype == np.float64 and one.ndim == 1 for one in given):
+            return False
+        if len({len(one) for one in given}) != 1 or type(self.gravity) is not float or self.gravity != 0.0:
+            return False
+        finite = abs(np.concatenate(given)).max(initial=0.0) < checks.LARGEST
+        return bool(finite and min(self.kp.min(), self.kd.min(), self.weight, 1.0 - self.weight) >= 0.0)
+
     def torque(self, q: Vec, dq: Vec) -> Vec:
         """τ (n,) of a motor that stands at q (n,) and turns with dq (n,)."""
         torque: Vec = self.tau + self.kp * (self.q - q) + self.kd * (self.dq - dq)
         return torque
+
+    def mixed(self, other: Order, share: float) -> Order:
+        """The order whose torques are those of ``other`` by ``share`` in [0, 1], and of this one by the rest."""
+
+        def mean(one: Any, two: Any) -> Any:
+            return (1.0 - share) * one + share * two
+
+        def place(gain: str, name: str) -> Vec:
+            # Two springs are one spring between their ends; without any, what is followed is a position.
+            ours, theirs = (1.0 - share) * getattr(self, gain), share * getattr(other, gain)
+            both, one, two = ours + theirs, getattr(self, name), getattr(other, name)
+            found: Vec = np.where(
+                both > 0.0, (ours * one + theirs * two) / np.where(both > 0.0, both, 1.0), mean(one, two)
+            )
+            return found
+
+        tau, kp, kd, gravity = (mean(getattr(self, n), getattr(other, n)) for n in ("tau", "kp", "kd", "gravity"))
+        return Order(
+            place("kp", "q"), place("kd", "dq"), tau, kp, kd, gravity=gravity, weight=mean(self.weight, other.weight)
+        )
 
 
 class Device(ABC):
@@ -94,6 +126,8 @@ class Device(ABC):
 
     motors: tuple[str, ...]
     rate: float
+    #: Stiffness and damping (n,) with which each motor holds still on its own, modest ones, in the device's units.
+    gains: tuple[Any, Any] = (20.0, 1.0)
     law: ClassVar[str] = "impedance"
     unit: ClassVar[str] = "rad"
     #: Whether the robot adds the torques that gravity asks for to those that it is sent.

@@ -24,7 +24,7 @@ class Ros2Control(Device):
     """A ``forward_command_controller`` of ``ros2_control``, on one ``interface``: "effort" or "position".
 
     ``joints`` is the controller's parameter of that name; ``adds_gravity`` says whether the hardware compensates
-    gravity by itself. Messages are anything that has the fields of the ROS messages.
+    gravity by itself; ``gains`` (stiffness, damping) hold each joint still in a check. Messages are anything that has the fields of the ROS messages.
 
     Example:
         >>> from types import SimpleNamespace
@@ -35,12 +35,19 @@ class Ros2Control(Device):
     """
 
     def __init__(
-        self, joints: Sequence[str], *, interface: str = "effort", rate: float = 500.0, adds_gravity: bool = False
+        self,
+        joints: Sequence[str],
+        *,
+        interface: str = "effort",
+        rate: float = 500.0,
+        adds_gravity: bool = False,
+        gains: tuple[Any, Any] = (20.0, 1.0),
     ) -> None:
         self.motors = checks.names("joints", joints)
         self.law = "torque" if checks.one_of("interface", interface, INTERFACES) == "effort" else "position"  # type: ignore[misc]
         self.rate = checks.number("rate", rate, low=0.0, strict=True)
         self.adds_gravity = adds_gravity  # type: ignore[misc]
+        self.gains = tuple(checks.gains("gains", gain, len(self.motors)) for gain in gains)  # type: ignore[assignment]
 
     def encode(self, order: Order, reading: Reading) -> Vec:
         if self.law == "position":

@@ -203,6 +203,10 @@ _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 _ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
 _WAIST = tuple(f"waist_{name}_joint" for name in ("yaw", "roll", "pitch"))
 _SIDES = ("left", "right")
+#: Those of the makers' example for the robot that hangs, by slot.
+_LEG_KP, _LEG_KD = (60.0, 60.0, 60.0, 100.0, 40.0, 40.0), (1.0, 1.0, 1.0, 2.0, 1.0, 1.0)
+_KP = np.array([*_LEG_KP, *_LEG_KP, 60.0, 40.0, 40.0, *([40.0] * 14)])
+_KD = np.array([*_LEG_KD, *_LEG_KD, *([1.0] * 17)])
 _ARMS = tuple(f"{side}_{name}_joint" for side in _SIDES for name in _ARM)
 
 
@@ -244,6 +248,7 @@ class UnitreeG1(_Humanoid):
 
     motors = (*(f"{side}_{name}_joint" for side in _SIDES for name in _LEG), *_WAIST, *_ARMS)
     index = np.arange(29)
+    gains = (_KP, _KD)
 
 
 @final
@@ -265,6 +270,7 @@ class UnitreeG1Arms(_Humanoid):
         super().__init__(check=check)
         self.motors = (*_ARMS, *(_WAIST if waist else ()))
         self.index = np.array([*range(15, 29), *(range(12, 15) if waist else ())])
+        self.gains = _KP[self.index], _KD[self.index]
 
     def _weigh(self, motors: Any, weight: float) -> None:
         motors["q"][0, WEIGHT_SLOT] = weight
@@ -290,6 +296,7 @@ class UnitreeGo2(Unitree):
     command, state, package = GO_COMMAND, GO_STATE, "unitree_go"
     motors = tuple(f"{leg}_{name}_joint" for leg in ("FR", "FL", "RR", "RL") for name in ("hip", "thigh", "calf"))
     index = np.arange(12)
+    gains = (np.full(12, 40.0), np.full(12, 1.5))
 
     def _empty(self, mode_machine: int, mode_pr: int) -> Any:
         frame = super()._empty(mode_machine, mode_pr)

@@ -1,0 +1,504 @@
+"""Check: proves that what a program takes for a robot's joints are the robot's joints, from what comes back.
+
+    listen    states come, in time, in order and sound
+    frames    what we would send is what the robot takes, motor by motor
+    move      one joint at a time moves by a few degrees; the torques of all joints are compared with the model's
+              (:mod:`wbc.robots.response`): order, sign, gear, unit, offset; and how late orders act
+    turn      the robot is turned by hand about three axes: order of the quaternion, mounting and units of the IMU
+
+Joints that the model cannot tell apart by their torques are moved by hand, one of each kind. What is wrong is one
+sentence each. The base is fixed meanwhile: the robot hangs, or lies on a stand. Not tried on hardware.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol, final
+
+import numpy as np
+import pinocchio
+
+from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
+from wbc.robots import imu_check
+from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.joint_map import UNITS, JointMap
+from wbc.robots.motor_board import MotorBoard, holding_gains
+from wbc.robots.port import Port
+from wbc.robots.response import Candidates, Expected, Mistake, Response
+from wbc.types import Mat, Vec
+
+#: Motions: frequency [Hz], amplitude [rad, m], whole periods that it grows in and that are measured.
+FREQUENCY, AMPLITUDE, GROWS, MEASURED = 2.5, 0.06, 1, 2
+#: A mistake must explain so much more of what was seen than the map as it is does, in units of the cost.
+CONVINCING = 5.0
+#: Orders that act later than this [s], and clocks that differ by more than this share, are findings.
+LATE, DIFFERENT = 0.02, 0.2
+#: How far a robot is turned, and a joint is moved, by hand [rad]; motors give way then to this share of their gains.
+TURN, MOVE, SOFT = 0.35, 0.15, 0.1
+
+
+@final
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong. ``kind``: "silent", "frame", "rate", "stale", "order", "sign", "gear", "unit", "offset",
+    "command", "velocity", "latency", "imu", "unknown"; ``joints`` are those it is about."""
+
+    kind: str
+    sentence: str
+    joints: tuple[str, ...] = ()
+
+
+@final
+@dataclass
+class Checked:
+    """What a check found. ``unproven``: what could not be looked at, and why; ``figures``: rate [Hz], latency [s]."""
+
+    findings: list[Finding] = field(default_factory=list)
+    unproven: list[str] = field(default_factory=list)
+    figures: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+    def add(self, kind: str, sentence: str, joints: tuple[str, ...] = ()) -> None:
+        """Add a finding."""
+        self.findings.append(Finding(kind, sentence, joints))
+
+
+class Hands(Protocol):
+    """Who moves the robot by hand. Both begin something; ``done`` is asked again and again until it is so."""
+
+    def move(self, joint: str) -> None:
+        """Turn a joint by some 10 degrees towards larger angles and hold it there; "": let go."""
+
+    def turn(self, axis: str) -> None:
+        """Turn the base from its rest by some 20 degrees about its own x, y or z axis: right side down, nose down, to
+        the left; and hold it there. "": bring it back."""
+
+    def done(self) -> bool:
+        """Whether it was done."""
+
+
+@final
+class BoardHands:
+    """The hands of a dry run."""
+
+    def __init__(self, board: MotorBoard) -> None:
+        self.board = board
+        self._doing: Iterator[None] = iter(())
+        self._angle = np.zeros(3)
+
+    def move(self, joint: str) -> None:
+        self.board.hand[:] = 0.0
+        if joint:
+            board = self.board
+            k = board.joint_map.joints.index(joint)
+            kp = board.joint_map.gain_from_device(np.broadcast_to(board.device.gains[0], len(board.device.motors)))[k]
+            if board.device.law == "position":
+                kp = holding_gains(board.plant.model)[0][board.plant.model.joint(joint)] / SOFT
+            board.hand[board.plant.model.joint(joint)] = MOVE * SOFT * kp
+        self._doing = iter([None] * 250)
+
+    def turn(self, axis: str) -> None:
+        goal = TURN * np.array([axis == name for name in "xyz"])
+        self._doing = self._turning(self._angle, goal)
+        self._angle = goal
+
+    def _turning(self, start: Vec, goal: Vec) -> Iterator[None]:
+        for share in np.minimum(np.linspace(0.0, 1.2, 150), 1.0):
+            self.board.tilt(pinocchio.exp3((1.0 - share) * start + share * goal))
+            yield
+
+    def done(self) -> bool:
+        return next(self._doing, self) is self
+
+
+class _Moved(NamedTuple):
+    """Positions, velocities, torques and torques that were asked for (N, n), each period; whether it was all of it."""
+
+    q: Mat
+    v: Mat
+    tau: Mat
+    asked: Mat
+    whole: bool
+
+
+@final
+class _Check:
+    def __init__(
+        self, port: Port, robot: RobotModel, device: Device, joint_map: JointMap, hands: Hands | None,
+        progress: Callable[[float], None],
+    ) -> None:  # fmt: skip
+        self.port, self.robot, self.device, self.joint_map = port, robot, device, joint_map
+        self.hands, self.progress = hands, progress
+        self.result = Checked()
+        self.period = 1.0 / device.rate
+        joints = [robot.joint(name) for name in joint_map.joints]
+        if joints != [*range(robot.nj)]:
+            raise InvalidInput("a check needs a map of all joints of the robot, in its order")
+        self.amplitude = AMPLITUDE * UNITS[device.unit]
+        self.reading: Reading | None = None
+        self.attitude: Mat = np.eye(3)
+
+    # ---- listen
+    def listen(self) -> bool:
+        """Whether states come that can be used."""
+        add, times, bad, came, begun = self.result.add, [], "", 0, self.port.clock()
+        while self.port.clock() - begun < 1.0:
+            self.port.sleep(0.5 * self.period)
+            frame = self.port.receive()
+            if frame is None:
+                continue
+            came += 1
+            try:
+                self.reading = self.device.unpack(frame)
+                times.append(self.reading.time)
+            except BadFrame as cause:
+                bad = str(cause)
+        if not came:
+            add("silent", "no state comes: the robot is off, or the topic or the network is another")
+        elif bad:
+            add("frame", f"states are not sound: {bad}")
+        if not times or self.result.findings:
+            return False
+        rate = len(times) / (self.port.clock() - begun)
+        self.result.figures["rate"] = rate
+        steps = np.diff(times)
+        if not np.isnan(times[0]):
+            passed = (times[-1] - times[0]) / (len(times) - 1) * rate
+            if (steps == 0.0).all():
+                add("stale", "states are stale: their time stands still")
+            elif (steps < 0.0).any():
+                add(
+                    "stale",
+                    f"states come out of order: {int((steps < 0).sum())} of {len(steps)} are older than the one before",
+                )
+            elif not 1.0 - DIFFERENT < passed < 1.0 + DIFFERENT:
+                add("rate", f"the robot's clock runs {passed:.3g} times as fast as ours")
+        if not 1.0 - DIFFERENT < rate * self.period < 1.0 + DIFFERENT:
+            add("rate", f"states come at {rate:.0f} Hz, not {self.device.rate:.0f} Hz")
+        return not self.result.findings
+
+    # ---- frames
+    def frames(self) -> bool:
+        """Whether the robot would take what we send, and as it is meant."""
+        now = self._now()
+        n = np.arange(len(now.q)) + 1.0
+        order = Order(now.q + 1e-3 * n, 1e-3 * n, 1e-2 * n, n, 0.1 * n)
+        frame = self.device.encode(order, now)
+        try:
+            taken = self.port.device.decode(frame, now)
+        except BadFrame as cause:
+            self.result.add("frame", f"the robot does not take our frames: {cause}")
+            return False
+        if self.device.law == "impedance":
+            for name in ("q", "dq", "tau", "kp", "kd"):
+                wrong = np.abs(getattr(taken, name) - getattr(order, name)) > 1e-4 * (
+                    1.0 + np.abs(getattr(order, name))
+                )
+                if wrong.any():
+                    motor = self.device.motors[int(wrong.argmax())]
+                    self.result.add("frame", f"our frames say another {name} of {motor} than is meant", (motor,))
+                    return False
+        return True
+
+    def _now(self) -> Reading:
+        assert self.reading is not None, "states come"
+        return self.reading
+
+    # ---- move
+    def _hear(self) -> bool:
+        frame = self.port.receive()
+        if frame is not None:
+            self.reading = self.device.unpack(frame)
+        return frame is not None
+
+    def _send(self, position: Vec, soft: float = 1.0) -> Order:
+        # All that is sent is thought in motors, not in joints: it does not depend on the map.
+        kp, kd = (soft * np.asarray(gain) for gain in self.device.gains)
+        order = Order(position, 0.0, self.support, kp, kd)
+        self.port.send(self.device.encode(order, self._now()))
+        return order
+
+    def _state(self) -> tuple[Vec, Vec]:
+        reading = self._now()
+        torque = self.joint_map.torque_from_device(np.nan_to_num(reading.tau))
+        return self.joint_map.position_from_device(reading.q), torque
+
+    def begin(self) -> bool:
+        """Hold the robot where it is, and take down how it rests."""
+        self.expected = Expected(self.robot, self.attitude)
+        self.rest, _ = self._state()
+        if self._implausible():
+            return False
+        now = self._now()
+        self.still, self.support = now.q, 0.0 if self.device.adds_gravity else np.nan_to_num(now.tau)
+        seen = self._moved(None, 0.5)
+        half = len(seen.q) // 2
+        self.rest, self.weight = seen.q[half:].mean(axis=0), seen.tau[half:].mean(axis=0)
+        return True
+
+    def _implausible(self) -> bool:
+        limits, q = self.robot.limits, self.rest
+        outside = np.maximum(q - limits.q_max, limits.q_min - q)
+        if (outside <= 0.3).all():
+            return False
+        radians = q * np.pi / 180.0
+        if (np.maximum(radians - limits.q_max, limits.q_min - radians) <= 0.3).all() and np.abs(q).max() > 6.3:
+            which = [k for k in range(len(q)) if outside[k] > 0.3]
+            names = tuple(self.robot.joint_names[k] for k in which)
+            who = names[0] if len(names) == 1 else "every joint"
+            self.result.add("unit", f"{who} comes in degrees and is taken for radians", names)
+            return True
+        return False
+
+    def _moved(self, motor: int | None, seconds: float) -> _Moved:
+        """What comes back while a motor swings; it ends early where that motor runs away."""
+        joint_map, rows = self.joint_map, []
+        for k in range(round(seconds / self.period)):
+            t, position = k * self.period, self.still.copy()
+            if motor is not None:
+                position[motor] += self.amplitude * min(1.0, t * FREQUENCY / GROWS) * np.sin(2.0 * np.pi * FREQUENCY * t)
+            order = self._send(position)
+            self.port.sleep(self.period)
+            self._hear()
+            reading = self._now()
+            asked = order.torque(reading.q, np.nan_to_num(reading.dq))
+            q, tau = self._state()
+            rows.append((q, joint_map.velocity_from_device(np.nan_to_num(reading.dq)), tau, joint_map.torque_from_device(asked)))
+            if motor is not None and np.abs(reading.q - self.still).max() > 4.0 * self.amplitude:
+                return _Moved(*map(np.array, zip(*rows, strict=True)), whole=False)
+        return _Moved(*map(np.array, zip(*rows, strict=True)), whole=True)
+
+    def move(self) -> Response | None:
+        """Move each joint; None where that cannot go on."""
+        n, names, add = self.robot.nj, self.robot.joint_names, self.result.add
+        Q, V, A, T = np.zeros((4, n, 2 * n))
+        seconds = (GROWS + MEASURED) / FREQUENCY
+        t = self.period * np.arange(round(seconds / self.period))
+        phase, window = 2.0 * np.pi * FREQUENCY * t, np.sin(np.pi * t / seconds) ** 2 * 2.0 / len(t)
+        weigh = np.array([window * np.cos(phase), window * np.sin(phase)])
+        first, second = (np.gradient(weigh, self.period, axis=1), np.zeros_like(weigh))
+        second[:, 1:-1] = np.diff(weigh, 2, axis=1) / self.period**2
+        kp = np.broadcast_to(self.device.gains[0], len(self.device.motors))
+        drive = np.abs(self.joint_map.torque_from_device(kp * self.amplitude)) * np.linalg.norm(weigh @ np.sin(phase))
+        lags = []
+        for j, name in enumerate(names):
+            self.progress(j / n)
+            seen = self._moved(int(self.joint_map.index[j]), seconds)
+            if not seen.whole:
+                add("command", f"{name} runs away: it is commanded one way and read the other", (name,))
+                return None
+            # A motor gives the torques that its own order asks for: others, where orders go astray.
+            astray = np.linalg.norm(weigh @ (seen.tau - seen.asked), axis=0) / drive
+            if self.device.has_torque and astray[j] > 0.4:
+                others = [k for k in range(n) if k != j and astray[k] > 0.2]
+                text = f"an order for {name} moves {names[others[0]]}" if others else f"{name} does not give what it is sent"
+                add("command", text, (name, *(names[k] for k in others[:1])))
+                return None
+            swing = weigh @ (seen.q - self.rest)
+            if np.abs(self.joint_map.velocity_to_device(np.abs(swing).max(axis=0))).max() < 3e-3 * self.amplitude:
+                add("command", f"{name} does not move by what it is sent", (name,))
+                return None
+            Q[:, [j, n + j]], T[:, [j, n + j]] = swing.T, (weigh @ (seen.tau - self.weight)).T
+            V[:, [j, n + j]] = -(first @ (seen.q - self.rest)).T
+            A[:, [j, n + j]] = (second @ (seen.q - self.rest)).T
+            rate, change = weigh @ seen.v[:, j], V[j, [j, n + j]]
+            ratio = float(rate @ change / (change @ change))
+            if not np.isnan(self._now().dq).any() and not 0.7 < ratio < 1.4:
+                text = "has the other sign" if -1.4 < ratio < -0.7 else f"is {ratio:.3g} times the rate of its position"
+                add("velocity", f"the velocity of {name} {text}", (name,))
+            lags.append(self._lag(seen.tau[:, j], seen.asked[:, j]))
+            self._moved(None, 0.16)
+        latency = self.result.figures["latency"] = float(np.median(lags))
+        if latency > LATE:
+            add("latency", f"orders act {1e3 * latency:.0f} ms late")
+        return Response(self.rest, self.weight, Q, V, A, T)
+
+    def _lag(self, tau: Vec, asked: Vec) -> float:
+        """How late torques follow what was asked for [s]."""
+        most = min(len(tau) // 2, round(0.1 / self.period))
+        tau, asked = tau - tau.mean(), asked - asked.mean()
+        errors = [np.square(tau[most:] - asked[most - k : len(asked) - k]).sum() for k in range(most)]
+        return float(np.argmin(errors)) * self.period
+
+    # ---- what it was
+    def explain(self, seen: Response) -> None:
+        """Name the mistakes that explain what was seen, the simplest first; ask by hand for those that nothing shows."""
+        expected, candidates = self.expected, Candidates(self.expected)
+        whole = [*candidates.exchanged(), *candidates.turned(), *candidates.units(), *candidates.limbs()]
+        left, cost = seen, expected.cost(seen)
+        found: list[Mistake] = []
+        for _ in range(6):
+            if cost < CONVINCING:
+                break
+            more = candidates.geared(left, expected)
+            best, least = self._best([*whole, *more], left)
+            if cost - least < 0.5 * cost or cost - least < CONVINCING:
+                shifted = candidates.shifted(left, expected, self._odd(left))
+                other, lower = self._best(shifted, left) if shifted else (best, least)
+                best, least = (other, lower) if lower < least else (best, least)
+            if cost - least < CONVINCING:
+                break
+            found.append(best)
+            left, cost = best.applied(left), least
+        for mistake in found:
+            self.result.add(mistake.kind, mistake.sentence, mistake.joints)
+        if cost > 0.15 * seen.Q.size + CONVINCING:
+            names = ", ".join(self.robot.joint_names[k] for k in self._odd(left)[:3])
+            self.result.add("unknown", f"torques are not those of the model, most of all of {names}")
+        if not found and self.result.ok:
+            self._by_hand(self._alike(whole, expected.ideal(seen)))
+
+    def _best(self, mistakes: list[Mistake], seen: Response) -> tuple[Mistake, float]:
+        costs = [self.expected.cost(mistake.applied(seen)) for mistake in mistakes]
+        k = int(np.argmin(costs))
+        return mistakes[k], costs[k]
+
+    def _odd(self, seen: Response) -> list[int]:
+        """Joints by how far their torques are from the model's, the farthest first."""
+        dynamic, static = (np.abs(r) for r in self.expected.errors(seen))
+        n = len(static)
+        own = np.maximum(dynamic[:, :n].max(axis=0), dynamic[:, n:].max(axis=0))
+        return [int(k) for k in np.argsort(-(static + own + dynamic.max(axis=1)))]
+
+    def _alike(self, mistakes: list[Mistake], ideal: Response) -> list[Mistake]:
+        """The mistakes that a sound robot could not be told from."""
+        return [one for one in mistakes if self.expected.cost(one.applied(ideal)) < 2.0 * CONVINCING]
+
+    def _by_hand(self, alike: list[Mistake]) -> None:
+        moved: dict[str, tuple[str, float]] = {}
+        for mistake in alike:
+            joint = mistake.joints[0]
+            if any(name in moved for name in mistake.joints) and mistake.kind == "order":
+                joint = next(name for name in mistake.joints if name in moved)
+            if self.hands is None:
+                self.result.unproven.append(
+                    f"not shown by torques, and nobody moves the robot: whether {mistake.sentence}"
+                )
+                continue
+            if joint not in moved:
+                moved[joint] = self._feel(joint)
+            seen, way = moved[joint]
+            if seen != joint or way < 0.0:
+                k = self.robot.joint(joint)
+                fits = [
+                    one for one in alike
+                    if self.robot.joint_names[int(one.order.tolist().index(k))] == seen
+                    and one.scale[self.robot.joint(seen)] * way > 0.0
+                ]  # fmt: skip
+                if fits:
+                    self.result.add(fits[0].kind, fits[0].sentence, fits[0].joints)
+                else:
+                    how = seen if seen != joint else "itself, the other way round"
+                    self.result.add(
+                        "order" if seen != joint else "sign", f"{joint}, moved by hand, is read as {how}", (joint,)
+                    )
+                return
+
+    def only_by_hand(self) -> None:
+        """Without torques nothing tells joints apart but a hand that moves each of them."""
+        candidates = Candidates(self.expected)
+        self._by_hand([*candidates.exchanged(), *candidates.turned()])
+
+    def _feel(self, joint: str) -> tuple[str, float]:
+        """Which joint is read to move when one is moved by hand, and by how much."""
+        assert self.hands is not None, "somebody is there"
+        before = self._moved(None, 0.2).q[-1]
+        self.hands.move(joint)
+        while not self.hands.done():
+            self._send(self.still, SOFT)
+            self.port.sleep(self.period)
+            self._hear()
+        change = self._state()[0] - before
+        k = int(np.abs(change).argmax())
+        self.hands.move("")
+        self._moved(None, 0.3)
+        return self.robot.joint_names[k], float(change[k])
+
+    # ---- turn
+    def turn(self) -> bool:
+        """Whether the IMU is what it is taken for, as far as somebody turns the robot."""
+        rest = self._watched(lambda count: count >= 20)
+        if wrong := imu_check.still(rest):
+            self.result.add("imu", wrong)
+        elif self.hands is None:
+            self.result.unproven.append("how the IMU is mounted, as nobody turns the robot")
+        else:
+            hands, turns = self.hands, []
+            for axis in "xyz":
+                hands.turn(axis)
+                turns.append(self._watched(lambda count: hands.done() and count > 5))
+                hands.turn("")
+                self._watched(lambda count: hands.done() and count > 5)
+            if wrong := imu_check.turned(rest, turns):
+                self.result.add("imu", wrong)
+        self.attitude = pinocchio.Quaternion(
+            rest[-1].quaternion / np.linalg.norm(rest[-1].quaternion)
+        ).toRotationMatrix()
+        return self.result.ok
+
+    def _watched(self, enough: Callable[[int], bool]) -> list[Reading]:
+        """The readings until ``enough`` of their number is true; it is asked each period."""
+        readings: list[Reading] = []
+        while not enough(len(readings)):
+            self.port.sleep(self.period)
+            if self._hear():
+                readings.append(self._now())
+        return readings
+
+
+def check(
+    port: Port,
+    robot: RobotModel,
+    *,
+    device: Device | None = None,
+    joint_map: JointMap | None = None,
+    hands: Hands | None = None,
+    progress: Callable[[float], None] = lambda done: None,
+) -> Checked:
+    """Check a robot whose base is fixed, as above; ``robot`` is its model with ``base="fixed"``.
+
+    Args:
+        port: a connection to the robot.
+        robot: what it is taken for.
+        device: who makes and reads our frames, if not the port's own device.
+        joint_map: the map that is checked; default: that of equal names.
+        hands: who moves the robot where torques show nothing; None: that stays unproven.
+        progress: called with a number in [0, 1].
+
+    Raises:
+        InvalidInput: a floating base, or a map that leaves joints out.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.robots import JointMap, MotorBoard, Ros2Control
+        >>> from wbc.robots.check import BoardHands, check
+        >>> from wbc.sim.mujoco_ import MujocoPlant
+        >>> robot = wbc.load("arm")
+        >>> group = Ros2Control(robot.joint_names)
+        >>> wrong = JointMap.of(robot, group.motors, sign={"elbow": -1})
+        >>> board = MotorBoard(group, MujocoPlant(robot, dt=2e-3))
+        >>> [finding.sentence for finding in check(board, robot, joint_map=wrong).findings]
+        ['the sign of elbow is wrong']
+    """
+    if robot.nb:
+        raise InvalidInput("a check is made with a fixed base: the robot hangs or lies; load it with base='fixed'")
+    device = device or port.device
+    checker = _Check(port, robot, device, joint_map or device.joint_map(robot), hands, progress)
+    result = checker.result
+    if not (checker.listen() and checker.frames()):
+        return result
+    if device.has_imu and not checker.turn():
+        return result
+    if checker.begin():
+        seen = checker.move()
+        if seen is not None and device.has_torque:
+            checker.explain(seen)
+        elif seen is not None:
+            checker.only_by_hand()
+    return result

@@ -1,0 +1,276 @@
+"""Response: how the joints of a robot answer small motions, measured, and what its model says they do.
+
+Near where a robot with a fixed base rests at q, with torques g there, small motions δq(t) (n,) take the torques
+
+    τ(t) = g + G δq + M δq̈        G = ∂g/∂q
+
+with the inertia matrix M (n, n). Times a function φ(t) that begins and ends flat at 0, and integrated (twice by parts)
+
+    ∫ φ τ = G ∫ φ δq + M ∫ φ̈ δq        or        T = G Q + M A
+
+which holds for whatever motion it was, asks for no acceleration, and averages noise. Each motion is a column of T, Q, A.
+Motors add what descriptions leave out: inertia of the rotor J ≥ 0 and friction d ≥ 0, T = … + J A + d V with
+V = −∫ φ̇ δq. Both are fitted to each joint.
+A map between joints and motors that is wrong gives q, τ and these of a robot that this one is not. A **mistake** says
+how: joint i of the map is joint π(i) of the robot, and
+
+    q_π = (q_i − o) / (s r)        τ_π = s f τ_i        s = ±1, ratio r, offset o
+
+with f = r for a gear, and f = 1 for a unit, which torques do not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any, final
+
+import numpy as np
+import pinocchio
+
+from wbc.types import Index, Mat, Vec
+
+#: What measured torques may differ from the model's by: so much [N m], and this share.
+_DYNAMIC, _STATIC, _SHARE = 0.02, 0.1, 0.12
+#: What a motor may add to its joint: inertia of the rotor [kg m², kg], friction [N m s/rad, N s/m].
+_ROTOR, _FRICTION = 0.02, 3.0
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What was measured, joints in the order of the map: at rest q and tau (n,); Q, V, A and T (n, 2 n), as above:
+    columns j and n + j while joint j was moved."""
+
+    q: Vec
+    tau: Vec
+    Q: Mat
+    V: Mat
+    A: Mat
+    T: Mat
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Mistake:
+    """A wrong map, as above, and the ``sentence`` that names it; ``kind`` is "order", "sign", "gear", "unit", "offset"."""
+
+    kind: str
+    sentence: str
+    joints: tuple[str, ...]
+    order: Index
+    scale: Vec
+    offset: Vec
+    force: Vec
+
+    def applied(self, seen: Response) -> Response:
+        """What the robot's own joints did, if this is the mistake."""
+        n = len(self.order)
+        inverse = np.empty(n, dtype=np.intp)
+        inverse[self.order] = np.arange(n)
+        scale = self.scale[inverse]
+        q = ((seen.q - self.offset) / self.scale)[inverse]
+        moved = (one[inverse] / scale[:, None] for one in (seen.Q, seen.V, seen.A))
+        force = self.force[inverse]
+        return Response(q, seen.tau[inverse] * force, *moved, seen.T[inverse] * force[:, None])
+
+
+@final
+class Expected:
+    """What the model of a robot says, its base at ``attitude`` (3, 3) in the world."""
+
+    def __init__(self, robot: Any, attitude: Mat) -> None:
+        self.names: tuple[str, ...] = robot.joint_names
+        self._model = robot.pinocchio.copy()
+        self._model.gravity = pinocchio.Motion(attitude.T @ robot.gravity, np.zeros(3))
+        self._data = self._model.createData()
+
+    def at(self, q: Vec) -> tuple[Vec, Mat, Mat]:
+        """g (n,), G and M (n, n)."""
+        model, data = self._model, self._data
+        stiffness = np.array(pinocchio.computeGeneralizedGravityDerivatives(model, data, q))
+        gravity = np.array(pinocchio.computeGeneralizedGravity(model, data, q))
+        inertia = np.array(pinocchio.crba(model, data, q))
+        inertia = np.triu(inertia) + np.triu(inertia, 1).T
+        return gravity, stiffness, inertia + np.diag(model.armature)
+
+    def cost(self, seen: Response) -> float:
+        """How far what was seen is from the model: Σ log(1 + r²) over all torques, r = 1 at what they may differ by."""
+        dynamic, static = self.errors(seen)
+        return float(np.log1p(dynamic**2).sum() + np.log1p(static**2).sum())
+
+    def errors(self, seen: Response) -> tuple[Mat, Vec]:
+        """r of the torques in motion (n, 2 n) and at rest (n,)."""
+        gravity, G, M = self.at(seen.q)
+        off = seen.T - G @ seen.Q - M @ seen.A
+        for added, most in ((seen.A, _ROTOR), (seen.V, _FRICTION), (seen.A, _ROTOR), (seen.V, _FRICTION)):
+            size = np.clip((added * off).sum(axis=1) / ((added**2).sum(axis=1) + 1e-12), 0.0, most)
+            off = off - size[:, None] * added
+            del size
+        dynamic = off / (_DYNAMIC + _SHARE * (np.abs(G) @ np.abs(seen.Q) + np.abs(M) @ np.abs(seen.A)))
+        return dynamic, (seen.tau - gravity) / (_STATIC + _SHARE * np.abs(gravity))
+
+    def ideal(self, seen: Response) -> Response:
+        """What would have been seen with this model, these motions and a sound map."""
+        gravity, G, M = self.at(seen.q)
+        return Response(seen.q, gravity, seen.Q, seen.V, seen.A, G @ seen.Q + M @ seen.A)
+
+    def limbs(self) -> list[list[int]]:
+        """Joints that follow one another from the base, or from where chains part."""
+        parents, found = self._model.parents, dict[int, list[int]]()
+        children = [sum(parents[k] == joint for k in range(1, self._model.njoints)) for joint in range(len(parents))]
+        ends = dict[int, int]()
+        for joint in range(1, self._model.njoints):
+            parent = parents[joint]
+            start = ends[parent] if parent and children[parent] == 1 else joint
+            ends[joint] = start
+            found.setdefault(start, []).append(self._model.idx_vs[joint])
+        return list(found.values())
+
+
+class Candidates:
+    """The mistakes that are looked for, on the joints of one robot."""
+
+    def __init__(self, expected: Expected) -> None:
+        self.names, self.n = expected.names, len(expected.names)
+        self._limbs = expected.limbs()
+
+    def _made(self, kind: str, sentence: str, joints: Sequence[int], **how: Any) -> Mistake:
+        order, scale, offset = np.arange(self.n), np.ones(self.n), np.zeros(self.n)
+        for name, array in (("order", order), ("scale", scale), ("offset", offset)):
+            for joint, value in how.get(name, {}).items():
+                array[joint] = value
+        force = np.sign(scale) if kind == "unit" else scale
+        return Mistake(kind, sentence, tuple(self.names[j] for j in joints), order, scale, offset, force)
+
+    def exchanged(self) -> list[Mistake]:
+        """Two joints, for each other."""
+        names = self.names
+        return [
+            self._made("order", f"{names[i]} and {names[j]} are exchanged", [i, j], order={i: j, j: i})
+            for i in range(self.n)
+            for j in range(i + 1, self.n)
+        ]
+
+    def turned(self) -> list[Mistake]:
+        """One joint, or all, count the other way round."""
+        each = [self._made("sign", f"the sign of {self.names[i]} is wrong", [i], scale={i: -1}) for i in range(self.n)]
+        every = self._made(
+            "sign", "the signs of all joints are wrong", range(self.n), scale=dict.fromkeys(range(self.n), -1)
+        )
+        return [*each, every]
+
+    def limbs(self) -> list[Mistake]:
+        """Limbs for each other, and joints of a limb, or of all of its kind, in another order."""
+        found = []
+        kinds: dict[int, list[list[int]]] = {}
+        for limb in self._limbs:
+            kinds.setdefault(len(limb), []).append(limb)
+        for size, alike in kinds.items():
+            for order in _pairings(len(alike)):
+                moved = {
+                    a: b for k, other in enumerate(order) for a, b in zip(alike[k], alike[other], strict=True) if a != b
+                }
+                text = " and ".join(
+                    f"{self._name(alike[k])} with {self._name(alike[o])}" for k, o in enumerate(order) if o > k
+                )
+                found.append(self._made("order", f"limbs are exchanged: {text}", [*moved], order=moved))
+            for order in _orders(size):
+                groups = [[limb] for limb in alike] + ([alike] if len(alike) > 1 else [])
+                for group in groups:
+                    moved = {limb[k]: limb[o] for limb in group for k, o in enumerate(order) if k != o}
+                    whose = "each limb" if group is alike else f"the limb of {self._name(group[0])}"
+                    first = group[0]
+                    text = ", ".join(
+                        f"{self.names[first[k]]} is {self.names[first[o]]}" for k, o in enumerate(order) if k != o
+                    )
+                    found.append(
+                        self._made(
+                            "order", f"the joints of {whose} are in another order: {text}", [*moved], order=moved
+                        )
+                    )
+        return found
+
+    def _name(self, limb: list[int]) -> str:
+        return self.names[limb[0]]
+
+    def geared(self, seen: Response, expected: Expected) -> list[Mistake]:
+        """One joint, or all, have a gear or a unit that the map does not know of, as its own response says."""
+        _, G, M = expected.at(seen.q)
+        wanted, n = G @ seen.Q + M @ seen.A, self.n
+        sizes = [[float(np.hypot(one[i, i], one[i, n + i])) for one in (wanted, seen.T)] for i in range(n)]
+        ratios = np.sqrt([max(model, 1e-9) / max(own, 1e-9) for model, own in sizes])
+        found = []
+        everyone = range(n)
+        for joints, ratio in [*(([i], ratio) for i, ratio in enumerate(ratios)), (everyone, float(np.median(ratios)))]:
+            if not 0.8 < ratio < 1.25:
+                best = _least(
+                    lambda r, joints=joints: expected.cost(self._geared(joints, r).applied(seen)),  # type: ignore[misc]
+                    float(ratio), lambda r, step: r * np.exp(step),
+                )  # fmt: skip
+                if not 0.85 < best < 1.18:
+                    found.append(self._geared(joints, best))
+        return found
+
+    def _geared(self, joints: Sequence[int], ratio: float) -> Mistake:
+        who = self.names[joints[0]] if len(joints) == 1 else "every joint"
+        text = f"the gear of {who} is wrong: what is read is {ratio:.3g} times what it moves"
+        return self._made("gear", text, joints, scale=dict.fromkeys(joints, ratio))
+
+    def units(self) -> list[Mistake]:
+        """One joint, or all, are read in another unit."""
+        found = []
+        for joints in [*([i] for i in range(self.n)), [*range(self.n)]]:
+            who = self.names[joints[0]] if len(joints) == 1 else "every joint"
+            for factor, text in ((180.0 / np.pi, "degrees and is taken for radians"), (np.pi / 180.0, "radians and is taken for degrees")):
+                found.append(self._made("unit", f"{who} comes in {text}", joints, scale=dict.fromkeys(joints, factor)))
+        return found
+
+    def shifted(self, seen: Response, expected: Expected, joints: Sequence[int]) -> list[Mistake]:
+        """One joint that is off by a constant; its size is what fits best."""
+        found = []
+        for i in joints:
+
+            def cost(offset: float, i: int = i) -> float:
+                return expected.cost(self._made("offset", "", [i], offset={i: offset}).applied(seen))
+
+            start = float(min(np.linspace(-np.pi, np.pi, 64), key=cost))
+            best = _least(cost, start, lambda offset, step: offset + step)
+            if abs(best) > 0.08:
+                text = f"{self.names[i]} is off by {best:.2f} rad"
+                found.append(self._made("offset", text, [i], offset={i: best}))
+        return found
+
+
+def _least(cost: Callable[[float], float], start: float, stepped: Callable[[float, float], Any]) -> float:
+    """Where ``cost`` is least near ``start``, by smaller and smaller steps."""
+    best = start
+    for size in (0.2, 0.05, 0.02, 0.007):
+        for _ in range(3):
+            best = float(min((stepped(best, size * k) for k in (-2, -1, 0, 1, 2)), key=cost))
+    return best
+
+
+def _pairings(n: int) -> list[tuple[int, ...]]:
+    """All ways to exchange some of n things in pairs, but for the one that leaves all."""
+    if n < 2:
+        return []
+    found = [tuple(range(n))]
+    for i in range(n):
+        for j in range(i + 1, n):
+            for order in list(found):
+                if order[i] == i and order[j] == j:
+                    swapped = list(order)
+                    swapped[i], swapped[j] = j, i
+                    if tuple(swapped) not in found:
+                        found.append(tuple(swapped))
+    return found[1:]
+
+
+def _orders(n: int) -> list[tuple[int, ...]]:
+    """Other orders of n things in a row: all of three; of more, backwards, and shifted by one either way."""
+    row = tuple(range(n))
+    if n <= 3:
+        return [*permutations(row)][1:]
+    return [row[::-1], (*row[1:], row[0]), (row[-1], *row[:-1])]
