@@ -12,6 +12,7 @@ from wbc import __version__
 from wbc.cli.bench import bench
 from wbc.cli.compare import compare
 from wbc.cli.console import BAD_INPUT, complain
+from wbc.cli.deploy import deploy
 from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
 from wbc.cli.explain import explain
@@ -45,6 +46,7 @@ app.command("retarget")(retarget)
 app.command("sweep")(sweep)
 app.command("explain")(explain)
 app.command("soak")(soak)
+app.command("deploy")(deploy)
 
 
 @app.callback(invoke_without_command=True)

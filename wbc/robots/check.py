@@ -12,9 +12,9 @@ sentence each. The base is fixed meanwhile: the robot hangs, or lies on a stand.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol, final
+from typing import NamedTuple, final
 
 import numpy as np
 import pinocchio
@@ -23,8 +23,8 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots import imu_check
 from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.hands import SOFT, Hands
 from wbc.robots.joint_map import UNITS, JointMap
-from wbc.robots.motor_board import MotorBoard, holding_gains
 from wbc.robots.port import Port
 from wbc.robots.response import Candidates, Expected, Mistake, Response
 from wbc.types import Mat, Vec
@@ -35,8 +35,6 @@ FREQUENCY, AMPLITUDE, GROWS, MEASURED = 2.5, 0.06, 1, 2
 CONVINCING = 5.0
 #: Orders that act later than this [s], and clocks that differ by more than this share, are findings.
 LATE, DIFFERENT = 0.02, 0.2
-#: How far a robot is turned, and a joint is moved, by hand [rad]; motors give way then to this share of their gains.
-TURN, MOVE, SOFT = 0.35, 0.15, 0.1
 
 
 @final
@@ -69,68 +67,21 @@ class Checked:
         self.findings.append(Finding(kind, sentence, joints))
 
 
-class Hands(Protocol):
-    """Who moves the robot by hand. Both begin something; ``done`` is asked again and again until it is so."""
-
-    def move(self, joint: str) -> None:
-        """Turn a joint by some 10 degrees towards larger angles and hold it there; "": let go."""
-
-    def turn(self, axis: str) -> None:
-        """Turn the base from its rest by some 20 degrees about its own x, y or z axis: right side down, nose down, to
-        the left; and hold it there. "": bring it back."""
-
-    def done(self) -> bool:
-        """Whether it was done."""
-
-
-@final
-class BoardHands:
-    """The hands of a dry run."""
-
-    def __init__(self, board: MotorBoard) -> None:
-        self.board = board
-        self._doing: Iterator[None] = iter(())
-        self._angle = np.zeros(3)
-
-    def move(self, joint: str) -> None:
-        self.board.hand[:] = 0.0
-        if joint:
-            board = self.board
-            k = board.joint_map.joints.index(joint)
-            kp = board.joint_map.gain_from_device(np.broadcast_to(board.device.gains[0], len(board.device.motors)))[k]
-            if board.device.law == "position":
-                kp = holding_gains(board.plant.model)[0][board.plant.model.joint(joint)] / SOFT
-            board.hand[board.plant.model.joint(joint)] = MOVE * SOFT * kp
-        self._doing = iter([None] * 250)
-
-    def turn(self, axis: str) -> None:
-        goal = TURN * np.array([axis == name for name in "xyz"])
-        self._doing = self._turning(self._angle, goal)
-        self._angle = goal
-
-    def _turning(self, start: Vec, goal: Vec) -> Iterator[None]:
-        for share in np.minimum(np.linspace(0.0, 1.2, 150), 1.0):
-            self.board.tilt(pinocchio.exp3((1.0 - share) * start + share * goal))
-            yield
-
-    def done(self) -> bool:
-        return next(self._doing, self) is self
-
-
 class _Moved(NamedTuple):
-    """Positions, velocities, torques and torques that were asked for (N, n), each period; whether it was all of it."""
+    """Positions, velocities, torques, what orders and states asked of them (N, n); whether it was all of it."""
 
     q: Mat
     v: Mat
     tau: Mat
-    asked: Mat
+    wanted: Mat
+    felt: Mat
     whole: bool
 
 
 @final
 class _Check:
     def __init__(
-        self, port: Port, robot: RobotModel, device: Device, joint_map: JointMap, hands: Hands | None,
+        self, port: Port, robot: RobotModel, *, device: Device, joint_map: JointMap, hands: Hands | None,
         progress: Callable[[float], None],
     ) -> None:  # fmt: skip
         self.port, self.robot, self.device, self.joint_map = port, robot, device, joint_map
@@ -262,17 +213,27 @@ class _Check:
         for k in range(round(seconds / self.period)):
             t, position = k * self.period, self.still.copy()
             if motor is not None:
-                position[motor] += self.amplitude * min(1.0, t * FREQUENCY / GROWS) * np.sin(2.0 * np.pi * FREQUENCY * t)
+                position[motor] += (
+                    self.amplitude * min(1.0, t * FREQUENCY / GROWS) * np.sin(2.0 * np.pi * FREQUENCY * t)
+                )
             order = self._send(position)
             self.port.sleep(self.period)
             self._hear()
             reading = self._now()
-            asked = order.torque(reading.q, np.nan_to_num(reading.dq))
+            # τ = wanted + felt, of which a motor that has the law on board feels its own state at once.
+            rate = np.nan_to_num(reading.dq)
+            wanted, felt = order.torque(0.0 * reading.q, 0.0 * rate), -order.kp * reading.q - order.kd * rate
             q, tau = self._state()
-            rows.append((q, joint_map.velocity_from_device(np.nan_to_num(reading.dq)), tau, joint_map.torque_from_device(asked)))
+            velocity = joint_map.velocity_from_device(rate)
+            rows.append((q, velocity, tau, *(joint_map.torque_from_device(part) for part in (wanted, felt))))
             if motor is not None and np.abs(reading.q - self.still).max() > 4.0 * self.amplitude:
-                return _Moved(*map(np.array, zip(*rows, strict=True)), whole=False)
-        return _Moved(*map(np.array, zip(*rows, strict=True)), whole=True)
+                return self._record(rows, whole=False)
+        return self._record(rows, whole=True)
+
+    @staticmethod
+    def _record(rows: list[tuple[Vec, ...]], *, whole: bool) -> _Moved:
+        q, v, tau, wanted, felt = (np.array(column) for column in zip(*rows, strict=True))
+        return _Moved(q, v, tau, wanted, felt, whole)
 
     def move(self) -> Response | None:
         """Move each joint; None where that cannot go on."""
@@ -286,19 +247,26 @@ class _Check:
         second[:, 1:-1] = np.diff(weigh, 2, axis=1) / self.period**2
         kp = np.broadcast_to(self.device.gains[0], len(self.device.motors))
         drive = np.abs(self.joint_map.torque_from_device(kp * self.amplitude)) * np.linalg.norm(weigh @ np.sin(phase))
-        lags = []
+        lags, slow = [], dict[str, float]()
         for j, name in enumerate(names):
             self.progress(j / n)
             seen = self._moved(int(self.joint_map.index[j]), seconds)
             if not seen.whole:
-                add("command", f"{name} runs away: it is commanded one way and read the other", (name,))
+                late = ", or orders act too late to hold it" if self.device.law == "torque" else ""
+                add("command", f"{name} runs away: it is commanded one way and read the other{late}", (name,))
                 return None
+            rate, change = weigh @ seen.v[:, j], -first @ (seen.q[:, j] - self.rest[j])
+            ratio = float(rate @ change / (change @ change))
+            if not np.isnan(self._now().dq).any() and not 0.7 < ratio < 1.4:
+                slow[name] = ratio
+            lag = self._lag(seen, j)
+            lags.append(lag * self.period)
             # A motor gives the torques that its own order asks for: others, where orders go astray.
-            astray = np.linalg.norm(weigh @ (seen.tau - seen.asked), axis=0) / drive
-            if self.device.has_torque and astray[j] > 0.4:
+            astray = np.linalg.norm(weigh @ (seen.tau - self._asked(seen, lag)), axis=0) / drive
+            if self.device.has_torque and astray[j] > 0.4 and name not in slow:
                 others = [k for k in range(n) if k != j and astray[k] > 0.2]
-                text = f"an order for {name} moves {names[others[0]]}" if others else f"{name} does not give what it is sent"
-                add("command", text, (name, *(names[k] for k in others[:1])))
+                moved = f"an order for {name} moves {names[others[0]]}" if others else f"{name} ignores its orders"
+                add("command", moved, (name, *(names[k] for k in others[:1])))
                 return None
             swing = weigh @ (seen.q - self.rest)
             if np.abs(self.joint_map.velocity_to_device(np.abs(swing).max(axis=0))).max() < 3e-3 * self.amplitude:
@@ -307,28 +275,30 @@ class _Check:
             Q[:, [j, n + j]], T[:, [j, n + j]] = swing.T, (weigh @ (seen.tau - self.weight)).T
             V[:, [j, n + j]] = -(first @ (seen.q - self.rest)).T
             A[:, [j, n + j]] = (second @ (seen.q - self.rest)).T
-            rate, change = weigh @ seen.v[:, j], V[j, [j, n + j]]
-            ratio = float(rate @ change / (change @ change))
-            if not np.isnan(self._now().dq).any() and not 0.7 < ratio < 1.4:
-                text = "has the other sign" if -1.4 < ratio < -0.7 else f"is {ratio:.3g} times the rate of its position"
-                add("velocity", f"the velocity of {name} {text}", (name,))
-            lags.append(self._lag(seen.tau[:, j], seen.asked[:, j]))
             self._moved(None, 0.16)
+        if slow:
+            which, middle = "all joints" if len(slow) == n else ", ".join(slow), float(np.median([*slow.values()]))
+            how = "have the other sign" if -1.4 < middle < -0.7 else f"are {middle:.3g} times the rates of positions"
+            add("velocity", f"the velocities of {which} {how}", tuple(slow))
         latency = self.result.figures["latency"] = float(np.median(lags))
-        if latency > LATE:
+        if latency > LATE and not slow:  # by wrong velocities nobody knows what was asked for
             add("latency", f"orders act {1e3 * latency:.0f} ms late")
         return Response(self.rest, self.weight, Q, V, A, T)
 
-    def _lag(self, tau: Vec, asked: Vec) -> float:
-        """How late torques follow what was asked for [s]."""
-        most = min(len(tau) // 2, round(0.1 / self.period))
-        tau, asked = tau - tau.mean(), asked - asked.mean()
-        errors = [np.square(tau[most:] - asked[most - k : len(asked) - k]).sum() for k in range(most)]
-        return float(np.argmin(errors)) * self.period
+    def _asked(self, seen: _Moved, lag: int) -> Mat:
+        """The torques (N, n) that were asked for, had orders acted so many periods late."""
+        late = np.roll(seen.wanted, lag, axis=0)
+        return late + (seen.felt if self.device.law == "impedance" else np.roll(seen.felt, lag, axis=0))
+
+    def _lag(self, seen: _Moved, j: int) -> int:
+        """How many periods torques follow what was asked for."""
+        most = min(len(seen.tau) // 2, round(0.1 / self.period))
+        errors = [np.var((seen.tau - self._asked(seen, k))[most:, j]) for k in range(most)]
+        return int(np.argmin(errors))
 
     # ---- what it was
     def explain(self, seen: Response) -> None:
-        """Name the mistakes that explain what was seen, the simplest first; ask by hand for those that nothing shows."""
+        """Name the mistakes that explain what was seen, the simplest first; ask by hand where nothing shows it."""
         expected, candidates = self.expected, Candidates(self.expected)
         whole = [*candidates.exchanged(), *candidates.turned(), *candidates.units(), *candidates.limbs()]
         left, cost = seen, expected.cost(seen)
@@ -344,8 +314,10 @@ class _Check:
                 best, least = (other, lower) if lower < least else (best, least)
             if cost - least < CONVINCING:
                 break
+            if not found and self.hands is not None:
+                best = self._decided(best, least, [*whole, *more], left)
             found.append(best)
-            left, cost = best.applied(left), least
+            left, cost = best.applied(left), expected.cost(best.applied(left))
         for mistake in found:
             self.result.add(mistake.kind, mistake.sentence, mistake.joints)
         if cost > 0.15 * seen.Q.size + CONVINCING:
@@ -353,6 +325,24 @@ class _Check:
             self.result.add("unknown", f"torques are not those of the model, most of all of {names}")
         if not found and self.result.ok:
             self._by_hand(self._alike(whole, expected.ideal(seen)))
+
+    def _decided(self, best: Mistake, least: float, mistakes: list[Mistake], seen: Response) -> Mistake:
+        """Of the mistakes that explain nearly as much as the best one, that which joints moved by hand show."""
+        costs = {id(one): self.expected.cost(one.applied(seen)) for one in mistakes}
+        rivals = sorted(
+            (one for one in mistakes if costs[id(one)] < least + CONVINCING), key=lambda one: costs[id(one)]
+        )
+        for _ in range(4):
+            apart = [one for one in rivals if one.differs(best)]
+            if not apart:
+                break
+            joint = best.parts(apart[0], self.robot.joint_names)
+            shown, way = self._feel(joint)
+            rivals = [one for one in rivals if one.shows(joint, shown, way, self.robot.joint_names)]
+            if not rivals:
+                return best
+            best = rivals[0]
+        return best
 
     def _best(self, mistakes: list[Mistake], seen: Response) -> tuple[Mistake, float]:
         costs = [self.expected.cost(mistake.applied(seen)) for mistake in mistakes]
@@ -427,6 +417,8 @@ class _Check:
         if wrong := imu_check.still(rest):
             self.result.add("imu", wrong)
         elif self.hands is None:
+            if wrong := imu_check.upright(rest):
+                self.result.add("imu", wrong)
             self.result.unproven.append("how the IMU is mounted, as nobody turns the robot")
         else:
             hands, turns = self.hands, []
@@ -477,7 +469,7 @@ def check(
     Example:
         >>> import wbc
         >>> from wbc.robots import JointMap, MotorBoard, Ros2Control
-        >>> from wbc.robots.check import BoardHands, check
+        >>> from wbc.robots.check import check
         >>> from wbc.sim.mujoco_ import MujocoPlant
         >>> robot = wbc.load("arm")
         >>> group = Ros2Control(robot.joint_names)
@@ -489,7 +481,8 @@ def check(
     if robot.nb:
         raise InvalidInput("a check is made with a fixed base: the robot hangs or lies; load it with base='fixed'")
     device = device or port.device
-    checker = _Check(port, robot, device, joint_map or device.joint_map(robot), hands, progress)
+    taken = joint_map or device.joint_map(robot)
+    checker = _Check(port, robot, device=device, joint_map=taken, hands=hands, progress=progress)
     result = checker.result
     if not (checker.listen() and checker.frames()):
         return result

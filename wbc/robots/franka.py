@@ -46,7 +46,10 @@ class Franka(Device):
     """
 
     rate = 1000.0
-    gains = (np.array([100.0, 100.0, 100.0, 100.0, 50.0, 30.0, 10.0]), np.array([10.0, 10.0, 10.0, 10.0, 5.0, 3.0, 1.0]))
+    gains = (
+        np.array([100.0, 100.0, 100.0, 100.0, 50.0, 30.0, 10.0]),
+        np.array([10.0, 10.0, 10.0, 10.0, 5.0, 3.0, 1.0]),
+    )
     law: ClassVar[str] = "torque"
     adds_gravity: ClassVar[bool] = True
     torque_rate: ClassVar[float] = 1000.0 - 1e-3

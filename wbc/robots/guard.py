@@ -82,7 +82,7 @@ def watch(connection: Connection) -> None:
             if alone:
                 return  # nothing was ever sent to the robot
             continue
-        order, reading, now = told
+        order, _, now = told
         heard = _heard(port)
         if heard is not None:
             told = order, heard, now

@@ -27,7 +27,7 @@ _READ: tuple[tuple[str, Callable[[Vec], Vec]], ...] = (
 
 
 def still(readings: Sequence[Reading]) -> str:
-    """What is wrong with an IMU that rests, or nothing: quaternion and accelerometer must agree on what is up."""
+    """What is wrong with an IMU that rests, or nothing: lengths tell units."""
     quaternion, force = _mean(readings, "quaternion"), _mean(readings, "acceleration")
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1.0) > 0.05:
@@ -35,14 +35,13 @@ def still(readings: Sequence[Reading]) -> str:
     size = float(np.linalg.norm(force))
     if not 0.7 * _G < size < 1.4 * _G:
         return f"the accelerometer is in {'g' if 0.7 < size < 1.4 else 'another unit'}: at rest it says {size:.3g} m/s²"
-    if _up(quaternion, force) < 1.0 - _NEAR:
-        for text, read in _READ[:2]:
-            if _up(read(quaternion), force) > 1.0 - _NEAR:
-                return text
-        if _up(quaternion, -force) > 1.0 - _NEAR:
-            return "the accelerometer has the opposite sign: at rest it must point up"
-        return "quaternion and accelerometer disagree on what is up"
     return ""
+
+
+def upright(readings: Sequence[Reading]) -> str:
+    """What is wrong with an IMU that nobody turns, or nothing: its parts must agree on what is up."""
+    agree = _up(_mean(readings, "quaternion"), _mean(readings, "acceleration")) > 1.0 - _NEAR
+    return "" if agree else "quaternion and accelerometer disagree on what is up"
 
 
 def turned(rest: Sequence[Reading], turns: Sequence[Sequence[Reading]]) -> str:
@@ -84,6 +83,8 @@ def _mounted(what: str, found: Mat) -> str:
     if not _is(found, axes) or abs(np.linalg.det(axes)) < 0.5:
         return f"{what} is turned against the base by an angle that is no right one"
     if np.linalg.det(axes) < 0.0:
+        if (axes == -np.eye(3)).all():
+            return f"{what} has the opposite sign in all axes"
         flipped = [name for name, sign in zip("xyz", axes.diagonal(), strict=True) if sign < 0.0]
         if len(flipped) == 1:
             return f"{what} is mirrored: its {flipped[0]} has the other sign"

@@ -5,7 +5,8 @@
     end      the robot is held where it is: q* = q, τ* = the last torque, stiffness and damping of ``hold``; or it is
              let go over ``ramp`` seconds ("release")
 
-Torques are continuous at both ends. What is watched, and counted in the run's metadata:
+Torques are continuous at both ends, but for the damping of what moves. What is watched, and counted in the run's
+metadata:
 
     repeated      a state with the time of the one before        out of order   one that is older: it is not used
     lost          states that are missing between two            bad            frames that are not sound

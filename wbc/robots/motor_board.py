@@ -6,9 +6,9 @@ In every step of the plant, each motor gives
 
 with the last order that arrived and its weight w (1 where a device has none); τ_own keeps the posture in which the
 board was started, as a robot's own controller does, also before the first order and for joints that the device does not
-drive. The plant cuts τ at the torque limits. Orders arrive ``delay`` late and states leave ``state_delay`` late. When no order has
-come for ``timeout``, motors hold on to the last one ("hold"), brake by their own damping ("damp") or give nothing
-("limp"): what real boards do then is the makers' secret. A frame that the robot would not take is dropped, and counts
+drive. The plant cuts τ at the torque limits. Orders arrive ``delay`` late and states leave ``state_delay`` late. When
+no order has come for ``timeout``, motors hold on to the last one ("hold"), brake by their own damping ("damp") or give
+nothing ("limp"): no maker says what real boards do then. A frame that the robot would not take is dropped, and counts
 in ``refused``; ``why`` says what was wrong with the last one.
 """
 
@@ -129,7 +129,7 @@ class MotorBoard:
              checks.number("acceleration_noise", acceleration_noise, low=0.0)], [len(device.motors), 3],
         )  # fmt: skip
         self.imu: Mat = np.eye(3) if imu is None else checks.array("imu", imu, (3, 3))
-        self._feet, self._modes = list(feet), {"mode_machine": mode_machine}
+        self._feet, self._mode = list(feet), mode_machine
         self._random = np.random.default_rng(seed)
         self._joints = np.array([robot.joint(name) for name in self.joint_map.joints])
         self._stiffness, self._damping = holding_gains(robot)
@@ -245,7 +245,8 @@ class MotorBoard:
             sensed["sent"] = self._sent()
         return Reading(
             q=joint_map.position_to_device(q_joints[joints]), dq=joint_map.velocity_to_device(v_joints[joints]),
-            tau=joint_map.torque_to_device(self._tau[joints]) + noise[:-3], time=plant.t, **sensed, **self._modes,
+            tau=joint_map.torque_to_device(self._tau[joints]) + noise[:-3], time=plant.t,
+            mode_machine=self._mode, **sensed,
         )  # fmt: skip
 
     def _sent(self) -> Vec:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol, final
 
 from wbc.errors import WbcError
@@ -61,25 +62,26 @@ class Udp:
         return Udp, (self.device, self.address)
 
     def receive(self) -> bytes | None:
+        """The newest frame, or None."""
         return newest(self._socket)
 
     def send(self, frame: bytes) -> None:
+        """Send a frame."""
         self._socket.sendto(frame, self.address)
 
     clock = staticmethod(time.monotonic)
     sleep = staticmethod(time.sleep)
 
 
-def serve(board: MotorBoard, server: socket.socket, seconds: float) -> None:
-    """Let ``board`` run in real time for so long, behind a bound UDP socket: whoever wrote last is sent the states.
+def serve(board: MotorBoard, server: socket.socket, stopped: Callable[[], bool]) -> None:
+    """Let ``board`` run in real time until it is ``stopped``, behind a UDP socket; who wrote to it is sent the states.
 
     It never hurries to make up for what the machine was late: its time stands still meanwhile.
     """
     server.setblocking(False)
     listeners: list[Any] = []
-    end = time.monotonic() + seconds
     due = time.monotonic()
-    while (now := time.monotonic()) < end:
+    while not stopped():
         for frame, sender in _datagrams(server):
             if sender not in listeners:
                 listeners.append(sender)
@@ -89,19 +91,22 @@ def serve(board: MotorBoard, server: socket.socket, seconds: float) -> None:
         if (state := board.receive()) is not None:
             for listener in listeners:
                 server.sendto(state, listener)
-        due = max(due + board.plant.dt, now)
-        time.sleep(max(due - time.monotonic(), 0.0))
+        due += board.plant.dt
+        if (now := time.monotonic()) < due:
+            time.sleep(due - now)
+        else:
+            due = now
 
 
 def newest(end: socket.socket) -> bytes | None:
     """The last datagram that came, or None; those before it are dropped."""
     last = None
-    for last, _ in _datagrams(end):
-        pass
+    for frame, _ in _datagrams(end):
+        last = frame
     return last
 
 
-def _datagrams(end: socket.socket) -> Any:
+def _datagrams(end: socket.socket) -> Iterator[tuple[bytes, Any]]:
     while True:
         try:
             yield end.recvfrom(_LARGEST)

@@ -8,8 +8,8 @@ with the inertia matrix M (n, n). Times a function φ(t) that begins and ends fl
 
     ∫ φ τ = G ∫ φ δq + M ∫ φ̈ δq        or        T = G Q + M A
 
-which holds for whatever motion it was, asks for no acceleration, and averages noise. Each motion is a column of T, Q, A.
-Motors add what descriptions leave out: inertia of the rotor J ≥ 0 and friction d ≥ 0, T = … + J A + d V with
+which holds for whatever motion it was, asks for no acceleration, and averages noise. Each motion is a column of T, Q
+and A. Motors add what descriptions leave out: inertia of the rotor J ≥ 0 and friction d ≥ 0, T = … + J A + d V with
 V = −∫ φ̇ δq. Both are fitted to each joint.
 A map between joints and motors that is wrong gives q, τ and these of a robot that this one is not. A **mistake** says
 how: joint i of the map is joint π(i) of the robot, and
@@ -54,7 +54,7 @@ class Response:
 @final
 @dataclass(frozen=True, eq=False)
 class Mistake:
-    """A wrong map, as above, and the ``sentence`` that names it; ``kind`` is "order", "sign", "gear", "unit", "offset"."""
+    """A wrong map, and the ``sentence`` that names it; ``kind``: "order", "sign", "gear", "unit", "offset"."""
 
     kind: str
     sentence: str
@@ -64,6 +64,20 @@ class Mistake:
     offset: Vec
     force: Vec
 
+    def shows(self, moved: str, read: str, way: float, names: Sequence[str]) -> bool:
+        """Whether a joint that is ``moved`` towards larger angles is read as ``read`` that moves by ``way``."""
+        i = names.index(read)
+        return names[int(self.order[i])] == moved and bool(self.scale[i] * way > 0.0)
+
+    def differs(self, other: Mistake) -> bool:
+        """Whether a joint that is moved by hand can show the one or the other."""
+        return bool((self.order != other.order).any() or (np.sign(self.scale) != np.sign(other.scale)).any())
+
+    def parts(self, other: Mistake, names: Sequence[str]) -> str:
+        """A joint that shows, moved by hand, which of two that differ it is."""
+        apart = (self.order != other.order) | (np.sign(self.scale) != np.sign(other.scale))
+        return names[int(self.order[int(apart.argmax())])]
+
     def applied(self, seen: Response) -> Response:
         """What the robot's own joints did, if this is the mistake."""
         n = len(self.order)
@@ -71,9 +85,9 @@ class Mistake:
         inverse[self.order] = np.arange(n)
         scale = self.scale[inverse]
         q = ((seen.q - self.offset) / self.scale)[inverse]
-        moved = (one[inverse] / scale[:, None] for one in (seen.Q, seen.V, seen.A))
+        Q, V, A = (one[inverse] / scale[:, None] for one in (seen.Q, seen.V, seen.A))
         force = self.force[inverse]
-        return Response(q, seen.tau[inverse] * force, *moved, seen.T[inverse] * force[:, None])
+        return Response(q, seen.tau[inverse] * force, Q, V, A, seen.T[inverse] * force[:, None])
 
 
 @final
@@ -223,7 +237,10 @@ class Candidates:
         found = []
         for joints in [*([i] for i in range(self.n)), [*range(self.n)]]:
             who = self.names[joints[0]] if len(joints) == 1 else "every joint"
-            for factor, text in ((180.0 / np.pi, "degrees and is taken for radians"), (np.pi / 180.0, "radians and is taken for degrees")):
+            for factor, text in (
+                (180.0 / np.pi, "degrees and is taken for radians"),
+                (np.pi / 180.0, "radians and is taken for degrees"),
+            ):
                 found.append(self._made("unit", f"{who} comes in {text}", joints, scale=dict.fromkeys(joints, factor)))
         return found
 

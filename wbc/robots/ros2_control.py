@@ -24,7 +24,8 @@ class Ros2Control(Device):
     """A ``forward_command_controller`` of ``ros2_control``, on one ``interface``: "effort" or "position".
 
     ``joints`` is the controller's parameter of that name; ``adds_gravity`` says whether the hardware compensates
-    gravity by itself; ``gains`` (stiffness, damping) hold each joint still in a check. Messages are anything that has the fields of the ROS messages.
+    gravity by itself; ``gains`` (stiffness, damping) hold each joint still in a check. Messages are anything that has
+    the fields of the ROS messages.
 
     Example:
         >>> from types import SimpleNamespace

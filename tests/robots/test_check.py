@@ -1,0 +1,113 @@
+"""The check names mistakes that are seeded, and finds nothing where there are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tests.robots.examples import needs_examples
+from wbc.errors import InvalidInput
+from wbc.robots import MotorBoard, UnitreeGo2
+from wbc.robots.check import check
+from wbc.robots.response import Candidates, Expected, Response
+
+pytest.importorskip("mujoco")
+pytestmark = pytest.mark.physics
+
+from tests.robots.mistakes import MISTAKES, Seeded, checked  # noqa: E402 - needs the physics engine
+
+QUICK = {"crc 0", "w first", "accelerometer in g", "stale states", "states at 50 Hz", "no states", "sign of joint 4"}
+QUICK |= {"joints 1 and 3", "offset of joint 4", "torques with the other sign", "clock in milliseconds"}
+
+
+def _marked(mistake: Seeded) -> object:
+    marks = [] if mistake.what in QUICK and mistake.robot != "g1" else [pytest.mark.deep]
+    if mistake.robot == "g1":
+        marks.append(needs_examples)
+    return pytest.param(mistake, marks=marks, id=f"{mistake.robot}: {mistake.what}")
+
+
+def test_there_are_enough_mistakes_on_three_devices():
+    assert len(MISTAKES) >= 40 and {mistake.robot for mistake in MISTAKES} == {"go2", "franka", "g1"}
+
+
+@pytest.mark.parametrize("mistake", [_marked(mistake) for mistake in MISTAKES])
+def test_a_mistake_is_named(mistake: Seeded):
+    found = checked(mistake.robot, seed=100 + MISTAKES.index(mistake), mistake=mistake)
+    assert [finding.kind for finding in found.findings] == [mistake.kind], found
+    assert mistake.says in found.findings[0].sentence
+
+
+CLEAN = {"franka": 60, "go2": 30, "g1": 10}
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        pytest.param(
+            kind, seed, marks=[needs_examples] * (kind == "g1") + [pytest.mark.deep] * (seed > 0 or kind != "franka")
+        )
+        for kind, count in CLEAN.items()
+        for seed in range(count)
+    ],
+)
+def test_nothing_is_found_where_nothing_is_wrong(kind: str, seed: int):
+    found = checked(kind, seed)
+    assert found.ok, found
+    assert found.figures["latency"] < 0.01
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_weak_form_holds_for_any_motion_of_the_model(seed: int):
+    # Random smooth motions, torques by inverse dynamics: T = G Q + M A to second order in the motion.
+    import pinocchio
+
+    rng = np.random.default_rng(seed)
+    robot = wbc.load("arm")
+    expected = Expected(robot, np.eye(3))
+    t, dt = np.linspace(0.0, 1.0, 2001), 5e-4
+    size = 1e-4
+    shapes = [(rng.normal(size=7), rng.uniform(1.0, 12.0), rng.uniform(0.0, 6.0)) for _ in range(3)]
+    dq, dv, da = np.zeros((3, len(t), 7))
+    for amplitude, omega, phase in shapes:
+        dq += size * np.outer(np.sin(omega * t + phase), amplitude)
+        dv += size * omega * np.outer(np.cos(omega * t + phase), amplitude)
+        da -= size * omega**2 * np.outer(np.sin(omega * t + phase), amplitude)
+    data = expected._model.createData()
+    tau = np.array(
+        [pinocchio.rnea(expected._model, data, robot.q0 + q, v, a) for q, v, a in zip(dq, dv, da, strict=True)]
+    )
+    gravity, G, M = expected.at(robot.q0)
+    window = np.sin(np.pi * t) ** 2 * np.cos(9.0 * t) * dt
+    second = np.zeros_like(window)
+    second[1:-1] = np.diff(window, 2) / dt**2
+    T, Q, A = window @ (tau - gravity), window @ dq, second @ dq
+    np.testing.assert_allclose(T, G @ Q + M @ A, atol=1e-5 + 1e-2 * np.abs(T).max())
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_mistake_that_is_applied_to_what_it_does_gives_the_robot_back(seed: int):
+    rng = np.random.default_rng(seed)
+    expected = Expected(wbc.load("quadruped", base="fixed"), np.eye(3))
+    candidates = Candidates(expected)
+    every = [*candidates.exchanged(), *candidates.turned(), *candidates.units(), *candidates.limbs()]
+    mistake = every[rng.integers(len(every))]
+    Q, V, A, T = rng.normal(size=(4, 12, 24))
+    true = Response(rng.normal(size=12), rng.normal(size=12), Q, V, A, T)
+    order, scale, force = mistake.order, mistake.scale[:, None], mistake.force[:, None]
+    read = Response(
+        true.q[order] * mistake.scale + mistake.offset, true.tau[order] / mistake.force,
+        Q[order] * scale, V[order] * scale, A[order] * scale, T[order] / force,
+    )  # fmt: skip
+    back = mistake.applied(read)
+    for name in ("q", "tau", "Q", "V", "A", "T"):
+        np.testing.assert_allclose(getattr(back, name), getattr(true, name), rtol=1e-9)
+
+
+def test_a_floating_base_is_refused():
+    robot = wbc.load("quadruped")
+    with pytest.raises(InvalidInput, match="fixed base"):
+        check(MotorBoard.__new__(MotorBoard), robot, device=UnitreeGo2())

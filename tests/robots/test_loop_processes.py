@@ -1,0 +1,109 @@
+"""A killed script: its guard, another process, holds the robot. The robot is a board that runs in real time here."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.robots import JointMap, MotorBoard, UnitreeGo2
+from wbc.robots.port import serve
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+import sys, wbc
+from tests.robots.test_loop_processes import device
+from wbc.robots import Loop, Udp
+from wbc.tasks import Posture
+robot = wbc.load("quadruped", base="fixed")
+go2, joint_map = device(robot)
+controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0, kp=100)]), level=wbc.InverseDynamics(), dt=2e-3)
+port = Udp(go2, ("127.0.0.1", int(sys.argv[1])))
+loop = Loop(port, controller, joint_map=joint_map, guard=sys.argv[2] == "guard", hold_for=2.0, patience=5.0, ramp=0.1)
+loop.run(before_tick=lambda t: print("tick", flush=True))
+"""
+
+
+def device(robot: Any) -> tuple[UnitreeGo2, JointMap]:
+    """A Go2 whose motors drive our own quadruped."""
+    legs = {"FR": "front_right", "FL": "front_left", "RR": "rear_right", "RL": "rear_left"}
+    parts = {"hip": "hip_roll", "thigh": "hip_pitch", "calf": "knee"}
+    names = {f"{legs[a]}_{parts[b]}": f"{a}_{b}_joint" for a in legs for b in parts}
+    go2 = UnitreeGo2()
+    return go2, go2.joint_map(robot, names=names)
+
+
+@pytest.fixture
+def robot() -> Iterator[tuple[MotorBoard, int]]:
+    """A board behind a socket, and its port; it goes limp where orders stop for 0.2 s."""
+    pytest.importorskip("mujoco")
+    from wbc.sim.engine import PhysicsSettings
+    from wbc.sim.mujoco_ import MujocoPlant
+
+    model = wbc.load("quadruped", base="fixed")
+    go2, joint_map = device(model)
+    plant = MujocoPlant(model, dt=2e-3, settings=PhysicsSettings(armature=0.01))
+    board = MotorBoard(go2, plant, joint_map=joint_map, timeout=0.2, on_timeout="limp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+        stop = threading.Event()
+        thread = threading.Thread(target=serve, args=(board, server, stop.is_set), daemon=True)
+        thread.start()
+        yield board, server.getsockname()[1]
+        stop.set()
+        thread.join(10.0)
+
+
+def killed(port: int, guard: str) -> None:
+    """Start a script that controls the robot, and kill it when it does."""
+    words = [sys.executable, "-c", SCRIPT, str(port), guard]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(words, stdout=subprocess.PIPE, env=environment, cwd=ROOT, text=True) as script:
+        assert script.stdout is not None
+        for _ in range(200):
+            assert script.stdout.readline() == "tick\n"
+        script.send_signal(signal.SIGKILL)
+
+
+def waited(board: MotorBoard, seconds: float) -> None:
+    """Until the board's own time has passed."""
+    until = board.plant.t + seconds
+    while board.plant.t < until:
+        time.sleep(0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+def test_a_killed_script_ends_in_hold(robot: tuple[MotorBoard, int]):
+    board, port = robot
+    killed(port, "guard")
+    before, ordered = board.plant.q, board._ordered
+    waited(board, 0.6)
+    assert board._ordered > ordered + 0.3, "the guard goes on sending"
+    assert np.abs(board.plant.q - before).max() < 0.05
+    assert board.refused == 0
+    deadline = time.monotonic() + 60.0
+    while board.plant.t - board._ordered < 0.5 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert board.plant.t - board._ordered >= 0.5, "the guard ends after the time that it was given"
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+def test_without_a_guard_a_killed_script_lets_the_robot_fall(robot: tuple[MotorBoard, int]):
+    board, port = robot
+    killed(port, "alone")
+    before = board.plant.q
+    waited(board, 1.0)
+    assert np.abs(board.plant.q - before).max() > 0.2

@@ -1,0 +1,90 @@
+"""``wbc deploy``: look whether a robot is what a program takes it for, before it moves."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wbc.cli.console import NO, one_sentence, progress, say, table
+
+if TYPE_CHECKING:
+    from wbc.robots.motor_board import MotorBoard
+
+_LEGS = {"FR": "front_right", "FL": "front_left", "RR": "rear_right", "RL": "rear_left"}
+_PARTS = {"hip": "hip_roll", "thigh": "hip_pitch", "calf": "knee"}
+#: The device of each robot, and the step of its motors' law in a dry run [s].
+_DEVICES = {
+    "g1": ("UnitreeG1", 2e-3),
+    "go2": ("UnitreeGo2", 2e-3),
+    "quadruped": ("UnitreeGo2", 2e-3),
+    "panda": ("Franka", 1e-3),
+    "arm": ("Franka", 1e-3),
+}
+
+
+@one_sentence
+def deploy(
+    robot: Annotated[str, typer.Argument(help=f"One of {', '.join(_DEVICES)}.")],
+    *,
+    check: Annotated[bool, typer.Option("--check", help="Small motions prove order, signs, units and IMU.")] = False,
+    seed: Annotated[int, typer.Option(help="Of the sensors' noise in the dry run.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Check a robot against a motor board in physics: a dry run of the check. Exit code 0: nothing found.
+
+    A robot is checked by the same function through its own connection; see docs/robots.md. Not tried on hardware.
+    """
+    from wbc.errors import InvalidInput, UnknownRobot
+    from wbc.robots.check import check as look
+    from wbc.robots.hands import BoardHands
+
+    if robot not in _DEVICES:
+        raise UnknownRobot(robot, _DEVICES)
+    if not check:
+        raise InvalidInput(f"say what to do: wbc deploy {robot} --check")
+    board = _board(robot, seed)
+    with progress(f"checking {robot}, dry") as step:
+        found = look(board, board.plant.model, joint_map=board.joint_map, hands=BoardHands(board), progress=step)
+    if as_json:
+        told: dict[str, Any] = {
+            "robot": robot, "ok": found.ok, "dry": True, "figures": found.figures, "unproven": found.unproven,
+            "findings": [{"kind": one.kind, "sentence": one.sentence} for one in found.findings],
+        }  # fmt: skip
+        print(json.dumps(told, ensure_ascii=False))
+    else:
+        made = table(f"{robot} as {board.device!r}, dry", "", "")
+        for one in found.findings:
+            made.add_row("wrong", one.sentence)
+        for text in found.unproven:
+            made.add_row("not proven", text)
+        for name, unit in (("rate", "Hz"), ("latency", "s")):
+            if name in found.figures:
+                made.add_row(name, f"{found.figures[name]:.4g} {unit}")
+        say(made, "", "nothing wrong was found" if found.ok else f"{len(found.findings)} wrong")
+    raise typer.Exit(0 if found.ok else NO)
+
+
+def _board(name: str, seed: int) -> MotorBoard:
+    """A robot that hangs, behind its frames, with noisy sensors."""
+    from wbc import robots
+    from wbc.models import load
+    from wbc.robots.motor_board import MotorBoard
+    from wbc.sim.disturbance import SensorNoise
+    from wbc.sim.engine import PhysicsSettings
+    from wbc.sim.mujoco_ import MujocoPlant
+
+    kind, dt = _DEVICES[name]
+    model, device = load(name, base="fixed"), getattr(robots, kind)()
+    names: dict[str, str] = {}
+    if name == "quadruped":
+        names = {f"{_LEGS[a]}_{_PARTS[b]}": f"{a}_{b}_joint" for a in _LEGS for b in _PARTS}
+    elif name == "arm":
+        names = dict(zip(model.joint_names, device.motors, strict=True))
+    plant = MujocoPlant(model, dt=dt, settings=PhysicsSettings(armature=0.01, joint_friction=0.02, joint_damping=0.05))
+    noise = SensorNoise(position=1e-4, velocity=0.01, seed=seed)
+    return MotorBoard(
+        device, plant, joint_map=device.joint_map(model, names=names), delay=2e-3, torque_noise=0.05,
+        acceleration_noise=0.05, mode_machine=5, disturbances=[noise], seed=seed,
+    )  # fmt: skip
