@@ -135,8 +135,21 @@ class Optimum(NamedTuple):
 def least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec) -> Optimum | None:
     """Minimise ½ ‖F x − f‖² within the constraints: Clarabel finds the active rows, numpy solves for them.
 
-    ``unit`` (n,) is the size of each unknown. None: Clarabel found nothing.
+    ``unit`` (n,) is the size of each unknown. None: Clarabel found nothing. Equations that contradict each other by
+    less than what counts as met have no common point: where no optimum is proved, e is replaced by the nearest right
+    side that can be met.
     """
+    found = _least_squares(F, f, c, unit)
+    if found is not None and found.proved:
+        return found
+    met = c.E @ np.linalg.lstsq(c.E, c.e, rcond=1e-11)[0] if len(c.E) else c.e
+    if np.abs(met - c.e).max(initial=0.0) > 0.1 * FEASIBLE:
+        return found
+    again = _least_squares(F, f, replace(c, e=met), unit)
+    return again if again is not None and again.proved else found
+
+
+def _least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec) -> Optimum | None:
     n, m = F.shape[1], len(F)
     top = float(np.abs(F * unit).max(initial=0.0)) or 1.0
     up, low = np.isfinite(c.cu) & (c.cu > c.cl), np.isfinite(c.cl) & (c.cu > c.cl)

@@ -179,7 +179,7 @@ def test_named_configurations_come_from_the_srdf_beside_the_file(tmp_path: Path)
     with pytest.raises(ModelError, match=r"arm\.srdf': not well-formed XML"):
         load(path, srdf=tmp_path / "srdf" / "arm.srdf")
     (tmp_path / "srdf" / "arm.srdf").write_text(SRDF.replace("1.2", "nan"))
-    with pytest.raises(ModelError, match=r"arm\.srdf: 'nan' is not a finite number"):
+    with pytest.raises(ModelError, match=r"arm\.srdf': 'nan' is not a finite number"):
         load(path, srdf=str(tmp_path / "srdf" / "arm.srdf"))
     assert load(path).configurations == {}
 
