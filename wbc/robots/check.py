@@ -373,22 +373,18 @@ class _Check:
                 continue
             if joint not in moved:
                 moved[joint] = self._feel(joint)
-            seen, way = moved[joint]
-            if seen != joint or way < 0.0:
-                k = self.robot.joint(joint)
-                fits = [
-                    one for one in alike
-                    if self.robot.joint_names[int(one.order.tolist().index(k))] == seen
-                    and one.scale[self.robot.joint(seen)] * way > 0.0
-                ]  # fmt: skip
-                if fits:
-                    self.result.add(fits[0].kind, fits[0].sentence, fits[0].joints)
-                else:
-                    how = seen if seen != joint else "itself, the other way round"
-                    self.result.add(
-                        "order" if seen != joint else "sign", f"{joint}, moved by hand, is read as {how}", (joint,)
-                    )
-                return
+        wrong = [(joint, seen) for joint, (seen, way) in moved.items() if seen != joint or way < 0.0]
+        if not wrong:
+            return
+        names = self.robot.joint_names
+        fits = [one for one in alike if all(one.shows(joint, *told, names) for joint, told in moved.items())]
+        if fits:
+            self.result.add(fits[0].kind, fits[0].sentence, fits[0].joints)
+            return
+        for joint, seen in wrong:
+            how = seen if seen != joint else "itself, the other way round"
+            kind = "order" if seen != joint else "sign"
+            self.result.add(kind, f"{joint}, moved by hand, is read as {how}", (joint,))
 
     def only_by_hand(self) -> None:
         """Without torques nothing tells joints apart but a hand that moves each of them."""
