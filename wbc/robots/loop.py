@@ -84,13 +84,15 @@ class Loop:
     Example:
         >>> import numpy as np, wbc
         >>> from wbc.robots import Franka, Loop, MotorBoard
-        >>> from wbc.sim.plant import ForwardDynamicsPlant
+        >>> from wbc.sim.engine import PhysicsSettings
+        >>> from wbc.sim.mujoco_ import MujocoPlant
         >>> from wbc.tasks import Posture
         >>> robot, arm = wbc.load("arm"), Franka()
         >>> joint_map = arm.joint_map(robot, names=dict(zip(robot.joint_names, arm.motors)))
         >>> stack = wbc.Stack([Posture(robot.q0, kp=100)])
         >>> controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1e-3)
-        >>> board = MotorBoard(arm, ForwardDynamicsPlant(robot), joint_map=joint_map)
+        >>> plant = MujocoPlant(robot, settings=PhysicsSettings(armature=0.01))
+        >>> board = MotorBoard(arm, plant, joint_map=joint_map)
         >>> run = Loop(board, controller, rate=1000, joint_map=joint_map).run(0.1)
         >>> run.rows, run.meta["ended"], run.meta["loop"]["lost"]
         (100, 'complete', 0)
