@@ -15,6 +15,8 @@ NOISE: Final = 1e-14
 #: A result below this share of what it is computed from is rounding: it has no sign, and a pivot or a singular value as
 #: small counts as zero. It is 1e4 times what a number is off by, as matrices here are conditioned up to that.
 ROUNDING: Final = 1e-12
+#: A sum of many terms, among them results of other sums, that is below this share of what it is made of is zero.
+CANCELS: Final = 1e-11
 #: Numbers that differ by a smaller share of their size are the same, and the index decides between them, so that every
 #: processor decides alike.
 SAME: Final = 1e-9

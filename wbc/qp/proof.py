@@ -20,14 +20,12 @@ import numpy as np
 from wbc.qp.answer import Answer
 from wbc.qp.certificate import FLAT
 from wbc.qp.problem import QP, Shape, moderate
-from wbc.tolerances import NOISE, SAME
+from wbc.tolerances import CANCELS, NOISE, SAME
 from wbc.types import Mat, Status, Vec
 
 #: How far away a point may be for a proof to hold for it too, beside the size of the bounds.
 _FAR = 1e8
 _EPS = float(np.finfo(np.float64).eps)
-#: Rounding beside the terms of a sum: what is zero of Rᵀs, H d and R d.
-_ZERO = 1e-11
 #: The slope along a direction, beside the terms it is the sum of, from which the cost falls.
 _FALLS = 1e-7
 #: How often the columns are scaled, and by how much at most.
@@ -90,7 +88,7 @@ def contradicts(qp: QP, s: Vec, tolerance: float) -> bool:
     size = float(np.abs(side).max(initial=0.0)) + 1.0
     terms = np.abs(s[:m]) @ np.abs(qp.matrix) + np.abs(s[m:])
     left = np.abs(s[:m] @ qp.matrix + s[m:])
-    if (left > _ZERO * terms).any():
+    if (left > CANCELS * terms).any():
         return False
     beta = float(s[used] @ side)
     room = float(np.abs(s).sum()) * tolerance + NOISE * float(np.abs(s[used]) @ np.abs(side))
@@ -117,7 +115,7 @@ def descent(qp: QP, tolerance: float) -> Vec | None:
     rows = np.concatenate([qp.matrix, np.eye(qp.n)])
     along = rows @ flat
     reach = np.linalg.norm(along, axis=1)
-    matter = reach > _ZERO * np.linalg.norm(rows, axis=1)
+    matter = reach > CANCELS * np.linalg.norm(rows, axis=1)
     cone = QP.empty(Shape(flat.shape[1], 0, int(matter.sum())))
     cone.H[:], cone.g[:] = np.eye(flat.shape[1]), (qp.g @ flat) / size
     cone.matrix[:] = along[matter] / reach[matter, None]
@@ -125,7 +123,7 @@ def descent(qp: QP, tolerance: float) -> Vec | None:
     cone.upper[:] = np.where(np.isfinite(np.concatenate([qp.upper, qp.ub])[matter]), 0.0, np.inf)
     direction = flat @ _projected(cone).x
     part = np.abs(direction / unit)
-    direction[part <= _ZERO * part.max()] = 0.0
+    direction[part <= CANCELS * part.max()] = 0.0
     if not direction.any() or not moderate(direction):
         return None
     direction /= np.abs(direction).max()
@@ -140,10 +138,10 @@ def falls(qp: QP, d: Vec) -> bool:
     """Whether the cost falls for ever along d (n,) and every row and bound that holds keeps to hold."""
     along, terms = np.concatenate([qp.matrix @ d, d]), np.concatenate([np.abs(qp.matrix) @ np.abs(d), np.abs(d)])
     lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
-    zero = _ZERO * terms
+    zero = CANCELS * terms
     keeps = (np.isinf(upper) | (along <= zero)) & (np.isinf(lower) | (along >= -zero))
     entries = np.abs(qp.H) @ np.abs(d)
-    bent = np.abs(qp.H @ d) > _ZERO * entries
+    bent = np.abs(qp.H @ d) > CANCELS * entries
     hidden = _FAR * _EPS * float(np.abs(d) @ entries)
     return bool(keeps.all() and not bent.any() and qp.g @ d < -_FALLS * float(np.abs(qp.g) @ np.abs(d)) - hidden)
 

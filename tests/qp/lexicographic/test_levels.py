@@ -68,7 +68,7 @@ def test_a_posture_that_is_not_at_its_optimum_is_not_certified(weight: float) ->
     stack = wbc.Stack([crossed, [Posture(robot.q0 + 0.3, weight=weight)]])
     controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(lm_damping=0.0), hierarchy=wbc.Strict())
     assert controller.tick(0.0, robot.q0, np.zeros(robot.nv)).certificate.ok
-    levels = controller._solver.levels
+    levels = controller.answering.levels
     p, address = levels.problem, levels._ranking.address
     above = p.G[levels.staged.rows[0], : p.n]
     free = np.linalg.svd(above)[2][np.linalg.matrix_rank(above, tol=1e-9) :].T

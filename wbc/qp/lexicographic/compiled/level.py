@@ -52,14 +52,12 @@ from wbc.qp.lexicographic.compiled.space import (
 from wbc.qp.rows.compiled.equality import reduced
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import place_of, views
-from wbc.tolerances import NOISE, SHARP
+from wbc.tolerances import CANCELS, NOISE, ROUNDING, SHARP
 
 #: Held items depend on others where no more than this share of their length is left: with less, what their bounds are
-#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to the second,
-#: or to what rounding leaves of a row that stands above all but its whole length.
-_HELD, _BESIDE = 1e-7, 1e-12
-#: A pull below this share of what it is made of is rounding.
-ROUNDING = 1e-11
+#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to rounding, or
+#: to what rounding leaves of a row that stands above all but its whole length.
+_HELD = 1e-7
 #: Newton steps on the last level.
 _REFINED = 3
 
@@ -134,9 +132,9 @@ def reduce(at: int, rank: int, d: int) -> None:
     w = space(at)
     k = w.sizes[ROWS]
     for i in range(k):
-        w.size[i] = max(sqrt(dot(w.W[i], w.W[i], d)), w.noise[1 + i] / _BESIDE)
+        w.size[i] = max(sqrt(dot(w.W[i], w.W[i], d)), w.noise[1 + i] / ROUNDING)
         w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
-    decided = triangular(at, w.A, k, rank, d, w.size, w.order, _BESIDE)
+    decided = triangular(at, w.A, k, rank, d, w.size, w.order, ROUNDING)
     w.sizes[DECIDED] = rank + decided
     for i in range(k):
         w.missing[i] = w.v[w.order[i]]
@@ -261,7 +259,7 @@ def hold(at: int) -> None:
         place = place_of(s, item)
         w.push[item] = force / w.reach[i]
         w.holds[i] = 1.0 if abs(force) > w.rho[i] else 0.0
-        if counts and -force * w.side[item] > ROUNDING * pull and s.lower[place] != s.upper[place]:
+        if counts and -force * w.side[item] > CANCELS * pull and s.lower[place] != s.upper[place]:
             w.wrong[item] = -force * w.side[item]
     for c in range(d):
         w.z[c] = w.t[c]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from wbc.compiled import part, small_kernel
-from wbc.qp.lexicographic.compiled.level import ROUNDING, hold, read_level
+from wbc.qp.lexicographic.compiled.level import hold, read_level
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
@@ -43,7 +43,7 @@ from wbc.qp.rows.compiled.work import (
     views,
 )
 from wbc.qp.rows.compiled.work import ROWS as IN_ROWS
-from wbc.tolerances import NEAR
+from wbc.tolerances import CANCELS, NEAR
 
 #: A bound is broken beyond this share of 1 + its size.
 _BROKEN = 1e-9
@@ -52,8 +52,8 @@ _GUESSES, _CHANCES = 4, 1
 #: How often the core is asked; what a row of the level weighs there beside the distance, and how much less where
 #: that is too much.
 _FINDS, _HEAVY, _LESS = 4, 1e10, 1e-4
-#: Steps of a descent for each item, and those that are none.
-_MOST, _STILL = 5, 1e-11
+#: Steps of a descent for each item.
+_MOST = 5
 
 
 @small_kernel
@@ -198,7 +198,7 @@ def gains(at: int) -> bool:
         size = max(size, abs(w.a[i] + dot(w.W[i], w.at, d)))
     for c in range(d if w.sizes[LAST] else 0):
         gain, size = max(gain, abs(w.step[c])), max(size, abs(w.at[c]))
-    return bool(gain > ROUNDING * size)
+    return bool(gain > CANCELS * size)
 
 
 @part
@@ -227,14 +227,14 @@ def stopped(at: int, falls: bool) -> bool:
     for item in range(w.sizes[ITEMS]):
         if w.idle[item] == 0.0:
             ahead = dot(w.R[item], w.step, d)
-            if abs(ahead) > _STILL * w.whole[item] * length:
+            if abs(ahead) > CANCELS * w.whole[item] * length:
                 limit = min(limit, (room_of(w, item, ahead, d) + near_of(w, item)) / abs(ahead))
     found, squarest, share, side = -1, 0.0, 1.0, 0.0
     for item in range(w.sizes[ITEMS]):
         if w.idle[item] == 0.0:
             ahead = dot(w.R[item], w.step, d)
             square = abs(ahead) / w.whole[item] if w.whole[item] > 0.0 else 0.0
-            if square > _STILL * length and square > squarest:
+            if square > CANCELS * length and square > squarest:
                 room = max(room_of(w, item, ahead, d), 0.0) / abs(ahead)
                 if room <= limit and room < 1.0:
                     found, squarest, share, side = item, square, room, 1.0 if ahead > 0.0 else -1.0
@@ -286,7 +286,7 @@ def descend(at: int) -> bool:
             for c in range(d):
                 w.at[c] += w.step[c]
         cost = cost_of(at, d)
-        falls = cost < lowest * (1.0 - ROUNDING)
+        falls = cost < lowest * (1.0 - CANCELS)
         lowest = min(cost, lowest)
         let_go, most = -1, 0.0
         for item in range(m):

@@ -32,8 +32,6 @@ from wbc.qp.rows.compiled.verify import beyond, disproved, largest_push
 from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, is_fixed, place_of, views, weighed
 from wbc.tolerances import ROUNDING, SAME
 
-#: An item depends on those held where less than this share of its length is left beside them.
-_DEPENDENT = 1e-9
 #: What cancels to a smaller share is computed once more from what is left.
 _CANCELLED = 1e-2
 #: Steps after which the pushes are computed anew.
@@ -79,7 +77,7 @@ def hold(at: int, item: int) -> None:
     s = views(at)
     m = s.sizes[6]
     room = direction(at, item)
-    if m - weighed(s) >= s.sizes[1] or not room > _DEPENDENT**2 * s.length[m]:
+    if m - weighed(s) >= s.sizes[1] or not room > SAME**2 * s.length[m]:
         s.side[item] = 0.0
         return
     s.K[m, m], s.lam[m], s.sizes[6] = 1.0 / sqrt(room), 0.0, m + 1
@@ -179,7 +177,7 @@ def admit(at: int, item: int) -> int:
                 stop = max(-s.lam[i] * s.side[held], 0.0) / rate
                 if stop < first_stop * (1.0 - SAME):
                     blocking, first_stop = i, stop
-        depends = m - ns >= ny or not room > _DEPENDENT**2 * s.length[m]
+        depends = m - ns >= ny or not room > SAME**2 * s.length[m]
         if depends and blocking < 0:
             for i in range(len(s.push)):
                 s.push[i] = 0.0

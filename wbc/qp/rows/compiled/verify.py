@@ -1,7 +1,7 @@
 """The verdict on an answer: what breaks its bounds, what pushes the wrong way, and the certificate.
 
 The cost of a row problem has a diagonal D and the rows of its tasks, so that nothing is factored to bound the distance
-from the optimum (:func:`wbc.qp.certificate.spread`). A push πᵢ on each row, in units of the cost over ``unit``, splits
+from the optimum (:mod:`wbc.qp.certificate`). A push πᵢ on each row, in units of the cost over ``unit``, splits
 the gradient into what is left of the unknowns and of the rows of the tasks:
 
     r_D = D (y − c) + Gᵀ π + z ,      ρ = S x̂ − π / w ,      |x̂ − x̃|_H ≤ √( r_Dᵀ D⁻¹ r_D + ρᵀ w ρ )
