@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from wbc.types import Vec
 
 #: No length, angle, gain or weight that means something is larger; sums and squares of smaller ones keep their digits.
 LARGEST = 1e15
+_T = TypeVar("_T")
 
 
 def ndim(value: Any) -> int:
@@ -137,6 +138,38 @@ def text(name: str, value: Any) -> str:
     return value
 
 
+def instance(name: str, value: Any, kind: type[_T], what: str) -> _T:
+    """``value``, which is a ``kind``, ``what`` in words.
+
+    Raises:
+        InvalidInput: something else.
+    """
+    if not isinstance(value, kind):
+        raise InvalidInput(f"{name} is {shown(value)}; it must be {what}")
+    return value
+
+
+def truth(name: str, value: Any) -> bool:
+    """``value`` as True or False.
+
+    Raises:
+        InvalidInput: nobody can say which, as of an array of several numbers.
+    """
+    try:
+        return bool(value)
+    except Exception as cause:
+        raise InvalidInput(f"{name} is {shown(value)}; it must be True or False") from cause
+
+
+def seed(name: str, value: Any) -> int:
+    """``value`` as what random numbers are drawn from.
+
+    Raises:
+        InvalidInput: not a number from 0 to 2^63.
+    """
+    return int(number(name, value, low=0, high=2**63))
+
+
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     """``value``, which is one of ``allowed``, each a text or a number.
 
@@ -193,6 +226,18 @@ def pairs(name: str, value: Any, what: str) -> list[tuple[Any, Any]]:
             raise InvalidInput(f"{name}[{i}] is {shown(one)}; it must be ({what})")
         found.append((entry[0], entry[1]))
     return found
+
+
+def pair(name: str, value: Any, what: str) -> tuple[Any, Any]:
+    """``value`` as two values, ``what`` in words.
+
+    Raises:
+        InvalidInput: not two.
+    """
+    found = items(name, value, f"({what})")
+    if len(found) != 2:
+        raise InvalidInput(f"{name} is {shown(value)}; it must be ({what})")
+    return found[0], found[1]
 
 
 def shown(value: Any) -> str:

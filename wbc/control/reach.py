@@ -105,7 +105,8 @@ def reach(
     for task in levels[0]:
         if not isinstance(task, Task):
             raise InvalidInput(f"{task.name} has no error that could be met; put it in a lower level")
-    seed = int(checks.number("seed", seed, low=0, high=2**63))
+    robot = checks.instance("robot", robot, RobotModel, "a robot from wbc.load(...)")
+    seed = checks.seed("seed", seed)
     limits: list[Any] = [_Limits("position limits", "position", robot.limits.q_min, robot.limits.q_max)]
     if subject_to is not None:
         limits = checks.items("subject_to", subject_to, "limits and constraints")

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 from scipy.spatial.transform import Rotation
 
+from wbc import checks
 from wbc.errors import UnknownName
 from wbc.motion.clip import Motion
 from wbc.types import Mat, Vec
@@ -35,8 +36,9 @@ def made(name: str, *, seed: int = 0) -> Motion:
     Raises:
         UnknownName: no such motion.
     """
-    if name not in MOTIONS:
+    if not isinstance(name, str) or name not in MOTIONS:
         raise UnknownName(name, MOTIONS, "motions made by a program")
+    seed = checks.seed("seed", seed)
     rng = np.random.default_rng(seed)
     tall, pace = rng.uniform(0.9, 1.1), rng.uniform(0.85, 1.1)
     body = MOTIONS[name](rng, pace)

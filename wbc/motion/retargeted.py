@@ -79,6 +79,9 @@ def retarget(
         raise InvalidInput(f"robot is {checks.shown(robot)}; it must be a robot from wbc.load(..., base='floating')")
     if acceleration is not None:
         acceleration = checks.number("acceleration", acceleration, low=0.0, strict=True)
+    collisions, repair = checks.truth("collisions", collisions), checks.truth("repair", repair)
+    if not callable(progress):
+        raise InvalidInput(f"progress is {checks.shown(progress)}; it must be a function of a share and a word")
     motion = motion if isinstance(motion, Motion) else Motion.read(motion)
     table = Table.of(robot, mapping)
     targets = Targets.of(Body.of(motion), robot, table)

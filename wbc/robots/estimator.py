@@ -106,9 +106,12 @@ class BaseEstimator:
             raise InvalidInput(f"robot is {checks.shown(robot)}; it must be a robot with a floating base")
         feet = getattr(robot, "feet", {})
         given = list(feet) if contacts is None else checks.items("contacts", contacts, "frames or feet")
+        for one in given:
+            checks.instance("an entry of contacts", one, str | Foot, "a frame or a Foot")  # type: ignore[arg-type]
         self._feet = [one if isinstance(one, Foot) else feet.get(one, Foot(one, "point", 1.0)) for one in given]
         names = checks.names("contacts", [foot.frame for foot in self._feet])
-        self.robot, self.noise = robot, noise or ImuNoise()
+        noise = ImuNoise() if noise is None else noise
+        self.robot, self.noise = robot, checks.instance("noise", noise, ImuNoise, "an ImuNoise")
         self._joint2 = checks.number("joint", joint, low=0.0) ** 2
         self._flex2 = checks.number("flex", flex, low=0.0, strict=True) ** 2
         self._creep2 = checks.number("creep", creep, low=0.0) ** 2
@@ -146,7 +149,7 @@ class BaseEstimator:
 
     def _imu(self, frame: str) -> tuple[Vec, Mat]:
         """Where the IMU is in the base, and the rotation from its axes to the base's."""
-        if not frame:
+        if not checks.instance("imu_frame", frame, str, "the name of a frame"):
             return np.zeros(3), np.eye(3)
         state, q = self.robot.state(drifts=False), np.zeros(self.robot.nq)
         q[6], q[7:] = 1.0, self.robot.q0[7:]

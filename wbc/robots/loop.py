@@ -115,8 +115,10 @@ class Loop:
         guard: bool = True,
         hold_for: float = np.inf,
     ) -> None:
+        port = checks.instance("port", port, Port, "a port, as MotorBoard(...)")
         self.port, self.driver = port, controller
-        self.controller = controller.controller if isinstance(controller, Setpoint) else controller
+        decides = controller.controller if isinstance(controller, Setpoint) else controller
+        self.controller = checks.instance("controller", decides, Controller, "a wbc.Controller or Setpoint")
         robot = self.robot = self.controller.model
         self.dt = self.controller.dt
         if rate is not None and abs(checks.number("rate", rate, low=0.0, strict=True) * self.dt - 1.0) > 1e-9:
@@ -126,16 +128,17 @@ class Loop:
         if robot.nb and base is None:
             raise InvalidInput(f"{robot.name} has a floating base, which no motor measures; give base")
         self.base = base
-        self.joint_map = port.device.joint_map(robot) if joint_map is None else joint_map
+        joint_map = port.device.joint_map(robot) if joint_map is None else joint_map
+        self.joint_map = checks.instance("joint_map", joint_map, JointMap, "a JointMap")
         self._joints = np.array([robot.joint(name) for name in self.joint_map.joints])
-        stiffness, damping = holding_gains(robot) if hold is None else hold
+        stiffness, damping = holding_gains(robot) if hold is None else checks.pair("hold", hold, "stiffness, damping")
         self._hold = self._gain("hold", stiffness), self._gain("hold", damping)
         usual = (0.0, 0.0) if self.controller.level.dynamics else (stiffness, damping)
         self._gains = self._gain("kp", usual[0] if kp is None else kp), self._gain("kd", usual[1] if kd is None else kd)
         self._ramp = checks.number("ramp", ramp, low=0.0, strict=True)
         self._at_end = checks.one_of("at_end", at_end, AT_END)
         self._patience = checks.number("patience", patience, low=0.0, strict=True)
-        self._guarded, self._hold_for = guard and port.shared, hold_for
+        self._guarded, self._hold_for = checks.truth("guard", guard) and port.shared, hold_for
         self.guard: Guard | None = None
         self._gravity = robot.state() if port.device.adds_gravity else None
 

@@ -115,11 +115,13 @@ class MotorBoard:
         mode_machine: int = 0,
         seed: int = 0,
     ) -> None:
-        robot = plant.model
+        device = checks.instance("device", device, Device, "a device, as UnitreeG1()")
+        robot = checks.instance("plant", plant, Plant, "a plant, as MujocoPlant(robot)").model
         if plant.takes != "torque":
             raise InvalidInput(f"{type(plant).__name__} takes {plant.takes}s; motors give torques")
         self.device, self.plant = device, plant
-        self.joint_map = device.joint_map(robot) if joint_map is None else joint_map
+        joint_map = device.joint_map(robot) if joint_map is None else joint_map
+        self.joint_map = checks.instance("joint_map", joint_map, JointMap, "a JointMap")
         self._delay = checks.number("delay", delay, low=0.0)
         self._state_delay = checks.number("state_delay", state_delay, low=0.0)
         self._timeout = checks.number("timeout", timeout, low=0.0, strict=True)
@@ -129,12 +131,19 @@ class MotorBoard:
              checks.number("acceleration_noise", acceleration_noise, low=0.0)], [len(device.motors), 3],
         )  # fmt: skip
         self.imu: Mat = np.eye(3) if imu is None else checks.array("imu", imu, (3, 3))
-        self._feet, self._mode = list(feet), mode_machine
-        self._random = np.random.default_rng(seed)
+        self._feet, self._mode = checks.items("feet", feet, "names of links"), mode_machine
+        felt: Any = plant.wrenches() if hasattr(plant, "wrenches") else {}
+        for link in self._feet:
+            if not isinstance(link, str) or link not in felt:
+                raise InvalidInput(f"feet: the plant knows no contact force of {checks.shown(link)}")
+        self._random = np.random.default_rng(checks.seed("seed", seed))
         self._joints = np.array([robot.joint(name) for name in self.joint_map.joints])
         self._stiffness, self._damping = holding_gains(robot)
         self._own = plant.q[-robot.nj :].copy()
-        self._effects = [disturbance.begin(plant) for disturbance in disturbances]
+        self._effects = [
+            checks.instance("an entry of disturbances", one, Disturbance, "a Disturbance").begin(plant)
+            for one in checks.items("disturbances", disturbances, "each a Disturbance")
+        ]
         self._attitude: Mat = np.eye(3)
         #: Torques (nj,) on the joints from outside, as of a hand that moves them.
         self.hand: Vec = np.zeros(robot.nj)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, Protocol, final, runtime_checkable
 
 from wbc.errors import WbcError
 from wbc.robots.device import Device
@@ -21,6 +21,7 @@ class DeviceSilent(WbcError):
     """A robot that sends no state, or no longer does."""
 
 
+@runtime_checkable
 class Port(Protocol):
     """A connection to one robot. ``shared``: a copy of it, pickled, reaches the same robot from another process."""
 

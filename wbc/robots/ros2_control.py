@@ -48,6 +48,7 @@ class Ros2Control(Device):
         self.law = "torque" if checks.one_of("interface", interface, INTERFACES) == "effort" else "position"  # type: ignore[misc]
         self.rate = checks.number("rate", rate, low=0.0, strict=True)
         self.adds_gravity = adds_gravity  # type: ignore[misc]
+        gains = checks.pair("gains", gains, "stiffness, damping")
         self.gains = tuple(checks.gains("gains", gain, len(self.motors)) for gain in gains)  # type: ignore[assignment]
 
     def encode(self, order: Order, reading: Reading) -> Vec:

@@ -268,6 +268,7 @@ class UnitreeG1Arms(_Humanoid):
 
     def __init__(self, *, waist: bool = False, check: bool = True) -> None:
         super().__init__(check=check)
+        waist = checks.truth("waist", waist)
         self.motors = (*_ARMS, *(_WAIST if waist else ()))
         self.index = np.array([*range(15, 29), *(range(12, 15) if waist else ())])
         self.gains = _KP[self.index], _KD[self.index]

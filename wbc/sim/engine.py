@@ -57,8 +57,7 @@ class PhysicsSettings:
     solver_iterations: int = 100
 
     def __post_init__(self) -> None:
-        if self.integrator not in INTEGRATORS:
-            raise InvalidInput(f"integrator is {self.integrator!r}; it must be one of {', '.join(INTEGRATORS)}")
+        checks.one_of("integrator", self.integrator, INTEGRATORS)
         checks.number("impratio", self.impratio, low=0.0, strict=True)
         checks.number("armature", self.armature, low=0.0)
         whole("solver_iterations", self.solver_iterations)
@@ -66,7 +65,7 @@ class PhysicsSettings:
             raise InvalidInput(f"solref is {self.solref}; both must be > 0: (time constant [s], damping ratio)")
         checks.array("solimp", self.solimp, (5,))
         for name, value in (("joint_friction", self.joint_friction), ("joint_damping", self.joint_damping)):
-            if value != "urdf":
+            if not isinstance(value, str) or value != "urdf":
                 checks.number(f'{name} (a number or "urdf")', value, low=0.0)
 
     def as_dict(self) -> dict[str, Any]:

@@ -86,18 +86,20 @@ class MujocoPlant(Plant):
             raise InvalidInput(
                 f"robot is a {type(robot).__name__}; physics needs one that wbc.load made from a URDF or MJCF"
             )
-        if sole_geometry not in SOLE_GEOMETRIES:
-            raise InvalidInput(f"sole_geometry is {sole_geometry!r}; it must be 'box' or 'spheres'")
         super().__init__(robot, dt)
         self.substeps = whole("substeps", substeps)
-        self.physics_settings = settings or PhysicsSettings()
-        self.sole_geometry = sole_geometry
+        settings = PhysicsSettings() if settings is None else settings
+        self.physics_settings = checks.instance("settings", settings, PhysicsSettings, "a PhysicsSettings")
+        self.sole_geometry = checks.one_of("sole_geometry", sole_geometry, SOLE_GEOMETRIES)
         self.floor = checks.number("floor", floor)
         self.drives = drives
         if drives is not None:
+            checks.instance("drives", drives, PositionDrives, "a PositionDrives")
             self.takes = "position"
             self._stiffness, self._damping_gain = drives.gains(robot)
-        contacts = list(contacts)
+        contacts = checks.items("contacts", contacts, "each a contact")
+        for contact in contacts:
+            checks.instance("an entry of contacts", contact, Contact, "a contact")
         on_floor = [contact for contact in contacts if contact.carrier is None]
         self.feet = footprints(on_floor, robot, friction=friction, balls=sole_geometry == "spheres")
         self.joined = welds(contacts, robot)

@@ -46,7 +46,7 @@ class Plant(ABC):
     takes: str = "torque"
 
     def __init__(self, model: RobotModel, dt: float) -> None:
-        self.model = model
+        self.model = checks.instance("model", model, RobotModel, "a robot from wbc.load(...)")
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
         self._start, self._steps = 0.0, 0
         self._q = _frozen(model.q0.copy())
@@ -229,8 +229,8 @@ def whole(name: str, value: Any) -> int:
     Raises:
         InvalidInput: anything else.
     """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InvalidInput(f"{name} is {value!r}; it must be a whole number, at least 1")
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value < 2**31:
+        raise InvalidInput(f"{name} is {value!r}; it must be a whole number, at least 1 and less than 2^31")
     return int(value)
 
 
