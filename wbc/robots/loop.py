@@ -64,7 +64,7 @@ class Loop:
     """Runs a controller on the robot behind a port.
 
     Args:
-        port: a connection, such as ``wbc.robots.MotorBoard`` or ``wbc.robots.Dds``.
+        port: a connection, such as ``wbc.robots.MotorBoard``, ``wbc.robots.Udp`` or one of your own.
         controller: a controller or setpoint, with the period of the loop.
         rate: ticks per second; default: the controller's.
         joint_map: which motor drives which joint; default: that of equal names.

@@ -1,7 +1,7 @@
 """Unitree G1 and Go2: LowCmd and LowState as bytes, in the layout that the robots check. Not tried on hardware.
 
 Bytes are little-endian, in the memory layout of the makers' C structures, which their checksum is about. A DDS message
-is made of them field by field (:mod:`wbc.robots.dds`). The layouts are those that the IDL files ``unitree_hg`` and
+is filled from them field by field, by code of your own. The layouts are those that the IDL files ``unitree_hg`` and
 ``unitree_go`` of ``unitree_sdk2`` declare.
 """
 
