@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from tests.motion.test_retarget import retargeted
+from wbc.control.recorder import Run
 from wbc.motion import Fault, Retargeted, Verdict
+from wbc.report.record import named
 
 pytest.importorskip("matplotlib")
 
@@ -51,10 +53,9 @@ def test_the_command_writes_page_and_motion_and_says_the_share(wbc, tmp_path):
     answer = wbc("retarget", "squat", "--out", "out")
     assert answer.code == 0 and "100.0 % of 240 frames of squat certified for humanoid" in answer.out
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "report.html",
-        "report.md",
-        "motion.npz",
-        "motion.csv",
-    }
+        "report.html", "report.md", "motion.npz", "motion.csv", "run.npz", "meta.json"
+    }  # fmt: skip
+    run = Run.load(tmp_path / "out")  # `wbc export` draws it, and `wbc index` knows that it passed
+    assert named(run).name == "humanoid" and run.rows == 240 and run.meta["judged"]["ok"] is True
     assert wbc("retarget", "nothing.bvh").code == 2
     assert wbc("retarget", "squat", "--robot", "arm").code == 2

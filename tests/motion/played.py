@@ -1,6 +1,6 @@
 """Retargeted motions played in physics: torques track the joints, the centre of mass and the feet of the motion.
 
-    python tests/motion/played.py humanoid g1 talos
+    python tests/motion/played.py --robots g1 talos --motions walk --seeds 0 1
 
 The robot starts at rest in the first frame and is given torques at 1 kHz by inverse dynamics with the contacts of the
 motion. It stands if it has not fallen when the motion ends. How far its centre of mass was off is said beside.
@@ -8,8 +8,9 @@ motion. It stands if it has not fallen when the motion ends. How far its centre 
 
 from __future__ import annotations
 
-import sys
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterable
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 import wbc
 from wbc.motion import Retargeted, made
+from wbc.motion.made import MOTIONS
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
 from wbc.tasks import (
@@ -33,8 +35,8 @@ from wbc.tasks import (
 )
 
 #: Physics has the whole friction of the feet; the motion was judged with 0.8 of it.
-BEFORE, SEEDS = 0.3, (0,)
-"""Seconds at rest in the first frame, and the seeds of the motions."""
+BEFORE = 0.3
+"""Seconds at rest in the first frame."""
 
 
 class Played(NamedTuple):
@@ -122,22 +124,27 @@ def _poses(times: np.ndarray, places: Any, turned: Any) -> Callable[[float], Any
     return at
 
 
-def main(robots: list[str]) -> None:
-    """Every motion of our own, before and after repair."""
-    for robot in robots:
-        model = wbc.load(robot, base="floating")
-        for name in ("squat", "reach", "dance", "turn", "walk"):
-            for seed in SEEDS:
-                found = wbc.retarget(made(name, seed=seed), model, repair=True)
-                for word, one in (("before", found.before), ("after", found)):
-                    if one is not None:
-                        far = one.distances()
-                        off = 1e3 * np.median([np.median(far[p]) for p in ("pelvis", "left_wrist", "right_wrist")])
-                        print(
-                            robot, name, seed, word, f"certified {one.certified:.4f}", played(one), f"off {off:.1f} mm",
-                            sorted(one.faults()), flush=True,
-                        )  # fmt: skip
+def main() -> None:
+    """Motions of our own, before and after repair."""
+    said = ArgumentParser()
+    said.add_argument("--robots", nargs="+", default=["humanoid", "g1", "talos"])
+    said.add_argument("--motions", nargs="+", default=[*MOTIONS])
+    said.add_argument("--seeds", nargs="+", type=int, default=[0])
+    given = said.parse_args()
+    for robot, name, seed in product(given.robots, given.motions, given.seeds):
+        found = wbc.retarget(made(name, seed=seed), wbc.load(robot, base="floating"), repair=True)
+        runs = {"alone": found} if found.before is None else {"before repair": found.before, "repaired": found}
+        for word, one in runs.items():
+            far = one.distances()
+            off = 1e3 * np.median([np.median(far[p]) for p in ("pelvis", "left_wrist", "right_wrist")])
+            stood, seconds, com = played(one)
+            print(
+                f"{robot} {name} {seed} {word}: {100 * one.certified:.1f} % of {len(one.q)} frames certified, "
+                f"{one.added:.2f} s added, {'stood' if stood else f'fell at {seconds:.2f} s'}, "
+                f"com off {1e3 * com:.1f} mm, {off:.1f} mm from the person; {', '.join(one.faults()) or 'no fault'}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -42,7 +42,9 @@ def retarget(
     made_table = table("", "impossible", "frames", "worst", "unit", "part", "at s")
     for kind, (frames, k, amount, part) in done.faults().items():
         made_table.add_row(kind, str(frames), f"{amount:.3g}", UNITS[kind], part, f"{k / done.rate:.2f}")
-    before = "" if done.before is None else f", {100 * done.before.certified:.1f} % before repair"
+    before = ""
+    if done.before is not None:
+        before = f", {100 * done.before.certified:.1f} % before repair, which adds {done.added:.2f} s"
     said = f"{100 * done.certified:.1f} % of {len(done.q)} frames of {clip.name} certified for {model.name}{before}"
     say(said, *([made_table] if done.faults() else []))
     reported(page, show=show)

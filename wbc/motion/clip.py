@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self, final
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
@@ -136,6 +138,21 @@ class Motion:
             case _:
                 raise InvalidInput(f"{place} is no motion that can be read; give a .bvh, .npz or .csv file")
 
+    def at(self, moments: Vec) -> Self:
+        """The same motion at other moments (M,), in frames from 0 to N − 1: what is between frames by cubic splines.
+
+        Example:
+            >>> import numpy as np
+            >>> from wbc.motion import made
+            >>> made("squat").at(np.linspace(0.0, 239.0, 479)).frames  # at half the pace
+            479
+        """
+        places, turned, held = (
+            {part: between(values, moments) for part, values in one.items()}
+            for one in (self.positions, self.rotations, self.contacts)
+        )
+        return replace(self, positions=places, rotations=turned, contacts=held)
+
     def save(self, path: Place) -> None:
         """Write a ``.npz`` file that ``read`` reads."""
         names = list(self.positions)
@@ -210,6 +227,16 @@ class Motion:
         turned = {part: rotations[one] for part, one in called.items() if one in rotations}
         held = {part: contacts[one] for part, one in called.items() if one in contacts}
         return cls(rate, placed, turned, held, name)
+
+
+def between(values: Any, moments: Vec) -> Any:
+    """Values (N, …) of frames at moments: flags of the nearest frame, rotations (N, 3, 3), and numbers by splines."""
+    frames = np.arange(len(values))
+    if values.dtype == np.bool_:
+        return values[np.rint(moments).astype(np.intp)]
+    if values.shape[1:] == (3, 3):
+        return np.asarray(RotationSpline(frames, Rotation.from_matrix(values))(moments).as_matrix())
+    return np.asarray(CubicSpline(frames, values)(moments))
 
 
 def known_parts(name: str, given: list[str]) -> dict[str, str]:

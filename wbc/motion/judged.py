@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from wbc import checks
 from wbc.files import Place, written
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.motion.body import Flags
-from wbc.motion.clip import Motion
+from wbc.motion.clip import Motion, between
 from wbc.motion.mapping import Table
 from wbc.motion.targets import Targets
 from wbc.motion.verdict import KINDS, UNITS, Verdict
@@ -59,6 +60,21 @@ class Judged:
     def certified(self) -> float:
         """The share of frames for which forces and torques within all limits exist, with proof."""
         return float(np.mean([verdict.certified for verdict in self.verdicts]))
+
+    @property
+    def added(self) -> float:
+        """By how much longer the motion is than before its repair [s]."""
+        return 0.0 if self.before is None else (len(self.q) - len(self.before.q)) / self.rate
+
+    def at(self, moments: Vec) -> Self:
+        """The same motion at other moments (M,), in frames from 0 to N − 1, before anybody judged it there."""
+        turned = Rotation.from_quat(self.q[:, 3:7]).as_matrix()
+        quaternions = Rotation.from_matrix(between(turned, moments)).as_quat()
+        limits = self.robot.limits  # at which splines overshoot
+        joints = between(self.q[:, 7:], moments).clip(limits.q_min, limits.q_max)
+        q = np.hstack([between(self.q[:, :3], moments), quaternions, joints])
+        motion, targets = self.motion.at(moments), self.targets.at(moments)
+        return replace(self, motion=motion, targets=targets, q=q, verdicts=())
 
     def faults(self) -> dict[str, tuple[int, int, float, str]]:
         """{kind: (frames, worst frame, worst amount [``UNITS[kind]``], its part)}, causes first."""

@@ -35,8 +35,10 @@ from wbc.report.document import (
     percent,
 )
 from wbc.report.folder import HTML, replaced, write
+from wbc.report.record import judgement
 from wbc.report.replay import replay, together
 from wbc.report.shapes import Part, capsule, parts
+from wbc.sim.scenario import Check, ScenarioResult
 from wbc.types import Mat, Vec
 
 #: Radius of a bone [m] and its colour; how far beside the robot the person is drawn [m].
@@ -46,7 +48,8 @@ _STRIPS, _DISTANCE = "impossible", "distance"
 
 
 def save_page(found: Judged, folder: Path) -> Path:
-    """Write ``report.html`` and ``report.md`` into a folder, with the motion beside them; the path of the page.
+    """Write ``report.html`` and ``report.md`` into a folder, with the motion beside them, as files and as the record of
+    a run; the path of the page.
 
     Raises:
         NotSupported: a package that reports need is not installed. InvalidInput: something else stands there.
@@ -55,6 +58,10 @@ def save_page(found: Judged, folder: Path) -> Path:
     with replaced(folder) as pending:
         found.save(pending / "motion.npz")
         found.to_csv(pending / "motion.csv")
+        demand = Check("frames certified", found.certified, ">=", 1.0)
+        result = ScenarioResult(_run(found), demand.ok, {}, {}, [demand])
+        result.run.meta |= judgement(result)
+        result.run.save(pending)
         write(page(found), pending)
     return folder / HTML
 
@@ -74,6 +81,7 @@ def page(found: Judged) -> Report:
     ]
     if found.before is not None:
         tiles.insert(1, Tile("before repair", percent(found.before.certified)))
+        tiles.insert(2, Tile("time added", f"{found.added:.2f} s"))
     sections = [_verdicts(found), _impossible(runs, times), _distances(runs, times)]
     end = "" if found.certified == 1.0 else f"; first impossible: {_first(found)}"
     said = f"{percent(found.certified)} of {len(found.q)} frames of {found.motion.name} are certified{end}."
@@ -131,7 +139,9 @@ def _distances(runs: dict[str, Judged], times: Vec) -> Section:
     for k, (name, found) in enumerate(runs.items()):
         far = {part: 1e3 * d for part, d in found.distances().items() if not part.endswith("knee")}
         curves += [
-            Curve(f"{part}{f', {name}' if name else ''}", d, run=k if name else None, dash=i if name else 0)
+            Curve(
+                f"{part}{f', {name}' if name else ''}", d, run=k if name else None, dash=i if name else 0, x=found.times
+            )
             for i, (part, d) in enumerate(far.items())
         ]
         rows += [[part, name, float(np.median(d)), float(d.max())] for part, d in far.items()]
@@ -147,14 +157,22 @@ def _scene(found: Judged) -> Scene | None:
         return None
     scenes = []
     for k, (name, one) in enumerate(_runs(found).items()):
-        limits = {key: getattr(one.robot.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")}
-        meta = {"dt": 1.0 / one.rate, "robot": one.robot.name, "joint_names": list(one.robot.joint_names)}
-        v, _, _ = velocities(one.robot, one.q, one.rate)
-        run = Run({"t": one.times, "q": one.q, "v": v}, meta | {"limits": limits})
         person, bones = _person(one.motion, one.targets.scale) if k == 0 else ([], [])
-        scenes.append(replay(run, one.robot, [*solid, *bones], obstacles=person, called=name, place=k))
+        scenes.append(replay(_run(one), one.robot, [*solid, *bones], obstacles=person, called=name, place=k))
     scene = together(scenes) if len(scenes) > 1 else scenes[0]
     return Scene(scene.name, f"Beside the robot the person, at its size. {scene.caption}", scene.content, scene.ghosts)
+
+
+def _run(found: Judged) -> Run:
+    """The record of a motion: what is drawn, and exported, as a run is."""
+    robot = found.robot
+    v, _, _ = velocities(robot, found.q, found.rate)
+    limits = {key: getattr(robot.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")}
+    meta = {
+        "scenario": "retarget", "motion": found.motion.name, "robot": robot.name, "base": robot.base,
+        "joint_names": list(robot.joint_names), "dt": 1.0 / found.rate, "limits": limits, "time_added": found.added,
+    }  # fmt: skip
+    return Run({"t": found.times, "q": found.q, "v": v}, meta)
 
 
 def _person(motion: Motion, scale: float) -> tuple[list[Obstacle], list[Part]]:

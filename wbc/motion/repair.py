@@ -1,6 +1,7 @@
-"""Repair: the nearest motion for which forces and torques exist, by quadratic programs over windows of frames.
+"""Repair: a motion near by for which forces and torques exist. Timing gives way, then the base, legs, waist and arms.
 
-Around frames without a certificate, δ_k moves the configuration of frame k, and the wrenches f_k are unknowns too:
+In turn the motion is slower where that helps (:mod:`wbc.motion.pace`), and moved by quadratic programs over windows
+around frames without a certificate. δ_k moves the configuration of frame k, and the wrenches f_k are unknowns too:
 
     min Σ_k ½ |d_k + δ_k|²_W + ½ ρ |δ̈_k|² + slacks     d_k: how far frame k was moved before
     subject to   ID(q, v, a)_base + D_q δ + D_v δ̇ + D_a δ̈ − J_baseᵀ f = 0,   f in its cone, less a margin
@@ -18,8 +19,9 @@ Source: the derivatives are those of Carpentier, Mansard, RSS 2018; the scheme i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any, final
+from typing import Any, TypeVar, final
 
 import numpy as np
 import pinocchio
@@ -29,7 +31,7 @@ from wbc.models.collision import Distances
 from wbc.motion.body import SIDES, spans
 from wbc.motion.forces import lacking, wrench_map
 from wbc.motion.judged import Judged
-from wbc.motion.verdict import Verdict
+from wbc.motion.pace import moments, possible_pace
 from wbc.motion.witness import Witness, velocities
 from wbc.stack.contact import Contact
 from wbc.types import Mat, Vec
@@ -45,27 +47,38 @@ _CONE, _TORQUE, _HARD = 0.96, 0.96, 0.5
 _SLACK, _FORCE, _NEAR = 1e4, 1e-4, 0.3
 _LEVER, _APART = 0.1, 5e-3
 
+_J = TypeVar("_J", bound=Judged)
 
-def repaired(found: Judged, witness: Witness, progress: Callable[[float, str], None]) -> tuple[Mat, list[Verdict]]:
-    """Configurations (N, nq) near those found, and their verdicts; of all rounds those with most certified frames."""
-    program = _Program(found)
-    best = now = found.q, list(found.verdicts)
-    for turn in range(_ROUNDS):
-        bad = np.array([not verdict.certified for verdict in now[1]])
+
+def repaired(found: _J, witness: Witness, progress: Callable[[float, str], None]) -> _J:
+    """The motion with most certified frames that comes of it: in turn a slower one, and one that moves otherwise.
+
+    ``before`` is the one that was found, ``unsolved`` is its.
+    """
+
+    def judged(motion: _J) -> _J:
+        return replace(motion, verdicts=tuple(witness.judge(motion.q, motion.rate, motion.holds)))
+
+    program, first = _Program(found), found
+    best = now = replace(found, before=found)
+    for turn in range(2 * _ROUNDS):
+        bad = np.array([not verdict.certified for verdict in now.verdicts])
         if not bad.any():
             break
-        moved = now[0].copy()
-        for start, stop in _windows(bad, found.rate, shift=turn % 2):
-            moved[start:stop] = program.moved(now[0], start, stop)
-        now = moved, witness.judge(moved, found.rate, found.holds)
-        progress(0.5 + 0.5 * (turn + 1) / _ROUNDS, "repairing")
-        if _count(now[1]) > _count(best[1]):
-            best = now
+        if turn % 2 == 0:
+            pace = possible_pace(now)
+            if pace.min() == 1.0:
+                continue
+            when = moments(pace, now.rate)
+            first, now = first.at(when), judged(now.at(when))
+        else:
+            moved = now.q.copy()
+            for start, stop in _windows(bad, found.rate, shift=turn // 2 % 2):
+                moved[start:stop] = program.moved(first, now.q, start, stop)
+            now = judged(replace(now, q=moved))
+        progress((turn + 1) / (2 * _ROUNDS), "repairing")
+        best = max(best, now, key=lambda one: one.certified)
     return best
-
-
-def _count(verdicts: Sequence[Verdict]) -> int:
-    return sum(verdict.certified for verdict in verdicts)
 
 
 def _windows(bad: Any, rate: float, *, shift: int) -> list[tuple[int, int]]:
@@ -84,48 +97,49 @@ def _windows(bad: Any, rate: float, *, shift: int) -> list[tuple[int, int]]:
 
 
 @final
-class _Rows:
-    """Sparse rows low <= A x <= high, block by block."""
-
-    def __init__(self) -> None:
-        self.blocks: list[tuple[int, int, Mat]] = []
-        self.low: list[Vec] = []
-        self.high: list[Vec] = []
-        self.count = 0
-
-    def add(self, low: Any, high: Any, *blocks: tuple[int, Mat]) -> None:
-        """Rows with blocks at columns."""
-        n = len(blocks[0][1])
-        self.blocks += [(self.count, column, block) for column, block in blocks]
-        self.low.append(np.broadcast_to(low, (n,)))
-        self.high.append(np.broadcast_to(high, (n,)))
-        self.count += n
-
-    def bounds(self) -> tuple[Vec, Vec]:
-        """low and high."""
-        return np.concatenate(self.low), np.concatenate(self.high)
-
-    def matrix(self, columns: int) -> Any:
-        """A."""
-        i, j, values = [], [], []
-        for row, column, block in self.blocks:
-            at, of = np.nonzero(block)
-            i.append(row + at)
-            j.append(column + of)
-            values.append(block[at, of])
-        entries = (np.concatenate(values), (np.concatenate(i), np.concatenate(j)))
-        return sparse.coo_matrix(entries, shape=(self.count, columns)).tocsc()
-
-
-@final
 class _Window:
-    """The program of frames start … stop: rows, diagonal costs, where the columns of a frame begin, and how many."""
+    """The program of frames start … stop: rows (low, high, blocks at columns), diagonal costs of what is no move, where
+    the columns of a frame begin, and how many there are."""
 
     def __init__(self, start: int, stop: int, nv: int) -> None:
-        self.equal, self.bounded = _Rows(), _Rows()
-        self.cost: list[tuple[int, Vec]] = []
         self.at = {k: nv * (k - start) for k in range(start, stop)}
         self.columns = nv * (stop - start)
+        self.cost: list[Vec] = [np.zeros(0)]
+        self._rows: list[tuple[Vec, Vec, Sequence[tuple[int, Mat]]]] = []
+
+    def add(self, low: Any, high: Any, *blocks: tuple[int, Mat]) -> None:
+        """Rows with blocks at columns; equalities where low = high."""
+        n = len(blocks[0][1])
+        self._rows.append((np.broadcast_to(low, (n,)), np.broadcast_to(high, (n,)), blocks))
+
+    def unknowns(self, weights: Vec) -> int:
+        """Where the columns of as many unknowns with these costs begin."""
+        self.cost.append(weights)
+        self.columns += len(weights)
+        return self.columns - len(weights)
+
+    def solved(self, H: Any, gradient: Vec) -> Vec | None:
+        """The unknowns of least cost ½ xᵀ H x + gᵀ x, with the costs of what is no move; None: there are none."""
+        import qpsolvers
+
+        low, high = (np.concatenate(side) for side in list(zip(*self._rows, strict=True))[:2])
+        starts = np.cumsum([0, *(len(row[0]) for row in self._rows)])
+        parts = [
+            (block[i], first + i[0], column + i[1])
+            for first, (_, _, blocks) in zip(starts.tolist(), self._rows, strict=False)
+            for column, block in blocks
+            for i in [np.nonzero(block)]
+        ]
+        values, i, j = map(np.concatenate, zip(*parts, strict=True))
+        A = sparse.csc_matrix((values, (i, j)), shape=(len(low), self.columns))
+        rest, same = np.concatenate(self.cost), low == high
+        upper, lower = np.isfinite(high) & ~same, np.isfinite(low) & ~same
+        answer: Vec | None = qpsolvers.solve_qp(
+            sparse.block_diag([H, sparse.diags(rest)], format="csc"), np.append(gradient, 0.0 * rest),
+            sparse.vstack([A[upper], -A[lower]], format="csc"), np.concatenate([high[upper], -low[lower]]),
+            A[same], low[same], solver="clarabel",
+        )  # fmt: skip
+        return answer
 
 
 @final
@@ -136,7 +150,7 @@ class _Program:
         self._robot = robot = found.robot
         self._found, self._targets, self._contacts = found, found.targets, found.contacts
         self._model, self._data, self._state = robot.pinocchio, robot.pinocchio.createData(), robot.state()
-        self._weight = float(robot.mass * np.linalg.norm(robot.gravity))
+        self._joints = np.eye(robot.nv)[6:]
         self._feet = [f"{side}_foot" for side in SIDES]
         self._W = np.full(robot.nv, _OTHERS)
         self._W[:3], self._W[3:6] = _BASE, _TURN
@@ -145,98 +159,85 @@ class _Program:
             self._W[[self._model.joints[j].idx_v for j in self._model.supports[joint] if j > 1]] = _LEGS
         self._apart = Distances(robot, reach=0.05, margin=_APART) if robot.collisions else None
 
-    def moved(self, q: Mat, start: int, stop: int) -> Mat:
-        """The configurations of frames start … stop, moved; those around them stay."""
-        import qpsolvers
-
-        nv, count, rate = self._robot.nv, stop - start, self._found.rate
+    def moved(self, found: Judged, q: Mat, start: int, stop: int) -> Mat:
+        """Frames start … stop of q, moved to be near those of ``found``; those around them stay."""
+        self._found, self._targets = found, found.targets
+        nv, count, rate = self._robot.nv, stop - start, found.rate
         v, a, steps = velocities(self._robot, q, rate)
-        window = _Window(start, stop, nv)
-        at, joints = window.at, np.hstack([np.zeros((nv - 6, 6)), np.eye(nv - 6)])
-        gradient = np.zeros(nv * count)
+        window, costs, gradient = _Window(start, stop, nv), [], []
         still = {*((start, start + 1) if start else ()), *((stop - 2, stop - 1) if stop < len(q) else ())}
-        for k in at:
-            before = pinocchio.difference(self._model, self._found.q[k], q[k])
-            window.cost.append((at[k], self._W))
-            gradient[at[k] : at[k] + nv] = self._W * before
+        for k, column in window.at.items():
+            self._state.update(0.0, q[k], v[k])
+            gradient.append(self._W * pinocchio.difference(self._model, found.q[k], q[k]))
+            costs.append(self._cost(k))
             if k in still:
-                window.equal.add(0.0, 0.0, (at[k], np.eye(nv)))
+                window.add(0.0, 0.0, (column, np.eye(nv)))
                 continue
-            self._place(window, k, q[k], v[k])
-            if 0 < k < len(q) - 1:
+            self._place(window, k, q[k])
+            if 0 < k < len(q) - 1 and self._held(k):
                 self._force(window, k, q[k], v[k], a[k])
         most = self._robot.limits.v_max / rate
         for k in range(start, stop - 1):
-            step = steps[k, 6:]
-            window.bounded.add(-most - step, most - step, (at[k], -joints), (at[k + 1], joints))
-        size = window.columns
-        diagonal = np.zeros(size)
-        for column, values in window.cost:
-            diagonal[column : column + len(values)] += values
-        H = sparse.diags(diagonal) + self._smooth(count, size) + self._swings(q, window)
-        G, low, high = window.bounded.matrix(size), *window.bounded.bounds()
-        upper, lower = np.isfinite(high), np.isfinite(low)
-        answer = qpsolvers.solve_qp(
-            H.tocsc(), np.concatenate([gradient, np.zeros(size - nv * count)]),
-            sparse.vstack([G[upper], -G[lower]]).tocsc(), np.concatenate([high[upper], -low[lower]]),
-            window.equal.matrix(size), window.equal.bounds()[0], solver="clarabel",
-        )  # fmt: skip
+            step, here, after = steps[k, 6:], window.at[k], window.at[k + 1]
+            window.add(-most - step, most - step, (here, -self._joints), (after, self._joints))
+        second = sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(count, count)) * rate**2
+        smooth = sparse.kron(second.T @ second, sparse.eye(nv)) * _SMOOTH
+        answer = window.solved(sparse.block_diag(costs) + smooth, np.concatenate(gradient))
         if answer is None:
             return q[start:stop]
         moves = answer[: nv * count].reshape(count, nv)
         moves *= min(1.0, _NEAR / max(float(np.abs(moves).max()), 1e-9))
         return np.array([pinocchio.integrate(self._model, one, d) for one, d in zip(q[start:stop], moves, strict=True)])
 
-    def _place(self, window: _Window, k: int, q: Vec, v: Vec) -> None:
+    def _cost(self, k: int) -> Mat:
+        """W, and feet in the air keep their places: w |J δ|²."""
+        cost = np.diag(self._W)
+        for foot in self._feet:
+            if not self._targets.holds[foot][k]:
+                J = self._state.frame(self._contacts[foot].frame).jacobian()
+                cost += _SWING * J.T @ J
+        return cost
+
+    def _place(self, window: _Window, k: int, q: Vec) -> None:
         """What holds is at its place, joints are within their limits, shapes are apart."""
-        nv, limits, column = self._robot.nv, self._robot.limits, window.at[k]
-        self._state.update(0.0, q, v)
+        limits, column = self._robot.limits, window.at[k]
         for part in self._held(k):
             error, J = self._missing(part, k)
-            window.equal.add(error, error, (column, J))
+            window.add(error, error, (column, J))
         low, high = np.minimum(limits.q_min - q[7:], 0.0), np.maximum(limits.q_max - q[7:], 0.0)
-        window.bounded.add(low, high, (column, np.hstack([np.zeros((nv - 6, 6)), np.eye(nv - 6)])))
+        window.add(low, high, (column, self._joints))
         if self._apart is not None:
             self._apart.read(self._state)
             near = self._apart.which >= 0
-            if near.any():
-                d = self._apart.distance[near]
-                window.bounded.add(np.minimum(_APART, d) - d, np.inf, (column, self._apart.jacobian[near].copy()))
+            d = self._apart.distance[near]
+            window.add(np.minimum(_APART, d) - d, np.inf, (column, self._apart.jacobian[near]))
 
     def _force(self, window: _Window, k: int, q: Vec, v: Vec, a: Vec) -> None:
         """The base's rows, those of joints that work hard, and the cones; wrenches are in shares of the weight."""
-        robot, rate, weight = self._robot, self._found.rate, self._weight
+        robot, rate, tau_max = self._robot, self._found.rate, self._robot.limits.tau_max
         contacts = [self._contacts[part] for part in self._held(k)]
-        if not contacts:
-            return
-        self._state.update(0.0, q, v)
         _, f = lacking(robot, self._state, a, contacts)
+        weight = robot.mass * float(np.linalg.norm(robot.gravity))
         J = np.vstack([wrench_map(self._state, contact) for contact in contacts])
         needed = self._state.M @ a + self._state.h
-        tau_max = robot.limits.tau_max
         tau = (needed - J.T @ f)[6:]
         hard = np.flatnonzero(np.isfinite(tau_max) & (np.abs(tau) > _HARD * tau_max))
         rows = np.concatenate([np.arange(6), 6 + hard])
         size = np.concatenate([weight * np.array([1, 1, 1, _LEVER, _LEVER, _LEVER]), tau_max[hard]])[:, None]
-        D, n = [part[rows] / size for part in self._derivatives(q, v, a, contacts, f)], len(J)
-        forces, slack = window.columns, window.columns + n
-        window.columns += n + len(rows)
-        window.cost += [(forces, np.full(n, _FORCE)), (slack, np.full(len(rows), _SLACK))]
+        Dq, Dv, Da = (part[rows] / size for part in self._derivatives(q, v, a, contacts, f))
+        forces = window.unknowns(np.full(len(J), _FORCE))
+        slack = window.unknowns(np.full(len(rows), _SLACK))
         blocks = [(forces, -weight * J[:, rows].T / size), (slack, np.eye(len(rows)))]
-        for i, on_q, on_v, on_a in ((-1, 0.0, -0.5, 1.0), (0, 1.0, 0.0, -2.0), (1, 0.0, 0.5, 1.0)):
-            if k + i in window.at:
-                blocks.append((window.at[k + i], on_q * D[0] + on_v * rate * D[1] + on_a * rate**2 * D[2]))
-        there = needed[rows] / size[:, 0]
-        window.equal.add(-there[:6], -there[:6], *((column, block[:6]) for column, block in blocks))
-        if len(hard):
-            window.bounded.add(-_TORQUE - there[6:], _TORQUE - there[6:], *((c, block[6:]) for c, block in blocks))
+        on_v, on_a = 0.5 * rate * Dv, rate**2 * Da
+        around = {k - 1: on_a - on_v, k: Dq - 2.0 * on_a, k + 1: on_a + on_v}
+        blocks += [(window.at[i], block) for i, block in around.items() if i in window.at]
+        there, room = needed[rows] / size[:, 0], np.where(rows < 6, 0.0, _TORQUE)
+        window.add(-room - there, room - there, *blocks)
         for contact in contacts:
             scale = np.array([1.0 if unit == "N" else 1.0 / _LEVER for _, unit in contact.cone_labels()])
-            cone = np.array(contact.cone()) * scale[:, None]
-            cone[:, 2] *= _CONE
-            push = np.zeros((1, contact.dim))
-            push[0, 2] = -1.0
-            window.bounded.add(-np.inf, 0.0, (forces, np.vstack([cone, push])))
+            cone = np.vstack([np.array(contact.cone()) * scale[:, None], -np.eye(contact.dim)[2]])
+            cone[:-1, 2] *= _CONE
+            window.add(-np.inf, 0.0, (forces, cone))
             forces += contact.dim
 
     def _held(self, k: int) -> list[str]:
@@ -268,23 +269,5 @@ class _Program:
             turn = np.eye(3) if contact.dim == 6 else data.oMf[self._robot.frames[contact.frame]].rotation.T
             origin = np.asarray(getattr(contact, "origin", np.zeros(3)))
             outer[frame.parentJoint] += (frame.placement * pinocchio.SE3(turn, origin)).act(pinocchio.Force(wrench))
-        Dq, Dv, Da = pinocchio.computeRNEADerivatives(model, data, q, v, a, outer)
-        upper = np.triu(Da)
-        return Dq, Dv, upper + np.triu(Da, 1).T
-
-    def _smooth(self, count: int, columns: int) -> Any:
-        """ρ δ̈ᵀ δ̈."""
-        second = sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(count, count)) * self._found.rate**2
-        whole = sparse.kron(second.T @ second, sparse.eye(self._robot.nv)) * _SMOOTH
-        return sparse.block_diag([whole, sparse.csc_matrix((columns - whole.shape[0],) * 2)])
-
-    def _swings(self, q: Mat, window: _Window) -> Any:
-        """Feet in the air keep their places: w |J δ|²."""
-        blocks, nv = [], self._robot.nv
-        for k in window.at:
-            self._state.update(0.0, q[k], np.zeros(nv))
-            free = [foot for foot in self._feet if not self._targets.holds[foot][k]]
-            maps = [self._state.frame(self._contacts[foot].frame).jacobian() for foot in free]
-            blocks.append(sparse.csc_matrix(sum((_SWING * J.T @ J for J in maps), np.zeros((nv, nv)))))
-        rest = window.columns - nv * len(blocks)
-        return sparse.block_diag([*blocks, sparse.csc_matrix((rest, rest))])
+        Dq, Dv, _ = pinocchio.computeRNEADerivatives(model, data, q, v, a, outer)
+        return Dq, Dv, self._state.M

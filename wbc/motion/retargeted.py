@@ -60,8 +60,9 @@ def retarget(
             for the G1, Talos and its own humanoid.
         acceleration: limit on joint accelerations [rad/s²]; None: none.
         collisions: whether the robot's own shapes are kept apart.
-        repair: whether to look for the nearest motion that is possible, where this one is not
-            (:mod:`wbc.motion.repair`); the motion before is kept as ``before``.
+        repair: whether to look for a motion near by that is possible, where this one is not: in turn one that is
+            slower there, and one whose joints move otherwise (:mod:`wbc.motion.repair`). The motion before is kept as
+            ``before``, and ``added`` is how much longer it takes now.
         progress: called with the share that is done, and a word.
 
     Raises:
@@ -88,11 +89,10 @@ def retarget(
     stack = Retargeting(robot, table, targets, rate=motion.rate, acceleration=acceleration, collisions=collisions)
     share = 0.25 if repair else 0.5
     q = all_frames(stack, motion.frames, lambda done: progress(share * done, "retargeting"))
+    found = Retargeted(robot, motion, table, targets, stack.contacts, q, (), tuple(stack.unsolved))
     witness = Witness(robot, stack.contacts, collisions=collisions)
-    holds = {part: targets.holds[part] for part in stack.contacts}
-    verdicts = witness.judge(q, motion.rate, holds, lambda done: progress(share * (1.0 + done), "judging"))
-    found = Retargeted(robot, motion, table, targets, stack.contacts, q, tuple(verdicts), tuple(stack.unsolved))
+    verdicts = witness.judge(q, motion.rate, found.holds, lambda done: progress(share * (1.0 + done), "judging"))
+    found = replace(found, verdicts=tuple(verdicts))
     if not repair or found.certified == 1.0:
         return found
-    moved, after = repaired(found, witness, progress)
-    return replace(found, q=moved, verdicts=tuple(after), before=found)
+    return repaired(found, witness, lambda done, word: progress(0.5 + 0.5 * done, word))

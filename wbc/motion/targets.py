@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.motion.body import SIDES, Body, Flags, spans
+from wbc.motion.clip import between
 from wbc.motion.mapping import Table
 from wbc.types import Mat, Vec
 
@@ -84,6 +85,14 @@ class Targets:
                 places[part] = places[part] + around @ np.array(follower.offset)
         return cls(places, turned, holds, scale)
 
+    def at(self, moments: Vec) -> Targets:
+        """The same at other moments (M,), in frames from 0 to N − 1."""
+        places, turned, holds = (
+            {part: between(values, moments) for part, values in one.items()}
+            for one in (self.places, self.turned, self.holds)
+        )
+        return Targets(places, turned, holds, self.scale)
+
 
 @final
 class _Reference(dict[str, Vec]):
@@ -138,44 +147,33 @@ def _anchored(places: Mat, turned: Vec, held: Flags, rate: float, level: float |
     Between two times of holding the motion is shifted evenly from the one's pose to the next one's, and eased out of
     the first and into the second, so that velocity does not jump where a contact begins or ends.
     """
-    places, turned, n = places.copy(), turned.copy(), len(places)
-    found = spans(held)
-    poses: list[tuple[Vec, Rotation]] = []
+    found, frames, kept = spans(held), np.arange(len(places)), np.flatnonzero(held)
+    if not found:
+        return places, turned
+    goals, turns = [], []
     for start, stop in found:
-        place = places[start:stop].mean(axis=0)
-        mean = Rotation.from_matrix(turned[start:stop]).mean()
+        goal, turn = places[start:stop].mean(axis=0), Rotation.from_matrix(turned[start:stop]).mean()
         if level is not None:
-            x = mean.as_matrix()[:, 0]
-            place[2], mean = level, Rotation.from_euler("z", np.arctan2(x[1], x[0]))
-        poses.append((place, mean))
-    ease = max(round(_EASE * rate), 1)
-    for k in range(len(found) + 1):
-        start, stop = found[k - 1][1] if k else 0, found[k][0] if k < len(found) else n
-        frames = np.arange(start, stop)
-        if not len(frames) or not found:
-            continue
-        own = Rotation.from_matrix(turned[frames])
-        shift, turn = np.zeros((len(frames), 3)), np.zeros((len(frames), 3))
-        ends = [(poses[k - 1], start, -1)] if k else []
-        ends += [(poses[k], stop - 1, 1)] if k < len(found) else []
-        offsets = [
-            (place - places[at], (pose * Rotation.from_matrix(turned[at]).inv()).as_rotvec())
-            for (place, pose), at, _ in ends
-        ]
-        share = (frames - start + 1.0) / (len(frames) + 1.0)
-        weights = [1.0 - share, share] if len(ends) == 2 else [np.ones(len(frames))]
-        for (move, roll), weight in zip(offsets, weights, strict=True):
-            shift, turn = shift + weight[:, None] * move, turn + weight[:, None] * roll
-        moved, rolled = places[frames] + shift, Rotation.from_rotvec(turn) * own
-        for (place, pose), _, side in ends:
-            far = (frames - start + 1.0) if side < 0 else (stop - frames)
-            near = 1.0 - _smooth(np.asarray(far) / (min(ease, 0.5 * len(frames)) + 1.0))
-            moved = moved + near[:, None] * (place - moved)
-            rolled = Rotation.from_rotvec(near[:, None] * (pose * rolled.inv()).as_rotvec()) * rolled
-        places[frames], turned[frames] = moved, rolled.as_matrix()
-    for (start, stop), (place, pose) in zip(found, poses, strict=True):
-        places[start:stop], turned[start:stop] = place, pose.as_matrix()
-    return places, turned
+            x = turn.as_matrix()[:, 0]
+            goal[2], turn = level, Rotation.from_euler("z", np.arctan2(x[1], x[0]))
+        goals.append(goal)
+        turns.append(turn.as_matrix())
+    # Of each frame, how far it is from frames that hold, and which of the times of holding is the nearest.
+    after = np.searchsorted(kept, frames)
+    following = np.minimum(after, len(kept) - 1)
+    back = np.where(after > 0, frames - kept[after - 1], np.inf)
+    ahead = np.where(after < len(kept), kept[following] - frames, np.inf)
+    time = np.repeat(np.arange(len(found)), np.diff(found).ravel())[np.where(back < ahead, after - 1, following)]
+    goal, turn = np.array(goals)[time], Rotation.from_matrix(np.array(turns)[time])
+    own = Rotation.from_matrix(turned)
+    off = np.hstack([goal - places, (turn * own.inv()).as_rotvec()])
+    ends = np.unique(np.array(found) - [0, 1])
+    even = np.column_stack([np.interp(frames, ends, column) for column in off[ends].T])
+    moved, rolled = places + even[:, :3], Rotation.from_rotvec(even[:, 3:]) * own
+    ease = np.minimum(max(round(_EASE * rate), 1), 0.5 * (back + ahead - 1.0)) + 1.0
+    near = 1.0 - _smooth(np.minimum(back, ahead) / ease)[:, None]
+    eased = Rotation.from_rotvec(near * (turn * rolled.inv()).as_rotvec()) * rolled
+    return moved + near * (goal - moved), eased.as_matrix()
 
 
 def _smooth(s: Vec) -> Vec:

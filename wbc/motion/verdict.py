@@ -12,6 +12,8 @@ UNITS = {
     "no force": "N", "centre of pressure": "mm", "friction": "N", "torque": "N m",
 }  # fmt: skip
 KINDS = tuple(UNITS)
+#: Those of the forces that a motion asks for, which are less where it is slower.
+FORCES = frozenset(KINDS[KINDS.index("no force") :])
 
 
 class Fault(NamedTuple):
