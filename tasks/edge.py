@@ -73,7 +73,7 @@ class Edge(KernelContact):
         return (0, 1, 2, 4, 5)
 
     def anchor(self, state: RobotState) -> Anchor:
-        pose = state.frame(self.frame).placement * self._origin
+        pose = state.pose(self.frame) * self._origin
         x: Vec = pose.rotation @ self.direction
         y = np.cross(self.normal, x)
         if np.linalg.norm(y) < 1e-6:  # an edge that stands upright has no side: any will do

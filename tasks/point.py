@@ -53,7 +53,7 @@ class Point(KernelContact):
         self._offset = -self.radius * self.axes[:, 2]
 
     def anchor(self, state: RobotState) -> Anchor:
-        return Anchor(self.axes, state.frame(self.frame).position + self._offset)
+        return Anchor(self.axes, state.pose(self.frame).translation + self._offset)
 
     def kernel_rows(self) -> KernelRows:
         held = [self.radius == 0.0, self.radius == 0.0, True]

@@ -59,7 +59,7 @@ class Sole(KernelContact):
         self._origin = pinocchio.SE3(np.eye(3), self.origin)
 
     def anchor(self, state: RobotState) -> Anchor:
-        pose = state.frame(self.frame).placement * self._origin
+        pose = state.pose(self.frame) * self._origin
         return Anchor(pose.rotation, pose.translation)
 
     def kernel_rows(self) -> KernelRows:

@@ -121,10 +121,8 @@ class Watch:
         return why if self.settings.refuse else ""
 
     def now(self) -> float:
-        """What the clock says [s]; NaN where that is no finite number, and ``broken`` says why. Untimed: 0."""
+        """What the clock says [s]; NaN where that is no finite number, and ``broken`` says why."""
         self.broken = ""
-        if not self.timed:
-            return 0.0
         try:
             now = self.settings.clock()
             return now if type(now) is float and isfinite(now) else checks.number("what it gave", now)

@@ -126,6 +126,14 @@ class RobotState(_Known, ABC):
             UnknownFrame: with the names that are near.
         """
 
+    def pose(self, name: str) -> Any:
+        """Where the frame called ``name`` is in this state; no view, so that later updates need not compute it.
+
+        Raises:
+            UnknownFrame: with the names that are near.
+        """
+        return self.frame(name).placement
+
     @property
     @abstractmethod
     def M(self) -> Mat:

@@ -179,6 +179,10 @@ class PinocchioState(RobotState):
         self._learn("kinematics")
         return found
 
+    def pose(self, name: str) -> Any:
+        joint, placement = self._carrier(name)
+        return self._data.oMi[joint] * placement
+
     @property
     def data(self) -> Any:
         """The ``pinocchio.Data``; what is in it depends on what has been read from the state."""
@@ -249,12 +253,12 @@ class PinocchioState(RobotState):
         self._learn("centroidal_drift")
         return self._view(self._data.dhg.vector)
 
-    def joint_memory(self, frame: str, offset: Vec | None = None) -> JointMemory:
-        """The memory of the joint that carries a frame, for compiled code; ``offset`` (3,) from it, in its axes."""
+    def joint_memory(self, frame: str) -> JointMemory:
+        """The memory of the joint that carries a frame, for compiled code."""
+        joint, placement = self._carrier(frame)
+        if self.drifts and "drift" not in self._needs:
+            self._learn("drift")
         model, data = self.model.pinocchio, self._data
-        found = model.frames[self.model.frames[frame]]
-        joint, placement = found.parentJoint, found.placement
-        place = placement.translation if offset is None else placement.act(np.asarray(offset))
         columns = [
             column
             for carrier in model.supports[joint]
@@ -263,13 +267,8 @@ class PinocchioState(RobotState):
         ]
         where = data.oMi[joint]
         arrays = (where.rotation, where.translation, data.v[joint].np, data.a[joint].np)
-        return JointMemory(np.concatenate([placement.rotation.ravel(), place]), columns, arrays, (data, where))
-
-    def memory(self) -> tuple[Vec, ...]:
-        """Joint Jacobians, Jacobian, position and drift of the centre of mass: the arrays themselves, as they lie in
-        memory (Pinocchio stores columns)."""
-        data = self._data
-        return data.J, data.Jcom, self._view(data.com[0]), self._view(data.acom[0])
+        place = np.concatenate([placement.rotation.ravel(), placement.translation])
+        return JointMemory(place, columns, arrays, (data, where))
 
     def _view(self, array: NDArray[np.float64], *shape: int) -> NDArray[np.float64]:
         return _view(array, self._data, *shape)
@@ -286,6 +285,14 @@ class PinocchioState(RobotState):
     def _add_gravity(self) -> Callable[[], object]:
         momentum_map = self._data.Ag.reshape(6, -1)
         return partial(dgemv, -1.0, momentum_map, self._gravity, 1.0, self._data.nle, 0, 1, 0, 1, 1, 1)
+
+    def _carrier(self, frame: str) -> tuple[int, Any]:
+        """The joint that carries a frame, placed from now on, and where the frame is in it."""
+        self.model.check_frame(frame)
+        if "kinematics" not in self._needs:
+            self._learn("kinematics")
+        found = self.model.pinocchio.frames[self.model.frames[frame]]
+        return found.parentJoint, found.placement
 
     def _learn(self, need: str) -> None:
         """Compute one thing more, now and in every later update.
@@ -366,11 +373,6 @@ class JointMemory:
     columns: list[int]
     arrays: tuple[Vec, ...]
     owner: object
-
-    @classmethod
-    def none(cls) -> JointMemory:
-        """Of what no joint carries."""
-        return cls(np.zeros(12), [], (np.zeros(1),) * 4, None)
 
 
 @final

@@ -160,11 +160,6 @@ class JointIntervals:
         self._last[:] = 0.0
         self._derive()
 
-    @property
-    def remembers(self) -> bool:
-        """Whether bounds depend on the acceleration commanded last."""
-        return self._flags.item(3) > 0
-
     def remember(self, acceleration: Vec) -> None:
         """The joint accelerations (nj,) that were commanded for the tick that ends now."""
         self._last[:] = acceleration
@@ -228,7 +223,9 @@ class JointIntervals:
         unlimited = ~np.isfinite(opposite)
         self._has_acceleration = not unlimited.all()
         self._only_velocity = not (self._has_acceleration or np.isfinite(q).any() or np.isfinite(jerk).any())
-        self._flags[[0, 1, 3]] = self._only_velocity, self._has_acceleration, np.isfinite(jerk).any()
+        #: Whether bounds depend on the acceleration commanded last.
+        self.remembers = bool(np.isfinite(jerk).any())
+        self._flags[[0, 1, 3]] = self._only_velocity, self._has_acceleration, self.remembers
         B = np.where(unlimited, BRAKING, opposite) if self._braking is None else opposite
         B = np.minimum(B, np.inf if self._braking is None else self._braking)
         # No limit to brake for times no brakes is still no bound: inf · tiny = inf, where inf · 0 is NaN.

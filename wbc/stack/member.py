@@ -175,12 +175,16 @@ class Member(metaclass=_Built):
         stamp = self.stamp + 1
         self.__dict__.setdefault("_assigned", {})[name] = stamp, value
         self.__dict__["stamp"] = stamp
+        with _COPIES:
+            copies = tuple(self.__dict__.get("_copies", ()))
+        for own in copies:
+            own.__dict__["_binding"].is_behind = True
 
     def __getstate__(self) -> dict[str, Any]:
         """The settings, without what ties them to plans: a copy, or a pickle, is another object."""
         state = self.__dict__.copy()
-        state.pop("_copies", None)
-        state.pop("_assigned", None)
+        for name in ("_assigned", "_binding", "_copies"):
+            state.pop(name, None)
         return state
 
 
@@ -219,8 +223,10 @@ class Binding:
 
     def __init__(self) -> None:
         self._ties: dict[int, _Tie] = {}
-        self._members: list[Member] = []
-        self._seen = 0
+        #: Rises whenever users assigned something to a member.
+        self.assigned = 0
+        #: Whether they may have done so since the last ``refresh``.
+        self.is_behind = True
         self.stamp = self.targets = 0
         self._settings: Mapping[str, Mapping[str, Any]] = {}
 
@@ -237,7 +243,7 @@ class Binding:
             for name, inner in value.__dict__.items():
                 if name in own.__dict__:
                     own.__dict__[name] = copy(inner) if isinstance(inner, Target) else self.own(inner)
-            own.__dict__["_role"] = _Role.OPEN
+            own.__dict__.update(_role=_Role.OPEN, _binding=self)
             with _COPIES:
                 value.__dict__.setdefault("_copies", WeakSet()).add(own)
         return tie.own
@@ -246,22 +252,14 @@ class Binding:
         """Every copy has been prepared: from now on only :meth:`refresh` and :meth:`override` change them."""
         for tie in self._ties.values():
             tie.own.__dict__["_role"] = _Role.CLOSED
-        self._members = [tie.member for tie in self._ties.values()]
-        self._seen = sum(member.stamp for member in self._members)
 
     def refresh(self) -> None:
         """Assign to the copies what was assigned to their members since."""
-        seen = 0
-        for member in self._members:
-            seen += member.stamp
-        if seen != self._seen:
-            self._seen = seen
-            self._update(self._settings)
-
-    @property
-    def assigned(self) -> int:
-        """Rises whenever users assigned something to a member."""
-        return self._seen
+        if self.is_behind:
+            self.is_behind = False  # first: another thread may assign meanwhile
+            if any(tie.member.stamp != tie.stamp for tie in self._ties.values()):
+                self.assigned += 1
+                self._update(self._settings)
 
     def given(self, own: Any) -> Any:
         """A copy of one of the copies as users set it, without what is overridden."""

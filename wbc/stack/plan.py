@@ -190,20 +190,25 @@ class Plan(Filled):
             p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
 
     def _first_fill(self, state: RobotState, like: Plan | None) -> None:
-        """Fill once, on poisoned memory: what nobody writes is found now, by name."""
+        """Fill once, on poisoned memory: what nobody writes is found now, by name.
+
+        From a state of its own: what a state was asked for it computes for ever, and most rows are compiled code's.
+        """
         if like is None:
             self.start(state)
+        trial = self.model.state(drifts=state.drifts)
+        trial.update(state.t, state.q, state.v)
         for block in self.layout.motions:
-            explained(block.name, block.fill, state)
+            explained(block.name, block.fill, trial)
             block.check(self.level.order)
         self.motion.freeze()
-        self.bind(state)()
+        self.bind(trial)()
         self._run(FILL)  # rows about torques are made of these
         for row in self.layout.others:
-            explained(row.name, row.fill, state)
+            explained(row.name, row.fill, trial)
             row.check(self.level.order)
         if self._by_speed:
-            explained(self._by_speed[0].name, self._narrow_torques, state)
+            explained(self._by_speed[0].name, self._narrow_torques, trial)
         self.fill(state)
 
     # ---- weights: read again when a task was assigned to
@@ -312,21 +317,21 @@ class Plan(Filled):
             self.observe()
             observes = False
         self._prepare(state)
-        left, code = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER, 0
+        left = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER
         if self._failure is None and not (self._refusal or self.damping.follows):
             code = self._run(left)
             left = self._call.item(fill_kernel.LEFT)
+            if not left:
+                return solver.concluded(code)
         if left & OBSERVE:
             self.observe()
         if left & SLOW:
             self._slow()
         if left & FILL:
             self._fill(state)
-        if left:
-            self._refuse_spoilt()
-            self.refuse_not_finite()
-            code = self._run(ANSWER)
-        return solver.concluded(code)
+        self._refuse_spoilt()
+        self.refuse_not_finite()
+        return solver.concluded(self._run(ANSWER))
 
     def _prepare(self, state: RobotState) -> None:
         """Before the compiled code fills: weights that were assigned, targets that users write, bounds on forces."""

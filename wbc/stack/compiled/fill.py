@@ -36,6 +36,8 @@ class CompiledFill:
         own_memory, second = isinstance(state, PinocchioState), plan.level.order == 2
         self._now, self._version = np.zeros(1), -1
         self._tasks, self._others = (KernelItems(state, self._now, second=second, failed=failed) for _ in range(2))
+        #: Those of the two with targets that users write.
+        self._moving: list[KernelItems] = []
         self.is_complete = True
 
         def takes(items: KernelItems, block: Block) -> bool:
@@ -91,9 +93,10 @@ class CompiledFill:
         if version != self._version:
             self._version = version
             self._sizes[13:] = self._tasks.read(t), self._others.read(t)
+            self._moving = [items for items in (self._tasks, self._others) if items.moves]
         else:
-            self._tasks.follow(t)
-            self._others.follow(t)
+            for items in self._moving:
+                items.follow(t)
         if self._copies:
             dynamics = (state.M, state.h) if len(self._copies) > 2 else ()
             for copy, value in zip(self._copies, (state.v, state.q_joints, *dynamics), strict=True):

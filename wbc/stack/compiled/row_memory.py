@@ -81,6 +81,11 @@ class KernelItems:
         self._items.append((block, item))
         block.reads(self._state.v)
 
+    @property
+    def moves(self) -> bool:
+        """Whether there are targets that users write."""
+        return bool(self._moving)
+
     def follow(self, t: float) -> None:
         """Follow the targets that users write."""
         for name, target in self._moving:
@@ -163,9 +168,10 @@ class _Item:
 
 def _placed(thing: Any, placement: Vec, name: str, state: PinocchioState) -> Any:
     """Write where compiled code finds a thing; what owns that memory."""
-    _seen(name, state)  # so that the state computes it
     columns, zero = list(range(state.model.nv)), np.zeros(1)
     data = state.data
+    if name in {CENTRE, MOMENTUM}:
+        _seen(name, state)  # so that the state computes it
     if name == CENTRE:
         kind, arrays, owner = row_kernel.CENTRE, (zero, state.com, zero, state.com_drift, data.Jcom), data
     elif name == MOMENTUM:

@@ -63,9 +63,14 @@ def reduced(s: Work, row: Vec, out: Vec) -> None:
     nu, ny = s.sizes[0], s.sizes[1]
     for c in range(ny + 1):
         out[c] = row[nu + c]
-    for j in range(nu):
+    j = 0
+    while j + 3 < nu:
+        add_four(s.X, j, (-row[j], -row[j + 1], -row[j + 2], -row[j + 3]), 0, ny + 1, out)
+        j += 4
+    while j < nu:
         if row[j] != 0.0:
             add(-row[j], s.X[j], ny + 1, out)
+        j += 1
 
 
 @small_kernel
@@ -92,23 +97,14 @@ def factor_metric(at: int) -> bool:
         s.root[c] = s.free[c] / sqrt(s.metric[c])
     if s.sizes[5] != VARIABLES:
         return True
+    columns = s.F[:ns].reshape((ny, ns))  # of w^½ S̄, in memory that F does not use in this form
+    for k in range(ns):
+        root = sqrt(w[k])
+        for c in range(ny):
+            columns[c, k] = root * s.E[k, c] * s.free[c]
     for i in range(ny):
-        row, k = s.H[i], 0
-        for c in range(i + 1):
-            row[c] = 0.0
-        if s.free[i] == 0.0:
-            row[i] = 1.0
-            continue
-        while k + 3 < ns:
-            shares = w[k] * s.E[k, i], w[k + 1] * s.E[k + 1, i], w[k + 2] * s.E[k + 2, i], w[k + 3] * s.E[k + 3, i]
-            add_four(s.E, k, shares, 0, i + 1, row)
-            k += 4
-        while k < ns:
-            add(w[k] * s.E[k, i], s.E[k], i + 1, row)
-            k += 1
-        for c in range(i):
-            row[c] *= s.free[c]
-        row[i] += s.metric[i]
+        products(columns, i, 0, ns, s.H[i])
+        s.H[i, i] += s.metric[i] if s.free[i] != 0.0 else 1.0
     return bool(factor(s.H, 0, ny, _SINGULAR) == 0)
 
 

@@ -54,6 +54,17 @@ def add_four(A: Mat, k: int, shares: tuple[float, float, float, float], first: i
             out[i] += a * p[i] + b * q[i] + c * r[i] + d * s[i]
 
 
+@small_kernel
+def take_from_two(A: Mat, k: int, i: int, first: int) -> None:
+    """Rows i and i + 1 of A lose their shares, in columns k to k + 3, of rows k to k + 3: entries from ``first`` on."""
+    p, q, r, s, x, y = A[k], A[k + 1], A[k + 2], A[k + 3], A[i], A[i + 1]
+    a, b, c, d = x[k], x[k + 1], x[k + 2], x[k + 3]
+    e, f, g, h = y[k], y[k + 1], y[k + 2], y[k + 3]
+    for j in range(first, i + 2):
+        x[j] -= a * p[j] + b * q[j] + c * r[j] + d * s[j]
+        y[j] -= e * p[j] + f * q[j] + g * r[j] + h * s[j]
+
+
 @kernel
 def factor(A: Mat, first: int, last: int, tolerance: float) -> int:
     """Lower Cholesky factor of A[first:last, first:last] in place, with the *inverse* of its diagonal.
@@ -83,8 +94,11 @@ def factor(A: Mat, first: int, last: int, tolerance: float) -> int:
             for c in range(j + 1, last):
                 row[c] *= row[j]
                 A[c, j] = row[c]
-        for i in range(k + 4, last):
-            add_four(A, k, (-A[i, k], -A[i, k + 1], -A[i, k + 2], -A[i, k + 3]), end, i + 1, A[i])
+        for i in range(k + 4, last - 1, 2):
+            take_from_two(A, k, i, end)
+        if k + 4 < last and (last - k) % 2:
+            i = last - 1
+            add_four(A, k, (-A[i, k], -A[i, k + 1], -A[i, k + 2], -A[i, k + 3]), end, last, A[i])
         k = end
     return left_out
 
