@@ -30,7 +30,7 @@ def draw() -> None:
         chosen = scenario.choose(plant=None, hierarchy=None, duration=None)
         result = scenario.run(scenario.parse(settings), Settings(**chosen))
         for section in result.sections:
-            for item in section(result).items:
+            for item in section.items:
                 if isinstance(item, Figure) and item.name in wanted:
                     (FOLDER / f"{item.name}.{item.kind}").write_bytes(item.data)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -10,15 +10,15 @@ import pinocchio
 
 import wbc
 from wbc.errors import InvalidInput
+from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.stack.formulation import Formulation
 
-from .. import Frame, JointPositionLimits, JointVelocityLimits, Posture, Sinusoid, TorqueLimits
+from .. import Frame, JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
 from . import judge
 
 STEP_TIME = 1.5  # [s]
@@ -42,21 +42,62 @@ class ArmReach(Scenario):
     plants = ("integrator", "mujoco")
     duration = 4.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        if settings.duration <= STEP_TIME + 1.0:
+    def build(self, p: Parameters) -> Setup:
+        if p.settings.duration <= STEP_TIME + 1.0:
             raise InvalidInput(
-                f"duration is {settings.duration:g} s; the target steps at {STEP_TIME:g} s: give at least 1 s more"
+                f"duration is {p.settings.duration:g} s; the target steps at {STEP_TIME:g} s: give at least 1 s more"
             )
-        robot = wbc.load(parameters["robot"], base="fixed")
-        frame = parameters["frame"] or TOOLS.get(parameters["robot"], robot.frame_names[-1])
-        level = _level(parameters["level"], settings.plant)
-        stack = _stack(robot, frame, parameters["step"], level)
-        controller = wbc.Controller(robot, stack, level=level, solver=settings.solver, dt=1e-3)
-        run = simulate(
-            controller, _plant(robot, settings.plant, level), duration=settings.duration, progress=settings.progress,
-            meta={"scenario": self.name, "parameters": dict(parameters)},
-        )  # fmt: skip
-        return _judged(run, robot, stack.tasks[0].name)
+        robot = wbc.load(p["robot"], base="fixed")
+        frame, level = p["frame"] or tool(robot), _level(p["level"], p.settings.plant)
+        plant = arm_plant(robot, p.settings.plant, level="velocity" if level.order == 1 else "acceleration")
+        return Setup(stack=_stack(robot, frame, p["step"], level), plant=plant, level=level)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        (trial,) = trials
+        run, task = trial.run, trial.setup.stack.tasks[0].name
+        t = run["t"]
+        caught_up = judge.away_from(t, [0.0, STEP_TIME])
+        tracking = measure.tracking(run, keep=caught_up)
+        error = np.linalg.norm(run[f"error.{task}"][:, :3], axis=1)
+        late = np.flatnonzero((t >= STEP_TIME) & (error > 0.01))
+        figures = {
+            "certified_share": judge.certified_share(run),
+            "speed_use": float(measure.use(run)["velocity"].max()),
+            "catch_up_s": float(t[late[-1]] - STEP_TIME) if len(late) else 0.0,
+        }
+        where = measure.place(run, np.where(caught_up, error, 0.0), np.inf, plot=f"tracking.{task}")
+        checks = [
+            Check("position error after catching up, rms", tracking[task]["rms"], "<", 2e-3, "m", where),
+            *judge.common_checks(run),
+        ]
+        return judge.verdict(trial, checks, tracking=tracking, figures=figures)
+
+
+def tool(robot: RobotModel) -> str:
+    """The frame of an arm that works."""
+    named = TOOLS.get(robot.name.lower(), "")
+    return named if named in robot.frame_names else robot.frame_names[-1]
+
+
+def following(robot: RobotModel, components: Sequence[Any] = ()) -> wbc.Stack:
+    """The tool follows a sinusoid, within all limits of an arm that has torques."""
+    return wbc.Stack(
+        [Position(tool(robot), target=way(robot), kp=400), Posture(robot.q0, kp=10, weight=1e-3)],
+        subject_to=[TorqueLimits(), JointVelocityLimits(), JointPositionLimits()], components=components,
+    )  # fmt: skip
+
+
+def way(robot: RobotModel) -> Sinusoid:
+    """What the tool follows then."""
+    start = np.array(robot.state().frame(tool(robot)).position)
+    return Sinusoid(start, amplitude=[0.05, 0.08, 0.05], frequency=[0.5, 0.4, 0.6])
+
+
+def arm_plant(robot: RobotModel, kind: str = "mujoco", *, level: str = "acceleration") -> Plant:
+    """An arm at its reference, in MuJoCo or on the integrator at a ``level``."""
+    plant: Plant = MujocoPlant(robot) if kind == "mujoco" else IntegratorPlant(robot, level=level)
+    plant.reset(robot.q0)
+    return plant
 
 
 def _level(name: str, plant: str) -> Formulation:
@@ -66,15 +107,6 @@ def _level(name: str, plant: str) -> Formulation:
     if name == "velocity" and plant == "mujoco":
         raise InvalidInput("the velocity level commands speeds and MuJoCo's motors take torques; use level=dynamics")
     return levels[name]
-
-
-def _plant(robot: PinocchioModel, kind: str, level: Formulation) -> Plant:
-    if kind == "mujoco":
-        plant: Plant = MujocoPlant(robot)
-    else:
-        plant = IntegratorPlant(robot, level="velocity" if level.order == 1 else "acceleration")
-    plant.reset(robot.q0)
-    return plant
 
 
 def _stack(robot: PinocchioModel, frame: str, step: float, level: Formulation) -> wbc.Stack:
@@ -94,22 +126,3 @@ def _stack(robot: PinocchioModel, frame: str, step: float, level: Formulation) -
     return wbc.Stack(
         [Frame(frame, target=target, kp=400, rate=100), Posture(robot.q0, kp=10, weight=1e-3)], subject_to=limits
     )
-
-
-def _judged(run: wbc.Run, robot: PinocchioModel, task: str) -> ScenarioResult:
-    t = run["t"]
-    caught_up = judge.away_from(t, [0.0, STEP_TIME])
-    tracking = measure.tracking(run, keep=caught_up)
-    error = np.linalg.norm(run[f"error.{task}"][:, :3], axis=1)
-    late = np.flatnonzero((t >= STEP_TIME) & (error > 0.01))
-    figures = {
-        "certified_share": judge.certified_share(run),
-        "speed_use": float(measure.use(run)["velocity"].max()),
-        "catch_up_s": float(t[late[-1]] - STEP_TIME) if len(late) else 0.0,
-    }
-    where = measure.place(run, np.where(caught_up, error, 0.0), np.inf, plot=f"tracking.{task}")
-    verdict = [
-        Check("position error after catching up, rms", tracking[task]["rms"], "<", 2e-3, "m", where),
-        *judge.common_checks(run),
-    ]
-    return judge.result(run, verdict, tracking=tracking, figures=figures, robot=robot)

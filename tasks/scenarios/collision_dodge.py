@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
@@ -14,16 +14,13 @@ from wbc.errors import InvalidInput
 from wbc.models.collision import Distances
 from wbc.models.geometry import Cylinder, Sphere
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
-from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
 from . import judge
+from .arm_reach import arm_plant
 
 #: From here to there and back, in so many seconds [m, s]. The post stands between.
 HERE, THERE, PERIOD = (0.55, 0.0, 0.42), (0.33, 0.45, 0.42), 8.0
@@ -76,24 +73,39 @@ class CollisionDodge(Scenario):
     plants = ("mujoco", "integrator")
     duration = 8.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        robot = wbc.load(parameters["robot"], base="fixed")
-        robot.check_frame(parameters["frame"])
-        if not 0.0 < parameters["margin"] < 0.08:
-            raise InvalidInput(f"margin is {parameters['margin']:g} m; it must be above 0 and below 0.08")
-        around = obstacles()
-        avoidance = CollisionAvoidance(around, margin=parameters["margin"])
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        runs = []
-        for limits, one in trials(settings.progress, ([avoidance], [])):
-            controller = wbc.Controller(
-                robot, stack(robot, parameters["frame"], limits), level=wbc.InverseDynamics(), solver=settings.solver
-            )
-            runs.append(
-                simulate(controller, _plant(robot, settings.plant), duration=settings.duration, progress=one, meta=meta)
-            )
-        clearances = [clearance(run, robot, around) for run in runs]
-        return _judged(runs, clearances, robot, parameters["margin"], around)
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        return {"with collision avoidance": {"avoids": True}, "without": {"avoids": False}}
+
+    def build(self, p: Parameters) -> Setup:
+        robot, margin = wbc.load(p["robot"], base="fixed"), p["margin"]
+        robot.check_frame(p["frame"])
+        if not 0.0 < margin < 0.08:
+            raise InvalidInput(f"margin is {margin:g} m; it must be above 0 and below 0.08")
+        limits = [CollisionAvoidance(obstacles(), margin=margin)] if p["avoids"] else []
+        return Setup(stack=stack(robot, p["frame"], limits), plant=arm_plant(robot, p.settings.plant))
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        done, margin, around = list(trials), p["margin"], obstacles()
+        run, clearances = done[0].run, [clearance(trial.run, trial.robot, around) for trial in done]
+        kept, free = clearances
+        figures = {
+            "min_distance_m": kept.smallest,
+            "without_m": free.smallest,
+            "margin_m": margin,
+            "closest": kept.closest,
+            "closest_without": free.closest,
+            "largest_torque_step_Nm": float(np.abs(np.diff(run["tau"], axis=0)).max(initial=0.0)),
+            "tool_error_at_the_end_m": float(done[0].error("Position")[-1]),
+        }
+        checks = [
+            Check("smallest distance", kept.smallest, ">", 0.0, "m"),
+            Check("smallest distance minus the margin", kept.smallest - margin, ">", -1e-3, "m"),
+            *judge.common_checks(run),
+        ]
+        if len(kept.times) * EVERY * float(run.meta["dt"]) > 0.5 * PERIOD:
+            checks.insert(2, Check("smallest distance without the limit", free.smallest, "<", 0.0, "m"))
+        shown = [_section(done, clearances, margin)]
+        return judge.verdict(done, checks, figures=figures, obstacles=around, sections=shown)
 
 
 def obstacles() -> list[Obstacle]:
@@ -140,50 +152,8 @@ def clearance(run: wbc.Run, robot: PinocchioModel, around: Sequence[Obstacle]) -
     return Clearance(np.array(times), np.array(distances), pairs)
 
 
-def _plant(robot: PinocchioModel, kind: str) -> Plant:
-    plant: Plant = MujocoPlant(robot) if kind == "mujoco" else IntegratorPlant(robot, level="acceleration")
-    plant.reset(np.array(robot.q0))
-    return plant
-
-
-def _judged(
-    runs: Sequence[wbc.Run], clearances: Sequence[Clearance], robot: PinocchioModel, margin: float,
-    around: Sequence[Obstacle],
-) -> ScenarioResult:  # fmt: skip
-    run, (kept, free) = runs[0], clearances
-    steps = np.abs(np.diff(run["tau"], axis=0)).max(initial=0.0)
-    figures = {
-        "min_distance_m": kept.smallest,
-        "without_m": free.smallest,
-        "margin_m": margin,
-        "closest": kept.closest,
-        "closest_without": free.closest,
-        "largest_torque_step_Nm": float(steps),
-        "tool_error_at_the_end_m": float(np.linalg.norm(_error(run)[-1])),
-    }
-    through = len(kept.times) * EVERY * float(run.meta["dt"]) > 0.5 * PERIOD
-    verdict = [
-        Check("smallest distance", kept.smallest, ">", 0.0, "m"),
-        Check("smallest distance minus the margin", kept.smallest - margin, ">", -1e-3, "m"),
-        *judge.common_checks(run),
-    ]
-    if through:
-        verdict.insert(2, Check("smallest distance without the limit", free.smallest, "<", 0.0, "m"))
-    return judge.result(
-        run, verdict, figures=figures, robot=robot, obstacles=around,
-        called="with collision avoidance", beside={"without": runs[1]},
-        sections=[lambda result: _section(result, clearances, runs, margin)],
-    )  # fmt: skip
-
-
-def _error(run: wbc.Run) -> Vec:
-    return np.asarray(run[next(name for name in run.columns if name.startswith("error.Position"))])
-
-
-def _section(
-    result: ScenarioResult, clearances: Sequence[Clearance], runs: Sequence[wbc.Run], margin: float
-) -> Section:
-    kept, names = clearances[0], (result.called, *result.beside)
+def _section(done: Sequence[Trial], clearances: Sequence[Clearance], margin: float) -> Section:
+    kept, names = clearances[0], [trial.name for trial in done]
     distance = Plot(
         "distance", "The smallest distance of all pairs of shapes", "m", kept.times,
         [Curve(name, made.distances, run=k, x=None if made is kept else made.times)
@@ -192,11 +162,8 @@ def _section(
         caption="Both runs have the same task, gains and other limits. Below zero shapes are inside one another: the "
         "obstacles are not in the physics, so that nothing but the limit keeps the arm away from them.",
     )  # fmt: skip
-    costs = Plot(
-        "tool", "What the way round costs the task: error of the tool", "m", measure.times(runs[0]),
-        [Curve(name, np.linalg.norm(_error(run), axis=1), run=k, x=None if k == 0 else measure.times(run))
-         for k, (name, run) in enumerate(zip(names, runs, strict=True))], wide=True,
-    )  # fmt: skip
+    costs = judge.beside("tool", "What the way round costs the task: error of the tool", "m",
+                         {trial.name: (trial.run, trial.error("Position")) for trial in done}, wide=True)  # fmt: skip
     table = Table(
         ("run", "smallest distance [m]", "between"),
         [(name, made.smallest, made.closest) for name, made in zip(names, clearances, strict=True)],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, final
 
@@ -10,13 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 import wbc
-from wbc import checks
 from wbc.models.collision import Obstacle
 from wbc.models.geometry import Cylinder
 from wbc.report import measure
 from wbc.report.document import Curve, Plot, Section
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import CenterOfMass, ContactForce, Frame, LoopClosure, MinimumJerk, Orientation, Posture, Sinusoid
@@ -63,9 +61,8 @@ class DualArm(Scenario):
     plants = ("mujoco",)
     duration = 6.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        name = parameters["robot"]
-        squeeze = checks.number("parameter 'squeeze'", parameters["squeeze"])
+    def build(self, p: Parameters) -> Setup:
+        name, squeeze = p["robot"], p.number("squeeze")
         stance, (left, right) = replace(STANCES[name], joints={**STANCES[name].joints, **HELD[name]}), HANDS[name]
         robot = stance.robot(name)
         bar = LoopClosure(right, to=left, rows=ROWS, kp=100.0, name="bar")
@@ -93,46 +90,41 @@ class DualArm(Scenario):
             contacts=contacts,
             subject_to=joint_constraints(robot),
         )
-        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
-        run = simulate(
-            controller, floor, duration=settings.duration, progress=settings.progress,
-            meta={"scenario": self.name, "parameters": dict(parameters)},
-        )  # fmt: skip
-        asked = np.array([press(t)[0][:3] for t in run["t"]])
+        asked = np.array([press(t)[0][:3] for t in floor.dt * np.arange(round(p.settings.duration / floor.dt))])
         middle = pin.SE3(pin.Quaternion.FromTwoVectors(np.eye(3)[2], along).matrix(), 0.5 * length * along)
         drawn = Obstacle("bar", Cylinder(RADIUS, length), lambda t: motion(t)[0] * middle)
-        return replace(_judged(run, robot, (left, right), asked, settings.duration), obstacles=[drawn])
+        return Setup(stack=stack, plant=floor, about=(asked, drawn))
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        (trial,) = trials
+        run, hands = trial.run, HANDS[p["robot"]]
+        asked, drawn = trial.about[0][: run.rows], trial.about[1]
+        tracking, task = measure.tracking(run), f"Frame[{hands[0]}]"
+        bar, way, plot = tracking[task], np.linalg.norm(measure.errors(run, task)["m"], axis=1), f"tracking.{task}"
+        error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
+        figures = {
+            "bar_error_m": bar["max"],
+            "bar_rms_m": bar["rms"],
+            "grip_error_m": _grip_error(run, trial.robot, hands),
+            "internal_force_error_N": float(error.max()),
+            "internal_force_rms_N": float(np.sqrt(np.mean(error**2))),
+            "com_max_error_m": tracking["CenterOfMass"]["max"],
+            "certified_share": judge.certified_share(run),
+            "torque_use": float(measure.use(run)["torque"].max()),
+        }
+        away, squeezed = measure.place(run, way, BAR, plot=plot), measure.place(run, error, SQUEEZE, plot="bar-error")
+        checks = [
+            judge.stood_check(run, p.settings.duration),
+            Check("distance of the bar from its target", bar["max"], "<", BAR, "m", away),
+            Check("error of the force in the bar", float(error.max()), "<", SQUEEZE, "N", squeezed),
+            *judge.common_checks(run),
+        ]
+        return judge.verdict(trial, checks, figures=figures, obstacles=[drawn], sections=[_section(run, asked)])
 
 
-def _judged(run: wbc.Run, robot: Any, hands: tuple[str, str], asked: Any, duration: float) -> ScenarioResult:
-    tracking = measure.tracking(run)
-    task = f"Frame[{hands[0]}]"
-    bar, way, plot = tracking[task], np.linalg.norm(measure.errors(run, task)["m"], axis=1), f"tracking.{task}"
-    error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
-    figures = {
-        "bar_error_m": bar["max"],
-        "bar_rms_m": bar["rms"],
-        "grip_error_m": _grip_error(run, robot, hands),
-        "internal_force_error_N": float(error.max()),
-        "internal_force_rms_N": float(np.sqrt(np.mean(error**2))),
-        "com_max_error_m": tracking["CenterOfMass"]["max"],
-        "certified_share": judge.certified_share(run),
-        "torque_use": float(measure.use(run)["torque"].max()),
-    }
-    away, squeezed = measure.place(run, way, BAR, plot=plot), measure.place(run, error, SQUEEZE, plot="bar-error")
-    verdict = [
-        judge.stood_check(run, duration),
-        Check("distance of the bar from its target", bar["max"], "<", BAR, "m", away),
-        Check("error of the force in the bar", figures["internal_force_error_N"], "<", SQUEEZE, "N", squeezed),
-        *judge.common_checks(run),
-    ]  # fmt: skip
-    return judge.result(run, verdict, figures=figures, robot=robot, sections=[lambda result: _section(result, asked)])
-
-
-def _section(result: ScenarioResult, asked: Vec) -> Section:
+def _section(run: wbc.Run, asked: Vec) -> Section:
     """The force along the bar, as a section of the report."""
-    run, t = result.run, measure.times(result.run)
-    size = float(np.linalg.norm(asked[-1]))
+    t, size = measure.times(run), float(np.linalg.norm(asked[-1]))
     along = asked[-1] / size if size else np.eye(3)[0]
     error = np.linalg.norm(run["plant.f.bar"] - asked, axis=1)
     forces = (("in physics", run["plant.f.bar"]), ("commanded", run["f.bar"][:, :3]), ("wanted", asked))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from wbc.errors import UnknownName
 from wbc.robots import SENSORS, EstimatedBase
 from wbc.robots.estimator import rotation
 from wbc.sim.disturbance import Disturbance
-from wbc.sim.scenario import Parameter, ScenarioResult
+from wbc.sim.scenario import Parameter, Trial
 
 TRUTH = "truth"
 #: What a scenario adds to its parameters.
@@ -44,16 +43,15 @@ def sensing(parameters: Mapping[str, Any]) -> list[Disturbance]:
     return [EstimatedBase(SENSORS[name], seed=parameters["seed"], still=STILL)]
 
 
-def with_estimate(result: ScenarioResult, parameters: Mapping[str, Any]) -> ScenarioResult:
-    """The result with figures of how far the controller's state was from the truth, where it was not the truth.
+def off_estimate(trial: Trial, parameters: Mapping[str, Any]) -> dict[str, float]:
+    """Figures of how far the controller's state was from the truth; none where it was the truth.
 
     Of the position the error at the end, of the heading too; of lean and velocity the rms. Of the centre of mass the
     largest error, which no error of a task shows: a task sees what the controller sees.
     """
     if parameters["sensors"] == TRUTH:
-        return result
-    run, robot, turns, off = result.run, result.robot, [], []
-    assert robot is not None, "these scenarios show their robot"
+        return {}
+    run, robot, turns, off = trial.run, trial.robot, [], []
     state = robot.state()
     for q, true_q, v in zip(run["q"][::_EVERY], run["plant.q"][::_EVERY], run["v"][::_EVERY], strict=True):
         turns.append(rotation(true_q[3:7]) @ robot.difference(true_q, q)[3:6])
@@ -62,11 +60,10 @@ def with_estimate(result: ScenarioResult, parameters: Mapping[str, Any]) -> Scen
         state.update(0.0, q, v)
         off.append(float(np.linalg.norm(state.com - com)))
     lean, velocity = np.array(turns)[:, :2], run["v"][:, :3] - run["plant.v"][:, :3]
-    figures = {
+    return {
         "estimate_drift_m": float(np.linalg.norm(run["q"][-1, :3] - run["plant.q"][-1, :3])),
         "estimate_heading_rad": float(turns[-1][2]),
         "estimate_lean_rms_rad": float(np.sqrt((lean**2).sum(axis=1).mean())),
         "estimate_velocity_rms_m_s": float(np.sqrt((velocity**2).sum(axis=1).mean())),
         "estimate_com_max_m": max(off),
     }
-    return replace(result, figures={**result.figures, **figures})

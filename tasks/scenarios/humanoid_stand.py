@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
-from wbc.sim.scenario import Parameter, Scenario, ScenarioResult, Settings
+from wbc.sim.scenario import Parameter
 
 from .estimated import PARAMETERS
-from .standing import Demand, Stance, push_force, stand
+from .standing import Demand, Stance, StandingScenario
 
 #: Elbows bent, so that the circle is within reach; ankles leaning back, so that the weight is over the soles; soles
 #: flat, the three pitch angles of a leg adding up to nothing [rad].
@@ -32,7 +32,7 @@ PUSH: Mapping[str, float] = {"talos": 60.0, "g1": 30.0, "humanoid": 40.0}
 
 
 @final
-class HumanoidStand(Scenario):
+class HumanoidStand(StandingScenario):
     """Torque control at 1 kHz in MuJoCo; pushed sideways at 1.5 s and forward at 6 s, 0.2 s each, at the torso.
 
     ``push`` [N]; auto: as strong as is usual for the robot. ``robot``: talos, g1 (both need example-robot-data) or
@@ -41,15 +41,8 @@ class HumanoidStand(Scenario):
     """
 
     name: ClassVar[str] = "humanoid-stand"
-    group: ClassVar[str] = "legs"
     takes = 30.0
     summary: ClassVar[str] = "a humanoid sways on its feet, draws a circle with a hand and takes two pushes"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "talos", "push": "auto", **PARAMETERS}
-    robots = STANCES
-    plants = ("mujoco",)
-    duration = 10.0
-
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        name = parameters["robot"]
-        parameters = {**parameters, "push": push_force(parameters["push"], PUSH[name])}
-        return stand(self.name, STANCES[name], DEMANDS[name], parameters, settings)
+    robots = stances = STANCES
+    demands, usual_push = DEMANDS, PUSH

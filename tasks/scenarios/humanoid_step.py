@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
 
 import wbc
-from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.stack.contact import Contact
 
 from .. import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
 from . import judge
-from .estimated import PARAMETERS, sensing, with_estimate
+from .estimated import PARAMETERS, off_estimate, sensing
 from .humanoid_stand import STANCES
 from .plan_step import PlanStep
 from .standing import Stance, held_by_damping, joint_constraints, standing_plant
@@ -35,8 +33,8 @@ GAITS: Mapping[str, Gait] = {
 FEET = ("left", "right")
 #: What a good walk keeps to: CoM error, rms [m]; placement and slip of a foot [m].
 COM_RMS, PLACEMENT, SLIP = 2e-3, 1e-3, 2e-3
-#: How long after it is down a foot's place is looked at, and what an impact does to the torques is looked for [s].
-PLACED, IMPACT = 0.1, 0.02
+#: How long after it is down a foot's place is looked at [s].
+PLACED = 0.1
 
 
 @final
@@ -60,32 +58,49 @@ class HumanoidStep(Scenario):
     plants = ("mujoco",)
     duration = 30.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        name = parameters["robot"]
-        steps = int(checks.number("parameter 'steps'", parameters["steps"], low=1))
-        length = checks.number("parameter 'length'", parameters["length"]) or GAITS[name].length
-        if parameters["first"] not in FEET:
-            raise InvalidInput(f"parameter 'first' is {parameters['first']!r}; it must be left or right")
+    def build(self, p: Parameters) -> Setup:
+        name, steps = p["robot"], p.count("steps")
+        length = p.number("length") or GAITS[name].length
+        if p["first"] not in FEET:
+            raise InvalidInput(f"parameter 'first' is {p['first']!r}; it must be left or right")
         stance = STANCES[name]
         robot = stance.robot(name)
         contacts = held_by_damping(robot)
         floor = standing_plant(robot, stance, contacts)
         state = robot.state()
         state.update(0.0, floor.q, floor.v)
-        way = walk(state, robot.feet, replace(GAITS[name], length=length), steps,
-                   first=FEET.index(parameters["first"]))  # fmt: skip
-        controller = wbc.Controller(
-            robot,
-            walking_stack(state, stance, way, contacts),
-            level=wbc.InverseDynamics(),
-            solver=settings.solver,
-            dt=1e-3,
-        )
-        run = simulate(
-            controller, floor, duration=settings.duration, disturbances=sensing(parameters),
-            progress=settings.progress, meta={"scenario": self.name, "parameters": {**parameters, "length": length}},
+        way = walk(state, robot.feet, replace(GAITS[name], length=length), steps, first=FEET.index(p["first"]))
+        return Setup(
+            stack=walking_stack(state, stance, way, contacts), plant=floor, disturbances=sensing(p),
+            meta={"parameters": {**p, "length": length}}, about=way,
         )  # fmt: skip
-        return with_estimate(judged(run, robot, way, settings.duration), parameters)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        (trial,) = trials
+        run, robot, way, duration = trial.run, trial.robot, trial.about, p.settings.duration
+        stood, com = measure.seconds(run), measure.tracking(run)["CenterOfMass"]
+        asked = [step for step in way.steps if step.down + PLACED < duration]
+        misses = [_miss(run, robot, step) for step in asked if step.down + PLACED < stood]
+        placement = max(misses, default=0.0)
+        taken = sum(miss <= PLACEMENT for miss in misses)
+        steps, smooth = judge.stepping(run, robot.mass, way.timeline, [step.down for step in way.steps], SLIP)
+        figures = steps | {
+            "steps": taken,
+            "com_rms_m": com["rms"],
+            "com_max_error_m": com["max"],
+            "placement_m": placement,
+            "torque_use": float(measure.use(run)["torque"].max()),
+            **off_estimate(trial, p),
+        }
+        checks = [
+            judge.stood_check(run, duration),
+            Check("steps taken", taken, "=", len(asked), ""),
+            judge.error_check("CoM error, rms", run, "CenterOfMass", COM_RMS, np.ones(run.rows, dtype=bool)),
+            Check("placement of a foot", placement, "<", PLACEMENT, "m"),
+            *smooth,
+            *judge.common_checks(run),
+        ]
+        return judge.verdict(trial, checks, figures=figures)
 
 
 def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequence[Contact]) -> wbc.Stack:
@@ -106,43 +121,6 @@ def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequen
         subject_to=joint_constraints(robot),
         components=[ContactSchedule(way.timeline), PlanStep()],
     )
-
-
-def judged(run: wbc.Run, robot: PinocchioModel, way: Walk, duration: float) -> ScenarioResult:
-    """Whether the run is what the walk was to be."""
-    stood, com = measure.seconds(run), measure.tracking(run)["CenterOfMass"]
-    asked = [step for step in way.steps if step.down + PLACED < duration]
-    misses = [_miss(run, robot, step) for step in asked if step.down + PLACED < stood]
-    placement = max(misses, default=0.0)
-    taken = sum(miss <= PLACEMENT for miss in misses)
-    stances = ContactSchedule(way.timeline)
-    contacts = run.meta["contacts"].items()
-    slid = {name: judge.stance_slid(run, name, stances.holds(contact["frame"])) for name, contact in contacts}
-    slip = judge.slip_check("slip of a foot while it stands", run, slid, SLIP)
-    plan_step, force_step = float(np.abs(run["signal.PlanStep.tau"]).max()), judge.force_step(run) / robot.mass
-    figures = {
-        "steps": taken,
-        "fell": bool(run.meta["fallen"]),
-        "com_rms_m": com["rms"],
-        "com_max_error_m": com["max"],
-        "placement_m": placement,
-        "plan_torque_step_Nm": plan_step,
-        "impact_torque_step_Nm": judge.torque_step(run, [step.down for step in way.steps], within=IMPACT),
-        "normal_force_step_N_per_ms_kg": force_step,
-        "slip_m": slip.value,
-        "certified_share": judge.certified_share(run),
-        "torque_use": float(measure.use(run)["torque"].max()),
-    }
-    verdict = [
-        judge.stood_check(run, duration),
-        Check("steps taken", taken, "=", len(asked), ""),
-        judge.error_check("CoM error, rms", run, "CenterOfMass", COM_RMS, np.ones(run.rows, dtype=bool)),
-        Check("placement of a foot", placement, "<", PLACEMENT, "m"),
-        slip,
-        *judge.step_checks(plan_step, force_step),
-        *judge.common_checks(run),
-    ]
-    return judge.result(run, verdict, figures=figures, robot=robot)
 
 
 def _miss(run: wbc.Run, robot: PinocchioModel, step: Footstep) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,20 @@ from numpy.typing import NDArray
 
 from wbc.control.recorder import Run
 from wbc.report import measure
-from wbc.sim.scenario import Check, Place, ScenarioResult
+from wbc.report.document import Bound, Curve, Plot
+from wbc.sim.scenario import Check, Place, ScenarioResult, Trial
 from wbc.stack.contact import Contact
 from wbc.types import Vec
+
+from ..components.contact_schedule import ContactSchedule
 
 #: What a limit may be exceeded by before it counts as broken, in its own unit.
 TOLERANCE = 1e-6
 #: What a good change of contacts keeps to: step of the torques between two plans in one state [N m]; step of a normal
 #: force [N per ms and kg of body mass].
 PLAN_STEP, FORCE_STEP = 1.0, 0.05
+#: How long after a foot is down an impact's effect on the torques is looked for [s].
+IMPACT = 0.02
 
 
 def away_from(t: Vec, disturbed: Sequence[float], *, after: float = 1.0) -> NDArray[np.bool_]:
@@ -76,11 +82,30 @@ def force_step(run: Run) -> float:
     return 1e-3 * float(max(changes)) / float(run.meta["dt"])
 
 
-def step_checks(plan_step: float, force_step: float) -> list[Check]:
-    """Whether contacts are changed smoothly: torques [N m] and normal forces [N/ms/kg]."""
-    return [
+def stepping(
+    run: Run, mass: float, timeline: Sequence[tuple[float, Iterable[str]]], downs: Iterable[float], slip: float
+) -> tuple[dict[str, Any], list[Check]]:
+    """Figures and checks of a robot of ``mass`` [kg] whose feet stand by ``timeline`` and land at ``downs`` [s].
+
+    A foot that stands slides less than ``slip`` [m]; torques and normal forces change smoothly with the contacts.
+    """
+    stances = ContactSchedule(timeline)
+    names = {contact["frame"]: name for name, contact in run.meta["contacts"].items()}
+    slid = {name: stance_slid(run, name, stances.holds(frame)) for frame, name in names.items()}
+    check = slip_check("slip of a foot while it stands", run, slid, slip)
+    plan_step, step = float(np.abs(run["signal.PlanStep.tau"]).max()), force_step(run) / mass
+    figures = {
+        "fell": bool(run.meta["fallen"]),
+        "plan_torque_step_Nm": plan_step,
+        "impact_torque_step_Nm": torque_step(run, downs, within=IMPACT),
+        "normal_force_step_N_per_ms_kg": step,
+        "slip_m": check.value,
+        "certified_share": certified_share(run),
+    }
+    return figures, [
+        check,
         Check("step of the torques at a change of plan", plan_step, "<=", PLAN_STEP, "N m"),
-        Check("step of a normal force", force_step, "<=", FORCE_STEP + TOLERANCE, "N/ms/kg"),
+        Check("step of a normal force", step, "<=", FORCE_STEP + TOLERANCE, "N/ms/kg"),
     ]
 
 
@@ -100,7 +125,31 @@ def error_check(text: str, run: Run, task: str, bound: float, keep: NDArray[np.b
 def result(run: Run, verdict: Sequence[Check], **shown: Any) -> ScenarioResult:
     """What a scenario hands back of a run that is judged by ``verdict`` alone; ``shown``: other fields of it."""
     measured: dict[str, Any] = {"violations": measure.violations(run), "tracking": measure.tracking(run)}
-    return ScenarioResult(run=run, ok=all(check.ok for check in verdict), verdict=verdict, **measured | shown)
+    made = ScenarioResult(run=run, ok=all(check.ok for check in verdict), verdict=verdict, **measured | shown)
+    return replace(made, sections=[section for show in made.sections if (section := show(made)) is not None])
+
+
+def verdict(shown: Trial | Sequence[Trial], checks: Sequence[Check], **fields: Any) -> ScenarioResult:
+    """What a scenario hands back: it is good where all ``checks`` hold.
+
+    The first trial that is ``shown`` is recorded, and the others beside it. ``fields`` are those of
+    :class:`~wbc.sim.scenario.ScenarioResult`; tracking and violations are measured where they are not given.
+    """
+    first, *others = [shown] if isinstance(shown, Trial) else shown
+    made: dict[str, Any] = {
+        "violations": measure.violations(first.run), "tracking": measure.tracking(first.run), "robot": first.robot,
+        "called": first.name, "beside": {trial.name: trial.run for trial in others},
+    }  # fmt: skip
+    return ScenarioResult(run=first.run, ok=all(check.ok for check in checks), verdict=checks, **made | fields)
+
+
+def beside(
+    name: str, title: str, unit: str, curves: Mapping[str, tuple[Run, Vec]], bounds: Sequence[Bound] = (), **more: Any
+) -> Plot:
+    """A plot of one quantity (N,) of several runs, by their names; the first is the run that is recorded."""
+    first, _ = next(iter(curves.values()))
+    drawn = [Curve(said, values, run=k, x=measure.times(run)) for k, (said, (run, values)) in enumerate(curves.items())]
+    return Plot(name, title, unit, measure.times(first), drawn, bounds, **more)
 
 
 def common_checks(run: Run) -> list[Check]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
@@ -15,15 +15,14 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Index, Vec
 
 from .. import JointPositionLimits, JointVelocityLimits, Manipulability, Position, ProjectedGradient, Sinusoid
 from . import judge
+from .arm_reach import tool
 from .pictures import picture
 
-TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp", "arm": "tool"}
 #: Ticks between two at which the closed form is asked too.
 EVERY = 5
 #: Two joints and one task: q̇1 + 2 q̇2 = 2, ∇H = (3/2, 1/2), |q̇1| <= 3/2, |q̇2| <= 6/5. α* = 11/10.
@@ -88,26 +87,16 @@ class PgStep(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "alpha_max": 80.0, "speed": 0.2}
     duration = 6.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        robot = _robot(parameters["robot"])
-        tool = TOOLS.get(robot.name, robot.frame_names[-1])
-        setting = Setting(
-            robot,
-            tool,
-            Manipulability(tool),
-            parameters["alpha_max"],
-            parameters["speed"] * robot.limits.v_max,
-            settings.solver,
-        )
-        controller = wbc.Controller(
-            robot, _stack(setting), level=wbc.VelocityLevel(regularisation=1e-10), solver=settings.solver
-        )  # fmt: skip
+    def build(self, p: Parameters) -> Setup:
+        robot = _robot(p["robot"])
+        setting = Setting(robot, tool(robot), Manipulability(tool(robot)), p["alpha_max"],
+                          p["speed"] * robot.limits.v_max, p.settings.solver)  # fmt: skip
         plant = IntegratorPlant(robot, level="velocity")
-        run = simulate(
-            controller, plant, duration=settings.duration, progress=settings.progress,
-            meta={"scenario": self.name, "parameters": dict(parameters)},
-        )  # fmt: skip
-        return _judged(run, setting, _beside(run, setting))
+        return Setup(stack=_stack(setting), plant=plant, level=wbc.VelocityLevel(regularisation=1e-10), about=setting)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        (trial,) = trials
+        return _judged(trial, trial.about, _beside(trial.run, trial.about))
 
 
 def _robot(name: str) -> PinocchioModel:
@@ -152,7 +141,8 @@ def _beside(run: wbc.Run, of: Setting) -> Beside:
     )  # fmt: skip
 
 
-def _judged(run: wbc.Run, of: Setting, beside: Beside) -> ScenarioResult:
+def _judged(trial: Trial, of: Setting, beside: Beside) -> ScenarioResult:
+    run = trial.run
     plane, alpha_max = ProjectedGradientStep.from_gradient(**PLANE), of.alpha_max
     by_formula, by_qp = plane.closed_form().alpha, plane.solve(of.solver).alpha
     certified = run["status"][beside.rows] == list(run.meta["statuses"]).index("SOLVED")
@@ -174,7 +164,7 @@ def _judged(run: wbc.Run, of: Setting, beside: Beside) -> ScenarioResult:
             beside.climb(beside.v_qp)[there].sum() / beside.climb(beside.v_step)[there].sum()
         ),
     }
-    verdict = [
+    checks = [
         Check("α* in the plane by formula minus 11/10", abs(by_formula - ALPHA_IN_PLANE), "<=", 1e-12),
         Check(f"α* in the plane by {of.solver} minus 11/10", abs(by_qp - ALPHA_IN_PLANE), "<=", 1e-8),
         Check("QP costlier than the step, at most", costlier, "<=", 1e-8),
@@ -182,10 +172,8 @@ def _judged(run: wbc.Run, of: Setting, beside: Beside) -> ScenarioResult:
         Check("commanded speed beyond its share of the limit", max(over, 0.0), "<=", judge.TOLERANCE, "rad/s"),
         *judge.common_checks(run),
     ]  # fmt: skip
-    return judge.result(
-        run, verdict, figures=figures, robot=of.robot,
-        sections=[lambda result: _in_plane(plane, by_qp), lambda result: _along_the_path(result, of, beside)],
-    )  # fmt: skip
+    shown = [_in_plane(plane, by_qp), _along_the_path(run, of, beside)]
+    return judge.verdict(trial, checks, figures=figures, sections=shown)
 
 
 def _away_from_positions(run: wbc.Run, robot: PinocchioModel, beside: Beside) -> Any:
@@ -209,8 +197,8 @@ def _in_plane(plane: ProjectedGradientStep, by_qp: float) -> Section:
     return Section("The step in the plane of two joints", [picture(plane.plot(), "pg-plane", caption), table])
 
 
-def _along_the_path(result: ScenarioResult, of: Setting, beside: Beside) -> Section:
-    t = measure.times(result.run)[beside.rows]
+def _along_the_path(run: wbc.Run, of: Setting, beside: Beside) -> Section:
+    t = measure.times(run)[beside.rows]
     both = (("QP over q̇", beside.v_qp), ("projected gradient step", beside.v_step))
     plots = [
         Plot("pg-alpha", "Largest feasible step along the projected gradient, α*", "", t,

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple, final
 
 import numpy as np
 
 import wbc
-from wbc.control.recorder import Run
-from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
-from wbc.report.document import Cell, Section, Table, Text
+from wbc.report.document import Section, Table, Text
 from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
-from wbc.sim.simulate import simulate
+from wbc.sim.plant import Plant
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
-from .. import JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
-from ..trajectories import Trajectory
 from . import arm_reach, humanoid_stand, judge, quadruped_stand
-from .standing import Stance, standing_plant, standing_stack
+from .standing import Stance, standing_plant, standing_stack, sway
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
 #: The error counts from here on [s]: drives that are sent no torques sag first.
@@ -65,101 +61,60 @@ class PositionControl(Scenario):
     plants = ("mujoco",)
     duration = 4.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        aim = _aim(parameters["robot"])
-        runs = dict[str, Run]()
-        for (name, way), one in trials(settings.progress, WAYS.items()):
-            controller = wbc.Controller(
-                aim.robot, aim.stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3
-            )
-            runs[name] = simulate(
-                wbc.Setpoint(controller, feedback=way.feedback), aim.plant(way.drives), duration=settings.duration,
-                progress=one, meta={"scenario": self.name, "parameters": dict(parameters)},
-            )  # fmt: skip
-        return _judged(runs, aim, settings.duration)
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        return {name: {"way": way} for name, way in WAYS.items()}
+
+    def build(self, p: Parameters) -> Setup:
+        name, way = p["robot"], p["way"]
+        if name in STANCES:
+            stance = STANCES[name]
+            robot = stance.robot(name)
+            stack, path = standing_stack(robot, stance), sway(robot.state(), stance)
+            plant: Plant = standing_plant(robot, stance, stack.contacts, drives=way.drives)
+        else:
+            robot = wbc.load(name, base="fixed")
+            stack, path = arm_reach.following(robot), arm_reach.way(robot)
+            plant = MujocoPlant(robot, drives=way.drives)
+            plant.reset(robot.q0)
+        return Setup(stack=stack, plant=plant, feedback=way.feedback, about=path)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        done, rms, largest = list(trials), dict[str, float](), dict[str, float]()
+        for trial in done:
+            late = measure.times(trial.run) >= min(SAGGED, 0.5 * p.settings.duration)
+            error = _error(trial)[late]
+            rms[trial.name] = float(np.sqrt(np.mean(error**2))) if len(error) else np.inf
+            largest[trial.name] = float(error.max(initial=0.0))
+        run, stood = done[0].run, {trial.name: measure.seconds(trial.run) for trial in done}
+        figures = {
+            "error_rms_m": rms,
+            "error_max_m": largest,
+            "stood_s": stood,
+            "certified_share": judge.certified_share(run),
+        }
+        checks = [
+            judge.stood_check(run, p.settings.duration),
+            Check("error of the robot itself, rms", rms[done[0].name], "<", ERROR, "m"),
+            *judge.common_checks(run),
+        ]
+        rows = [(name, stood[name], 1e3 * rms[name], 1e3 * largest[name]) for name in stood]
+        columns = ["what is sent", "up [s]", f"error after {SAGGED:g} s, rms [mm]", "largest [mm]"]
+        text = Text(
+            "The same stack on the same robot, and the error of the robot itself. Commanded: the controller decides "
+            "from its own last setpoint, and the drives keep to it; what it sends does not depend on the robot. "
+            "Measured: it decides from the robot, and each setpoint is one tick from there. Everything else in this "
+            "report is of the first line, where the errors of tasks are those of the setpoint."
+        )
+        section = Section("Drives and feedback", [text, Table(columns, rows)])
+        return judge.verdict(done, checks, figures=figures, sections=[section])
 
 
-@final
-class _Aim(NamedTuple):
-    """What is to follow which way; ``frame`` None: the centre of mass."""
-
-    robot: PinocchioModel
-    stack: wbc.Stack
-    path: Trajectory
-    frame: str | None
-    stance: Stance | None
-
-    def plant(self, drives: PositionDrives | None) -> MujocoPlant:
-        """Physics at the start."""
-        if self.stance is not None:
-            return standing_plant(self.robot, self.stance, self.stack.contacts, drives=drives)
-        plant = MujocoPlant(self.robot, drives=drives)
-        plant.reset(self.robot.q0)
-        return plant
-
-    def errors(self, run: Run) -> Vec:
-        """How far the robot itself, not its setpoint, is from the path (N,) [m]."""
-        state, rows = self.robot.state(), zip(run["t"], run["plant.q"], run["plant.v"], strict=True)
-        errors = np.empty(run.rows)
-        for k, (t, q, v) in enumerate(rows):
-            state.update(t, q, v)
-            place = state.com if self.frame is None else np.array(state.frame(self.frame).position)
-            errors[k] = np.linalg.norm(place - self.path(t)[0])
-        return errors
-
-
-def _aim(name: str) -> _Aim:
-    if name in STANCES:
-        stance = STANCES[name]
-        robot = stance.robot(name)
-        path = Sinusoid(robot.state().com, amplitude=stance.sway, frequency=stance.frequency)
-        return _Aim(robot, standing_stack(robot, stance), path, None, stance)
-    robot, tool = wbc.load(name, base="fixed"), arm_reach.TOOLS[name]
-    start = np.array(robot.state().frame(tool).position)
-    path = Sinusoid(start, amplitude=[0.05, 0.08, 0.05], frequency=[0.5, 0.4, 0.6])
-    stack = wbc.Stack(
-        [Position(tool, target=path, kp=400), Posture(robot.q0, kp=10, weight=1e-3)],
-        subject_to=[JointVelocityLimits(), JointPositionLimits(), TorqueLimits()],
-    )
-    return _Aim(robot, stack, path, tool, None)
-
-
-def _judged(runs: Mapping[str, Run], aim: _Aim, duration: float) -> ScenarioResult:
-    rms, largest = dict[str, float](), dict[str, float]()
-    for name, each in runs.items():
-        late = measure.times(each) >= min(SAGGED, 0.5 * duration)
-        error = aim.errors(each)[late]
-        rms[name] = float(np.sqrt(np.mean(error**2))) if len(error) else np.inf
-        largest[name] = float(error.max(initial=0.0))
-    asked, run = next(iter(runs.items()))
-    stood = {name: measure.seconds(each) for name, each in runs.items()}
-    figures = {
-        "error_rms_m": rms,
-        "error_max_m": largest,
-        "stood_s": stood,
-        "certified_share": judge.certified_share(run),
-    }
-    verdict = [
-        judge.stood_check(run, duration),
-        Check("error of the robot itself, rms", rms[asked], "<", ERROR, "m"),
-        *judge.common_checks(run),
-    ]
-    return judge.result(
-        run, verdict, figures=figures, robot=aim.robot, sections=[_comparison],
-        called=asked, beside={name: each for name, each in runs.items() if name != asked},
-    )  # fmt: skip
-
-
-def _comparison(result: ScenarioResult) -> Section:
-    """What came of each way, as a section of the report."""
-    figures, rows = result.figures, list[list[Cell]]()
-    for name, stood in figures["stood_s"].items():
-        rows.append([name, stood, 1e3 * figures["error_rms_m"][name], 1e3 * figures["error_max_m"][name]])
-    text = Text(
-        "The same stack on the same robot, and the error of the robot itself. Commanded: the controller decides from "
-        "its own last setpoint, and the drives keep to it; what it sends does not depend on the robot. Measured: it "
-        "decides from the robot, and each setpoint is one tick from there. Everything else in this report is of the "
-        "first line, where the errors of tasks are those of the setpoint."
-    )
-    columns = ["what is sent", "up [s]", f"error after {SAGGED:g} s, rms [mm]", "largest [mm]"]
-    return Section("Drives and feedback", [text, Table(columns, rows)])
+def _error(trial: Trial) -> Vec:
+    """How far the robot itself, not its setpoint, is from the path (N,) [m]."""
+    run, state, path = trial.run, trial.robot.state(), trial.about
+    errors = np.empty(run.rows)
+    for k, (t, q, v) in enumerate(zip(run["t"], run["plant.q"], run["plant.v"], strict=True)):
+        state.update(t, q, v)
+        place = state.com if trial.robot.nb else np.array(state.frame(arm_reach.tool(trial.robot)).position)
+        errors[k] = np.linalg.norm(place - path(t)[0])
+    return errors

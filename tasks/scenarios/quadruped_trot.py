@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar, NamedTuple, final
 
 import numpy as np
 
@@ -12,14 +12,13 @@ from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import CenterOfMass, ContactSchedule, MinimumJerk, Orientation, Piecewise, Position, Posture
 from ..trajectories import Trajectory
 from . import judge
-from .estimated import PARAMETERS, sensing, with_estimate
+from .estimated import PARAMETERS, off_estimate, sensing
 from .plan_step import PlanStep
 from .quadruped_stand import STANCES
 from .standing import Stance, held_by_damping, joint_constraints, standing_plant
@@ -93,19 +92,41 @@ class QuadrupedTrotInPlace(Scenario):
     plants = ("mujoco",)
     duration = 10.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        name = parameters["robot"]
-        stance = STANCES[name]
-        robot = stance.robot(name)
+    def build(self, p: Parameters) -> Setup:
+        stance = STANCES[p["robot"]]
+        robot = stance.robot(p["robot"])
         floor = standing_plant(robot, stance, held_by_damping(robot))
-        trot = swings(list(robot.feet), settings.duration)
-        stack = trotting_stack(robot, stance, floor, trot)
-        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
-        run = simulate(
-            controller, floor, duration=settings.duration, disturbances=sensing(parameters),
-            progress=settings.progress, meta={"scenario": self.name, "parameters": dict(parameters)},
-        )  # fmt: skip
-        return with_estimate(_judged(run, robot, trot, settings.duration), parameters)
+        trot = swings(list(robot.feet), p.settings.duration)
+        return Setup(stack=trotting_stack(robot, stance, floor, trot), plant=floor, disturbances=sensing(p), about=trot)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        (trial,) = trials
+        run, robot, trot = trial.run, trial.robot, trial.about
+        t = measure.times(run)
+        after = t >= min(START, t[-1])
+        tracking = measure.tracking(run, keep=after)
+        names = {contact["frame"]: name for name, contact in run.meta["contacts"].items()}
+        done = sum(_done(run, swing, names) for swing in trot)
+        base = run["plant.q"][:, :2]
+        drift = np.where(after, np.linalg.norm(base - base[after][0], axis=1), 0.0)
+        steps, smooth = judge.stepping(
+            run, robot.mass, timeline(list(names), trot), [swing.down for swing in trot], SLIP
+        )
+        figures = steps | {
+            "steps": done,
+            "drift_m": float(drift.max()),
+            "com_rms_m": tracking["CenterOfMass"]["rms"],
+            "tilt_max_rad": next(value["max"] for name, value in tracking.items() if name.startswith("Orientation")),
+            **off_estimate(trial, p),
+        }
+        checks = [
+            judge.stood_check(run, p.settings.duration),
+            Check("pairs of feet up and down again", done, "=", len(trot), ""),
+            Check("drift of the base", float(drift.max()), "<", DRIFT, "m", measure.place(run, drift, DRIFT)),
+            *smooth,
+            *judge.common_checks(run),
+        ]
+        return judge.verdict(trial, checks, tracking=tracking, figures=figures)
 
 
 def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, trot: Sequence[Swing]) -> wbc.Stack:
@@ -132,41 +153,6 @@ def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, tr
             PlanStep(),
         ],
     )
-
-
-def _judged(run: wbc.Run, robot: PinocchioModel, trot: Sequence[Swing], duration: float) -> ScenarioResult:
-    t = measure.times(run)
-    after = t >= min(START, t[-1])
-    tracking = measure.tracking(run, keep=after)
-    names = {contact["frame"]: name for name, contact in run.meta["contacts"].items()}
-    steps = sum(_done(run, swing, names) for swing in trot)
-    base = run["plant.q"][:, :2]
-    drift = np.where(after, np.linalg.norm(base - base[after][0], axis=1), 0.0)
-    stances = ContactSchedule(timeline(list(names), trot))
-    slid = {name: judge.stance_slid(run, name, stances.holds(frame)) for frame, name in names.items()}
-    slip = judge.slip_check("slip of a foot while it stands", run, slid, SLIP)
-    plan_step, force_step = float(np.abs(run["signal.PlanStep.tau"]).max()), judge.force_step(run) / robot.mass
-    figures = {
-        "steps": steps,
-        "fell": bool(run.meta["fallen"]),
-        "drift_m": float(drift.max()),
-        "com_rms_m": tracking["CenterOfMass"]["rms"],
-        "tilt_max_rad": next(value["max"] for name, value in tracking.items() if name.startswith("Orientation")),
-        "plan_torque_step_Nm": plan_step,
-        "impact_torque_step_Nm": judge.torque_step(run, [swing.down for swing in trot], within=0.02),
-        "normal_force_step_N_per_ms_kg": force_step,
-        "slip_m": slip.value,
-        "certified_share": judge.certified_share(run),
-    }
-    verdict = [
-        judge.stood_check(run, duration),
-        Check("pairs of feet up and down again", steps, "=", len(trot), ""),
-        Check("drift of the base", float(drift.max()), "<", DRIFT, "m", measure.place(run, drift, DRIFT)),
-        slip,
-        *judge.step_checks(plan_step, force_step),
-        *judge.common_checks(run),
-    ]
-    return judge.result(run, verdict, tracking=tracking, figures=figures, robot=robot)
 
 
 def _done(run: wbc.Run, swing: Swing, names: Mapping[str, str]) -> bool:

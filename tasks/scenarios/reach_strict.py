@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -11,10 +11,9 @@ import wbc
 from wbc.control.recorder import Run
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
-from wbc.report.document import Cell, Curve, Plot, Section, Table, Text
+from wbc.report.document import Cell, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.stack.hierarchy import Hierarchy
 
 from .. import CenterOfMass, MinimumJerk, Orientation, Position, Posture
@@ -48,25 +47,40 @@ class ReachStrict(Scenario):
     hierarchies = ("strict", "weighted", "scaled")
     duration = 4.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        stance = STANCES[parameters["robot"]]
-        robot = stance.robot(parameters["robot"])
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        names = [settings.hierarchy, *(name for name in HIERARCHIES if name != settings.hierarchy)]
-        runs, conditions = dict[str, Run](), dict[str, float]()
-        for kind, one in trials(settings.progress, names):
-            controller = wbc.Controller(
-                robot, _stack(robot, stance, parameters["reach"]), level=wbc.InverseDynamics(),
-                hierarchy=HIERARCHIES[kind], solver=settings.solver, dt=1e-3,
-            )  # fmt: skip
-            runs[kind] = simulate(
-                controller, _plant(robot, stance, settings.plant), duration=settings.duration, meta=meta,
-                progress=one,
-            )  # fmt: skip
-            conditions[kind] = float(np.linalg.cond(controller.qp.H))
-        return _judged(
-            runs, conditions, asked=settings.hierarchy, robot=robot, stance=stance, duration=settings.duration
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        asked = p.settings.hierarchy
+        return {name: {"hierarchy": name} for name in (asked, *(name for name in HIERARCHIES if name != asked))}
+
+    def build(self, p: Parameters) -> Setup:
+        stance = STANCES[p["robot"]]
+        robot = stance.robot(p["robot"])
+        if p.settings.plant == "mujoco":
+            plant: Plant = standing_plant(robot, stance, held_by_damping(robot))
+        else:
+            plant = IntegratorPlant(robot, level="acceleration")
+            plant.reset(robot.q0)
+        return Setup(
+            stack=_stack(robot, stance, p["reach"]), plant=plant, hierarchy=HIERARCHIES[p["hierarchy"]], about=stance
         )
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        done = list(trials)
+        runs = {trial.name: trial.run for trial in done}
+        conditions = {trial.name: float(np.linalg.cond(trial.controller.qp.H)) for trial in done}
+        run, stance = done[0].run, done[0].about
+        rms = {kind: _balance(each) for kind, each in runs.items()}
+        figures = {
+            "balance_rms_m": rms,
+            "hand_error_m": _hand(run, stance),
+            "stood_s": {kind: measure.seconds(each) for kind, each in runs.items()},
+            "tick_us": {kind: measure.tick_times(each).median for kind, each in runs.items()},
+            "condition": conditions,
+            "certified_share": judge.certified_share(run),
+        }
+        checks = [judge.stood_check(run, p.settings.duration), *judge.common_checks(run)]
+        if p.settings.hierarchy == "strict":
+            checks.insert(1, Check("error of the centre of mass, rms", rms["strict"], "<", 2e-3, "m"))
+        return judge.verdict(done, checks, figures=figures, sections=[_costs(runs, conditions, stance)])
 
 
 def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
@@ -90,14 +104,6 @@ def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
     )
 
 
-def _plant(robot: PinocchioModel, stance: Stance, kind: str) -> Plant:
-    if kind == "mujoco":
-        return standing_plant(robot, stance, held_by_damping(robot))
-    plant = IntegratorPlant(robot, level="acceleration")
-    plant.reset(robot.q0)
-    return plant
-
-
 def _balance(run: Run) -> float:
     """Error of the centre of mass, rms [m]."""
     return float(np.sqrt((run["error.CenterOfMass"] ** 2).sum(axis=1).mean()))
@@ -108,63 +114,29 @@ def _hand(run: Run, stance: Stance) -> float:
     return float(np.linalg.norm(run[f"error.Position[{stance.hand}]"][-1]))
 
 
-def _judged(
-    runs: Mapping[str, Run], conditions: Mapping[str, float], *, asked: str, robot: PinocchioModel, stance: Stance,
-    duration: float,
-) -> ScenarioResult:  # fmt: skip
-    run = runs[asked]
-    rms = {kind: _balance(each) for kind, each in runs.items()}
-    figures = {
-        "balance_rms_m": rms,
-        "hand_error_m": _hand(run, stance),
-        "stood_s": {kind: measure.seconds(each) for kind, each in runs.items()},
-        "tick_us": {kind: measure.tick_times(each).median for kind, each in runs.items()},
-        "condition": dict(conditions),
-        "certified_share": judge.certified_share(run),
-    }
-    verdict = [
-        judge.stood_check(run, duration),
-        *judge.common_checks(run),
-    ]
-    if asked == "strict":
-        verdict.insert(1, Check("error of the centre of mass, rms", rms["strict"], "<", 2e-3, "m"))
-    return judge.result(
-        run, verdict, figures=figures, robot=robot, sections=[_Costs(runs, conditions, stance)],
-        called=asked, beside={kind: each for kind, each in runs.items() if kind != asked},
-    )  # fmt: skip
-
-
-@final
-class _Costs:
-    """What the choice of the hierarchy costs and gives, as a section of the report."""
-
-    def __init__(self, runs: Mapping[str, Run], conditions: Mapping[str, float], stance: Stance) -> None:
-        self._runs, self._conditions, self._stance = runs, conditions, stance
-
-    def __call__(self, result: ScenarioResult) -> Section:
-        rows: list[list[Cell]] = []
-        for kind, run in self._runs.items():
-            tick, balance = measure.tick_times(run), 1e3 * _balance(run)
-            rows.append([
-                kind, measure.seconds(run), balance, _hand(run, self._stance), self._conditions[kind], tick.median,
-                tick.p99,
-            ])  # fmt: skip
-        text = Text(
-            "The same stack on the same robot. Strictly ranked, the hand gets what balance leaves it; added up by "
-            "weights, the two share the error that neither can avoid; scaled, each goes its own way as far as it can. "
-            "The condition number is that of the Hessian of the last QP in standard form."
+def _costs(runs: Mapping[str, Run], conditions: Mapping[str, float], stance: Stance) -> Section:
+    """What the choice of the hierarchy costs and gives."""
+    rows: list[list[Cell]] = []
+    for kind, run in runs.items():
+        tick, balance = measure.tick_times(run), 1e3 * _balance(run)
+        rows.append([
+            kind, measure.seconds(run), balance, _hand(run, stance), conditions[kind], tick.median, tick.p99,
+        ])  # fmt: skip
+    text = Text(
+        "The same stack on the same robot. Strictly ranked, the hand gets what balance leaves it; added up by "
+        "weights, the two share the error that neither can avoid; scaled, each goes its own way as far as it can. "
+        "The condition number is that of the Hessian of the last QP in standard form."
+    )
+    columns = [
+        "hierarchy", "up [s]", "centre of mass, rms [mm]", "hand at the end [m]", "condition number",
+        "tick, median [µs]", "p99 [µs]",
+    ]  # fmt: skip
+    plots = [
+        judge.beside(name, title, "mm", {kind: (run, 1e3 * np.linalg.norm(run[f"error.{task}"], axis=1))
+                                         for kind, run in runs.items()})
+        for name, title, task in (
+            ("balance", "Error of the centre of mass", "CenterOfMass"),
+            ("hand", "Error of the hand", f"Position[{stance.hand}]"),
         )
-        columns = [
-            "hierarchy", "up [s]", "centre of mass, rms [mm]", "hand at the end [m]", "condition number",
-            "tick, median [µs]", "p99 [µs]",
-        ]  # fmt: skip
-        plots = [
-            Plot(name, title, "mm", measure.times(result.run),
-                 [Curve(kind, 1e3 * np.linalg.norm(run[f"error.{task}"], axis=1), run=k, x=measure.times(run))
-                  for k, (kind, run) in enumerate(self._runs.items())])
-            for name, title, task in (
-                ("balance", "Error of the centre of mass", "CenterOfMass"),
-                ("hand", "Error of the hand", f"Position[{self._stance.hand}]"),
-            )
-        ]  # fmt: skip
-        return Section("What the hierarchy costs", [text, Table(columns, rows), *plots])
+    ]  # fmt: skip
+    return Section("What the hierarchy costs", [text, Table(columns, rows), *plots])

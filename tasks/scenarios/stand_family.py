@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, final
 
 import numpy as np
 
-import wbc
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Section, Table, Text
-from wbc.sim.disturbance import Disturbance, Payload, Push
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, Settings, trials
-from wbc.sim.simulate import simulate
+from wbc.sim.disturbance import Payload, Push
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 
 from . import humanoid_stand, judge, quadruped_stand
 from .standing import Stance, push_force, standing_plant, standing_stack
@@ -35,21 +32,6 @@ START, LASTS, OFF, OFF_LOADED = 1.2, 0.2, 5e-3, 3e-2
 
 
 @final
-@dataclass(frozen=True)
-class Row:
-    """One disturbance, and what came of it: the largest and the last error of the centre of mass [m]."""
-
-    what: str
-    stands: bool
-    most: float
-    last: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """The row as JSON values."""
-        return {"what": self.what, "stands": self.stands, "most_mm": 1e3 * self.most, "last_mm": 1e3 * self.last}
-
-
-@final
 class StandFamily(Scenario):
     """A swaying robot is pushed for 0.2 s from ``sides`` sides, once each; a humanoid gets a load in either hand too.
 
@@ -66,62 +48,40 @@ class StandFamily(Scenario):
     plants = ("mujoco",)
     duration = 3.2
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        name = parameters["robot"]
-        force = push_force(parameters["push"], PUSH[name])
-        load, sides = parameters["load"], int(checks.number("parameter 'sides'", parameters["sides"], low=1))
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        name, load, sides = p["robot"], p["load"], p.count("sides")
+        force = push_force(p["push"], PUSH[name])
         mass = LOAD.get(name, 0.0) if load == "auto" else checks.typed("parameter 'load' (or auto)", load, low=0.0)
-        stance = replace(STANCES[name], hand=None)
-        robot = stance.robot(name)
-        cases = _cases(stance, sides, force, HANDS.get(name, ()), mass)
+        cases: dict[str, dict[str, Any]] = {}
+        for k in range(sides if force else 0):
+            angle = 2.0 * np.pi * k / sides
+            way = (force * float(np.cos(angle)), force * float(np.sin(angle)), 0.0)
+            push = Push(STANCES[name].upright, way, start=START, duration=LASTS)
+            cases[f"push towards {360 * k / sides:.0f}°"] = {"disturbance": push, "off": OFF}
+        for hand in HANDS.get(name, ()) if mass else ():
+            cases[f"load in {hand}"] = {"disturbance": Payload(hand, mass=mass, start=START), "off": OFF_LOADED}
         if not cases:
             raise InvalidInput("parameters 'push' and 'load' leave nothing to stand")
-        rows = []
-        for (what, disturbance), one in trials(settings.progress, cases):
-            one(0.0, what)
-            meta = {"scenario": self.name, "parameters": dict(parameters)}
-            run, stands = _simulated(
-                robot, stance, disturbance, duration=settings.duration, solver=settings.solver, meta=meta, one=one
-            )
-            error = np.linalg.norm(run["error.CenterOfMass"], axis=1)
-            last = float(error[-1])
-            off = OFF if isinstance(disturbance, Push) else OFF_LOADED
-            rows.append(Row(what, stands and last < off, float(error[run["t"] > START].max()), last))
-        return _judged(robot, rows, run)
+        return cases
 
+    def build(self, p: Parameters) -> Setup:
+        stance = replace(STANCES[p["robot"]], hand=None)
+        robot = stance.robot(p["robot"])
+        stack = standing_stack(robot, stance)
+        plant = standing_plant(robot, stance, stack.contacts)
+        return Setup(stack=stack, plant=plant, disturbances=[p["disturbance"]], about=p["off"])
 
-def _cases(
-    stance: Stance, sides: int, force: float, hands: Sequence[str], mass: float
-) -> list[tuple[str, Disturbance]]:
-    cases: list[tuple[str, Disturbance]] = []
-    for k in range(sides if force else 0):
-        angle = 2.0 * np.pi * k / sides
-        way = (force * float(np.cos(angle)), force * float(np.sin(angle)), 0.0)
-        cases.append((f"push towards {360 * k / sides:.0f}°", Push(stance.upright, way, start=START, duration=LASTS)))
-    if mass:
-        cases += [(f"load in {hand}", Payload(hand, mass=mass, start=START)) for hand in hands]
-    return cases
-
-
-def _simulated(
-    robot: PinocchioModel, stance: Stance, disturbance: Disturbance, *, duration: float, solver: str,
-    meta: Mapping[str, Any], one: Progress,
-) -> tuple[wbc.Run, bool]:  # fmt: skip
-    stack = standing_stack(robot, stance)
-    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
-    plant = standing_plant(robot, stance, stack.contacts)
-    run = simulate(controller, plant, duration=duration, disturbances=[disturbance], progress=one, meta=dict(meta))
-    return run, not plant.fallen
-
-
-def _judged(robot: PinocchioModel, rows: Sequence[Row], run: wbc.Run) -> ScenarioResult:
-    stood = sum(row.stands for row in rows)
-    verdict = [Check("stands", float(stood), "=", float(len(rows)), f"of {len(rows)}")]
-    shown = {"rows": [row.as_dict() for row in rows]}
-    return judge.result(run, verdict, figures=shown, robot=robot, sections=[lambda result: _section(rows)])
-
-
-def _section(rows: Sequence[Row]) -> Section:
-    shown = [(row.what, "yes" if row.stands else "no", 1e3 * row.most, 1e3 * row.last) for row in rows]
-    text = Text("0° is forward, 90° to the left. Errors of the centre of mass: the largest, and that at the end.")
-    return Section("From all sides", [text, Table(("what", "stands", "most [mm]", "last [mm]"), shown)])
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        rows = list[dict[str, Any]]()
+        for trial in trials:  # a run is forgotten before the next one
+            error = trial.error("CenterOfMass")
+            most, last = float(error[trial.run["t"] > START].max()), float(error[-1])
+            stands = not trial.setup.plant.fallen and last < trial.about
+            rows.append({"what": trial.name, "stands": stands, "most_mm": 1e3 * most, "last_mm": 1e3 * last})
+        checks = [Check("stands", float(sum(row["stands"] for row in rows)), "=", float(len(rows)), f"of {len(rows)}")]
+        shown = [(row["what"], "yes" if row["stands"] else "no", row["most_mm"], row["last_mm"]) for row in rows]
+        text = Text("0° is forward, 90° to the left. Errors of the centre of mass: the largest, and that at the end.")
+        table = Table(("what", "stands", "most [mm]", "last [mm]"), shown)
+        return judge.verdict(
+            trial, checks, figures={"rows": rows}, called="", sections=[Section("From all sides", [text, table])]
+        )

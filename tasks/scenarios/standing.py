@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
 import wbc
 from wbc import checks
+from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.disturbance import Push
 from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, ScenarioResult, Settings
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
 
@@ -33,7 +33,7 @@ from .. import (
     feet,
 )
 from . import judge
-from .estimated import sensing, with_estimate
+from .estimated import off_estimate, sensing
 
 #: What the controller keeps in hand for what it does not know of: of the floor's friction, of the joints' speed, of
 #: their range [rad]. A push of 120 N throws a head by half a radian per second before any motor can answer.
@@ -128,10 +128,8 @@ def standing_plant(
 def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
     """Sway the centre of mass, keep upright, draw a circle with a hand, stay near the stance; within all limits."""
     state = robot.state()
-    phase = 2.0 * np.pi * stance.begun * np.array(stance.frequency)
-    sway = Sinusoid(state.com, amplitude=stance.sway, frequency=stance.frequency, phase=phase)
     tasks: list[Any] = [
-        CenterOfMass(target=sway, kp=400),
+        CenterOfMass(target=sway(state, stance), kp=400),
         Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
         Posture(robot.q0, kp=100, weight=1e-4),
     ]
@@ -146,6 +144,12 @@ def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
         contacts=held_by_damping(robot),
         subject_to=joint_constraints(robot),
     )
+
+
+def sway(state: RobotState, stance: Stance) -> Sinusoid:
+    """What the centre of mass follows, about where it is."""
+    phase = 2.0 * np.pi * stance.begun * np.array(stance.frequency)
+    return Sinusoid(state.com, amplitude=stance.sway, frequency=stance.frequency, phase=phase)
 
 
 def push_force(text: str, usual: float) -> float:
@@ -168,50 +172,58 @@ def pushes_within(duration: float, frame: str, force: float) -> list[Push]:
     return [push for push in pushes if push.start + RECOVERY <= duration]
 
 
-def stand(
-    name: str, stance: Stance, demand: Demand, parameters: Mapping[str, Any], settings: Settings
-) -> ScenarioResult:
-    """Run the standing stack by torque control at 1 kHz in MuJoCo under pushes of ``push`` [N], and judge it."""
-    robot, duration = stance.robot(parameters["robot"]), settings.duration
-    stack, pushes = standing_stack(robot, stance), pushes_within(duration, stance.upright, parameters["push"])
-    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=settings.solver, dt=1e-3)
-    plant = standing_plant(robot, stance, stack.contacts)
-    run = simulate(
-        controller, plant, duration=duration, disturbances=[*pushes, *sensing(parameters)],
-        progress=settings.progress, meta={"scenario": name, "parameters": dict(parameters)},
-    )  # fmt: skip
-    return with_estimate(_judged(run, robot, pushes, demand, duration), parameters)
+class StandingScenario(Scenario):
+    """The standing stack by torque control at 1 kHz in MuJoCo, under pushes of ``push`` [N], and what it is judged by.
 
+    ``stances`` by robot, ``demands`` of each, and the push that is usual for it [N].
+    """
 
-def _judged(
-    run: wbc.Run, robot: PinocchioModel, pushes: Sequence[Push], demand: Demand, duration: float
-) -> ScenarioResult:
-    t, contacts = run["t"], feet(robot)
-    keep = judge.away_from(t, [push.start for push in pushes], after=RECOVERY)
-    tracking = measure.tracking(run, keep=keep)
-    most = 1e-3 * 9.81 * robot.mass  # soft contacts keep their cones to a thousandth of what they carry
-    through = f" through pushes: {len(pushes)}" if pushes else ""
-    wrenches = judge.cone_excess(run, true_surfaces(robot))
-    outside = float(wrenches.max(initial=0.0))
-    steady = judge.error_check("CoM error away from pushes, rms", run, "CenterOfMass", demand.com_rms, keep)
-    slip = judge.slip_check("true slip of the feet", run, judge.slid(run, contacts), demand.slip)
-    figures = {
-        "stood_s": measure.seconds(run),
-        "com_rms_m": steady.value,
-        "com_max_with_pushes_m": float(np.linalg.norm(run["error.CenterOfMass"], axis=1).max()),
-        "slip_m": slip.value,
-        "certified_share": judge.certified_share(run),
-        "cone_excess_N": outside,
-        "torque_use": float(measure.use(run)["torque"].max()),
-    }
-    verdict = [
-        judge.stood_check(run, duration, through=through),
-        steady,
-        slip,
-        Check(
-            "net wrench of a foot outside its cone (bound: 0.1 % of the weight)", outside, "<=", most, "N",
-            measure.place(run, wrenches, most, [contact.name for contact in contacts], "forces"),
-        ),
-        *judge.common_checks(run),
-    ]  # fmt: skip
-    return judge.result(run, verdict, tracking=tracking, figures=figures, robot=robot)
+    group: ClassVar[str] = "legs"
+    plants = ("mujoco",)
+    duration = 10.0
+    stances: ClassVar[Mapping[str, Stance]]
+    demands: ClassVar[Mapping[str, Demand]]
+    usual_push: ClassVar[Mapping[str, float]] = {}
+
+    def build(self, p: Parameters) -> Setup:
+        stance = self.stances[p["robot"]]
+        robot, force = stance.robot(p["robot"]), p["push"]
+        if isinstance(self.parameters["push"], str):
+            force = push_force(force, self.usual_push[p["robot"]])
+        stack, pushes = standing_stack(robot, stance), pushes_within(p.settings.duration, stance.upright, force)
+        return Setup(
+            stack=stack, plant=standing_plant(robot, stance, stack.contacts),
+            disturbances=[*pushes, *sensing(p)], meta={"parameters": {**p, "push": force}}, about=pushes,
+        )  # fmt: skip
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        (trial,) = trials
+        run, robot, pushes, demand = trial.run, trial.robot, trial.about, self.demands[p["robot"]]
+        keep = judge.away_from(run["t"], [push.start for push in pushes], after=RECOVERY)
+        most = 1e-3 * 9.81 * robot.mass  # soft contacts keep their cones to a thousandth of what they carry
+        through = f" through pushes: {len(pushes)}" if pushes else ""
+        wrenches = judge.cone_excess(run, true_surfaces(robot))
+        outside, contacts = float(wrenches.max(initial=0.0)), feet(robot)
+        steady = judge.error_check("CoM error away from pushes, rms", run, "CenterOfMass", demand.com_rms, keep)
+        slip = judge.slip_check("true slip of the feet", run, judge.slid(run, contacts), demand.slip)
+        figures = {
+            "stood_s": measure.seconds(run),
+            "com_rms_m": steady.value,
+            "com_max_with_pushes_m": float(trial.error("CenterOfMass").max()),
+            "slip_m": slip.value,
+            "certified_share": judge.certified_share(run),
+            "cone_excess_N": outside,
+            "torque_use": float(measure.use(run)["torque"].max()),
+        }
+        checks = [
+            judge.stood_check(run, p.settings.duration, through=through),
+            steady,
+            slip,
+            Check(
+                "net wrench of a foot outside its cone (bound: 0.1 % of the weight)", outside, "<=", most, "N",
+                measure.place(run, wrenches, most, [contact.name for contact in contacts], "forces"),
+            ),
+            *judge.common_checks(run),
+        ]  # fmt: skip
+        tracking = measure.tracking(run, keep=keep)
+        return judge.verdict(trial, checks, tracking=tracking, figures=figures | off_estimate(trial, p))

@@ -125,7 +125,7 @@ def test_what_a_scenario_shows_is_made_again_to_the_bit(reaching: ScenarioResult
         Figure("dot", "a dot", b"<svg xmlns='http://www.w3.org/2000/svg'/>"),
         Map("way", "Way", "m", t, np.cos(t), np.sin(t), [("edge", np.eye(2))]),
     ])  # fmt: skip
-    shows = [lambda result: section, lambda result: None, lambda result: Section(result.run.meta["robot"], [])]
+    shows = [section, Section("reaching", [])]
     write_run(replace(reaching, run=reaching_run(), sections=shows), tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert ">Own</h2>" in before["report.html"].decode()

@@ -73,7 +73,7 @@ def test_real_robots_keep_what_the_verdict_demands(name: str, parameters: list[s
 
 @pytest.mark.physics
 def test_the_report_shows_both_runs_and_every_decision(weak: ScenarioResult) -> None:
-    made = [section(weak) for section in weak.sections]
+    made = list(weak.sections)
     titles = [section.title for section in made if section is not None]
     assert {"What was seen, and when", "Every trial"} <= set(titles)
     assert weak.called == "with an answer" and list(weak.beside) == ["without an answer"]

@@ -171,7 +171,7 @@ def test_the_family_has_a_row_for_each_joint_and_says_why() -> None:
     (row,) = result.figures["rows"]
     assert row["joint"] == "front_left_hip_roll" and row["stood"] == row["moments"] == 1
     assert row["why"] == "sways on" and row["share"] == 1.0
-    (section,) = [section(result) for section in result.sections]
+    (section,) = result.sections
     assert section.title == "Every joint"
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -26,8 +24,7 @@ def failed(result: ScenarioResult) -> list[str]:
 
 def pictures(result: ScenarioResult) -> list[str]:
     """Names of the figures and plots that the scenario's own sections hold."""
-    sections: list[Any] = [section(result) for section in result.sections]
-    return [item.name for section in sections for item in section.items if isinstance(item, Figure | Plot)]
+    return [item.name for section in result.sections for item in section.items if isinstance(item, Figure | Plot)]
 
 
 def test_the_first_torque_is_that_of_the_exercise_and_so_is_the_one_with_the_wrong_sign():

@@ -29,7 +29,7 @@ def test_a_task_too_fast_for_the_joints_is_not_called_good():
 
 def test_its_sections_show_the_plane_and_the_path():
     result = run()
-    plane, path = (section(result) for section in result.sections)
+    plane, path = result.sections
     assert [item.name for section in (plane, path) for item in section.items if isinstance(item, Figure | Plot)] == [
         "pg-plane", "pg-alpha", "pg-climb", "pg-speed",
     ]  # fmt: skip

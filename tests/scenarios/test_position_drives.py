@@ -16,7 +16,7 @@ def test_an_arm_follows_as_well_as_what_it_is_sent() -> None:
     error = result.figures["error_rms_m"]
     assert error["torques alone"] < error["commanded, with torques"] < 1e-3
     assert error["commanded, positions alone"] > 20 * error["commanded, with torques"]
-    (comparison,) = (section(result) for section in result.sections)
+    (comparison,) = result.sections
     assert [row[0] for row in comparison.items[1].rows] == list(error)
     assert result.run.meta["feedback"] == "commanded"
 

@@ -33,5 +33,5 @@ def test_in_physics_balance_does_not_give_where_weights_let_it() -> None:
     rms = result.figures["balance_rms_m"]
     assert rms["strict"] < 1e-3
     assert rms["weighted"] > 10.0 * rms["strict"]
-    (section,) = (make(result) for make in result.sections)
+    (section,) = result.sections
     assert [row[0] for row in section.items[1].rows] == ["strict", "weighted", "scaled"]

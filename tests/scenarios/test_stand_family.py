@@ -15,7 +15,7 @@ def test_our_quadruped_is_pushed_from_both_sides_alike() -> None:
     assert forward["stands"] and backward["stands"] and result.ok
     assert forward["what"] == "push towards 0°" and backward["what"] == "push towards 180°"
     assert 0.5 < forward["most_mm"] / backward["most_mm"] < 2.0
-    (section,) = [section(result) for section in result.sections]
+    (section,) = result.sections
     assert section.title == "From all sides"
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks.scenarios import humanoid_step
+from tasks.scenarios import SCENARIOS
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.walking import Gait, walk
 from tests.scenarios.test_standing import failed, needs_examples, run
 from wbc.errors import InvalidInput, UnknownRobot
-from wbc.sim.scenario import ScenarioResult
+from wbc.sim.scenario import Parameters, ScenarioResult, Settings, Trial
 
 HUMANOID = wbc.load("humanoid")
 
@@ -63,7 +66,10 @@ def test_a_real_quadruped_trots_in_place_for_ten_seconds() -> None:
 def test_a_foot_that_is_not_where_it_was_to_be_is_no_step(step: ScenarioResult) -> None:
     robot = STANCES["humanoid"].robot("humanoid")
     gait = Gait(length=0.1, lift=0.04, shift=1.2, swing=0.8, inset=0.01)  # two centimetres longer than it was
-    judged = humanoid_step.judged(step.run, robot, walk(robot.state(), robot.feet, gait, 1), 3.0)
+    setup: Any = SimpleNamespace(plant=SimpleNamespace(model=robot), about=walk(robot.state(), robot.feet, gait, 1))
+    scenario, none = SCENARIOS["humanoid-step"], cast("Any", None)
+    p = Parameters(scenario.parse(["robot=humanoid"]), Settings("mujoco", "weighted", 3.0))
+    judged = scenario.judge(iter([Trial("", setup, none, step.run)]), p)
     assert {"steps taken", "placement of a foot"} <= {check.text for check in failed(judged)}
     assert judged.figures["placement_m"] == pytest.approx(0.02, abs=2e-3)
 

@@ -30,13 +30,13 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
         NotSupported: a package that draws is not installed; the message says what to install.
     """
     sections = []
-    first, *others = SECTIONS
-    wanted = [first, *result.sections, *others]
-    for i, section in enumerate(wanted):
-        progress(i / len(wanted))
+    for i, section in enumerate(SECTIONS):
+        progress(i / len(SECTIONS))
         made = section(result)
         if made is not None:
             sections.append(made)
+        if i == 0:
+            sections += result.sections
     progress(1.0)
     meta = result.run.meta
     title = f"{meta.get('scenario', 'run')} · {meta.get('robot', 'robot')}"

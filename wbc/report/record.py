@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +24,7 @@ from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_firs
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
-    from wbc.report.document import Report, Section
+    from wbc.report.document import Report
 
 #: What a report of a run cannot do without: metadata, and columns.
 NEEDED_META, NEEDED = ("dt", "joint_names", "statuses"), ("t", "q", "v", "status")
@@ -88,7 +87,7 @@ def report_again(
     drawn, target = checked(run, robot) or named(run), Path(folder)
     result = replace(
         judged(run, drawn), called=str(run.meta.get(CALLED, "")), beside=beside(target, run),
-        sections=_as_made(kept_sections(target)),
+        sections=kept_sections(target),
     )  # fmt: skip
     report = run_report(result, progress=progress)
     if (target / HTML).is_file():
@@ -102,9 +101,7 @@ def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = sile
 
     The runs beside it have folders of their own there, and the scenario's own sections a file.
     """
-    made = [section for show in result.sections if (section := show(result)) is not None]
-    keep_sections(made, folder)
-    result = replace(result, sections=_as_made(made))
+    keep_sections(result.sections, folder)
     report, run = run_report(result, progress=progress), result.run
     run.meta |= judgement(result)
     if result.beside:
@@ -114,11 +111,6 @@ def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = sile
         Run(other.columns, {**other.meta, CALLED: name}).save(folder / BESIDE / str(k))
     write(report, folder)
     return report
-
-
-def _as_made(sections: Sequence[Section]) -> list[Callable[[ScenarioResult], Section]]:
-    """Sections in the form in which a scenario hands them over."""
-    return [partial(lambda section, _: section, section) for section in sections]
 
 
 def beside(folder: Path, run: Run) -> dict[str, Run]:

@@ -11,55 +11,30 @@ import importlib.util
 import inspect
 import operator
 import sys
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar, final
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar, final
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName, UnknownRobot, UnknownScenario, WbcError
 from wbc.plugins import one_line, registered
+from wbc.sim.trial import Parameters, Progress, Settings, Setup, Trial, run_trial, silent, trials
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
     from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
+__all__ = [
+    "RELATIONS", "Check", "Parameter", "Parameters", "Place", "Progress", "Scenario", "ScenarioResult", "Settings",
+    "Setup", "Trial", "failed_first", "find", "imported", "is_file", "member", "scenarios", "scenarios_of", "silent",
+    "trials",
+]  # fmt: skip
+
 T = TypeVar("T")
 Parameter = bool | int | float | str | tuple[float, ...]
-
-
-class Progress(Protocol):
-    """Called now and then by long work: ``done`` in [0, 1], ``text`` what is being done."""
-
-    def __call__(self, done: float, text: str = "") -> None: ...
-
-
-def silent(done: float, text: str = "") -> None:
-    """A :class:`Progress` that says nothing."""
-
-
-def trials(progress: Progress, items: Iterable[T]) -> Iterator[tuple[T, Progress]]:
-    """Each of several trials with a progress of its own, which is a part of the whole: "7 of 16".
-
-    Example:
-        >>> from wbc.sim.scenario import trials
-        >>> for name, one in trials(lambda done, text="": print(done, text), ["a", "b"]):
-        ...     one(0.5, name)
-        0.0 1 of 2
-        0.25 1 of 2, a
-        0.5 2 of 2
-        0.75 2 of 2, b
-    """
-    whole = list(items)
-    for i, item in enumerate(whole):
-
-        def one(done: float, text: str = "", i: int = i) -> None:
-            progress((i + done) / len(whole), f"{i + 1} of {len(whole)}{text and f', {text}'}")
-
-        one(0.0)
-        yield item, one
 
 
 @final
@@ -138,9 +113,8 @@ class ScenarioResult:
     ``beside``: what other runs of the scenario came to, such as the one without what it is about, by name; ``called``
     names this one among them. Their robots are seen through in the report, their records lie beside this one.
 
-    ``sections`` are what the scenario itself has to show, in the form of a report's own sections: functions of this
-    result giving a :class:`wbc.report.document.Section`, or None. They stand behind the verdict and are called when a
-    report is drawn.
+    ``sections``, each a :class:`wbc.report.document.Section`, are what the scenario itself has to show. They stand
+    behind the verdict in a report.
     """
 
     run: Run
@@ -151,25 +125,16 @@ class ScenarioResult:
     figures: Mapping[str, Any] = field(default_factory=dict)
     robot: RobotModel | None = None
     obstacles: Sequence[Obstacle] = ()
-    sections: Sequence[Callable[[ScenarioResult], Any]] = ()
+    sections: Sequence[Any] = ()
     called: str = ""
     beside: Mapping[str, Run] = field(default_factory=dict)
 
 
-@final
-@dataclass(frozen=True)
-class Settings:
-    """How a scenario is run: one of its ``plants`` and ``hierarchies``, for how long [s], by which QP solver."""
-
-    plant: str
-    hierarchy: str
-    duration: float
-    solver: str = "pdas"
-    progress: Progress = silent
-
-
 class Scenario(ABC):
     """A model, a stack, a plant, disturbances and what counts as success, runnable by name.
+
+    A scenario says three things. ``build(p)`` sets one run up. ``judge(trials, p)`` says what came of it. ``cases(p)``
+    names the runs, where there are several: each is a set of parameters, with and without something for instance.
 
     ``parameters`` names what ``--set key=value`` may change, with defaults that also give the type; ``plants`` and
     ``hierarchies`` what ``--plant`` and ``--hierarchy`` may be, the default first; ``duration`` is in seconds.
@@ -177,14 +142,28 @@ class Scenario(ABC):
     ``wbc list`` shows scenarios by ``group``, with ``takes``, roughly how long a run and its report take [s].
 
     Example:
-        >>> from wbc.sim.scenario import Scenario
-        >>> class Wave(Scenario):
-        ...     name, summary = "wave", "an arm waves"
-        ...     parameters = {"amplitude": 0.1, "robot": "arm"}
-        ...     def run(self, parameters, settings):
-        ...         return wave(parameters["robot"], parameters["amplitude"], settings.duration)
-        >>> Wave().parse(["amplitude=0.2"])
-        {'amplitude': 0.2, 'robot': 'arm'}
+        >>> import wbc
+        >>> from wbc.sim.plant import IntegratorPlant
+        >>> from wbc.sim.scenario import Check, Scenario, Settings, Setup
+        >>> from wbc.tasks import JointVelocityLimits, Position
+        >>> from wbc.tasks.scenarios import judge
+        >>> class Lift(Scenario):
+        ...     name, summary = "lift", "an arm lifts its tool"
+        ...     parameters = {"height": 0.1, "robot": "arm"}
+        ...     def build(self, p):
+        ...         robot = wbc.load(p["robot"])
+        ...         target = robot.state().frame("tool").position + [0.0, 0.0, p["height"]]
+        ...         stack = wbc.Stack([Position("tool", target=target)], subject_to=[JointVelocityLimits()])
+        ...         return Setup(stack=stack, plant=IntegratorPlant(robot, level="velocity"), level=wbc.VelocityLevel())
+        ...     def judge(self, trials, p):
+        ...         (trial,) = trials
+        ...         left = float(trial.error("Position")[-1])
+        ...         return judge.verdict(trial, [Check("way that is left", left, "<", 1e-3, "m")])
+        >>> lift = Lift()
+        >>> lift.parse(["height=0.05"])
+        {'height': 0.05, 'robot': 'arm'}
+        >>> lift.run(lift.parse(["height=0.05"]), Settings("integrator", "weighted", duration=1.0)).ok
+        True
     """
 
     name: ClassVar[str]
@@ -198,13 +177,40 @@ class Scenario(ABC):
     robots: ClassVar[Collection[str] | None] = None
     knows: ClassVar[str] = "how these stand"
 
-    @abstractmethod
+    def cases(self, p: Parameters) -> Mapping[str, Mapping[str, Any]]:
+        """The runs by name, in the order in which they are done, each with what it adds to the parameters."""
+        return {"": {}}
+
+    def build(self, p: Parameters) -> Setup:
+        """One run, ready to be simulated.
+
+        Raises:
+            WbcError: an unknown frame, or a parameter without meaning here.
+        """
+        raise InvalidInput(f"the scenario {self.name!r} has no build(p), and is asked to simulate a case")
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        """What came of the runs. Each is simulated when it is taken from ``trials``, in the order of the cases."""
+        raise InvalidInput(f"the scenario {self.name!r} has no judge(trials, p)")
+
     def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        """Do it. ``parameters`` is complete: the defaults and what the user set.
+        """Build and simulate each case, and judge. ``parameters`` is complete: the defaults and what the user set.
 
         Raises:
             WbcError: an unknown frame or solver, or a setting without meaning here; before the first tick.
         """
+        p = Parameters(parameters, settings)
+        return self.judge(self.simulated(self.cases(p), p), p)
+
+    @final
+    def simulated(self, cases: Mapping[str, Mapping[str, Any]], p: Parameters) -> Iterator[Trial]:
+        """The trial of each case, simulated when it is taken."""
+        meta, progress = {"scenario": self.name, "parameters": dict(p)}, p.settings.progress
+        several = trials(progress, cases.items()) if len(cases) > 1 else ((one, progress) for one in cases.items())
+        for (name, case), step in several:
+            step(0.0, name)
+            setup = self.build(Parameters({**p, **case}, p.settings))
+            yield run_trial(name, setup, p.settings, progress=step, meta=meta)
 
     @final
     def parse(self, settings: Iterable[str]) -> dict[str, Parameter]:
