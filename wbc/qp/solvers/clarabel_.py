@@ -13,19 +13,9 @@ import numpy as np
 from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import KeptSession, OneSided, Pattern
+from wbc.qp.solvers.kept import KeptSession, OneSided, Pattern, ended
 from wbc.tolerances import ACCURACY
-from wbc.types import Mat, Status, Vec
-
-STATUS = {
-    "Solved": Status.SOLVED,
-    "AlmostSolved": Status.SOLVED,
-    "MaxIterations": Status.MAX_ITERATIONS,
-    "PrimalInfeasible": Status.INFEASIBLE,
-    "AlmostPrimalInfeasible": Status.INFEASIBLE,
-    "DualInfeasible": Status.UNBOUNDED,
-    "AlmostDualInfeasible": Status.UNBOUNDED,
-}
+from wbc.types import Mat, Vec
 
 
 @final
@@ -69,10 +59,8 @@ class ClarabelSession(KeptSession):
     def _run(self, qp: QP, workspace: Any) -> Answer:
         assert self._form is not None
         result = workspace.solve()
-        status, iterations = STATUS.get(str(result.status), Status.FAILED), int(result.iterations)
-        if status in (Status.INFEASIBLE, Status.UNBOUNDED):
-            return Answer.none(qp.shape, status, iterations)
-        return Answer(status, np.array(result.x), *self._form.multipliers(np.array(result.z)), iterations)
+        y, z, z_box = self._form.multipliers(np.array(result.z))
+        return Answer(ended(str(result.status)), np.array(result.x), y, z, z_box, int(result.iterations))
 
 
 @final

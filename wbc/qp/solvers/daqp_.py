@@ -73,13 +73,10 @@ class DaqpSession(KeptSession):
         if self._flag < 0:  # refused before the first step
             return Answer.none(qp.shape, STATUS.get(self._flag, Status.FAILED))
         x, _, flag, info = workspace.solve()
-        status, iterations = STATUS.get(flag, Status.FAILED), int(info["iterations"])
-        if status not in (Status.SOLVED, Status.MAX_ITERATIONS):
-            return Answer.none(qp.shape, status, iterations)
         n, n_eq, _ = qp.shape
-        force = np.array(info["lam"])
+        status, force = STATUS.get(flag, Status.FAILED), np.array(info["lam"])
         force[n:] *= self._share
-        return Answer(status, np.array(x), force[n : n + n_eq], force[n + n_eq :], force[:n], iterations)
+        return Answer(status, np.array(x), force[n : n + n_eq], force[n + n_eq :], force[:n], int(info["iterations"]))
 
 
 @final

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from time import perf_counter
 from typing import Any, final
@@ -15,6 +16,24 @@ from wbc.types import Index, Mat, Status, Vec
 
 #: What back ends in C take for no bound.
 INFINITY = 1e30
+
+#: How back ends end, in the words that they share; all other words mean FAILED.
+_ENDS = {
+    "solved": Status.SOLVED, "max iter": Status.MAX_ITERATIONS,
+    "primal infeasible": Status.INFEASIBLE, "dual infeasible": Status.UNBOUNDED,
+}  # fmt: skip
+
+
+def ended(word: str) -> Status:
+    """The status that a back end's word for its end means. An answer that is almost one is: the certificate judges it.
+
+    Example:
+        >>> ended("OSQP_PRIMAL_INFEASIBLE_INACCURATE").name, ended("AlmostSolved").name, ended("PIQP_UNSOLVED").name
+        ('INFEASIBLE', 'SOLVED', 'FAILED')
+    """
+    said = re.sub("([a-z])([A-Z])", r"\1 \2", word).replace("_", " ").lower()
+    core = re.fullmatch("(?:[a-z]+qp )?(?:almost )?(.*?)(?: inaccurate| reached|ations)?", said)
+    return _ENDS.get(core[1] if core else "", Status.FAILED)
 
 
 class KeptSession(Session):
@@ -63,6 +82,8 @@ class KeptSession(Session):
                 answer = self._run(qp, self._workspace)
         if not answer.status.ok:
             self._workspace = None
+        if answer.status in (Status.INFEASIBLE, Status.UNBOUNDED):  # what it iterated on then is no answer
+            answer = Answer.none(qp.shape, answer.status, answer.iterations)
         answer.build_time = build_time
         return answer
 

@@ -14,19 +14,8 @@ import numpy as np
 from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import INFINITY, KeptSession, Pattern
+from wbc.qp.solvers.kept import INFINITY, KeptSession, Pattern, ended
 from wbc.tolerances import ACCURACY
-from wbc.types import Status
-
-STATUS = {
-    "OSQP_SOLVED": Status.SOLVED,
-    "OSQP_SOLVED_INACCURATE": Status.SOLVED,
-    "OSQP_MAX_ITER_REACHED": Status.MAX_ITERATIONS,
-    "OSQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
-    "OSQP_PRIMAL_INFEASIBLE_INACCURATE": Status.INFEASIBLE,
-    "OSQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
-    "OSQP_DUAL_INFEASIBLE_INACCURATE": Status.UNBOUNDED,
-}
 
 
 @final
@@ -78,12 +67,9 @@ class OsqpSession(KeptSession):
         from osqp import SolverStatus
 
         result = workspace.solve(raise_error=False)
-        status = STATUS.get(SolverStatus(result.info.status_val).name, Status.FAILED)
-        iterations = int(result.info.iter)
-        if status not in (Status.SOLVED, Status.MAX_ITERATIONS):
-            return Answer.none(qp.shape, status, iterations)
-        m, n_eq, force = len(qp.lower), qp.n_eq, np.array(result.y)
-        return Answer(status, np.array(result.x), force[:n_eq], force[n_eq:m], force[m:], iterations)
+        status, m, n_eq = ended(SolverStatus(result.info.status_val).name), len(qp.lower), qp.n_eq
+        x, force = np.array(result.x), np.array(result.y)
+        return Answer(status, x, force[:n_eq], force[n_eq:m], force[m:], int(result.info.iter))
 
 
 @final

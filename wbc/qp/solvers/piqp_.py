@@ -13,16 +13,8 @@ import numpy as np
 from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import KeptSession
+from wbc.qp.solvers.kept import KeptSession, ended
 from wbc.tolerances import ACCURACY
-from wbc.types import Status
-
-STATUS = {
-    "PIQP_SOLVED": Status.SOLVED,
-    "PIQP_MAX_ITER_REACHED": Status.MAX_ITERATIONS,
-    "PIQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
-    "PIQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
-}
 
 
 @final
@@ -62,15 +54,10 @@ class PiqpSession(KeptSession):
         workspace.update(*self._data)
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
-        status = STATUS.get(workspace.solve().name, Status.FAILED)
-        result = workspace.result
-        iterations = int(result.info.iter)
-        if status in (Status.INFEASIBLE, Status.UNBOUNDED):
-            return Answer.none(qp.shape, status, iterations)
-        z, z_box = np.zeros(self.shape.n_in), np.array(result.z_bu)
+        status, result, z = ended(workspace.solve().name), workspace.result, np.zeros(self.shape.n_in)
         z[self._bounded] = result.z_u - result.z_l
-        z_box -= result.z_bl
-        return Answer(status, np.array(result.x), np.array(result.y), z, z_box, iterations)
+        z_box = np.array(result.z_bu) - result.z_bl
+        return Answer(status, np.array(result.x), np.array(result.y), z, z_box, int(result.info.iter))
 
 
 @final

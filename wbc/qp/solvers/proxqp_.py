@@ -14,16 +14,9 @@ import numpy as np
 from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
-from wbc.qp.solvers.kept import INFINITY, KeptSession
+from wbc.qp.solvers.kept import INFINITY, KeptSession, ended
 from wbc.tolerances import ACCURACY
-from wbc.types import Status, Vec
-
-STATUS = {
-    "PROXQP_SOLVED": Status.SOLVED,
-    "PROXQP_MAX_ITER_REACHED": Status.MAX_ITERATIONS,
-    "PROXQP_PRIMAL_INFEASIBLE": Status.INFEASIBLE,
-    "PROXQP_DUAL_INFEASIBLE": Status.UNBOUNDED,
-}
+from wbc.types import Vec
 
 
 @final
@@ -63,12 +56,9 @@ class ProxQpSession(KeptSession):
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
         workspace.solve()
-        results = workspace.results
-        status, iterations = STATUS.get(results.info.status.name, Status.FAILED), int(results.info.iter)
-        if status not in (Status.SOLVED, Status.MAX_ITERATIONS):
-            return Answer.none(qp.shape, status, iterations)
-        n_in, z = self.shape.n_in, np.array(results.z)
-        return Answer(status, np.array(results.x), np.array(results.y), z[:n_in], z[n_in:], iterations)
+        results, n_in = workspace.results, self.shape.n_in
+        status, x, y, z = ended(results.info.status.name), *map(np.array, (results.x, results.y, results.z))
+        return Answer(status, x, y, z[:n_in], z[n_in:], int(results.info.iter))
 
 
 @final
