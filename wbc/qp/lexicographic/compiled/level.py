@@ -46,7 +46,6 @@ from wbc.qp.lexicographic.compiled.space import (
     reflect,
     reflector,
     space,
-    too_short,
     triangular,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduced
@@ -71,8 +70,6 @@ def read_level(at: int) -> None:
     for i in range(w.sizes[ROWS]):
         whole = gradient_of_own(at, i)
         weight = w.weigh[i] if in_space(at, w.W[i]) > DEPENDENT * whole else 0.0
-        if i < own and too_short(s, first + i, whole):
-            weight = 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
         w.noise[1 + i] = NOISE * whole * weight

@@ -27,13 +27,12 @@ from wbc.qp.lexicographic.compiled.space import (
     STEPS,
     N,
     begin_here,
-    gradient_of_row,
+    gradient_of_own,
     in_space,
     item_in_space,
     narrow,
     open_space,
     space,
-    too_short,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduce_base
 from wbc.qp.rows.compiled.verify import ALONE
@@ -174,12 +173,8 @@ def hold(at: int, k: int) -> None:
         residual = s.value[one + 1 + first + i]
         left = max(left, abs(residual))
         r.left[first + i] = residual
-        s.G[first + i, one] -= residual
-        s.value[one + 1 + first + i] = 0.0
-        whole = gradient_of_row(here, first + i)
+        whole = gradient_of_own(here, i)
         w.rho[i] = max(in_space(here, w.C[i]), _BARELY * whole)
-        if too_short(s, first + i, whole):
-            w.rho[i] = inf
     if left <= MET:
         r.found[k, 0] = IS_MET
     elif w.sizes[ROWS] == own:
@@ -197,10 +192,12 @@ def hold(at: int, k: int) -> None:
                 count += 1
         narrow(here, count, DEPENDENT)
         for i in range(own):
-            gradient_of_row(here, first + i)
+            gradient_of_own(here, i)
             in_space(here, w.C[i])
     for i in range(own):
         w.size[i] = w.rho[i]
+        s.G[first + i, one] -= r.left[first + i]
+        s.value[one + 1 + first + i] = 0.0
     narrow(here, own, _OWN if left > _SLIGHT else DEPENDENT)
     begin_here(here)
 

@@ -13,10 +13,10 @@ from math import copysign, sqrt
 from typing import NamedTuple
 
 from wbc.compiled import carray, floats, integers, kernel, part, small_kernel
-from wbc.qp.rows.compiled.equality import evaluate, reduced
+from wbc.qp.rows.compiled.equality import drop_rounding, evaluate, reduced
 from wbc.qp.rows.compiled.linear import dot
 from wbc.qp.rows.compiled.work import Work, place_of, views
-from wbc.tolerances import NOISE, ROUNDING, SAME
+from wbc.tolerances import ROUNDING, SAME
 from wbc.types import Index, Mat, Vec
 
 #: A row depends on those before it where no more than this share of its length is left.
@@ -198,6 +198,7 @@ def gradient_of_row(at: int, row: int) -> float:
     s = views(w.sizes[CORE])
     n = w.sizes[N]
     reduced(s, s.G[row], w.g)
+    drop_rounding(s, w.g)
     square, size = 0.0, 0.0
     for c in range(n):
         w.g[c] *= w.root[c]
@@ -219,13 +220,6 @@ def gradient_of_item(w: Space, item: int) -> None:
         w.g[c] = w.E[item - n, c] if item >= n else 0.0
     if item < n:
         w.g[item] = w.root[item]
-
-
-@small_kernel
-def too_short(s: Work, row: int, whole: float) -> bool:
-    """Whether a row of this length is what rounding leaves of zero: to move by one changes it by next to nothing of
-    what stands beside."""
-    return bool(whole <= NOISE * (1.0 + abs(s.G[row, s.sizes[0] + s.sizes[1]])))
 
 
 @part

@@ -23,7 +23,7 @@ from math import sqrt
 from wbc.compiled import part, small_kernel
 from wbc.qp.rows.compiled.linear import add, add_four, backward, dot, factor, forward, products
 from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views, weighed
-from wbc.tolerances import ROUNDING
+from wbc.tolerances import MET, NOISE, ROUNDING
 from wbc.types import Vec
 
 #: A D + SᵀwS with a smaller share of its diagonal left is singular.
@@ -74,6 +74,23 @@ def reduced(s: Work, row: Vec, out: Vec) -> None:
 
 
 @small_kernel
+def drop_rounding(s: Work, row: Vec) -> None:
+    """Take as constant in a row in y what its unknown cannot change by more than the row's rounding.
+
+    An unknown changes the row by its entry times its travel at most: the range of its bounds, beyond which it may be by
+    what counts as met, or one unit where that is wider. The row is known to the rounding of its constant. An entry that
+    changes it by less says nothing of where the unknown should be, however the entries compare with one another.
+    """
+    nu, ny = s.sizes[0], s.sizes[1]
+    rounding = NOISE * (1.0 + abs(row[ny]))
+    for c in range(ny):
+        low, high = s.lower[nu + c], s.upper[nu + c]
+        if row[c] != 0.0 and abs(row[c]) * min(high - low + MET, 1.0) <= rounding:
+            row[ny] += row[c] * min(max(s.centre[c], low), high)
+            row[c] = 0.0
+
+
+@small_kernel
 def write_row(s: Work, k: int, item: int) -> None:
     """An item as row k of E, with its bound on the right side."""
     nu, ny = s.sizes[0], s.sizes[1]
@@ -83,6 +100,7 @@ def write_row(s: Work, k: int, item: int) -> None:
         s.E[k, item] = 1.0
     else:
         reduced(s, s.G[place_of(s, item) - nu - ny - 1], s.E[k])
+        drop_rounding(s, s.E[k])
     s.E[k, ny] -= bound_of(s, item)
     s.item[k] = item
 
