@@ -34,7 +34,7 @@ ARROWS = {
     "short_name": set(),
     "qp": BASE,
     "models": BASE,
-    "robots": LOOP | {"control", "sim"},
+    "robots": LOOP | {"control", "sim", "tasks"},
     "methods": BASE | {"qp"},
     "stack": OPTIMISATION_AND_ROBOTS | {"methods"},
     "control": LOOP,

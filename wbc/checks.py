@@ -165,9 +165,11 @@ def seed(name: str, value: Any) -> int:
     """``value`` as what random numbers are drawn from.
 
     Raises:
-        InvalidInput: not a number from 0 to 2^63.
+        InvalidInput: not a whole number from 0 to 2^63.
     """
-    return int(number(name, value, low=0, high=2**63))
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value <= 2**63:
+        raise InvalidInput(f"{name} is {shown(value)}; it must be a whole number from 0 to 2^63")
+    return int(value)
 
 
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:

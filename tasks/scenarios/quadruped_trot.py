@@ -27,8 +27,9 @@ from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 #: ``END`` s before the run ends. A pair is up for ``SWING``, all feet are down for ``STAND`` between [s].
 CENTRED, START, END, SWING, STAND = 0.6, 1.0, 0.3, 0.2, 0.2
 LIFT = 0.03
-#: A foot that swings comes down further than where the ground should be [m], within this time [s].
-SINK, SINKING = 0.003, 0.1
+#: A foot that swings comes down further than where the ground should be [m], within this time [s]: so far that it
+#: presses with more than ``TOUCH``, also where it has come to the ground slowly.
+SINK, SINKING = 0.04, 0.2
 UP = np.array([0.0, 0.0, 1.0])
 #: What a sensor in a foot must feel to say that it touches: a share of the robot's weight.
 TOUCH = 0.0125

@@ -1,21 +1,24 @@
-"""Mistakes that people make between a program and a robot, each with what a check must say of it."""
+"""Mistakes that people make between a program and a robot, each with what a check must say of it.
+
+``python3 -m tests.robots.mistakes`` writes docs/robots/mistakes.md.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio
 
 import wbc
-from wbc.robots import Franka, MotorBoard, UnitreeG1, UnitreeGo2
+from wbc.robots import SENSORS, Franka, MotorBoard, UnitreeG1, UnitreeGo2
 from wbc.robots.check import Checked, check
 from wbc.robots.device import Device, Order, Reading
 from wbc.robots.hands import BoardHands
 from wbc.robots.unitree import GO_COMMAND, HG_COMMAND, Unitree
-from wbc.sim.disturbance import SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 
@@ -27,6 +30,8 @@ ROBOTS: Mapping[str, tuple[Callable[[], Device], str]] = {
     "franka": (Franka, "arm"),
     "g1": (UnitreeG1, "g1"),
 }
+#: Robots of each kind with nothing wrong.
+CLEAN = {"franka": 60, "go2": 30, "g1": 10}
 
 
 def names_of(kind: str) -> dict[str, str]:
@@ -99,8 +104,7 @@ def checked(kind: str, seed: int, mistake: Seeded | None = None) -> Checked:
     plant.physics.body_mass[:] *= rng.uniform(0.95, 1.05, plant.physics.nbody)
     plant.reset(np.clip(robot.q0 + rng.uniform(-0.1, 0.1, robot.nj), robot.limits.q_min, robot.limits.q_max))
     settings: dict[str, Any] = {
-        "delay": rng.uniform(0.0, 4e-3), "torque_noise": 0.05, "acceleration_noise": 0.05, "seed": seed,
-        "mode_machine": 5, "disturbances": [SensorNoise(position=1e-4, velocity=0.01, seed=seed)],
+        "delay": rng.uniform(0.0, 4e-3), "sensors": SENSORS["mti-300"], "seed": seed, "mode_machine": 5,
     }  # fmt: skip
     mistake = mistake or Seeded("", kind, "", "")
     board = MotorBoard(device, plant, joint_map=device.joint_map(robot, names=names), **settings | dict(mistake.board))
@@ -373,3 +377,24 @@ MISTAKES = [
     ),
     Seeded("offset of an elbow", "g1", "offset", "left_elbow_joint is off by", wrong={"offset": {_ARMS[0][3]: 0.5}}),
 ]
+
+
+def page() -> str:
+    """The page of all mistakes, as docs/robots/mistakes.md has it."""
+    counts = ", ".join(f"{sum(one.robot == kind for one in MISTAKES)} on {kind}" for kind in ROBOTS)
+    head = f"""# Mistakes that the check names
+
+`tests/robots/mistakes.py` seeds {len(MISTAKES)} mistakes between a program and its robot, {counts}:
+each on a robot in physics with noise, friction, delay and masses of its own. The check must find this one mistake and
+nothing else, and its sentence must have the words of the last column. `make deep` runs all of them, and
+{sum(CLEAN.values())} robots with nothing wrong, of which it must find nothing. `python3 -m tests.robots.mistakes`
+writes this page; a test compares it.
+
+| device | mistake | kind | the sentence has |
+| :-- | :-- | :-- | :-- |
+"""
+    return head + "".join(f"| {one.robot} | {one.what} | {one.kind} | {one.says} |\n" for one in MISTAKES)
+
+
+if __name__ == "__main__":
+    (Path(__file__).parents[2] / "docs" / "robots" / "mistakes.md").write_text(page(), encoding="utf-8")

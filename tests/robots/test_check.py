@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,7 +19,7 @@ from wbc.robots.response import Candidates, Expected, Response
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.physics
 
-from tests.robots.mistakes import MISTAKES, Seeded, checked  # noqa: E402 - needs the physics engine
+from tests.robots.mistakes import CLEAN, MISTAKES, Seeded, checked, page  # noqa: E402 - needs the physics engine
 
 QUICK = {"crc 0", "w first", "accelerometer in g", "stale states", "states at 50 Hz", "no states", "sign of joint 4"}
 QUICK |= {"joints 1 and 3", "offset of joint 4", "torques with the other sign", "clock in milliseconds"}
@@ -34,14 +36,16 @@ def test_there_are_enough_mistakes_on_three_devices():
     assert len(MISTAKES) >= 40 and {mistake.robot for mistake in MISTAKES} == {"go2", "franka", "g1"}
 
 
+def test_the_page_lists_the_mistakes():
+    written = Path(__file__).parents[2] / "docs" / "robots" / "mistakes.md"
+    assert written.read_text(encoding="utf-8") == page(), "write it anew: python3 -m tests.robots.mistakes"
+
+
 @pytest.mark.parametrize("mistake", [_marked(mistake) for mistake in MISTAKES])
 def test_a_mistake_is_named(mistake: Seeded):
     found = checked(mistake.robot, seed=100 + MISTAKES.index(mistake), mistake=mistake)
     assert [finding.kind for finding in found.findings] == [mistake.kind], found
     assert mistake.says in found.findings[0].sentence
-
-
-CLEAN = {"franka": 60, "go2": 30, "g1": 10}
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_position_and_heading_are_never_claimed_to_be_seen() -> None:
 def test_errors_are_as_large_as_the_covariance_says() -> None:
     """NEES of lean and velocity over 60 seeds: χ² with 5 degrees of freedom each, errors of the start drawn too."""
     motion = stepping(5e-3, 1.0)
-    one = estimator(noise=NOISE, joint=JOINT, flex=1e-5, creep=0.0, tilt=0.02, speed=0.05)
+    one = estimator(noise=NOISE, joint=JOINT, flex=1e-5, creep=0.0, sink=0.0, tilt=0.02, speed=0.05)
     seen, seeds = [3, 4, 6, 7, 8], 60
     total, biases = 0.0, 0.0
     for seed in range(seeds):
@@ -140,7 +140,7 @@ def test_biases_are_found_by_a_robot_that_turns() -> None:
     bias = np.array([0.02, -0.015, 0.01, 0.1, -0.08, 0.12])
     noisy = motion.with_noise(generator("biases"), 1e-4, 1e-3, 2e-4, bias)
     noise = ImuNoise(1e-4, 1e-3, 0.02, 0.1, 1e-6, 1e-5)
-    one = estimator(noise=noise, joint=2e-4, flex=1e-4, creep=1e-4)
+    one = estimator(noise=noise, joint=2e-4, flex=1e-4)
     followed(one, noisy, motion)
     assert np.abs(one.gyro_bias - bias[:3]).max() < 2e-3
     assert np.abs(one.accelerometer_bias - bias[3:]).max() < 0.03

@@ -93,7 +93,7 @@ def test_errors_move_as_their_numerical_derivative(case: int) -> None:
     for i in range(21):
         one = somewhere(generator("derivative", case))
         one.P = np.outer(np.eye(21)[i], np.eye(21)[i])
-        one.predict(dt, gyro, force, 0.0)
+        one.predict(dt, gyro, force, np.zeros((3, 3)))
         assert np.abs(one.P - np.outer(numerical[:, i], numerical[:, i])).max() < 2e-5
     assert np.abs(error_of(of(one), moved(before, dt, gyro, force))).max() < 1e-12
 
@@ -195,7 +195,17 @@ def test_it_agrees_with_least_squares_over_the_whole_run(case: int) -> None:
     end = last(solved.x)
 
     one = BaseEstimator(
-        ROBOT, POINTS, noise=NOISE, joint=JOINT, flex=FLEX, creep=0.0, settle=0.0, tilt=TILT, speed=SPEED, gate=0.0
+        ROBOT,
+        POINTS,
+        noise=NOISE,
+        joint=JOINT,
+        flex=FLEX,
+        creep=0.0,
+        sink=0.0,
+        settle=0.0,
+        tilt=TILT,
+        speed=SPEED,
+        gate=0.0,
     )
     one.reset(start_q, np.concatenate([R.T @ speed, motion.v[0, 3:]]))
     for k in range(len(noisy.t)):

@@ -10,10 +10,9 @@ import pytest
 
 import wbc
 from wbc.errors import InvalidInput
-from wbc.robots import Franka, LeRobot, MotorBoard, Ros2Control
+from wbc.robots import Franka, LeRobot, MotorBoard, Ros2Control, Sensors
 from wbc.robots.device import Device, Order, Reading
 from wbc.robots.unitree import UnitreeGo2
-from wbc.sim.disturbance import SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant
@@ -111,8 +110,8 @@ def test_gravity_is_added_by_robots_that_do_so():
 
 def test_noise_is_that_of_its_seed_and_of_the_size_asked_for():
     def noisy(seed: int) -> Any:
-        noise = SensorNoise(position=1e-3, velocity=0.05, seed=seed)
-        board = board_for(disturbances=[noise], torque_noise=0.2, seed=seed)
+        sensors = Sensors(joint_position=1e-3, joint_velocity=0.05, joint_torque=0.2)
+        board = board_for(sensors=sensors, seed=seed)
         return np.array([np.concatenate([r.q, r.dq, r.tau]) for r in readings(board, 2.0)])
 
     one, same, other = noisy(1), noisy(1), noisy(2)
@@ -141,7 +140,7 @@ def test_an_imu_sees_how_its_robot_stands_and_is_turned():
 
 
 @pytest.mark.parametrize(
-    "bad", [{"delay": -1.0}, {"timeout": 0.0}, {"on_timeout": "fall"}, {"imu": np.zeros(3)}, {"torque_noise": -1.0}]
+    "bad", [{"delay": -1.0}, {"timeout": 0.0}, {"on_timeout": "fall"}, {"imu": np.zeros(3)}, {"sensors": 0.1}]
 )
 def test_settings_that_make_no_sense_are_refused(bad: dict[str, Any]):
     with pytest.raises(InvalidInput, match=next(iter(bad))):

@@ -10,6 +10,7 @@ import typer
 from wbc.cli.console import NO, one_sentence, progress, say, table
 
 if TYPE_CHECKING:
+    from wbc.robots.device import Device
     from wbc.robots.motor_board import MotorBoard
 
 _LEGS = {"FR": "front_right", "FL": "front_left", "RR": "rear_right", "RL": "rear_left"}
@@ -21,6 +22,7 @@ _DEVICES = {
     "quadruped": ("UnitreeGo2", 2e-3),
     "panda": ("Franka", 1e-3),
     "arm": ("Franka", 1e-3),
+    "so101": ("LeRobot", 1e-3),
 }
 
 
@@ -29,6 +31,9 @@ def deploy(
     robot: Annotated[str, typer.Argument(help=f"One of {', '.join(_DEVICES)}.")],
     *,
     check: Annotated[bool, typer.Option("--check", help="Small motions prove order, signs, units and IMU.")] = False,
+    ros2: Annotated[
+        bool, typer.Option("--ros2", help="An effort group of ros2_control instead of its device.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Of the sensors' noise in the dry run.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
@@ -44,7 +49,7 @@ def deploy(
         raise UnknownRobot(robot, _DEVICES)
     if not check:
         raise InvalidInput(f"say what to do: wbc deploy {robot} --check")
-    board = _board(robot, seed)
+    board = _board(robot, seed, ros2=ros2)
     with progress(f"checking {robot}, dry") as step:
         found = look(board, board.plant.model, joint_map=board.joint_map, hands=BoardHands(board), progress=step)
     if as_json:
@@ -66,25 +71,31 @@ def deploy(
     raise typer.Exit(0 if found.ok else NO)
 
 
-def _board(name: str, seed: int) -> MotorBoard:
+def _board(name: str, seed: int, *, ros2: bool) -> MotorBoard:
     """A robot that hangs, behind its frames, with noisy sensors."""
     from wbc import robots
     from wbc.models import load
-    from wbc.robots.motor_board import MotorBoard
-    from wbc.sim.disturbance import SensorNoise
+    from wbc.robots.motor_board import MotorBoard, holding_gains
     from wbc.sim.engine import PhysicsSettings
     from wbc.sim.mujoco_ import MujocoPlant
 
     kind, dt = _DEVICES[name]
-    model, device = load(name, base="fixed"), getattr(robots, kind)()
+    model = load(name, base="fixed")
     names: dict[str, str] = {}
-    if name == "quadruped":
+    device: Device
+    if ros2:
+        gains = [0.3 * gain for gain in holding_gains(model)]
+        device, dt = robots.Ros2Control(model.joint_names, gains=(gains[0], gains[1])), 2e-3
+    elif kind == "LeRobot":
+        device = robots.LeRobot(model.joint_names)
+    else:
+        device = getattr(robots, kind)()
+    if name == "quadruped" and not ros2:
         names = {f"{_LEGS[a]}_{_PARTS[b]}": f"{a}_{b}_joint" for a in _LEGS for b in _PARTS}
-    elif name == "arm":
+    elif name == "arm" and not ros2:
         names = dict(zip(model.joint_names, device.motors, strict=True))
     plant = MujocoPlant(model, dt=dt, settings=PhysicsSettings(armature=0.01, joint_friction=0.02, joint_damping=0.05))
-    noise = SensorNoise(position=1e-4, velocity=0.01, seed=seed)
     return MotorBoard(
-        device, plant, joint_map=device.joint_map(model, names=names), delay=2e-3, torque_noise=0.05,
-        acceleration_noise=0.05, mode_machine=5, disturbances=[noise], seed=seed,
+        device, plant, joint_map=device.joint_map(model, names=names), delay=2e-3, mode_machine=5,
+        sensors=robots.SENSORS["mti-300"], seed=seed,
     )  # fmt: skip

@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from wbc.robots.estimator import BaseEstimator as BaseEstimator
     from wbc.robots.franka import Franka as Franka
+    from wbc.robots.gym import TargetEnv as TargetEnv
     from wbc.robots.invariant_filter import ImuNoise as ImuNoise
     from wbc.robots.joint_map import JointMap as JointMap
+    from wbc.robots.kinematics import RobotKinematics as RobotKinematics
     from wbc.robots.lerobot import LeRobot as LeRobot
     from wbc.robots.loop import Loop as Loop
     from wbc.robots.motor_board import MotorBoard as MotorBoard
     from wbc.robots.port import Udp as Udp
     from wbc.robots.ros2_control import Ros2Control as Ros2Control
+    from wbc.robots.ros2_port import Ros2Port as Ros2Port
     from wbc.robots.sensors import SENSORS as SENSORS
     from wbc.robots.sensors import EstimatedBase as EstimatedBase
     from wbc.robots.sensors import Sensors as Sensors
@@ -35,8 +38,11 @@ _HOME = {
     "LeRobot": "lerobot",
     "Loop": "loop",
     "MotorBoard": "motor_board",
+    "RobotKinematics": "kinematics",
     "Ros2Control": "ros2_control",
+    "Ros2Port": "ros2_port",
     "Sensors": "sensors",
+    "TargetEnv": "gym",
     "Udp": "port",
     "UnitreeG1": "unitree",
     "UnitreeG1Arms": "unitree",

@@ -23,7 +23,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots import imu_check
 from wbc.robots.device import BadFrame, Device, Order, Reading
-from wbc.robots.hands import SOFT, Hands
+from wbc.robots.hands import Hands
 from wbc.robots.joint_map import UNITS, JointMap
 from wbc.robots.port import Port
 from wbc.robots.response import Candidates, Expected, Mistake, Response
@@ -168,10 +168,9 @@ class _Check:
             self.reading = self.device.unpack(frame)
         return frame is not None
 
-    def _send(self, position: Vec, soft: float = 1.0) -> Order:
+    def _send(self, position: Vec) -> Order:
         # All that is sent is thought in motors, not in joints: it does not depend on the map.
-        kp, kd = (soft * np.asarray(gain) for gain in self.device.gains)
-        order = Order(position, 0.0, self.support, kp, kd)
+        order = Order(position, 0.0, self.support, *self.device.gains)
         self.port.send(self.device.encode(order, self._now()))
         return order
 
@@ -281,7 +280,8 @@ class _Check:
             how = "have the other sign" if -1.4 < middle < -0.7 else f"are {middle:.3g} times the rates of positions"
             add("velocity", f"the velocities of {which} {how}", tuple(slow))
         latency = self.result.figures["latency"] = float(np.median(lags))
-        if latency > LATE and not slow:  # by wrong velocities nobody knows what was asked for
+        # By wrong velocities nobody knows what was asked for; without torques, how late a drive itself is counts too.
+        if latency > LATE and not slow and self.device.has_torque:
             add("latency", f"orders act {1e3 * latency:.0f} ms late")
         return Response(self.rest, self.weight, Q, V, A, T)
 
@@ -291,8 +291,11 @@ class _Check:
         return late + (seen.felt if self.device.law == "impedance" else np.roll(seen.felt, lag, axis=0))
 
     def _lag(self, seen: _Moved, j: int) -> int:
-        """How many periods torques follow what was asked for."""
+        """How many periods torques, or positions where there are none, follow what was asked for."""
         most = min(len(seen.tau) // 2, round(0.1 / self.period))
+        if not self.device.has_torque:
+            q, wanted = (one[:, j] - one[:, j].mean() for one in (seen.q, seen.wanted))
+            return int(np.argmax([np.corrcoef(q[most:], np.roll(wanted, k)[most:])[0, 1] for k in range(most)]))
         errors = [np.var((seen.tau - self._asked(seen, k))[most:, j]) for k in range(most)]
         return int(np.argmin(errors))
 
@@ -397,7 +400,7 @@ class _Check:
         before = self._moved(None, 0.2).q[-1]
         self.hands.move(joint)
         while not self.hands.done():
-            self._send(self.still, SOFT)
+            self._send(self.still)
             self.port.sleep(self.period)
             self._hear()
         change = self._state()[0] - before

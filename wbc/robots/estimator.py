@@ -16,7 +16,12 @@ Every sample of the sensors does this, with the filter of :mod:`wbc.robots.invar
 A round foot is one point, the centre of its ball. A flat one is three points of its sole, which hold its orientation
 too. Covariance of where the encoders see the points, with Jacobian J (3m, nj) of all of them in the IMU's frame, the
 errors of encoders ``joint`` [rad, m] and of what is rigid ``flex`` [m]: N = joint² J Jᵀ + flex² I. A standing point
-wanders by ``creep`` [m/√s], which is what a foot does that is neither fixed nor slips.
+wanders by ``creep`` [m/√s] along the ground, which is what a foot does that is neither fixed nor slips, and by ``sink``
+[m/√s] up and down, as soles and ground give way when weight shifts: a flat sole then holds the heading, not the lean.
+
+Rates come with white noise, which gains on velocities make torques. What is returned are those of a Kalman filter that
+takes accelerations for white, with densities ``agility`` [rad/s²/√Hz, m/s²/√Hz] of base and joints: a low-pass with the
+time constant of noise over agility, which is 0 for a sensor without noise.
 
 What nothing here can see: the position, and the heading. Both drift, from where :meth:`BaseEstimator.reset` put them.
 The vertical and the velocity do not. Of a robot that never leans otherwise, the bias of the accelerometer along the
@@ -29,6 +34,7 @@ Siegwart: State estimation for legged robots: consistent fusion of leg kinematic
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, final
@@ -63,7 +69,8 @@ class BaseEstimator:
         contacts: frames of the robot, or :class:`~wbc.models.feet.Foot`; default: the robot's feet.
         imu_frame: the frame of the IMU, on the link of the base; default: the base itself.
         noise: of the IMU.
-        joint, flex, creep: as above [rad, m], [m], [m/√s].
+        joint, flex, creep, sink, agility: as above [rad, m], [m], [m/√s], [m/√s], (base, joints).
+        joint_rate: error of the joint velocities in each sample [rad/s, m/s].
         make, break_, settle: when a foot touches [share of the weight], [s].
         gate: probability at which a foot that stands is taken to slip, in each sample.
         tilt, speed: standard deviations of what ``reset`` is told of the lean [rad] and of v [m/s].
@@ -94,7 +101,10 @@ class BaseEstimator:
         noise: ImuNoise | None = None,
         joint: float = 3e-4,
         flex: float = 3e-4,
-        creep: float = 1e-3,
+        creep: float = 1e-4,
+        sink: float = 1e-3,
+        joint_rate: float = 0.0,
+        agility: tuple[float, float] = (0.012, 0.1),
         make: float = 0.05,
         break_: float = 0.025,
         settle: float = 5e-3,
@@ -114,7 +124,12 @@ class BaseEstimator:
         self.robot, self.noise = robot, checks.instance("noise", noise, ImuNoise, "an ImuNoise")
         self._joint2 = checks.number("joint", joint, low=0.0) ** 2
         self._flex2 = checks.number("flex", flex, low=0.0, strict=True) ** 2
-        self._creep2 = checks.number("creep", creep, low=0.0) ** 2
+        self._joint_rate = checks.number("joint_rate", joint_rate, low=0.0)
+        base, joints = checks.pair("agility", agility, "base, joints")
+        self._agility = (
+            checks.number("agility of the base", base, low=0.0, strict=True),
+            checks.number("agility of joints", joints, low=0.0, strict=True),
+        )
         weight = robot.mass * float(np.linalg.norm(robot.gravity))
         self._make = weight * checks.number("make", make, low=0.0)
         self._break = weight * checks.number("break_", break_, low=0.0, high=make)
@@ -133,6 +148,9 @@ class BaseEstimator:
         self._least_gate = float(self._gates.min())
         self._up = -robot.gravity / np.linalg.norm(robot.gravity)
         self._up_cross = cross_matrix(self._up)
+        creep, sink = checks.number("creep", creep, low=0.0), checks.number("sink", sink, low=0.0)
+        upright = np.outer(self._up, self._up)
+        self._wander = creep**2 * (np.eye(3) - upright) + sink**2 * upright
         self.lever, self.mount = self._imu(imu_frame)
         self._filter = InvariantFilter(sum(counts), self.noise, np.array(robot.gravity))
         self._names = names
@@ -287,7 +305,7 @@ class BaseEstimator:
             estimate.v = np.zeros(3)
             estimate.doubt(missed**2)
         elif dt > 0.0:
-            estimate.predict(dt, gyro, acceleration, self._creep2)
+            estimate.predict(dt, gyro, acceleration, self._wander)
         rate = self.mount @ (gyro - estimate.gyro_bias)
         base = estimate.R @ self.mount.T
         q = np.concatenate([np.zeros(3), quaternion_of(base, self._q[3:7]), joint_q])
@@ -308,6 +326,14 @@ class BaseEstimator:
         q[:3] = estimate.p - base @ self.lever
         q[3:7] = quaternion_of(base, self._q[3:7])
         v[3:6] = self.mount @ (gyro - estimate.gyro_bias)
+        if 0.0 < dt and not has_gap:
+            for part, noise, agility in zip(
+                (slice(3, 6), slice(6, None)),
+                (self.noise.gyro / math.sqrt(dt), self._joint_rate),
+                self._agility,
+                strict=True,
+            ):
+                v[part] = self._v[part] + _gain(noise**2, agility**2 * dt) * (v[part] - self._v[part])
         v[:3] = base.T @ estimate.v - cross_matrix(v[3:6]) @ self.lever
         if not (np.isfinite(q).all() and np.isfinite(v).all() and np.isfinite(estimate.P).all()):
             raise np.linalg.LinAlgError("the estimate is not finite")
@@ -388,6 +414,12 @@ class BaseEstimator:
 
     def _points_of(self, feet: Index) -> Index:
         return np.concatenate([self._points[i] for i in feet])
+
+
+def _gain(noise2: float, step2: float) -> float:
+    """Gain of the stationary Kalman filter of a random walk with these squares of steps, seen with those of noise."""
+    known = 0.5 * (step2 + math.sqrt(step2**2 + 4.0 * step2 * noise2))
+    return known / (known + noise2)
 
 
 def _points(foot: Foot) -> Mat:

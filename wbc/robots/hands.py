@@ -11,8 +11,8 @@ import pinocchio
 from wbc.robots.motor_board import MotorBoard, holding_gains
 from wbc.types import Vec
 
-#: How far a robot is turned, and a joint is moved, by hand [rad]; motors give way then to this share of their gains.
-TURN, MOVE, SOFT = 0.35, 0.15, 0.1
+#: How far a robot is turned, and a joint is moved against its motor, by hand [rad].
+TURN, MOVE = 0.35, 0.15
 
 
 class Hands(Protocol):
@@ -40,14 +40,21 @@ class BoardHands(Hands):
 
     def move(self, joint: str) -> None:
         self.board.hand[:] = 0.0
+        self._doing = iter(())
         if joint:
             board = self.board
             k = board.joint_map.joints.index(joint)
             kp = board.joint_map.gain_from_device(np.broadcast_to(board.device.gains[0], len(board.device.motors)))[k]
             if board.device.law == "position":
-                kp = holding_gains(board.plant.model)[0][board.plant.model.joint(joint)] / SOFT
-            board.hand[board.plant.model.joint(joint)] = MOVE * SOFT * kp
-        self._doing = iter([None] * 250)
+                kp = holding_gains(board.plant.model)[0][board.plant.model.joint(joint)]
+            self._doing = self._pushing(board.plant.model.joint(joint), MOVE * kp)
+
+    def _pushing(self, joint: int, torque: float) -> Iterator[None]:
+        # Slowly, so that joints whose inertias are coupled do not swing along.
+        begun = self.board.plant.t
+        while (t := self.board.plant.t - begun) < 1.0:
+            self.board.hand[joint] = torque * min(1.0, 2.0 * t)
+            yield
 
     def turn(self, axis: str) -> None:
         goal = TURN * np.array([axis == name for name in "xyz"])

@@ -121,10 +121,10 @@ class InvariantFilter:
         self.P = self.P.copy()
         self.P[:9, :9] += (into * variance) @ into.T
 
-    def predict(self, dt: float, gyro: Vec, acceleration: Vec, wander: float) -> None:
+    def predict(self, dt: float, gyro: Vec, acceleration: Vec, wander: Mat) -> None:
         """``dt`` seconds on, with the mean rate [rad/s] and specific force [m/s²] that the IMU says of that time.
 
-        ``wander`` [m²/s]: of each point, in each direction.
+        ``wander`` (3, 3) [m²/s]: of each point, world axes.
         """
         R, size = self.R, self._size
         phi, a = dt * (gyro - self.gyro_bias), acceleration - self.accelerometer_bias
@@ -142,7 +142,8 @@ class InvariantFilter:
         P += noise @ noise.T
         diagonal = P.reshape(-1)[:: size + 1]
         diagonal[9:15] += dt * self._walk
-        diagonal[15:] += dt * wander
+        for i in range(BODY, size, 3):
+            P[i : i + 3, i : i + 3] += dt * wander
         self.p = self.p + dt * self.v + dt**2 * (R @ (gamma_2 @ a) + 0.5 * self._gravity)
         self.v = self.v + dt * (R @ (gamma_1 @ a) + self._gravity)
         self.R = R @ turn

@@ -26,7 +26,9 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.estimator import rotation
 from wbc.robots.joint_map import JointMap
+from wbc.robots.sensors import SENSORS, Errors, Sensors, felt
 from wbc.sim.disturbance import Disturbance
 from wbc.sim.plant import Plant
 from wbc.types import Mat, Vec
@@ -71,9 +73,9 @@ class MotorBoard:
         delay, state_delay: how late orders and states arrive [s].
         timeout: how long an order counts [s].
         on_timeout: "hold", "damp" or "limp", as above.
-        disturbances: pushes, payloads and noise of the sensors, as for :func:`wbc.sim.simulate.simulate`.
-        torque_noise: standard deviation of the torques that are reported [N m].
-        acceleration_noise: of the accelerometer [m/s²].
+        disturbances: pushes and payloads, as for :func:`wbc.sim.simulate.simulate`.
+        sensors: noise and biases of joints, torques and IMU; its quaternion is off by ``tilt``. Default: exact ones.
+            How late states are is ``state_delay``, not theirs.
         imu: rotation (3, 3) from the axes of the IMU to those of the base.
         feet: links whose normal forces are what the device's foot sensors say, in its order.
         mode_machine: what a G1 wants to be echoed.
@@ -108,8 +110,7 @@ class MotorBoard:
         timeout: float = 0.1,
         on_timeout: str = "damp",
         disturbances: Iterable[Disturbance] = (),
-        torque_noise: float = 0.0,
-        acceleration_noise: float = 0.0,
+        sensors: Sensors | None = None,
         imu: Any = None,
         feet: Iterable[str] = (),
         mode_machine: int = 0,
@@ -126,17 +127,14 @@ class MotorBoard:
         self._state_delay = checks.number("state_delay", state_delay, low=0.0)
         self._timeout = checks.number("timeout", timeout, low=0.0, strict=True)
         self._on_timeout = checks.one_of("on_timeout", on_timeout, ON_TIMEOUT)
-        self._noise = np.repeat(
-            [checks.number("torque_noise", torque_noise, low=0.0),
-             checks.number("acceleration_noise", acceleration_noise, low=0.0)], [len(device.motors), 3],
-        )  # fmt: skip
+        sensors = SENSORS["exact"] if sensors is None else checks.instance("sensors", sensors, Sensors, "a Sensors")
+        self._errors = Errors(sensors, 1.0 / device.rate, checks.seed("seed", seed))
         self.imu: Mat = np.eye(3) if imu is None else checks.array("imu", imu, (3, 3))
         self._feet, self._mode = checks.items("feet", feet, "names of links"), mode_machine
         felt: Any = plant.wrenches() if hasattr(plant, "wrenches") else {}
         for link in self._feet:
             if not isinstance(link, str) or link not in felt:
                 raise InvalidInput(f"feet: the plant knows no contact force of {checks.shown(link)}")
-        self._random = np.random.default_rng(checks.seed("seed", seed))
         self._joints = np.array([robot.joint(name) for name in self.joint_map.joints])
         self._stiffness, self._damping = holding_gains(robot)
         self._own = plant.q[-robot.nj :].copy()
@@ -154,7 +152,7 @@ class MotorBoard:
         self._coming: deque[tuple[float, Any]] = deque()
         self._going: deque[tuple[float, Any]] = deque()
         self._due, self._ahead = plant.t + 1.0 / device.rate, 0.0
-        self._seen = self._base()
+        self._seen = self._moves()
         self._last = self._read()
 
     # ---- the port
@@ -238,54 +236,41 @@ class MotorBoard:
 
     # ---- what the sensors say
     def _read(self) -> Reading:
-        plant, robot, joint_map = self.plant, self.plant.model, self.joint_map
-        q, v = plant.q, plant.v
-        for effect in self._effects:
-            q, v = effect.measure(q, v)
-        q_joints, v_joints, joints = q[-robot.nj :], v[-robot.nj :], self._joints
-        noise = self._noise * self._random.standard_normal(len(self._noise))
+        plant, robot, joint_map, joints = self.plant, self.plant.model, self.joint_map, self._joints
+        q, v = self._errors.joints(plant.q[-robot.nj :], plant.v[-robot.nj :])
+        tau = self._errors.torques(self._tau)
         sensed: dict[str, Any] = {}
         if self.device.has_imu:
-            sensed |= self._imu(q, v, noise[-3:])
+            sensed |= self._imu()
         if self._feet:
             wrenches: Any = plant.wrenches()  # type: ignore[attr-defined]
             sensed["feet"] = np.rint([wrenches[link][2] for link in self._feet])
         if self.device.adds_gravity:
             sensed["sent"] = self._sent()
         return Reading(
-            q=joint_map.position_to_device(q_joints[joints]), dq=joint_map.velocity_to_device(v_joints[joints]),
-            tau=joint_map.torque_to_device(self._tau[joints]) + noise[:-3], time=plant.t,
-            mode_machine=self._mode, **sensed,
+            q=joint_map.position_to_device(q[joints]), dq=joint_map.velocity_to_device(v[joints]),
+            tau=joint_map.torque_to_device(tau[joints]), time=plant.t, mode_machine=self._mode, **sensed,
         )  # fmt: skip
 
     def _sent(self) -> Vec:
         return np.zeros(len(self.device.motors)) if self._order is None else self._order.tau
 
-    def _imu(self, q: Vec, v: Vec, noise: Vec) -> dict[str, Vec]:
+    def _imu(self) -> dict[str, Vec]:
         """Orientation, mean rate and mean specific force since the last state, in the axes of the IMU."""
-        before, velocity = self._seen
-        self._seen = self._base()
-        now, rate = self._seen[0], self.device.rate
-        force = (self._seen[1] - velocity) * rate - self.plant.model.gravity
-        wrong = np.eye(3)
-        if self.plant.model.nb:  # what noise has made of the orientation
-            wrong = now.T @ _rotation(q[3:7])
-            v = v - self.plant.v
-        axes = now @ wrong @ self.imu
-        turn = pinocchio.log3(before.T @ now) * rate + (v[3:6] if self.plant.model.nb else 0.0)
+        before, self._seen = self._seen, self._moves()
+        said = self._errors.imu(felt(before, self._seen, 1.0 / self.device.rate, self.plant.model.gravity))
+        told = self._seen[0] @ self.imu.T @ pinocchio.exp3(self._errors.lean) @ self.imu
         return {
-            "quaternion": np.array(pinocchio.Quaternion(axes).coeffs()),
-            "gyro": self.imu.T @ turn,
-            "acceleration": (now @ self.imu).T @ force + noise,
-        }
+            "quaternion": np.array(pinocchio.Quaternion(told).coeffs()), "gyro": said[:3], "acceleration": said[3:],
+        }  # fmt: skip
 
-    def _base(self) -> tuple[Mat, Vec]:
-        """Orientation (3, 3) and velocity (3,) [m/s] of the base, world axes."""
+    def _moves(self) -> tuple[Mat, Vec]:
+        """Rotation (3, 3) of the IMU and velocity (3,) [m/s] of the base, where it sits, world axes."""
         plant = self.plant
         if not plant.model.nb:
-            return self._attitude, np.zeros(3)
-        R = _rotation(plant.q[3:7])
-        return R, R @ plant.v[:3]
+            return self._attitude @ self.imu, np.zeros(3)
+        base = rotation(plant.q[3:7])
+        return base @ self.imu, base @ plant.v[:3]
 
     def tilt(self, attitude: Mat) -> None:
         """Hold a robot with a fixed base at this rotation (3, 3) in the world, as hands do; physics sees gravity turn.
@@ -300,8 +285,3 @@ class MotorBoard:
 
     def __repr__(self) -> str:
         return f"MotorBoard({self.device!r}, {self.plant!r})"
-
-
-def _rotation(quaternion: Vec) -> Mat:
-    R: Mat = pinocchio.Quaternion(quaternion).toRotationMatrix()
-    return R

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, final
 
 import numpy as np
+import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
@@ -19,7 +20,7 @@ from wbc.robots.estimator import BaseEstimator, rotation
 from wbc.robots.invariant_filter import ImuNoise
 from wbc.sim.disturbance import Disturbance, Effect
 from wbc.sim.plant import Drive, Plant
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 _DEGREE, _MILLI_G = math.pi / 180.0, 9.81e-3
 
@@ -30,9 +31,9 @@ class Sensors:
     """A set of sensors: standard deviations, and the delay with which the controller gets a sample.
 
     ``imu``: its noise and biases. ``joint_position`` [rad, m] and ``joint_velocity`` [rad/s, m/s]: white noise of the
-    encoders. ``delay`` [s], rounded to whole steps. ``feet``: what says whether a foot touches, "forces" in it or the
-    joints' "torques", those that were commanded. ``tilt`` [rad]: by how much the robot leans at the start against what
-    the estimator is told.
+    encoders; ``joint_torque`` [N m, N]: of the torques that motors report. ``delay`` [s], rounded to whole steps.
+    ``feet``: what says whether a foot touches, "forces" in it or the joints' "torques", those that were commanded.
+    ``tilt`` [rad]: by how much the robot leans at the start against what the estimator is told.
 
     Raises:
         InvalidInput: a negative number, or other ``feet``.
@@ -46,12 +47,13 @@ class Sensors:
     imu: ImuNoise = field(default_factory=ImuNoise)
     joint_position: float = 0.0
     joint_velocity: float = 0.0
+    joint_torque: float = 0.0
     delay: float = 0.0
     feet: str = "forces"
     tilt: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("joint_position", "joint_velocity", "delay", "tilt"):
+        for name in ("joint_position", "joint_velocity", "joint_torque", "delay", "tilt"):
             checks.number(f"{name} of Sensors", getattr(self, name), low=0.0)
         checks.one_of("feet of Sensors", self.feet, ("forces", "torques"))
 
@@ -60,18 +62,61 @@ class Sensors:
 #: °/s/√Hz, 150 µg/√Hz, zero-rate offset 1 °/s (typical), zero-g offset 60 mg (most, taken for 3σ), 2000 °/s, 16 g. ams,
 #: AS5045 at 10 kHz: 0.06° rms and 0.1 ms at the motor; behind a gear of 6 that is 0.01°. Our assumptions: the biases of
 #: an MTi-300 after calibration, 0.2 °/s and 3 mg; how biases wander; velocities to 0.01 rad/s, which a motor board
-#: filters; the lean at the start; 1 ms on the way.
+#: filters; torques to 0.05 N m; the lean at the start; 1 ms on the way.
 SENSORS: Mapping[str, Sensors] = {
     "exact": Sensors(ImuNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
     "mti-300": Sensors(
         ImuNoise(0.01 * _DEGREE, 0.06 * _MILLI_G, 0.2 * _DEGREE, 3.0 * _MILLI_G, 1e-5, 1e-4, 450.0 * _DEGREE, 196.0),
-        joint_position=0.01 * _DEGREE, joint_velocity=0.01, delay=1e-3, tilt=5e-3,
+        joint_position=0.01 * _DEGREE, joint_velocity=0.01, joint_torque=0.05, delay=1e-3, tilt=5e-3,
     ),
     "bmi055": Sensors(
         ImuNoise(0.014 * _DEGREE, 0.15 * _MILLI_G, 1.0 * _DEGREE, 20.0 * _MILLI_G, 3e-5, 3e-4, 2000.0 * _DEGREE, 157.0),
-        joint_position=0.01 * _DEGREE, joint_velocity=0.01, delay=1e-3, tilt=0.02,
+        joint_position=0.01 * _DEGREE, joint_velocity=0.01, joint_torque=0.05, delay=1e-3, tilt=0.02,
     ),
 }  # fmt: skip
+
+
+@final
+class Errors:
+    """The errors that sensors make in one run, a sample every ``period`` [s], drawn by ``seed``.
+
+    ``bias`` (6,) is that of gyroscope and accelerometer now, ``lean`` (3,) [rad] by how much the robot is told to lean,
+    in its own axes.
+    """
+
+    def __init__(self, sensors: Sensors, period: float, seed: int) -> None:
+        self._sensors, imu = sensors, sensors.imu
+        self._normal = np.random.default_rng(seed).standard_normal
+        self._white = np.repeat([imu.gyro, imu.accelerometer], 3) / math.sqrt(period)
+        self._walk = np.repeat([imu.gyro_walk, imu.accelerometer_walk], 3) * math.sqrt(period)
+        self.bias = np.repeat([imu.gyro_bias, imu.accelerometer_bias], 3) * self._normal(6)
+        self.lean = sensors.tilt * np.array([*self._normal(2), 0.0])
+
+    def imu(self, motion: Vec) -> Vec:
+        """What an IMU says of a rate and a specific force (6,)."""
+        self.bias = self.bias + self._walk * self._normal(6)
+        said: Vec = motion + self.bias + self._white * self._normal(6)
+        return said
+
+    def joints(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
+        """What encoders say of q and v (nj,)."""
+        sensors, n = self._sensors, len(q)
+        return q + sensors.joint_position * self._normal(n), v + sensors.joint_velocity * self._normal(n)
+
+    def torques(self, tau: Vec) -> Vec:
+        """What motors say of their torques (nj,)."""
+        said: Vec = tau + self._sensors.joint_torque * self._normal(len(tau))
+        return said
+
+
+def felt(before: tuple[Mat, Vec], now: tuple[Mat, Vec], dt: float, gravity: Vec) -> Vec:
+    """Mean rate [rad/s] and specific force [m/s²] (6,) of an IMU, its axes, over ``dt``.
+
+    ``before`` and ``now`` are its rotation (3, 3) and its velocity (3,) [m/s] in the world.
+    """
+    turn = pinocchio.log3(before[0].T @ now[0])
+    middle = before[0] @ pinocchio.exp3(0.5 * turn)
+    return np.concatenate([turn / dt, middle.T @ ((now[1] - before[1]) / dt - gravity)])
 
 
 @final
@@ -99,8 +144,7 @@ class EstimatedBase(Disturbance):
 
     def __post_init__(self) -> None:
         checks.number("still", self.still, low=0.0)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise InvalidInput(f"seed is {self.seed!r}; it must be a whole number, at least 0")
+        checks.seed("seed", self.seed)
 
     def begin(self, plant: Plant) -> Effect:
         return Sensing(self, plant)
@@ -121,25 +165,20 @@ class Sensing(Effect):
         self._settings, self._sensors, self._plant, self._model = settings, sensors, plant, model
         self.estimator = BaseEstimator(
             model, [*getattr(plant, "wrenches", dict)()] or None, imu_frame=settings.imu_frame, noise=sensors.imu,
-            joint=sensors.joint_position, tilt=max(sensors.tilt, 1e-4),
+            joint=sensors.joint_position, joint_rate=sensors.joint_velocity, tilt=max(sensors.tilt, 1e-4),
         )  # fmt: skip
         if sensors.feet == "forces" and not hasattr(plant, "wrenches"):
             raise InvalidInput(f"{type(plant).__name__} has no force sensors; give Sensors(feet='torques')")
-        self._random = np.random.default_rng(settings.seed)
-        imu = sensors.imu
-        self._size = np.repeat([imu.gyro, imu.accelerometer], 3) / math.sqrt(plant.dt)
-        self._walk = np.repeat([imu.gyro_walk, imu.accelerometer_walk], 3) * math.sqrt(plant.dt)
-        self.bias = np.repeat([imu.gyro_bias, imu.accelerometer_bias], 3) * self._random.standard_normal(6)
+        self._errors = Errors(sensors, plant.dt, settings.seed)
         self._late: deque[dict[str, Any]] = deque(maxlen=round(sensors.delay / plant.dt) + 1)
         self._tau: Vec = np.zeros(model.nj)
-        self._before: tuple[Vec, Vec] | None = None
+        self._before: tuple[Mat, Vec] | None = None
         self.sample: dict[str, Any] = {}
 
     def measure(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
         if self._before is None:
-            self._before = self._plant.q, self._plant.v
-            lean = np.zeros(self._model.nv)
-            lean[3:5] = self._sensors.tilt * self._random.standard_normal(2)
+            self._before = self._moves()
+            lean = np.concatenate([np.zeros(3), self._errors.lean, np.zeros(self._model.nj)])
             self.estimator.reset(self._model.integrate(q, lean), v)
             steps, dt = round(self._settings.still / self._plant.dt), self._plant.dt
             for k in range(steps):
@@ -154,16 +193,10 @@ class Sensing(Effect):
 
     def _sampled(self, q: Vec, v: Vec, t: float) -> dict[str, Any]:
         """A sample at t [s] of the plant as it is, joints as in q (nq,), v (nv,)."""
-        sensors, nj, normal = self._sensors, self._model.nj, self._random.standard_normal
-        self.bias = self.bias + self._walk * normal(6)
-        imu = self._motion() + self.bias + self._size * normal(6)
-        return {
-            "t": t,
-            "joint_q": q[-nj:] + sensors.joint_position * normal(nj),
-            "joint_v": v[-nj:] + sensors.joint_velocity * normal(nj),
-            "gyro_in_imu": imu[:3],
-            "acceleration_in_imu": imu[3:],
-        }
+        nj = self._model.nj
+        imu = self._errors.imu(self._motion())
+        joint_q, joint_v = self._errors.joints(q[-nj:], v[-nj:])
+        return {"t": t, "joint_q": joint_q, "joint_v": joint_v, "gyro_in_imu": imu[:3], "acceleration_in_imu": imu[3:]}
 
     def _pressing(self) -> dict[str, Any]:
         """What says which feet touch."""
@@ -173,15 +206,19 @@ class Sensing(Effect):
         up = -self._model.gravity / np.linalg.norm(self._model.gravity)
         return {"forces": {name: float(up @ wrench[:3]) for name, wrench in plant.wrenches().items()}}
 
+    @property
+    def bias(self) -> Vec:
+        """Biases of gyroscope and accelerometer (6,) [rad/s], [m/s²]."""
+        return self._errors.bias
+
     def _motion(self) -> Vec:
         """Mean rate [rad/s] and specific force [m/s²] of the IMU (6,) in the last step, its axes."""
         assert self._before is not None, "measure has begun"
-        model, estimator, dt = self._model, self.estimator, self._plant.dt
-        (q, v), (q_now, v_now) = self._before, (self._plant.q, self._plant.v)
-        self._before = q_now, v_now
-        step = model.difference(q, q_now)
-        R, R_now, middle = (rotation(x[3:7]) for x in (q, q_now, model.integrate(q, 0.5 * step)))
-        change = R_now @ (v_now[:3] + np.cross(v_now[3:6], estimator.lever))
-        change -= R @ (v[:3] + np.cross(v[3:6], estimator.lever))
-        force = middle.T @ (change / dt - model.gravity)
-        return np.concatenate([estimator.mount.T @ step[3:6] / dt, estimator.mount.T @ force])
+        before, self._before = self._before, self._moves()
+        return felt(before, self._before, self._plant.dt, self._model.gravity)
+
+    def _moves(self) -> tuple[Mat, Vec]:
+        """Rotation (3, 3) and velocity (3,) of the IMU in the world."""
+        q, v, estimator = self._plant.q, self._plant.v, self.estimator
+        base = rotation(q[3:7])
+        return base @ estimator.mount, base @ (v[:3] + np.cross(v[3:6], estimator.lever))

@@ -18,7 +18,6 @@ from typing import final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput
 from wbc.sim.plant import Drive, Plant
 from wbc.types import Vec
 
@@ -132,8 +131,7 @@ class SensorNoise(Disturbance):
     def __post_init__(self) -> None:
         for name, value in self._deviations().items():
             checks.number(name, value, low=0.0)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise InvalidInput(f"seed is {self.seed!r}; it must be a whole number, at least 0")
+        checks.seed("seed", self.seed)
 
     def begin(self, plant: Plant) -> Effect:
         return _Noise(self, plant)
