@@ -41,7 +41,8 @@ def located(place: Place, error: type[WbcError] = InvalidInput) -> Path:
 
 @contextmanager
 def written(place: Place) -> Iterator[Path]:
-    """A new file beside ``place`` to write; it takes the name when the block ends well, and vanishes if not.
+    """A new file beside ``place`` to write, with the same ending; it takes the name when the block ends well, and
+    vanishes if not. The place is tried at once: enter the block before any long work.
 
     Raises:
         InvalidInput: something else than a file stands at ``place``, or nothing can be written there.
@@ -49,8 +50,10 @@ def written(place: Place) -> Iterator[Path]:
     target = located(place)
     if target.exists() and not target.is_file():
         raise InvalidInput(f"{target} cannot be written: it is no file")
-    aside = target.parent / f".{uuid4().hex}.part"
+    aside = target.parent / f".{uuid4().hex}{target.suffix}"
     with _refused(target):
+        aside.touch(exist_ok=False)
+        aside.unlink()
         try:
             yield aside
             aside.replace(target)

@@ -20,8 +20,8 @@ from .conftest import reaching_run, result_of, standing_run
 
 def test_the_sections_stand_in_the_order_in_which_they_are_read(report: Report):
     assert [section.title for section in report.sections] == [
-        "Verdict", "Motion", "Tracking", "Limits that held the robot back", "Torques against limits",
-        "Joint velocities and positions", "Smoothness", "Contact forces in their cones", "Centre of mass", "Tick time",
+        "Verdict", "Motion", "Tracking", "Active constraints", "Torques against limits",
+        "Joint velocities and positions", "Smoothness", "Contact forces", "Centre of mass", "Tick time",
         "Solver", "Settings", "Limits of this run",
     ]  # fmt: skip
 
@@ -89,16 +89,16 @@ def test_statistics_of_the_solver_are_those_of_the_run(standing: ScenarioResult)
     assert section is not None
     _, table, _ = (item for item in section.items if isinstance(item, Table))
     values = dict(table.rows)
-    assert values["first guess right (at most one iteration)"] == "100 %"
+    assert values["active set of the last tick was right (at most one iteration)"] == "100 %"
     assert values["active rows, largest"] == 5
-    assert values["ticks on which their number changed"] == 2
+    assert values["ticks at which the number of active rows changed"] == 2
 
 
 def test_the_solver_section_says_how_far_each_task_can_be_from_its_optimum(standing: ScenarioResult):
     section = solver.section(standing)
     assert section is not None
     _, _, table = (item for item in section.items if isinstance(item, Table))
-    assert table.columns == ("task", "unit", "median", "largest", "ticks with proof")
+    assert table.columns == ("task", "unit", "median", "largest", "ticks with a bound")
     centre, metres, radians, posture = table.rows
     assert metres[:2] == ("Frame[left_hand]", "m/s²") and radians[:2] == ("Frame[left_hand]", "rad/s²")
     assert metres[2:4] == radians[2:4] == (2e-9, 2e-9)
@@ -156,5 +156,5 @@ def test_the_bar_of_a_demand_ends_on_its_own_side_of_the_bound(relation: str, bo
 def test_late_ticks_are_seen_at_the_top(slow: int, mood: str):
     run = standing_run()
     run.columns["tick_us"][:slow] = 2e4
-    tile = next(tile for tile in highlights(result_of(run, None)) if "real time" in tile.what)
-    assert tile.mood == mood and "of 10000 µs" in tile.what and tile.value == ("yes" if not slow else str(slow))
+    tile = next(tile for tile in highlights(result_of(run, None)) if "period" in tile.what)
+    assert tile.mood == mood and "period 10000 µs" in tile.what and tile.value == ("yes" if not slow else str(slow))

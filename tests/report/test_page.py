@@ -177,17 +177,17 @@ def test_a_failed_demand_leads_to_its_curve_at_that_time(tab: Browser):
 
 def test_the_cursor_says_which_rows_were_active_and_at_what_price(tab: Browser):
     said = "document.querySelector('[data-why]').innerText"
-    assert "No row is active" in tab.run(said)
+    assert "No constraint is active" in tab.run(said)
     tab.run("report.go(0.4)")
     text = tab.run(said)
-    assert "Why, at 0.400 s: solved" in text and "No row is active" not in text
+    assert "Why, at 0.400 s: solved" in text and "No constraint is active" not in text
     rows = tab.run("[...document.querySelectorAll('[data-why] table:last-child td')].map(cell => cell.textContent)")
     assert rows == ["TorqueLimits: left_knee, upper bound", "40 N m", "7.5 per N m",
                     "friction[left_sole]: fy <= mu fz", "0 N", "2.5 per N"]  # fmt: skip
     assert "0.25 m/s², 0.25 rad/s²" in text and "50 %" in text
     left, top, width, height = shown(tab, "limits")
     tab.click(left + 0.07 / 1.19 * width, top + 0.25 * height)
-    assert "Why, at 0.070 s: infeasible" in tab.run(said) and "no certified answer" in tab.run(said)
+    assert "Why, at 0.070 s: infeasible" in tab.run(said) and "no certified solution" in tab.run(said)
 
 
 @pytest.mark.parametrize("width", [390, 940, 1400])

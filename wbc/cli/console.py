@@ -6,11 +6,11 @@ import ctypes
 import functools
 import os
 import sys
-import tempfile
 import warnings
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from functools import partial
 from math import ceil
 from pathlib import Path
 from time import monotonic
@@ -22,7 +22,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from wbc.errors import InvalidInput, SimulationError, WbcError
+from wbc.errors import SimulationError, WbcError
+from wbc.files import written
 from wbc.sim.scenario import Progress as Report
 
 NO, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -71,7 +72,7 @@ def kept(how_to_go_on: str) -> Iterator[None]:
 
 
 @contextmanager
-def whole_file(path: Path | None) -> Iterator[Callable[[str], None]]:
+def whole_file(path: Path | None) -> Iterator[Callable[[str], object]]:
     """A function that writes a text file, whole or not at all. The place is tried before any work is done.
 
     Raises:
@@ -80,22 +81,8 @@ def whole_file(path: Path | None) -> Iterator[Callable[[str], None]]:
     if path is None:
         yield lambda text: None
         return
-    target = path.resolve()
-    try:
-        handle, aside = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}-")
-    except OSError as cause:
-        raise InvalidInput(f"{path} cannot be written: {cause.strerror}") from cause
-
-    def write(text: str) -> None:
-        Path(aside).write_text(text, encoding="utf-8")
-        Path(aside).chmod(0o644)  # mkstemp makes files that nobody else may read
-        os.replace(aside, target)
-
-    try:
-        os.close(handle)
-        yield write
-    finally:
-        Path(aside).unlink(missing_ok=True)
+    with written(path) as aside:
+        yield partial(aside.write_text, encoding="utf-8")
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""``wbc explain``: what a saved QP answers, or which of its rows cannot hold together."""
+"""``wbc explain``: the active rows at the solution of a saved QP, or the rows that cannot hold together."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ def explain(
     file: Annotated[
         Path, typer.Argument(metavar="FILE.npz", help="QPs in any form that wbc saves, or wbc report solvers reads.")
     ],
-    solver: Annotated[str, typer.Option(help="QP solver for a QP that has an answer.")] = "pdas",
+    solver: Annotated[str, typer.Option(help="QP solver for a QP that has a solution.")] = "pdas",
     index: Annotated[int | None, typer.Option(min=0, help="Which one of a file that holds several, from 0.")] = None,
 ) -> None:
-    """Solve a saved QP and say what holds it, or which rows cannot hold together. Exit code 1: no certified answer."""
+    """Solve a saved QP and list its active rows, or the rows that cannot hold together. Exit code 1: no certified
+    solution."""
     from wbc.qp.solvers import by_name
     from wbc.report.solvers.problems import saved_qps
 
@@ -40,10 +41,9 @@ def explain(
         say("The file names no rows: A[i] are its equalities, C[i] its inequalities, x[i] variables.")
     found = conflict(qp)
     if found is not None:
-        say(f"cannot be met. {found}")
-        made = table("Rows in conflict: any one of these is enough", "owner", "row", "gives", "unit")
-        for row, amount in found.gives:
-            made.add_row(Text(row.owner), Text(row.label), f"{amount:+.4g}", Text(row.unit))
+        made = table("These rows cannot hold together; one of these changes is enough", "owner", "row", "change")
+        for give in found.gives:
+            made.add_row(Text(give.row.owner), Text(give.row.label), Text(give.way))
         say(made)
         raise typer.Exit(NO)
     solution = chosen.solve(qp)
@@ -57,7 +57,7 @@ def _print_active(qp: QP, solution: Solution) -> None:
     pushing = np.concatenate([solution.y, solution.z, solution.z_box])
     value = np.concatenate([qp.matrix @ solution.x, solution.x])
     active = np.flatnonzero(np.abs(pushing) > 1e-7 * max(1e-3, np.abs(pushing).max(initial=0.0)))
-    made = table("Rows that push", "owner", "row", "value", "unit", "multiplier")
+    made = table("Active rows, the largest multiplier first", "owner", "row", "value", "unit", "multiplier")
     for i in active[np.argsort(-np.abs(pushing[active]))]:
         row = qp.rows[i]
         made.add_row(Text(row.owner), Text(row.label), f"{value[i]:.4g}", Text(row.unit), f"{pushing[i]:+.3g}")

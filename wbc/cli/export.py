@@ -6,10 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from wbc.cli.console import notes, one_sentence, progress, tell
+from wbc.cli.console import notes, one_sentence, progress, say, tell
 
 
 @one_sentence
@@ -76,6 +74,4 @@ def export(
         if model is None:
             found.append("the robot is not drawn: it cannot be loaded by the run's name; give --robot")
     tell(found)
-    console = Console(highlight=False)
-    for path in wanted:
-        console.print(Text(f"{path}: {path.stat().st_size / 1e6:.2f} MB"), soft_wrap=True)
+    say(*(f"{path}: {path.stat().st_size / 1e6:.2f} MB" for path in wanted))

@@ -6,10 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from wbc.cli.console import one_sentence
+from wbc.cli.console import one_sentence, reported
 
 
 @one_sentence
@@ -19,11 +17,6 @@ def index(
     show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
 ) -> None:
     """The runs of a folder in one table that sorts: verdicts, settings that differ, links to their pages."""
-    import webbrowser
-
     from wbc.report import save_index
 
-    page = save_index(folder)
-    Console(highlight=False).print(Text(f"report: {page}"), soft_wrap=True)
-    if show:
-        webbrowser.open(page.resolve().as_uri())
+    reported(save_index(folder), show=show)

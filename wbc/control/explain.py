@@ -49,12 +49,20 @@ def _failure(controller: Solving) -> list[str]:
     why = controller.why or controller.status.value
     if found is None and controller.status is Status.INFEASIBLE:
         why = "no point was found, but no rows contradict each other by more than rounding; look at the scaling"
-    lines = [f"  {why}"] if found is None else [f"  {found}"]
+    lines = [f"  {why}"] if found is None else _conflict(found)
     if found is not None and controller.last is not None and controller.last.rung == "relaxed":
         lines.append(f"  {controller.why}")
     if controller.last is not None:
         lines.append(f"  instead: {_SAID.get(controller.last.rung, controller.last.rung)}, within its limits")
     return lines
+
+
+def _conflict(found: Conflict) -> list[str]:
+    """A heading, and one line for each change that resolves the conflict."""
+    if len(found.gives) == 1:
+        return [f"  {found}"]
+    heading = f"  {len(found.gives)} rows cannot hold together; one of these changes is enough:"
+    return [heading, *(f"    {give}" for give in found.gives)]
 
 
 def conflict_of(controller: Solving) -> Conflict | None:

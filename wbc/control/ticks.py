@@ -9,6 +9,7 @@ import numpy as np
 from wbc.control.answer import active, distances, shares, units
 from wbc.control.command import Command
 from wbc.control.explain import reproducer
+from wbc.models.planar import PlanarRobot
 from wbc.qp.problem import QP
 from wbc.stack.contact import Contact
 from wbc.stack.kernel_rows import CENTRE, kernel_rows_of
@@ -17,6 +18,7 @@ from wbc.types import Status, Vec
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
+    from wbc.models.model import RobotModel
 
 #: So many active rows of a tick are written down, those with the largest multipliers; ``active`` counts all of them.
 SLOTS = 16
@@ -133,7 +135,15 @@ def about(controller: Controller) -> dict[str, Any]:
         "residuals": unit,
         "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
         "stack": str(stack),
+        **_planar(model),
     }
+
+
+def _planar(model: RobotModel) -> dict[str, Any]:
+    """A planar robot has no description in a file: the record keeps all that it is made of."""
+    if not isinstance(model, PlanarRobot):
+        return {}
+    return {"planar": {"chain": str(model.chain), "parameters": dict(model.parameters), "gravity": model.g0}}
 
 
 def _task(task: Objective) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 from wbc import __version__
 from wbc.errors import NotSupported
 from wbc.export.logs import TICK, Log, Series, log
-from wbc.export.whole import whole
+from wbc.files import written
 from wbc.report.marks import Mark
 from wbc.report.shapes import Part
 from wbc.sim.scenario import Progress, silent
@@ -48,7 +48,7 @@ def to_mcap(
     except ImportError as cause:
         raise NotSupported("an MCAP log needs mcap; pip install 'wbc-qp[export]'") from cause
     content = log(run, robot)
-    with whole(path) as aside, aside.open("wb") as file:
+    with written(path) as aside, aside.open("wb") as file:
         writer: Any = Writer(file)
         writer.start(profile="", library=f"wbc {__version__}")
         topics = _Topics(writer)

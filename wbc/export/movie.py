@@ -13,12 +13,12 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.export.stage import Stage
-from wbc.export.whole import whole
+from wbc.files import written
 from wbc.report import measure
 from wbc.report.marks import RED, marks, strained
 from wbc.report.motion import Motion, motion, quaternions
 from wbc.report.replay import BUDGET
-from wbc.report.shapes import VIEW, Part, parts, thinned
+from wbc.report.shapes import VIEW, Part, parts, thinned, view
 from wbc.sim.scenario import Progress, silent
 from wbc.types import Index, Mat, Vec
 
@@ -44,6 +44,13 @@ class Camera(NamedTuple):
     azimuth: float = float(np.degrees(np.arctan2(-VIEW[1], -VIEW[0])))
     elevation: float = -14.0
     distance: float | None = None
+
+    @classmethod
+    def before(cls, robot: RobotModel) -> Camera:
+        """The camera that a robot is seen by at first: from above where it moves in a plane."""
+        x, y, z = view(robot)
+        azimuth = float(np.degrees(np.arctan2(-y, -x)))
+        return cls() if (x, y, z) == VIEW else cls(azimuth, -float(np.degrees(np.arctan2(z, np.hypot(x, y)))))
 
 
 def movie(
@@ -85,8 +92,10 @@ def movie(
     if not solid:
         raise InvalidInput(f"{robot.name} has no shape to draw")
     moving = motion(run, robot, rows, sorted({part.link for part in solid}))
-    with whole(target) as aside:
-        pictures = _Pictures(run, robot, moving, solid, size=(width, height), camera=camera or Camera(), speed=speed)
+    with written(target) as aside:
+        pictures = _Pictures(
+            run, robot, moving, solid, size=(width, height), camera=camera or Camera.before(robot), speed=speed
+        )
         try:
             frames = pictures.all(progress)
             if kind == ".mp4":

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.errors import NotSupported
 from wbc.export.logs import Log, log
-from wbc.export.whole import whole
+from wbc.files import written
 from wbc.report.marks import Mark
 from wbc.sim.scenario import Progress, silent
 
@@ -41,7 +41,7 @@ def to_rerun(
     except ImportError as cause:
         raise NotSupported("a recording for Rerun needs rerun-sdk; pip install 'wbc-qp[rerun]'") from cause
     content = log(run, robot)
-    with whole(path) as aside:
+    with written(path) as aside:
         recording = rr.RecordingStream(f"wbc {run.meta.get('scenario', 'run')}", send_properties=False)
         recording.send_recording_name(str(run.meta.get("scenario", "run")))
         recording.save(aside, default_blueprint=_blueprint(content))

@@ -123,10 +123,10 @@ def highlights(result: ScenarioResult) -> list[Tile]:
 def _real_time(run: Run) -> Tile:
     """Whether every tick was done within its period; the slowest hundredth beside it."""
     late, p99, period = measure.late(run), measure.tick_times(run).p99, 1e6 * float(run.meta["dt"])
-    beside = f"p99 {p99:.0f} of {period:g} µs"
+    beside = f"p99 {p99:.0f} µs, period {period:g} µs"
     if not late:
-        return Tile(f"real time, {beside}", "yes", "good")
-    return Tile(f"ticks late for real time, {beside}", str(formatted(late)), "bad" if p99 > period else "doubtful")
+        return Tile(f"real time; {beside}", "yes", "good")
+    return Tile(f"ticks late; {beside}", str(formatted(late)), "bad" if p99 > period else "doubtful")
 
 
 def _percent(share: Any) -> str:

@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 MOST = 3
 #: A table of more rows is shown when asked for.
 LONG = 24
+#: Settings that follow from the stack.
+TOLD = ("distances", "residuals", "tasks")
 
 
 def save_comparison(
@@ -97,9 +99,9 @@ def comparison(results: Mapping[str, ScenarioResult], *, progress: Progress = si
         drawn.append(dict(plots(result)))
     titles = dict.fromkeys(title for found in drawn for title in found)
     sections = [
-        *([Section("What was demanded", [demanded(results)])] if any(r.verdict for r in results.values()) else []),
-        Section("What was set", was_set(runs)),
-        Section("What came out", came_out(results)),
+        *([Section("Demands", [demanded(results)])] if any(r.verdict for r in results.values()) else []),
+        Section("Settings", was_set(runs)),
+        Section("Figures", came_out(results)),
         *(Section(title, overlaid(list(runs), [found.get(title, []) for found in drawn])) for title in titles),
     ]
     dt = min(float(run.meta["dt"]) for run in runs.values())
@@ -162,7 +164,7 @@ def demanded(results: Mapping[str, ScenarioResult]) -> Table:
         bounds = dict.fromkeys(verdict.bound(check) for check in mine if check is not None)
         bars = [None if c is None else replace(verdict.margin(c), text=number(float(c.value))) for c in mine]
         rows.append([text, " or ".join(bounds), *bars])
-    return Table(("demanded", "bound", *results), rows, "Bar: what came out, with a line at the bound.")
+    return Table(("demand", "bound", *results), rows, "Bar: the value; the line is the bound.")
 
 
 def came_out(results: Mapping[str, ScenarioResult]) -> list[Item]:
@@ -175,15 +177,20 @@ def came_out(results: Mapping[str, ScenarioResult]) -> list[Item]:
 def was_set(runs: Mapping[str, Run]) -> list[Item]:
     """Settings that differ."""
     flat = [
-        dict(settings.flat({key: value for key, value in run.meta.items() if key not in (*RESULTS, "stack")}))
-        | {f"stack: {line.strip()}": "yes" for line in str(run.meta.get("stack", "")).splitlines()}
+        dict(settings.flat({key: value for key, value in run.meta.items() if key not in (*RESULTS, *TOLD, "stack")}))
+        | {part.strip(): value.strip() for part, _, value in _stack(run)}
         for run in runs.values()
     ]  # fmt: skip
     differing, _ = _differing([{key: settings.shown(value) for key, value in one.items()} for one in flat])
     if not differing:
         return [Text("Every setting is the same in all runs.")]
-    caption = "Settings that differ; all others are the same. A dash: the run has no such setting."
+    caption = "The settings that differ. A dash: the run has no such setting."
     return [Table(("setting", *runs), differing, caption, folded=len(differing) > LONG)]
+
+
+def _stack(run: Run) -> Iterator[tuple[str, str, str]]:
+    """The lines of the stack: what is set, and to which members."""
+    return (line.partition(": ") for line in str(run.meta.get("stack", "")).splitlines() if ": " in line)
 
 
 def _differing(tables: Sequence[Mapping[str, Cell]]) -> tuple[list[list[Cell]], list[list[Cell]]]:
@@ -203,9 +210,9 @@ def _figures(result: ScenarioResult) -> dict[str, Cell]:
     run, tick, use = result.run, measure.tick_times(result.run), measure.use(result.run)
     found: dict[str, Cell] = {
         "simulated [s]": measure.seconds(run), "ticks without an answer": int((~measure.solved(run)).sum()),
-        "ticks late for real time": measure.late(run), "tick, median [µs]": tick.median, "tick, p99 [µs]": tick.p99,
+        "late ticks": measure.late(run), "tick, median [µs]": tick.median, "tick, p99 [µs]": tick.p99,
     }  # fmt: skip
-    found |= {f"{kind} in use, at most [%]": 100.0 * float(share.max(initial=0.0)) for kind, share in use.items()}
+    found |= {f"{kind}, of its limit at most [%]": 100.0 * float(share.max(initial=0.0)) for kind, share in use.items()}
     for task in measure.tasks(run):
         for unit, error in measure.errors(run, task).items():
             norm = np.linalg.norm(error, axis=1)
@@ -216,7 +223,10 @@ def _figures(result: ScenarioResult) -> dict[str, Cell]:
     slips = {name: measure.slip(run, name) for name in run.meta.get("contacts", {})}
     found |= {f"slip of {name} [m]": slip for name, slip in slips.items() if slip is not None}
     found |= {f"{kind} exceeded by [{unit}]": worst for kind, (worst, unit) in result.violations.items()}
-    numbers = {key: value for key, value in settings.flat(result.figures) if isinstance(value, bool | int | float)}
+    numbers = {
+        settings.figure_name(key): value
+        for key, value in settings.flat(result.figures) if isinstance(value, bool | int | float)
+    }  # fmt: skip
     return found | numbers
 
 
@@ -245,6 +255,6 @@ def _summary(results: Mapping[str, ScenarioResult]) -> str:
     ends = []
     for name, result in results.items():
         failed = "; ".join(check.text for check in failed_first(result.verdict) if not check.ok)
-        said = {"passed": "met every demand", "not judged": "was not judged"}
-        ends.append(f"{name} {said.get(_fate(result)[0], f'did not meet: {failed}')}")
-    return f"{len(results)} runs of {' and '.join(what)}, at the same time: {'. '.join(ends)}."
+        said = {"passed": "all demands met", "not judged": "not judged"}
+        ends.append(f"{name}: {said.get(_fate(result)[0], f'not met: {failed}')}")
+    return f"{len(results)} runs of {' and '.join(what)}. {'. '.join(ends)}."

@@ -296,12 +296,14 @@ def percent(share: float) -> str:
 
     Example:
         >>> from wbc.report.document import percent
-        >>> [percent(x) for x in (0.0, 0.00012, 0.1234, 0.9999, 1.0, 14.2)]
-        ['0 %', '0.012 %', '12.3 %', '99.99 %', '100 %', '1420 %']
+        >>> [percent(x) for x in (0.0, 1e-9, 0.00012, 0.1234, 0.9999, 1.0, 14.2)]
+        ['0 %', '< 0.01 %', '0.012 %', '12.3 %', '99.99 %', '100 %', '1420 %']
     """
     value = 100.0 * share
     if np.isnan(value):
         return "–"
+    if 0.0 < value < 0.01:
+        return "< 0.01 %"
     if 99.0 < value < 100.0:
         return f"{np.floor(1e3 * value) / 1e3:g} %"  # nearly all is not all
     return f"{value:.0f} %" if abs(value) >= 100.0 else f"{value:.3g} %"

@@ -32,8 +32,8 @@ def events(result: ScenarioResult) -> list[Event]:
             found.append(Event(float(said[1]), float(said[2] or end), line, "fault"))
     for name, standing in measure.standing(run).items():
         spans = measure.intervals(run, standing)
-        found += [Event(start, start, f"{name} carries", "contact") for start, _ in spans if start > 0.0]
-        found += [Event(stop, stop, f"{name} carries nothing", "contact") for _, stop in spans if stop < end]
+        found += [Event(start, start, f"{name} is loaded", "contact") for start, _ in spans if start > 0.0]
+        found += [Event(stop, stop, f"{name} is unloaded", "contact") for _, stop in spans if stop < end]
     found = found if len(found) <= MOST_EVENTS else [event for event in found if event.kind != "contact"]
     for check in failed_first(result.verdict):
         at, part, plot = check.place
@@ -57,11 +57,11 @@ def story(result: ScenarioResult) -> list[Event]:
     begin = causes[-1].start if causes else max(first - BEFORE, 0.0)
     told = [event for event in causes[-1:] if event.kind != "push"] + _pushed(result, begin)
     told += [event._replace(label=f"not met: {event.label}") for event in failed]
-    freed = [event for event in found if event.kind == "contact" and event.label.endswith("carries nothing")]
+    freed = [event for event in found if event.kind == "contact" and event.label.endswith("is unloaded")]
     told += list({event.label: event for event in reversed(freed) if event.start >= begin}.values())
     told += _held(result, begin)
     unsolved = measure.intervals(run, ~measure.solved(run) & (measure.times(run) >= begin))
-    told += [Event(start, stop, "no certified answer", "status", "limits") for start, stop in unsolved[:1]]
+    told += [Event(start, stop, "no certified solution", "status", "limits") for start, stop in unsolved[:1]]
     if str(run.meta.get("ended", "complete")) != "complete":
         told.append(Event(end, end, f"the run ended: {run.meta['ended']}", "end"))
     return sorted(told, key=lambda event: (event.start, ORDER.index(event.kind)))
@@ -87,7 +87,4 @@ def _held(result: ScenarioResult, begin: float) -> list[Event]:
         owner = name.partition(": " if name.startswith("friction") else ", ")[0]
         owners[owner] = owners.get(owner, np.zeros(run.rows, dtype=bool)) | (mask & late)
     spans = {owner: measure.intervals(run, mask) for owner, mask in owners.items() if mask.any()}
-    return [
-        Event(times[0][0], times[-1][1], f"{owner} holds the robot back", "row", "limits")
-        for owner, times in spans.items()
-    ]
+    return [Event(times[0][0], times[-1][1], f"{owner} is active", "row", "limits") for owner, times in spans.items()]

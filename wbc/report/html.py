@@ -19,8 +19,10 @@ from wbc.report.packed import data, scenes
 ASSETS = Path(__file__).with_name("assets")
 #: A text of so many characters stays on one line of its cell.
 SHORT = 16
-#: One of more characters needs the width of a phone.
-LONG = 40
+#: A table of more columns does not fit the width of a phone.
+COLUMNS = 3
+#: What marks of the clock are called.
+KINDS = {"push": "push", "fault": "disturbance or fault", "contact": "change of contact", "failed": "demand not met"}
 
 
 def html(report: Report) -> str:
@@ -55,7 +57,7 @@ def html(report: Report) -> str:
         picture=lambda cell: isinstance(cell, Figure),
         link=lambda cell: isinstance(cell, Link) and cell.plot in names,
     )
-    environment.globals["names"] = [*report.names]
+    environment.globals |= {"names": [*report.names], "kinds": KINDS}
     content = data(report)
     order = [*plots, *(item for item in report.items if isinstance(item, Map)), *scenes(report)]
     places = {id(item): sum(type(one) is type(item) for one in order[:i]) for i, item in enumerate(order)}
@@ -92,9 +94,8 @@ def _anchor(title: str) -> str:
 
 
 def _cards(table: Table) -> bool:
-    """Whether rows are read one by one, as those with words are: a narrow page shows each as a block of lines."""
-    long = any(len(formatted(cell)) > LONG for row in table.rows for cell in row)
-    return (len(table.columns) > 3 and any(" " in formatted(row[0]) for row in table.rows)) or long
+    """Whether a phone is too narrow for the table: it shows each row as a block instead."""
+    return len(table.columns) > COLUMNS
 
 
 def _look(cell: Cell, numeric: bool) -> str:
@@ -103,6 +104,8 @@ def _look(cell: Cell, numeric: bool) -> str:
         return "bar"
     if isinstance(cell, bool):
         return "good" if cell else "bad"
+    if formatted(cell) == formatted(None):
+        return "nothing number" if numeric else "nothing"
     if isinstance(cell, Marked):
         return f"{cell.mood} {'number' if numeric else 'short' if len(cell.text) <= SHORT else 'text'}"
     return "number" if numeric else "text" if len(formatted(cell)) > SHORT else "short"

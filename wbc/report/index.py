@@ -93,7 +93,7 @@ def index(folder: Path) -> Report:
         Table(
             columns,
             rows,
-            "A click in a heading sorts. A dash: the run does not say, or has no such setting.",
+            "Click a heading to sort. A dash: the run has no such setting.",
             sorts=True,
         ),
         *([Table(("setting", "in every run"), same, "Settings that do not differ", folded=True)] if same else []),

@@ -19,6 +19,7 @@ from wbc.report.build import require_extras, run_report
 from wbc.report.folder import HTML, replaced, write
 from wbc.report.kept import keep_sections, kept_sections
 from wbc.report.markdown import FIGURES
+from wbc.report.shapes import described
 from wbc.sim.provenance import machine, versions
 from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_first, silent
 
@@ -76,8 +77,8 @@ def report_again(
 ) -> tuple[Path, RobotModel | None]:
     """Make the report in the folder of a run anew from ``run.npz`` and ``meta.json``; gives its path, and who is drawn.
 
-    Without ``robot`` the one of the run's name is drawn, if it can be loaded. Obstacles are not in a record: they are
-    left out. The record itself stays.
+    Without ``robot`` the one of the run's name, or the planar robot of the record, is drawn. Obstacles are not in a
+    record: they are left out. The record itself stays.
 
     Raises:
         InvalidInput: no run in the folder, or ``robot`` is another one.
@@ -160,15 +161,18 @@ def fits(robot: RobotModel, run: Run) -> bool:
 
 
 def named(run: Run) -> RobotModel | None:
-    """The robot of the run's name, None where it cannot be loaded by it or is another one."""
+    """The robot of the run's name, or the planar one that the run describes; None where neither can be made."""
     from wbc.models import load
 
-    name = str(run.meta.get("robot"))
+    name, planar = str(run.meta.get("robot")), run.meta.get("planar")
     if not name.replace("_", "").isalnum():  # a path: a record says which files are read no more than a pickle would
         return None
     try:
-        robot = load(name, base=run.meta.get("base"))
-    except WbcError:
+        if planar is None:
+            robot: RobotModel = load(name, base=run.meta.get("base"))
+        else:
+            robot = described(name, planar, run.meta["limits"])
+    except (WbcError, KeyError, TypeError, ValueError):
         return None
     return robot if fits(robot, run) else None
 

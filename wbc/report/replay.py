@@ -26,9 +26,9 @@ FRAMES_PER_SECOND = 25.0  # the page moves the robot evenly between two of them
 MAX_FRAMES = 1500  # a minute; a longer run is shown with fewer frames a second
 BUDGET = 60_000  # triangles of the whole robot
 
-SAID = "Drag to turn, scroll to come nearer. Red: a joint at a limit."
-ARROWS = " An arrow of half a metre: the robot's weight."
-GHOSTS = "Seen through: what else was run, at the same time."
+SAID = "Drag to rotate, scroll to zoom. Red: a joint at a limit."
+ARROWS = " An arrow of 0.5 m is the weight of the robot."
+GHOSTS = "Transparent: the other runs at the same time."
 #: Of the runs that are compared, in the scene and in the plots (``--curve-0`` and so on in ``assets/page.css``).
 RUNS = ("#2b6cb0", "#d2691e", "#2f8f5b", "#7a5bb5", "#1f9aa0", "#8c6d46", "#c2408a", "#6b7a1f")
 

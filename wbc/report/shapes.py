@@ -6,19 +6,22 @@ A robot without any shape gets capsules from joint to joint, so that a report al
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from wbc.errors import NotSupported
+from wbc.models.chain import Chain
 from wbc.models.collision import Obstacle
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Sphere
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.models.planar import PlanarRobot
+from wbc.models.planar import JointLimits, PlanarRobot
 from wbc.report.meshes import Faces, Surface, read_mesh
-from wbc.types import Mat
+from wbc.types import Mat, Vec
 
 Color = tuple[int, int, int]
 
@@ -82,6 +85,29 @@ def planar(robot: PlanarRobot) -> list[Part]:
         found.append(Part(f"link{i - 1}" if i > 1 else "base", rail.vertices @ _turn_z_to(axis).T, rail.faces, DARK))
         found.append(Part(f"link{i}", block.vertices, block.faces, LIGHT))
     return found
+
+
+@final
+class _Described(PlanarRobot):
+    """A planar robot that is made to be drawn, without the coefficients of adaptive control."""
+
+    @property
+    def coefficients(self) -> Vec:
+        raise NotSupported("a planar robot of a record has no coefficients")
+
+    def regressor(self, q: ArrayLike, v: ArrayLike, v_reference: ArrayLike, a: ArrayLike) -> Mat:
+        raise NotSupported("a planar robot of a record has no regressor")
+
+
+def described(name: str, planar: Mapping[str, Any], limits: JointLimits) -> PlanarRobot:
+    """The planar robot that a record describes: ``chain``, ``parameters`` and ``gravity`` of its metadata.
+
+    Raises:
+        InvalidInput, KeyError: the metadata describes no chain.
+    """
+    return _Described(
+        name, Chain.parse(planar["chain"]), planar["parameters"], gravity=planar["gravity"], limits=limits
+    )
 
 
 def skeleton(robot: PinocchioModel) -> list[Part]:

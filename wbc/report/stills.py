@@ -65,7 +65,7 @@ def stills(
             axes.axis("off")
             axes.set_title(f"{moving.times[i]:.1f} s", loc="center", fontsize=8.5)
         drawing.savefig(memory, format="png", dpi=170, metadata={"Software": None})
-    caption = "The robot at a few moments, the start, the end and the ends of pushes among them."
+    caption = "The robot at the start, at the end, at the ends of pushes and between."
     return Figure("motion", caption, memory.getvalue(), "png")
 
 

@@ -51,6 +51,7 @@
   const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colour = (k) => () => style(`--curve-${k % 8}`);
   const dashes = [undefined, [7, 4], [2, 3], [10, 3, 2, 3]];
+  const dashOfBound = (k) => [[5, 3], [2, 2], [11, 3], [8, 3, 2, 3]][k % 4];
   const ink = () => style("--ink"), line = () => style("--line"), soft = () => style("--soft");
 
   // ---- plots
@@ -66,13 +67,12 @@
     const label = (text, kind) => Object.assign(document.createElement("span"), { className: kind, textContent: text });
     const head = document.createElement("i");
     head.className = "head";
-    const lines = spec.bounds.map((bound) => label(bound.label, "bound"));
     const names = spec.strips.map((strip) => label(strip.label, "strip"));
     return {
       head,
       hooks: {
         setScale: [(u, key) => { if (key === "x" && spec.time) spread(u); }],
-        ready: [(u) => u.over.append(...lines, ...names, ...(spec.time ? [head] : []))],
+        ready: [(u) => u.over.append(...names, ...(spec.time ? [head] : []))],
         drawClear: [(u) => {
           if (!spec.time) return;
           u.ctx.save();
@@ -93,21 +93,15 @@
           ctx.save();
           ctx.strokeStyle = style("--bad");
           ctx.lineWidth = ratio;
-          ctx.setLineDash([4 * ratio, 3 * ratio]);
           spec.bounds.forEach((bound, k) => {
             const axis = bound.along === "x" ? "x" : "y", at = u.valToPos(bound.value, axis, true);
             const from = axis === "y" ? bbox.top : bbox.left, size = axis === "y" ? bbox.height : bbox.width;
-            const inside = at >= from - 1 && at <= from + size + 1;
-            lines[k].hidden = !inside;
-            if (!inside) return;
+            if (at < from - 1 || at > from + size + 1) return;
+            ctx.setLineDash(dashOfBound(k).map((length) => length * ratio));
             ctx.beginPath();
             if (axis === "y") { ctx.moveTo(bbox.left, at); ctx.lineTo(bbox.left + bbox.width, at); }
             else { ctx.moveTo(at, bbox.top); ctx.lineTo(at, bbox.top + bbox.height); }
             ctx.stroke();
-            const place = (at - from) / ratio;
-            if (axis === "y") lines[k].style.top = `${place < 14 ? place + 1 : place - 14}px`;
-            else if (size / ratio - place < 60) Object.assign(lines[k].style, { left: "auto", right: `${size / ratio - place + 3}px`, top: "0" });
-            else Object.assign(lines[k].style, { left: `${place + 3}px`, right: "auto", top: "0" });
           });
           for (const event of spec.time ? data.events : []) {
             if (event.kind !== "failed" || event.plot !== spec.name) continue;
@@ -126,6 +120,23 @@
       },
     };
   }
+  // the names of bounds stand below the plot, where they hide no curve
+  function key(bounds) {
+    const list = Object.assign(document.createElement("div"), { className: "bounds" });
+    bounds.forEach((bound, k) => {
+      const one = document.createElement("span");
+      one.innerHTML = `<svg viewBox="0 0 26 6" aria-hidden="true"><path d="M0 3H26" stroke-dasharray="${dashOfBound(k).join(" ")}"/></svg>`;
+      one.append(bound.label);
+      list.append(one);
+    });
+    return list;
+  }
+  // of a logarithmic axis over many powers of ten, whole powers alone
+  const powers = (_, axis, low, high) => {
+    const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9), step = Math.ceil((last - first + 1) / 8);
+    if (last - first < 4) return [...Array(last - first + 2).keys()].flatMap((k) => [1, 2, 3, 4, 5, 6, 7, 8, 9].map((m) => m * 10 ** (first - 1 + k))).filter((v) => v >= low * 0.999 && v <= high * 1.001);
+    return [...Array(last - first + 1).keys()].filter((k) => k % step === 0).map((k) => 10 ** (first + k));
+  };
   function rectangle(u, start, end, top, bottom, fill) {
     const left = Math.max(u.valToPos(start, "x", true), u.bbox.left);
     const right = Math.min(u.valToPos(end, "x", true), u.bbox.left + u.bbox.width);
@@ -147,11 +158,12 @@
     const { head, hooks } = marks(spec);
     const whole = (u) => { const { min, max } = u.scales.x; return min == null || (min <= first + 1e-12 && max >= final - 1e-12); };
     const bounded = [...spec.bounds.filter((bound) => bound.along !== "x").map((bound) => bound.value), ...(spec.reach || [])];
+    const across = spec.time ? [] : spec.bounds.filter((bound) => bound.along === "x").map((bound) => bound.value);
     const range = (u, low, high) => {
       if (spec.strips.length) return [0, 1];
       if (low == null) { low = 0; high = 1; }
       if (whole(u)) { low = Math.min(low, ...bounded); high = Math.max(high, ...bounded); }
-      if (spec.zero) low = Math.min(low, 0);
+      if (spec.zero) { low = Math.min(low, 0); if (high <= low) high = low + 1; }
       if (spec.log.includes("y")) return uPlot.rangeLog(low, high, 10, false);
       const room = (high - low || Math.abs(high) || 1) * 0.06;
       return [spec.zero && low >= 0 ? 0 : low - room, high + room];
@@ -162,11 +174,14 @@
     const u = new uPlot({
       width: Math.max(box.clientWidth, 200), height: spec.strips.length ? 40 + 28 * spec.strips.length : 190,
       scales: {
-        x: { time: false, distr: spec.log.includes("x") ? 3 : 1, range: (_, low, high) => (spec.log.includes("x") ? uPlot.rangeLog(low, high, 10, false) : [low, high]) },
+        x: { time: false, distr: spec.log.includes("x") ? 3 : 1, range: (u, low, high) => {
+          if (low === first && high === final) { low = Math.min(low, ...across); high = Math.max(high, ...across); }
+          return spec.log.includes("x") ? uPlot.rangeLog(low, high, 10, false) : [low, high];
+        } },
         y: { distr: spec.log.includes("y") ? 3 : 1, range },
       },
-      axes: [{ ...axis, size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
-             { ...axis, size: 58, grid: { show: !spec.strips.length, stroke: line, width: 1 }, ticks: { show: !spec.strips.length, stroke: line, width: 1, size: 4 },
+      axes: [{ ...axis, ...(spec.log.includes("x") ? { splits: powers } : {}), size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
+             { ...axis, ...(spec.log.includes("y") ? { splits: powers } : {}), size: 58, grid: { show: !spec.strips.length, stroke: line, width: 1 }, ticks: { show: !spec.strips.length, stroke: line, width: 1, size: 4 },
                values: (_, ticks) => ticks.map((v) => (v == null || spec.strips.length ? "" : short(v))) }],
       series: [
         { label: spec.over, value: (_, v) => reduced(v) },
@@ -188,6 +203,7 @@
       hooks,
     }, [x, ...columns, ...(spec.strips.length ? [x.map(() => null)] : [])], box);
     box.plot = u;
+    if (spec.bounds.length) box.append(key(spec.bounds));
     if (spec.time) {
       plots.push({ u, box, head });
       let down = 0;
@@ -334,7 +350,7 @@
       return made;
     };
     const sizes = (list, k) => list.map(([values, unit]) => `${three(arrays[values][k])} ${unit}`).join(", ");
-    const three = (v) => (v == null ? "–" : v !== 0 && Math.abs(v) < 1e-3 ? v.toExponential(2) : Number(v.toPrecision(3)).toString());
+    const three = (v) => (v == null ? "–" : Math.abs(v) < 1e-12 ? "0" : Math.abs(v) < 1e-3 ? v.toExponential(2) : Number(v.toPrecision(3)).toString());
     let shown = -1;
     followers.push((now) => {
       let k = Math.max(0, Math.min(t.length - 1, Math.round(((now - t[0]) / ((t[t.length - 1] - t[0]) || 1)) * (t.length - 1))));
@@ -347,13 +363,13 @@
         const [name, unit] = why.rows[Math.round(code)];
         return [[name, `${three(arrays[why.bounds[slot]][k])} ${unit}`, `${three(arrays[why.multipliers[slot]][k])} per ${unit || "unit"}`]];
       });
-      const tasks = why.tasks.map((task) => [task.task, sizes(task.error, k) || "–", sizes(task.residual, k) || "–", `${three(arrays[task.share][k])} %`]);
+      const tasks = why.tasks.map((task) => [task.task, sizes(task.error, k) || "–", sizes(task.residual, k) || "–", arrays[task.share][k] == null ? "–" : `${three(arrays[task.share][k])} %`]);
       panel.replaceChildren(
         cell("h3", `Why${why.name && `, ${why.name}`}, at ${t[k].toFixed(3)} s: ${why.statuses[Math.round(status[k])]}`),
-        table(["task", "error", "residual", "of the cost"], tasks),
-        ...(solved ? [] : [cell("p", "This tick has no certified answer, so nothing is said of its tasks and rows. The verdict has the words of the first such tick.")]),
-        ...(!solved ? [] : [cell("h3", rows.length ? "Active rows, the dearest first" : "No row is active: no limit holds the robot back")]),
-        ...(rows.length ? [table(["row", "bound", "multiplier"], rows)] : []),
+        table(["task", "error", "residual", "share of cost"], tasks),
+        ...(solved ? [] : [cell("p", "This tick has no certified solution, so its tasks and rows are not listed. The section Verdict explains the first such tick.")]),
+        ...(!solved ? [] : [cell("h3", rows.length ? "Active constraints, the largest multiplier first" : "No constraint is active")]),
+        ...(rows.length ? [table(["constraint", "bound", "multiplier"], rows)] : []),
       );
     });
   }

@@ -13,7 +13,7 @@ from wbc.types import Vec
 
 Row = dict[str, Any]
 
-KINDS = {"chosen": "the form that is chosen", "standard": "standard form"}
+KINDS = {"chosen": "chosen form", "standard": "standard form"}
 #: Two forms whose times differ by less are called equal.
 _EQUAL = 0.05
 
@@ -24,12 +24,12 @@ def page(data: dict[str, Any]) -> Report:
     names = list(dict.fromkeys(row["axis"] for row in rows))
     sections = [
         Section("Curves", [*_plots(rows, names, data["titles"]), _exponents(rows, names)]),
-        Section("Where the chosen form pays", [Text(_payoff(rows, name)) for name in names]),
+        Section("Gain of the chosen form", [Text(_payoff(rows, name)) for name in names]),
         Section("Numbers", [_table(rows)]),
         Section("Settings", [_settings(data)]),
         Section("Limits of these curves", [Text(sentence) for sentence in _limits(data)]),
     ]
-    return Report("How a tick grows", _summary(rows, names), None, sections)
+    return Report("Time of a tick against size", _summary(rows, names), None, sections)
 
 
 def curve(rows: Sequence[Row], name: str, kind: str) -> tuple[Vec, Vec]:
@@ -83,7 +83,7 @@ def _exponents(rows: Sequence[Row], names: Sequence[str]) -> Table:
             fitted = [None if fit is None else str(fit) for fit in (exponent(x, y), slope(x, y))]
             found.append([name, label, *fitted, *ends])
     columns = ("axis", "form", "exponent, larger half", "exponent, all", "smallest [µs]", "largest [µs]")
-    note = "time ∝ sizeᵖ, p by least squares on logarithms, with Student's 95 % interval; sizes of zero are left out."
+    note = "Exponent p of time ∝ sizeᵖ by least squares on logarithms, with Student's 95 % interval; without size zero."
     return Table(columns, found, note)
 
 
@@ -101,22 +101,22 @@ def _payoff(rows: Sequence[Row], name: str) -> str:
     slower = np.flatnonzero(both & (gain < 1.0 - _EQUAL))
     span = f"{np.nanmin(gain):.2f} to {np.nanmax(gain):.2f} times as fast as the standard form"
     if not slower.size:
-        return f"{name}: the {forms} form pays at every size that was measured, {span}."
+        return f"{name}: the {forms} form is faster at every size, {span}."
     at = ", ".join(f"{x[i]:.0f}" for i in slower)
-    return f"{name}: the {forms} form is {span}; it does not pay at {at}."
+    return f"{name}: the {forms} form is {span}; it is slower at {at}."
 
 
 def _table(rows: Sequence[Row]) -> Table:
     columns = ("axis", "size", "form", "tick, median [µs]", "p99 [µs]", "variables", "equalities", "rows", "active",
-               "first guess right", "solved")  # fmt: skip
+               "active set kept", "solved")  # fmt: skip
     cells = [
         (row["axis"], row["size"], row["form"], row["tick_us"], row["p99_us"], row["variables"], row["equalities"],
          row["rows"], row["active"], percent(row["guessed"]), row["solved"])
         for row in rows
     ]  # fmt: skip
     note = (
-        "Every size in both forms; sizes of the QP in standard form; active rows of the last tick; on how many "
-        "ticks the active set of the one before was right."
+        "Every size in both forms. Variables, equalities and rows: of the QP in standard form. Active: rows of the "
+        "last tick. Active set kept: share of the ticks at which the active set of the tick before was right."
     )
     return Table(columns, cells, note)
 
@@ -132,9 +132,8 @@ def _settings(data: dict[str, Any]) -> Table:
 def _limits(data: dict[str, Any]) -> list[str]:
     settings = data["settings"]
     return [
-        f"The least of {settings['repeats']} times of each of {settings['ticks']} ticks, warm, one thread, one "
-        "machine: ratios and exponents travel to other machines better than microseconds.",
-        "Robots, states and stacks are made: links of random mass, one motion, no robot that anybody built. A tick "
-        "is a whole one, model update and certificate included; Python's share of it does not grow with size and "
-        "flattens the small end.",
+        f"The smallest of {settings['repeats']} times of each of {settings['ticks']} ticks, warm, one thread, one "
+        "machine. Ratios and exponents carry over to other machines better than microseconds.",
+        "Robots, states and stacks are generated, with links of random mass. A tick includes the model update and the "
+        "certificate. The time in Python does not grow with size and flattens the curves at small sizes.",
     ]

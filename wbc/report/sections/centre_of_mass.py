@@ -32,8 +32,8 @@ def section(result: ScenarioResult) -> Section | None:
     if (around := hull(np.vstack([*ground, np.zeros((0, 2))]))) is not None:
         outlines.append(("hull of the contacts", around))
     items: list[Item] = [
-        Map("com", "Seen from above, over the contacts at the start", "m", t, com[:, 0], com[:, 1], outlines),
-        Plot("com", "Moved from where it began", "mm", t,
+        Map("com", "Path seen from above, with the contacts at the start", "m", t, com[:, 0], com[:, 1], outlines),
+        Plot("com", "Displacement from the start", "mm", t,
              [Curve(axis, 1e3 * (com[:, i] - com[0, i])) for i, axis in enumerate("xyz")]),
     ]  # fmt: skip
     return Section("Centre of mass", items)

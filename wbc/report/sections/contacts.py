@@ -1,4 +1,4 @@
-"""Contact forces in their cones."""
+"""Contact forces: normal forces, friction ratios, centres of pressure and slip."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def section(result: ScenarioResult) -> Section | None:
     columns = ("contact", "controller's friction", "floor's friction", "ratio, commanded", "ratio, true", "f_z min [N]",
                "f_z max [N]", "CoP margin [mm]", "slip [mm]")  # fmt: skip
     note = (
-        "Ratio: tangential over normal force at worst. The controller keeps its own, more careful friction coefficient "
-        "with what it commands; the true force may lie beyond it, and slides where it reaches the floor's. CoP margin: "
-        "smallest distance of the true centre of pressure to the edge of the sole, negative outside it. Slip: largest "
-        "way of the material point of contact. A dash: not measured."
+        "Ratio: largest tangential over normal force. The commanded force keeps the controller's friction coefficient, "
+        "which is smaller than the floor's. The true force may exceed it, and the contact slides where it reaches the "
+        "floor's. CoP margin: smallest distance from the true centre of pressure to the edge of the sole, negative "
+        "outside. Slip: largest displacement of the contact point. A dash: not measured."
     )
     items.append(Table(columns, [_row(run, name) for name in names], note))
-    return Section("Contact forces in their cones", items)
+    return Section("Contact forces", items)
 
 
 def _loads(run: Run, names: list[str]) -> list[Item]:
@@ -46,7 +46,7 @@ def _loads(run: Run, names: list[str]) -> list[Item]:
     standing = measure.standing(run)
     if any(not mask.all() for mask in standing.values()):
         strips = [Strip(name, measure.intervals(run, mask)) for name, mask in standing.items()]
-        made.append(Plot("standing", "Contacts that carry", "", t, strips=strips, wide=True))
+        made.append(Plot("standing", "When each contact is loaded", "", t, strips=strips, wide=True))
     return made
 
 
@@ -59,20 +59,9 @@ def _slip(result: ScenarioResult, names: list[str]) -> list[Item]:
     if not ways:
         return []
     curves = [Curve(name, 1e3 * way) for name, way in ways.items()]
-    caption = "Of the material point of contact, from where it had settled; a foot that is lifted moves too."
-    return [
-        Plot(
-            "slip",
-            "Slip of every contact",
-            "mm",
-            measure.times(run),
-            curves,
-            asked,
-            caption=caption,
-            zero=True,
-            wide=True,
-        )
-    ]
+    caption = "Displacement of the contact point since the robot settled; a lifted foot moves too."
+    t = measure.times(run)
+    return [Plot("slip", "Slip of every contact", "mm", t, curves, asked, caption=caption, zero=True, wide=True)]
 
 
 def _forces(run: Run, name: str) -> Plot:

@@ -60,5 +60,5 @@ def _table(result: ScenarioResult) -> Table:
             within = np.clip([a, max(b, a + 0.01), start], 0.0, 1.0)
             shown = Bar(float(within[0]), float(within[1]), "", float(within[2]), a >= -1e-9 and b <= 1 + 1e-9)
         rows.append((name, units[i], lo, hi, low, high, min(lo - low, high - hi), shown))
-    caption = "Positions of every joint. Bar: the range it went through between its limits; the line is where it began."
+    caption = "Positions of every joint. Bar: its range between its limits; the line is its first position."
     return Table(columns, rows, caption, len(rows) > LONG)

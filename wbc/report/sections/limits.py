@@ -1,4 +1,4 @@
-"""Which limits held the robot back, and what the tasks cost."""
+"""Which constraints were active when, and the share of each task in the cost."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def section(result: ScenarioResult) -> Section | None:
         others = np.any([masks[name] for name in names[MOST:]], axis=0)
         strips.append(Strip(f"{len(names) - MOST} other rows", measure.intervals(run, others)))
     if strips:
-        caption = "When a row was at its bound and pushed. Click for the rows of that tick, with their multipliers."
-        items.append(Plot("limits", "Active rows", "", t, strips=strips, caption=caption, wide=True))
+        caption = "Click to see the active constraints of that tick and their multipliers."
+        items.append(Plot("limits", "Times of activity", "", t, strips=strips, caption=caption, wide=True))
     costs = [Curve(task, share) for task, share in shares(run).items()]
-    if costs:
-        caption = "Of the cost ½ Σ wᵢ rᵢ² that was left in each tick: what the robot gave up, and for which task."
+    if len(costs) > 1:
+        caption = "Share of each task in the cost ½ Σ wᵢ rᵢ² of the solution: the tasks that were not met."
         items.append(
             Plot("shares", "Share of each task in the cost", "%", t, costs, caption=caption, zero=True, wide=True)
         )
-    return Section("Limits that held the robot back", items) if items else None
+    return Section("Active constraints", items) if items else None

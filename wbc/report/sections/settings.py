@@ -8,6 +8,10 @@ from typing import Any
 from wbc.report.document import Item, Section, Table, formatted
 from wbc.sim.scenario import ScenarioResult
 
+#: The unit that the name of a figure ends with.
+UNITS = {"us": "µs", "deg": "°", "Nm": "N m"} | {
+    unit: unit for unit in ("m", "mm", "s", "ms", "rad", "N", "kg", "W", "J")
+}
 CONTROLLER = ("scenario", "robot", "level", "hierarchy", "solver", "feedback", "dt", "duration", "seed")
 
 
@@ -46,6 +50,12 @@ def shown(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in value) + "]"
     return formatted(value) if value is None or isinstance(value, (str, bool, int, float)) else str(value)
+
+
+def figure_name(key: str) -> str:
+    """The name of a figure in words, with its unit: ``com_rms_m`` is "com rms [m]"."""
+    words, _, unit = key.rpartition("_")
+    return f"{words.replace('_', ' ')} [{UNITS[unit]}]" if words and unit in UNITS else key.replace("_", " ")
 
 
 def flat(mapping: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

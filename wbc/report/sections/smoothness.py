@@ -29,12 +29,12 @@ def section(result: ScenarioResult) -> Section | None:
     items = _plots(result.run, points, joints)
     kind = _kind(joints)
     caption = (
-        f"Jerk, rms of the {kind} and its share of power above 3 Hz are the command's, a freeze is the motion's: the "
-        "longest time at rest while the target moves; –: no target moves."
+        f"Jerk, rms {kind} and its share of power above 3 Hz are those of the command. A freeze is the longest time at "
+        "rest while the target moves; a dash: no target moves."
     )
     if points:
         items.append(_table(points, "task point", caption))
-    items.append(_table(joints, "joint", "Smoothness of every joint, in the same terms." if points else caption, True))
+    items.append(_table(joints, "joint", "Smoothness of every joint" if points else caption, True))
     return Section("Smoothness", items)
 
 

@@ -28,8 +28,8 @@ def section(result: ScenarioResult) -> Section | None:
     if distances:
         items.append(
             Table(
-                ("task", "unit", "median", "largest", "ticks with proof"), distances,
-                "How far each task can be from its optimum: at most this, as the certificate proves it in each tick.",
+                ("task", "unit", "median", "largest", "ticks with a bound"), distances,
+                "Bound on the distance of each task from its optimum, as the certificate of each tick proves it.",
             )
         )  # fmt: skip
     return Section("Solver", [*_plots(result), *items])
@@ -46,7 +46,7 @@ def _plots(result: ScenarioResult) -> list[Plot]:
     if "certificate" in run:
         proof = np.maximum(np.asarray(run["certificate"], dtype=float), LEAST)
         curves = [Curve(name, values) for name, values in zip(("primal", "dual", "gap"), proof.T, strict=True)]
-        caption = "Primal residual in the row's unit; dual residual and gap relative to the cost. A gap: no answer."
+        caption = "Primal residual in the row's unit; dual residual and gap relative to the cost."
         bounds = [Bound(1e-6, "certified below")]
         plots.append(
             Plot("certificate", "Residuals of the certificate", "", t, curves, bounds, caption=caption, log="y")
@@ -60,7 +60,7 @@ def _statistics(result: ScenarioResult) -> list[tuple[str, Cell]]:
     if "iterations" in run:
         n = np.asarray(run["iterations"], dtype=float)
         rows += [
-            ("first guess right (at most one iteration)", percent(float(np.mean(n <= 1)))),
+            ("active set of the last tick was right (at most one iteration)", percent(float(np.mean(n <= 1)))),
             ("iterations, mean", float(n.mean())),
             ("iterations, largest", int(n.max())),
         ]
@@ -70,7 +70,7 @@ def _statistics(result: ScenarioResult) -> list[tuple[str, Cell]]:
         rows += [
             ("active rows, mean", float(active.mean())),
             ("active rows, largest", int(active.max())),
-            ("ticks on which their number changed", changes),
+            ("ticks at which the number of active rows changed", changes),
         ]
     if "certificate" in run:
         names = ("primal residual [unit of the row]", "dual residual", "complementarity gap")

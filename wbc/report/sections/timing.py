@@ -23,10 +23,7 @@ def section(result: ScenarioResult) -> Section | None:
         "99.9th percentile": float(np.percentile(tick, 99.9)), "largest": float(tick.max()),
     }  # fmt: skip
     rows = [(name, value, percent(value / period)) for name, value in figures.items()]
-    note = (
-        f"One tick of the controller, wall clock. {measure.late(run)} of {len(tick)} took longer than the period of "
-        f"{period:g} µs."
-    )
+    note = f"Wall-clock time of one tick. {measure.late(run)} of {len(tick)} ticks exceed the period of {period:g} µs."
     shown = np.maximum(tick, 1e-3)
     edges = np.geomspace(float(shown.min()) / 1.15, float(shown.max()) * 1.15, BINS + 1)
     counts = np.histogram(shown, bins=edges)[0].astype(float)
@@ -41,4 +38,4 @@ def section(result: ScenarioResult) -> Section | None:
         Plot("tick-histogram", "Number of ticks", "", edges[:-1], [found], marks, log="xy", bars=True,
              over="time of one tick [µs]"),
     ]  # fmt: skip
-    return Section("Tick time", [*plots, Table(("", "time [µs]", "of the period"), rows, note)])
+    return Section("Tick time", [*plots, Table(("", "time [µs]", "share of the period"), rows, note)])

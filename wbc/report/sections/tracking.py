@@ -32,14 +32,14 @@ def section(result: ScenarioResult) -> Section | None:
     if not items:
         return None
     caption = (
-        "Error of each task, target − actual: Euclidean norm over the whole run. Of a task with many rows the plot "
-        "shows the largest and the rms over its rows; the legend has each."
+        "Euclidean norm of the error of each task, target − actual, over the whole run. The plot of a task with many "
+        "rows shows their largest value and their rms; the legend lists each row."
     )
     items.append(Table(("task", "unit", "rms", "largest", "at the end"), rows, caption))
     judged = [(task, value["rms"], value["max"]) for task, value in result.tracking.items()]
     if judged:
         columns = ("task", "rms [m or rad]", "max [m or rad]")
-        items.append(Table(columns, judged, "As the scenario judges it, over its own intervals.", folded=True))
+        items.append(Table(columns, judged, "Errors over the intervals that the scenario judges", folded=True))
     return Section("Tracking", items)
 
 

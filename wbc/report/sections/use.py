@@ -42,10 +42,8 @@ def use_table(run: Run, values: Vec, share: Vec, bound: Vec, units: Sequence[str
          _bar(share[:, i], float(bound[i])))
         for i in order
     ]  # fmt: skip
-    columns = ("joint", "unit", f"largest |{kind}|", "limit", "in use, at most")
-    return Table(
-        columns, rows, f"{kind.capitalize()} of every joint; the line in a bar is the limit.", len(rows) > LONG
-    )
+    columns = ("joint", "unit", "largest", "limit", "largest share")
+    return Table(columns, rows, f"Largest |{kind}| of every joint. The line in a bar is the limit.", len(rows) > LONG)
 
 
 def short_names(names: Sequence[str]) -> list[str]:

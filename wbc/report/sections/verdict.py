@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.report.document import Bar, Event, Item, Link, Section, Table, Text, number, percent
+from wbc.report.document import Bar, Event, Item, Link, Section, Table, number, percent
 from wbc.report.happened import story
+from wbc.report.sections.settings import figure_name
 from wbc.sim.scenario import Check, ScenarioResult, failed_first
 
 #: Where the bound stands in the bar of a demand, in shares of its width.
@@ -17,30 +18,27 @@ def section(result: ScenarioResult) -> Section:
     items: list[Item] = []
     if result.verdict:
         rows = [(c.text, c.value, bound(c), c.ok, _where(c), margin(c)) for c in failed_first(result.verdict)]
-        columns = ("demanded", "came out", "bound", "holds", "where", "of the bound")
+        columns = ("demand", "value", "bound", "met", "where", "share of bound")
         caption = (
-            "Bar: what came out, with a line at the bound. Where: when and in which part it was first broken, or came "
-            "nearest to its bound."
+            "Bar: the value; the line is the bound. Where: the time and the part at which the demand was first "
+            "violated, or else came nearest to its bound."
         )
         items.append(Table(columns, rows, caption))
     if told := story(result):
-        happened = [
-            (Link(f"{one.start:.3f} s", one.plot or "limits", one.start), _until(one), one.label) for one in told
-        ]
-        caption = "What led to the first failure. Until: the last time at which it was so."
-        items.append(Table(("from", "until", "what happened"), happened, caption))
+        happened = [(_since(one), _until(one), one.label) for one in told]
+        items.append(Table(("from", "until", "event"), happened, "The events that led to the first failure."))
     failure = result.run.meta.get("failure")
     if failure:
-        items.append(Text("The first tick without an answer, in the controller's words:"))
-        items += [Text(line.strip()) for line in str(failure["why"]).splitlines()]
+        lines = [(line.strip(),) for line in str(failure["why"]).splitlines()]
+        items.append(Table(("first tick without a certified solution",), lines, "The text of Controller.explain()."))
     if result.violations:
         rows_broken = [(kind, worst, unit) for kind, (worst, unit) in result.violations.items()]
-        caption = "By how much a limit was exceeded at worst; 0 where none ever was."
+        caption = "Largest violation of each limit"
         items.append(Table(("limit", "exceeded by", "unit"), rows_broken, caption, folded=bool(result.verdict)))
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in result.figures.items()}
-    figures = [(k, v) for k, v in plain.items() if isinstance(v, (bool, int, float, str))]
+    figures = [(figure_name(k), v) for k, v in plain.items() if isinstance(v, (bool, int, float, str))]
     if figures:
-        items.append(Table(("figure", "value"), figures, "Other figures of this scenario, as recorded.", folded=True))
+        items.append(Table(("figure", "value"), figures, "Other figures of this scenario", folded=True))
     return Section("Verdict", items)
 
 

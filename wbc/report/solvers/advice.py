@@ -118,9 +118,9 @@ def overall(data: Data, advices: list[Advice]) -> str:
     if disturbed:
         fastest = "; ".join(f"{use} on {_and([o.name for o in ones])}" for use, ones in by_use.items())
         return (
-            f"No solver is recommended: the machine was disturbed ({', '.join(disturbed)}), and times are not to be "
-            f"trusted. Measure again where nothing else runs. What was solved, and how accurately, does not depend on "
-            f"it. The fastest in this measurement: {fastest}."
+            f"No solver is recommended: other work disturbed the times ({', '.join(disturbed)}). Measure again on an "
+            f"idle machine. Which problems were solved, and how accurately, is valid. The fastest in this measurement: "
+            f"{fastest}."
         )
     if len(advices) == 1:
         ((use, (one,)),) = by_use.items()
@@ -137,7 +137,7 @@ def _sureness(advices: list[Advice]) -> str:
     if not doubts:
         return ""
     if any(one.sure == Marked("timed once", "doubtful") for one in doubts):
-        return " Timed once, so that nobody knows by how much another round would differ: --rounds 3 tells."
+        return " Each solve was timed once; --rounds 3 shows how far the times spread."
     told = [f"on {one.name} {one.next.solver} is as fast" for one in doubts if one.next is not None]
     return f" The rounds do not agree: {_and(told)}."
 

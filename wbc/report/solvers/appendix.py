@@ -39,10 +39,10 @@ def failures(data: Data) -> Section:
         (name, labels[name][i], ", ".join(who), failure_file(name, i)) for (name, i), who in sorted(by_problem.items())
     ]
     text = (
-        f"{len(rows)} problems that some solver did not answer with its default settings, cold. Each is saved: "
-        "wbc explain FILE says what holds it, and wbc.QP.load(file) gives it back to the same bits."
+        f"{len(rows)} problems that at least one solver did not solve with its default settings, cold. Each is saved: "
+        "wbc explain FILE lists its active or conflicting rows, and wbc.QP.load(file) reads it."
     )
-    return Section("Failures", [Text(text), Table(("set", "problem", "by", "file"), rows, "All of them", folded=True)])
+    return Section("Failures", [Text(text), Table(("set", "problem", "by", "file"), rows, "All failures", folded=True)])
 
 
 def settings(data: Data) -> Section:
@@ -58,7 +58,7 @@ def settings(data: Data) -> Section:
     versions: list[list[Cell]] = [[name, version] for name, version in where["versions"].items()]
     items: list[Item] = [
         Table(("", "value"), about, "Where and how it was measured."),
-        Table(("solver", "asked for", "settings"), calls, "Exact settings", folded=True),
+        Table(("solver", "requested", "settings"), calls, "Exact settings", folded=True),
         Table(("package", "version"), versions, "Versions", folded=True),
     ]
     return Section("Settings", items)
@@ -74,17 +74,15 @@ def _limits(data: Data) -> list[str]:
     said = [
         f"Times are the least of {settings['rounds']} rounds on one machine, one thread, each solver in a process of "
         "its own, in turns; ratios travel to other machines better than microseconds.",
-        "A whole solve is timed as this library makes it: its checks and its certificate are in it, and are set "
-        "apart as wrapper. For back ends that run through qpsolvers, building the problem anew at each call is in "
-        "it too.",
+        "A time is that of a whole solve of this library, with its checks and its certificate, which the column "
+        "wrapper shows. For back ends that run through qpsolvers it includes building the problem at each call.",
         "The default settings are those that a name stands for in this library (docs/solvers.md), not the back "
-        "end's own. Asking an active-set solver (pdas, daqp, quadprog) for less accuracy saves nothing: their steps "
-        "end at a vertex.",
-        "A solve counts as solved by one certificate for everybody: rows are judged in their own units, answers by "
-        "how far they can be from the optimum. Methods that stop beside the optimum are refined once with the rows "
-        "that they found active, and what is judged is the refined answer. A solver that stops by another measure "
-        "may miss 1e-9 by a factor and be "
-        "counted out.",
+        "end's own. An active-set solver (pdas, daqp, quadprog) is not faster at a looser tolerance: it stops at a "
+        "vertex.",
+        "One certificate judges all solvers: violations of rows in their own units, and the bound on the distance "
+        "from the optimum. Solutions of first-order and interior-point methods are refined once with their active "
+        "rows, and the certificate judges the refined solution. A solver with another stopping criterion may miss "
+        "1e-9 by a small factor.",
     ]
     once = [s["name"] for s in data["solvers"] if not s["repeatable"]]
     if once:
@@ -92,22 +90,22 @@ def _limits(data: Data) -> list[str]:
     kinds = {about["kind"] for about in data["sets"]}
     if "sequence" in kinds:
         said.append(
-            "QPs of a scenario were recorded in a loop that the default solver closed; another solver's loop would "
-            "meet slightly others. They are a sample of stretches, not every tick."
+            "The QPs of a scenario were recorded in a closed loop with the default solver; another solver would meet "
+            "slightly different ones. They are stretches of the run, not every tick."
         )
         said.append(
-            "Here every solver gets the QP in standard form. In a controller the default solver works on the plan's "
-            "rows before any product is made, so its tick can be shorter than its solve here; the closed loop shows "
+            "Every solver gets the QP in standard form here. In a controller the default solver works on the rows of "
+            "the tasks and forms no Hessian, so its tick can be shorter than its solve here; the closed loop shows "
             "ticks."
         )
     if "files" in kinds:
-        said.append("Problems from files are solved alone and cold; what a warm start would save them is not measured.")
+        said.append("Problems from files are solved cold. The gain of a warm start is not measured.")
     if data["loops"]:
-        said.append("Each closed loop ran once; its tick times are single measurements, not least of several.")
+        said.append("Each closed loop ran once, so its tick times are single measurements.")
     if data["unread"]:
         said.append("Not read: " + "; ".join(f"{file} ({reason})" for file, reason in data["unread"].items()) + ".")
     said.append(
-        f"A solve that takes longer than {settings['limit_s']:g} s is stopped and counted as lost, whether it would "
-        "have ended or not. Solvers that are not installed are not here; nothing was measured on hardware."
+        f"A solve that takes longer than {settings['limit_s']:g} s is stopped and counts as lost. Solvers that are not "
+        "installed are not compared. Nothing was measured on hardware."
     )
     return said

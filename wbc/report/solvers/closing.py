@@ -24,7 +24,7 @@ def _summary(name: str, loops: Sequence[Data]) -> str:
     bad = [f"{loop['solver']} at {loop['class']}" for loop in ran if not loop["ok"]]
     words = [f"{name}: {len(good)} of {len(ran)} runs met every demand of the scenario"]
     words += [f"not met by {', '.join(bad)}"] if bad else []
-    words += [f"{', '.join(refused)} did not run (reasons below)"] if refused else []
+    words += [f"{', '.join(refused)} refused to run (reasons below)"] if refused else []
     return "; ".join(words) + "."
 
 
@@ -43,30 +43,28 @@ def _tables(loops: Sequence[Data]) -> Iterator[Table]:
             _over(loop["jerk"], jerks), *loop["tick_us"],
             Marked(str(loop["late"]), "bad") if loop["late"] else 0,
         ])  # fmt: skip
-    columns = ("solver", "asked for", "verdict", "ticks solved", "tracking", "jerk",
+    columns = ("solver", "requested", "verdict", "ticks solved", "tracking", "jerk",
                "tick p50 [µs]", "p99 [µs]", "max [µs]", "late ticks")  # fmt: skip
     note = (
-        "Tracking: the worst ratio of a task's rms error to the least of all runs. Jerk: rms change of commanded "
-        "joint acceleration, over the least of all runs. Late: ticks longer than the period. One run each: its maximum "
-        "is the machine's too."
+        "Tracking: largest ratio of a task's rms error to the smallest of all runs. Jerk: rms change of the commanded "
+        "joint acceleration, over the smallest of all runs. Late: ticks longer than the period. Each solver ran once, "
+        "so the largest tick time may be the machine's."
     )
     if rows:
         yield Table(columns, [row for row in rows if row[1] == ran[0]["class"]], note)
-        yield Table(columns, rows, "The same in every class", folded=True)
+        yield Table(columns, rows, "All classes", folded=True)
         detail: list[list[Cell]] = [
             [loop["solver"], loop["class"], *(_violation(loop, kind) for kind in kinds), loop["jerk"],
              *(loop["tracking"].get(task) for task in tasks), loop["ended"]]
             for loop in ran
         ]  # fmt: skip
         heads = [f"{kind} [{units[kind]}]" for kind in kinds]
-        details = ("solver", "asked for", *heads, "jerk [rad/s³]",
+        details = ("solver", "requested", *heads, "jerk [rad/s³]",
                    *(f"{task}, rms" for task in tasks), "ended")  # fmt: skip
-        yield Table(
-            details, detail, "Limits exceeded at worst after integration, smoothness and tracking.", folded=True
-        )
+        yield Table(details, detail, "Largest violations of limits, smoothness and tracking", folded=True)
     failed = [[loop["solver"], loop["class"], loop["error"]] for loop in loops if loop["error"] is not None]
     if failed:
-        yield Table(("solver", "asked for", "why it did not run"), failed, "Runs that did not happen.", folded=True)
+        yield Table(("solver", "requested", "reason"), failed, "Runs that were refused", folded=True)
 
 
 def _share(loop: Data) -> str:

@@ -22,9 +22,9 @@ def section(data: Data) -> Section:
     if not axes:
         return Section("Growth", [])
     text = (
-        "Made problems with a known number of active rows, warm, each solver asked for 1e-6; a point is the median "
-        "of the solves that reached it. Exponents p of time ∝ sizeᵖ are fitted to all points, with Student's 95 % "
-        "interval; below a few tens of microseconds they show fixed costs more than algorithms."
+        "Generated problems with a known number of active rows, warm, at 1e-6. A point is the median of the solves "
+        "that reached it. The exponent p of time ∝ sizeᵖ is fitted to all points, with Student's 95 % interval. "
+        "Below some tens of microseconds fixed costs dominate."
     )
     items: list[Item] = [Text(text), *_plots(data, axes), _table(data, axes)]
     return Section("Growth", items)

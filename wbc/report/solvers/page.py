@@ -40,7 +40,16 @@ def _sections(data: Data, sets: Sequence[Data], advised: list[Advice]) -> Iterat
 
 def _answer(data: Data, advised: list[Advice]) -> Section:
     use = "fastest" if disturbances(data) else "use"
-    columns = ("problems", use, "at", f"solved to {short(TARGET)}", "median [µs]", "p99 [µs]", "next", "faster than it")
+    columns = (
+        "problems",
+        use,
+        "at",
+        f"solved to {short(TARGET)}",
+        "median [µs]",
+        "p99 [µs]",
+        "second",
+        "faster than the second",
+    )
     rows: list[list[Cell]] = []
     for one in advised:
         if one.use is None:
@@ -50,7 +59,7 @@ def _answer(data: Data, advised: list[Advice]) -> Section:
         share, following = percent(one.use.share(TARGET)), "" if one.next is None else one.next.solver
         rows.append([one.name, one.use.solver, one.at, share, median, p99, following, one.sure])
     spread = rounds_spread(data)
-    note = "Times are of a whole solve: checks, conversion, back end, certificate." + (
+    note = "Time of a whole solve: checks, conversion, back end, certificate." + (
         "" if spread is None else f" The slowest of {data['settings']['rounds']} rounds took {percent(spread - 1.0)} "
         "longer than the fastest, in the median of all measures."
     )  # fmt: skip
@@ -73,5 +82,5 @@ def _tiles(data: Data, advised: list[Advice]) -> list[Tile]:
     solves = sum(len(m["status"]) for m in data["measures"])
     tiles.append(Tile("solves judged", f"{solves:,}".replace(",", " ")))
     wrong = sum(m["status"].count("INACCURATE") for m in data["measures"] if m["class"] == "default")
-    tiles.append(Tile("wrongly called solved", str(wrong), "bad" if wrong else "good"))
+    tiles.append(Tile("wrong solutions reported as solved", str(wrong), "bad" if wrong else "good"))
     return tiles

@@ -1,4 +1,4 @@
-"""The torture table: problems that nobody should have to solve, behind the library's checks and without them."""
+"""The torture table: malformed and degenerate problems, with the checks of the library and without."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def section(data: Data) -> Section:
     solvers = list(dict.fromkeys(x["solver"] for x in worse))
     wrong = [x for x in data["torture"] if x["how"] == "guarded" and not x.get("right", False)]
     text = (
-        f"Each case in the solver's own process. Alone, {len(solvers)} of {len(data['solvers'])} back ends call "
-        f"something solved that is not, hang or crash ({', '.join(solvers) or 'none'}). Behind the checks of this "
-        "library " + (f"{len(wrong)} ends are not the right one." if wrong else "every end is the right one.")
+        f"Malformed and degenerate problems. Without checks, {len(solvers)} of {len(data['solvers'])} back ends report "
+        f"a wrong solution, hang or crash ({', '.join(solvers) or 'none'}). With the checks of this library "
+        + (f"{len(wrong)} results are wrong." if wrong else "every result is right.")
     )
     items: list[Item] = [Text(text), guarded, alone]
     return Section("Torture", items)
@@ -32,10 +32,10 @@ def _table(data: Data, how: str) -> Table:
     for case in dict.fromkeys(case for case, _ in found):
         rows.append([case, *(_cell(found.get((case, solver))) for solver in solvers)])
     caption = {
-        "guarded": "Through the library: checked before, certified after. ✗: not the right end.",
+        "guarded": "With the checks of the library before and its certificate after. ✗: wrong result.",
         "alone": (
-            "The back end's own word, nothing checked before. ✗: not the right end; wrong: it says solved, and that "
-            "is not so; a signal: it took the process with it."
+            "The back end alone. ✗: wrong result; wrong: the back end reports solved and the certificate fails; a "
+            "signal: the process crashed."
         ),
     }
     return Table(("case", *solvers), rows, caption[how])
@@ -51,4 +51,4 @@ def _cell(finding: Data | None) -> Cell:
     return word if finding["right"] else Marked(f"✗ {word}", "bad")
 
 
-_SHORT = {"wrong: says solved": "wrong", "max_iterations": "gives up", "failed": "gives up"}
+_SHORT = {"wrong: says solved": "wrong", "max_iterations": "stops", "failed": "stops"}

@@ -70,8 +70,9 @@ def _span(values: Sequence[int]) -> str:
 def _profile(about: Data, chosen: Sequence[Measure]) -> Plot:
     x, curves = _shares([(m.solver, ratios) for m, ratios in profile(chosen)], 1.0, _SLOWEST)
     caption = (
-        "Dolan-Moré profile: how many problems a solver answers to 1e-6 within so many times the time of the fastest. "
-        "Left edge: how often it is the fastest; right edge: how much it solves. Each solver at its best class."
+        "Dolan-Moré profile: share of the problems that a solver solves to 1e-6 within a multiple of the time of the "
+        "fastest solver. Left edge: how often it is the fastest. Right edge: how many it solves. Each solver in its "
+        "best class."
     )
     return Plot(f"profile-{slug(about['name'])}", "Solved in time", "% of problems", x, curves, caption=caption,
                 over="time over the fastest", log="x", zero=True, steps=True)  # fmt: skip
@@ -80,8 +81,8 @@ def _profile(about: Data, chosen: Sequence[Measure]) -> Plot:
 def _reached(about: Data, chosen: Sequence[Measure]) -> Plot:
     x, curves = _shares([(m.solver, m.achieved) for m in chosen], _FINEST, _COARSEST)
     caption = (
-        "How many answers have a certificate that holds at so small a tolerance: limits exceeded by no more than "
-        "that, and every task within a hundred times it of its optimum, relative to 1 + |target|."
+        "Share of the solutions whose certificate holds at a tolerance: no limit is exceeded by more, and every task "
+        "is within 100 times the tolerance of its optimum, relative to 1 + |target|."
     )
     return Plot(f"accuracy-{slug(about['name'])}", "Solved to a tolerance", "% of problems", x, curves,
                 [Bound(TARGET, "wanted", "x")], caption=caption, over="tolerance", log="x", zero=True,
@@ -108,10 +109,10 @@ def _success(data: Data, found: Sequence[Measure], mode: str) -> Table:
         own = {m.asked: m for m in found if m.solver == solver}
         rows.append([solver, *(_solved(data, own[name]) for name in classes), sum(m.lost for m in own.values())])
     note = (
-        f"Solved ({mode}): answers whose certificate holds at the tolerance that was asked for, the default class at "
-        "1e-6. Wrong: the back end calls it solved, and it is not that good. Lost: hangs or crashes in all classes."
+        f"Solved ({mode}): the certificate holds at the requested tolerance; for the default class at 1e-6. Wrong: the "
+        "back end reports solved and the certificate fails. Lost: hangs and crashes of all classes."
     )
-    return Table(["solver", *(f"asked {name}" if name != "default" else name for name in classes), "lost"], rows, note)
+    return Table(["solver", *(f"at {name}" if name != "default" else name for name in classes), "lost"], rows, note)
 
 
 def _solved(data: Data, m: Measure) -> Cell:
@@ -134,11 +135,11 @@ def _times(chosen: Sequence[Measure], mode: str) -> Table:
             m.solver, m.asked, int(np.isfinite(times).sum()), *percentiles(times), factor, common,
             Marked(str(late), "bad") if late else 0, None if rounds is None else percent(rounds - 1.0),
         ])  # fmt: skip
-    columns = ("solver", "asked for", "solved to 1e-6", "p50 [µs]", "p99 [µs]", "max [µs]",
+    columns = ("solver", "requested", "solved to 1e-6", "p50 [µs]", "p99 [µs]", "max [µs]",
                f"times {reference.solver}", "compared on", "over 1 ms", "rounds differ by")  # fmt: skip
     note = (
-        f"Time of a whole solve, {mode}, each solver at its best class, where its answer is good to 1e-6. The ratio "
-        "is the geometric mean over the problems that both solved (so many)."
+        f"Time of a whole solve, {mode}, of the problems that are solved to 1e-6; each solver in its best class. The "
+        f"ratio to {reference.solver} is the geometric mean over the problems that both solved."
     )
     return Table(columns, rows, note)
 
@@ -147,9 +148,8 @@ def _accuracy(about: Data, chosen: Sequence[Measure]) -> Table:
     """One row a limit and a task, one column a solver."""
     rows = [[what, *(_largest(m, kind, name) for m in chosen)] for what, kind, name in _quantities(about, chosen)]
     note = (
-        "Accuracy of all answers, good or not, each solver at its best class: the largest violation of a limit, by "
-        "unit, and how far each task can be from its optimum at worst, in the task's unit: the bounds of the "
-        "certificate."
+        "Accuracy of all solutions, solved or not, each solver in its best class: the largest violation of a limit by "
+        "unit, and the largest bound of the certificate on the distance of each task from its optimum."
     )
     return Table(["", *(m.solver for m in chosen)], rows, note)
 
@@ -157,7 +157,7 @@ def _accuracy(about: Data, chosen: Sequence[Measure]) -> Table:
 def _accuracy_of_classes(about: Data, found: Sequence[Measure]) -> Table:
     quantities = list(_quantities(about, found))
     rows = [[m.solver, m.asked, *(_largest(m, kind, name) for _, kind, name in quantities)] for m in found]
-    return Table(["solver", "asked for", *(what for what, *_ in quantities)], rows, "Accuracy in every class",
+    return Table(["solver", "requested", *(what for what, *_ in quantities)], rows, "Accuracy in all classes",
                  folded=True)  # fmt: skip
 
 
@@ -190,7 +190,7 @@ def _pairs(chosen: Sequence[Measure]) -> Table:
             won = wins(times[i], other)
             row.append("" if i == j else "–" if won is None else percent(won))
         rows.append(row)
-    note = "How often the solver of a row was faster than that of a column; one that does not solve loses"
+    note = "How often the solver of the row was faster than that of the column; a solver that fails counts as slower"
     return Table(["faster", *(m.solver for m in chosen)], rows, note, folded=True)
 
 
@@ -203,8 +203,8 @@ def _cold_against_warm(data: Data, about: Data, chosen: Sequence[Measure]) -> Ta
         warm = percentiles(m.times(TARGET))[0]
         over = None if not p50 or not warm else p50 / warm
         rows.append([m.solver, m.asked, percent(other.share(TARGET)), p50, p99, top, over])
-    columns = ("solver", "asked for", "solved to 1e-6", "p50 [µs]", "p99 [µs]", "max [µs]", "median over warm")
-    note = "The same problems cold: each in a session of its own, making it included"
+    columns = ("solver", "requested", "solved to 1e-6", "p50 [µs]", "p99 [µs]", "max [µs]", "median over warm")
+    note = "The same problems cold: a new session for each, included in the time"
     return Table(columns, rows, note, folded=True)
 
 
@@ -220,7 +220,7 @@ def _every_class(data: Data, found: Sequence[Measure]) -> Table:
             m.solver, m.asked, _solved(data, m), gave_up, m.lost, *percentiles(times), *parts,
             float(changed.mean()) if changed.size else None,
         ])  # fmt: skip
-    columns = ("solver", "asked for", "solved", "gives up", "lost", "p50 [µs]", "p99 [µs]", "max [µs]", "build [µs]",
+    columns = ("solver", "requested", "solved", "stops early", "lost", "p50 [µs]", "p99 [µs]", "max [µs]", "build [µs]",
                "solve [µs]", "wrapper [µs]", "set changes")  # fmt: skip
-    note = "Every class, with the parts of a solve: conversion, back end, checks and certificate"
+    note = "All classes, with the parts of a solve: conversion, back end, checks and certificate"
     return Table(columns, rows, note, folded=True)
