@@ -78,12 +78,12 @@ class Counts:
 
     def add(self, guesses: int, steps: int) -> None:
         """Count a solve: its guesses, and the steps of the finite method after them."""
-        if steps:
-            self.fallback += 1
-        elif guesses > 1:
-            self.repaired += 1
-        else:
+        if not steps and guesses <= 1:
             self.first += 1
+        elif steps:
+            self.fallback += 1
+        else:
+            self.repaired += 1
 
     @property
     def total(self) -> int:

@@ -7,6 +7,7 @@ What it computes is told in four pages: :mod:`~wbc.qp.rows.compiled.equality` (t
 
 from __future__ import annotations
 
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -17,7 +18,7 @@ from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.verify import judge
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, ROWS, SOLVED, VARIABLES
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.proof import NUMBERS, Proof, owners_of
+from wbc.qp.rows.proof import NUMBERS, owners_of, proven
 from wbc.qp.rows.solver import RowSolver
 from wbc.tolerances import TINY
 from wbc.types import Index, Status, Vec
@@ -26,6 +27,7 @@ from wbc.types import Index, Status, Vec
 _PAYS = 3e5
 #: Weight of a row beside the metric, beyond which the row form loses its digits.
 _LIGHT = 1e8
+_ANSWERED = {SOLVED: Status.SOLVED, INACCURATE: Status.INACCURATE}
 
 
 @final
@@ -79,9 +81,10 @@ class CoreSolver(RowSolver):
         guesses, steps = self.work
         self.iterations = guesses + steps
         self.counts.add(guesses, steps)
-        if code in {SOLVED, INACCURATE}:
-            self.proof = Proof(self._report.copy(), self._owners)
-            return Status.SOLVED if code == SOLVED else Status.INACCURATE
+        status = _ANSWERED.get(code)
+        if status is not None:
+            self.proof = partial(proven, self._report.copy(), self._owners)
+            return status
         self.reset()
         self.certificate = Certificate.none()
         return Status.INFEASIBLE if code == INFEASIBLE else Status.FAILED
@@ -110,7 +113,7 @@ class CoreSolver(RowSolver):
         ``push`` (n_rows,) holds the pushes of range rows, tasks and equalities.
         """
         self.push[:] = push
-        return Proof(self._report.copy(), self._owners)() if judge(self.address) else Certificate.none()
+        return proven(self._report.copy(), self._owners) if judge(self.address) else Certificate.none()
 
     def sharpened(self) -> Vec:
         """The pushes certified last, those of the tasks changed so that the bound is the least.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import final
 
 from wbc.qp.certificate import Bounds, Certificate
 from wbc.qp.rows.problem import RowProblem
@@ -13,23 +12,15 @@ from wbc.types import Vec
 NUMBERS = 7
 
 
-@final
-class Proof:
-    """Says what ``numbers`` prove: a copy of what :mod:`wbc.qp.rows.compiled.verify` wrote."""
+def proven(numbers: Vec, owners: Mapping[str, list[int]]) -> Certificate:
+    """What ``numbers`` prove, as :mod:`wbc.qp.rows.compiled.verify` wrote them."""
+    primal, dual, gap, scale_dual, scale_gap, distance, spread = numbers[:NUMBERS].tolist()
+    reach = numbers[NUMBERS:]  # how far a row moves per unit of ``spread``
 
-    __slots__ = ("_numbers", "_owners")
+    def bounds() -> Mapping[str, float]:
+        return {name: spread * float(reach[rows].max(initial=0.0)) for name, rows in owners.items()}
 
-    def __init__(self, numbers: Vec, owners: Mapping[str, list[int]]) -> None:
-        self._numbers, self._owners = numbers, owners
-
-    def __call__(self) -> Certificate:
-        primal, dual, gap, scale_dual, scale_gap, distance, spread = self._numbers[:NUMBERS].tolist()
-        reach = self._numbers[NUMBERS:]  # how far a row moves per unit of ``spread``
-
-        def bounds() -> Mapping[str, float]:
-            return {name: spread * float(reach[rows].max(initial=0.0)) for name, rows in self._owners.items()}
-
-        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, Bounds(bounds))
+    return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, Bounds(bounds))
 
 
 def owners_of(p: RowProblem) -> dict[str, list[int]]:
