@@ -134,7 +134,7 @@ def test_a_recommendation_says_how_sure_it_is(compared: Compared):
     assert report.summary.startswith("Use ") and table.columns[1] == "use"
     assert table.rows[0][-1].startswith("in each of 2 rounds, ")
     once = page(quiet(compared, [1.0]))
-    assert "--rounds 3 tells" in once.summary and tables(once, "Which solver")[0].rows[0][-1].mood == "doubtful"
+    assert "--rounds 3 shows" in once.summary and tables(once, "Which solver")[0].rows[0][-1].mood == "doubtful"
     data = quiet(compared)
     for m in data["measures"]:
         if (m["set"], m["solver"]) == ("ticks", use):
@@ -155,7 +155,9 @@ def test_nothing_is_recommended_where_the_machine_was_disturbed(
     data = quiet(compared) if what else quiet(compared, [1.0, 1.4, 1.2])
     data["surroundings"] |= what or {}
     report = page(data)
-    assert report.summary.startswith("No solver is recommended: the machine was disturbed") and said in report.summary
+    assert (
+        report.summary.startswith("No solver is recommended: other work disturbed the times") and said in report.summary
+    )
     assert tables(report, "Which solver")[0].columns[1] == "fastest"
     assert not any(tile.what == "use" and tile.value != "–" for tile in report.highlights)
 
@@ -170,7 +172,7 @@ def test_a_solver_has_one_colour_on_the_whole_page(compared: Compared, report: R
 
 
 def test_the_accuracy_is_the_certificates_bound_of_each_task_in_its_unit(compared: Compared, report: Report):
-    table = next(t for t in tables(report, "reach") if t.caption.startswith("Accuracy of all answers"))
+    table = next(t for t in tables(report, "reach") if t.caption.startswith("Accuracy of all solutions"))
     rows = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
     assert {"limits exceeded [rad/s]", "Position[tool] [m/s]", "Posture [rad/s]"} <= set(rows)
     (entry,) = (

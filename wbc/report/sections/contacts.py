@@ -22,7 +22,7 @@ def section(result: ScenarioResult) -> Section | None:
         return None
     items: list[Item] = [*_loads(run, names), *_slip(result, names)]
     for name in names:
-        items += [_forces(run, name), _ratio(run, name), *_pressure(run, name)]
+        items += [*_forces(run, name), *_pressure(run, name)]
     columns = ("contact", "controller's friction", "floor's friction", "ratio, commanded", "ratio, true", "f_z min [N]",
                "f_z max [N]", "CoP margin [mm]", "slip [mm]")  # fmt: skip
     note = (
@@ -64,27 +64,25 @@ def _slip(result: ScenarioResult, names: list[str]) -> list[Item]:
     return [Plot("slip", "Slip of every contact", "mm", t, curves, asked, caption=caption, zero=True, wide=True)]
 
 
-def _forces(run: Run, name: str) -> Plot:
-    commanded, true = (measure.contact_track(run, name, true=which) for which in (False, True))
-    curves = [
-        Curve(label, track.normal) for label, track in (("commanded", commanded), ("true", true)) if track is not None
+def _tracks(run: Run, name: str) -> dict[str, measure.ContactTrack]:
+    """The commanded and the true force, where they were recorded."""
+    found = {label: measure.contact_track(run, name, true=label == "true") for label in ("commanded", "true")}
+    return {label: track for label, track in found.items() if track is not None}
+
+
+def _forces(run: Run, name: str) -> list[Item]:
+    """The normal force, and the ratio of tangential to normal force with the friction coefficients."""
+    tracks, t = _tracks(run, name), measure.times(run)
+    normal = {label: track.normal for label, track in tracks.items()}
+    if len(normal) == 2:
+        normal["true − commanded"] = normal["true"] - normal["commanded"]
+    known = {"controller's": run.meta["contacts"][name].get("friction"), "floor's": _floor(run, name)}
+    bounds = [Bound(float(mu), f"{whose} friction {mu:g}") for whose, mu in known.items() if mu is not None]
+    ratio = [Curve(label, track.ratio) for label, track in tracks.items()]
+    return [
+        Plot(f"force.{name}", f"{name}: normal force", "N", t, [Curve(*one) for one in normal.items()], scale="force"),
+        Plot(f"ratio.{name}", f"{name}: tangential / normal force", "", t, ratio, bounds, zero=True, scale="ratio"),
     ]
-    if commanded is not None and true is not None:
-        curves.append(Curve("true − commanded", true.normal - commanded.normal))
-    return Plot(f"force.{name}", f"{name}: normal force", "N", measure.times(run), curves, scale="force")
-
-
-def _ratio(run: Run, name: str) -> Plot:
-    tracks = (("commanded", measure.contact_track(run, name, true=False)),
-              ("true", measure.contact_track(run, name, true=True)))  # fmt: skip
-    curves = [Curve(label, track.ratio) for label, track in tracks if track is not None]
-    bounds = []
-    if (own := run.meta["contacts"][name].get("friction")) is not None:
-        bounds.append(Bound(float(own), f"controller's friction {float(own):g}"))
-    if (floor := _floor(run, name)) is not None:
-        bounds.append(Bound(floor, f"floor's friction {floor:g}"))
-    title = f"{name}: tangential / normal force"
-    return Plot(f"ratio.{name}", title, "", measure.times(run), curves, bounds, zero=True, scale="ratio")
 
 
 def _pressure(run: Run, name: str) -> list[Item]:
@@ -101,9 +99,8 @@ def _pressure(run: Run, name: str) -> list[Item]:
 
 def _best(run: Run, name: str) -> measure.ContactTrack:
     """The true force where it was measured, or else the commanded one."""
-    track = measure.contact_track(run, name, true=True) or measure.contact_track(run, name, true=False)
-    assert track is not None, "only contacts with a recorded force get here"
-    return track
+    tracks = _tracks(run, name)
+    return tracks.get("true") or tracks["commanded"]
 
 
 def _floor(run: Run, name: str) -> float | None:
@@ -112,13 +109,15 @@ def _floor(run: Run, name: str) -> float | None:
 
 
 def _row(run: Run, name: str) -> tuple[Any, ...]:
-    contact, track = run.meta["contacts"][name], _best(run, name)
-    commanded, true = (measure.contact_track(run, name, true=which) for which in (False, True))
+    contact, track, tracks = run.meta["contacts"][name], _best(run, name), _tracks(run, name)
     margin = None
     if track.cop is not None:
         gap = np.asarray(contact["half_size"], dtype=float) - np.abs(track.cop)
         margin = 1e3 * float(np.nanmin(gap, initial=np.inf))
     slip = measure.slip(run, name)
-    worst = [None if part is None else float(np.nanmax(part.ratio, initial=0.0)) for part in (commanded, true)]
+    worst = [
+        float(np.nanmax(tracks[label].ratio, initial=0.0)) if label in tracks else None
+        for label in ("commanded", "true")
+    ]
     return (name, contact.get("friction"), _floor(run, name), *worst, float(track.normal.min()),
             float(track.normal.max()), margin, None if slip is None else 1e3 * slip)  # fmt: skip
