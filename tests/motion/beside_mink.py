@@ -25,7 +25,7 @@ def ours(path: Path) -> None:
     import wbc
     from wbc.motion import Table, made
     from wbc.motion.body import Body
-    from wbc.motion.retargeting import Retargeting, all_frames
+    from wbc.motion.retargeting import Retargeting
     from wbc.motion.targets import Targets
 
     robot = wbc.load("g1", base="floating")
@@ -43,7 +43,7 @@ def ours(path: Path) -> None:
         for _ in range(TURNS):
             stack = Retargeting(robot, table, targets, rate=motion.rate, acceleration=None, collisions=False)
             start = process_time()
-            q = all_frames(stack, motion.frames, lambda done: None)
+            q = stack.frames(motion.frames, lambda done: None)
             seconds[k] = min(seconds[k], process_time() - start)
         frames, steps = frames + motion.frames, steps + stack.steps
         errors.append(_errors(robot, table, parts, targets, q))

@@ -91,6 +91,12 @@ def spans(held: Flags) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
+def blend(s: Vec) -> Vec:
+    """From 0 to 1 while s goes from 0 to 1, with no speed and no acceleration at either end."""
+    s = np.clip(s, 0.0, 1.0)
+    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+
+
 def _between(p: Any, part: str) -> Mat:
     return np.asarray(0.5 * (p[f"left_{part}"] + p[f"right_{part}"]))
 
@@ -113,14 +119,15 @@ def _said(motion: Motion, part: str, found: Flags) -> Flags:
     return np.asarray(whole[len(size) : -len(size)], dtype=bool)
 
 
-def _unit(v: Mat) -> Mat:
+def unit(v: Mat) -> Mat:
+    """Directions (…, 3) of length 1."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
 
 
 def _axes(y: Mat, up: Mat) -> Vec:
     """Rotations (N, 3, 3) with this y and a z near ``up``."""
-    y = _unit(y)
-    x = _unit(np.cross(y, up))
+    y = unit(y)
+    x = unit(np.cross(y, up))
     return np.stack([x, y, np.cross(x, y)], axis=2)
 
 
@@ -134,7 +141,6 @@ def _foot(ahead: Mat, stands: Flags) -> Vec:
 
 def _calibrated(said: Vec, joints: Vec, when: Flags) -> Vec:
     """R_file(t) R₀ with the rotation R₀ that is nearest to R_file(t)ᵀ R_joints(t) on average over some frames."""
-    when = when if when.any() else np.ones(len(said), dtype=bool)
-    mean = np.einsum("nji,njk->ik", said[when], joints[when])
-    left, _, right = np.linalg.svd(mean)
-    return np.asarray(said @ (left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right))
+    own = Rotation.from_matrix(said)
+    between = own.inv() * Rotation.from_matrix(joints)
+    return np.asarray((own * (between[when] if when.any() else between).mean()).as_matrix())

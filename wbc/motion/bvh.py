@@ -70,7 +70,7 @@ class _Reader:
         joints: list[_Joint] = []
         self._expect("HIERARCHY")
         self._expect("ROOT")
-        self._joint(joints, -1, 0)
+        self._joint(joints, self._name(), -1, 0)
         self._expect("MOTION")
         self._expect("Frames:")
         frames = self._number()
@@ -83,37 +83,28 @@ class _Reader:
             raise self._wrong("two joints of one name")
         return joints, int(frames), seconds
 
-    def _joint(self, joints: list[_Joint], parent: int, depth: int) -> None:
+    def _joint(self, joints: list[_Joint], name: str, parent: int, depth: int) -> None:
         if depth > _DEPTH or len(joints) > _JOINTS:
             raise self._wrong("more joints than a body has")
-        name = self._name()
         self._expect("OFFSET")
         offset = self._number(), self._number(), self._number()
-        self._expect("CHANNELS")
-        channels = tuple(self._word() for _ in range(int(self._number())))
-        unknown = [channel for channel in channels if channel not in _CHANNELS]
-        if unknown or len(set(channels)) < len(channels):
+        word, channels = self._word(), list[str]()
+        if word == "CHANNELS":
+            channels = [self._word() for _ in range(int(self._number()))]
+            word = self._word()
+        if set(channels) - set(_CHANNELS) or len(set(channels)) < len(channels):
             raise self._wrong(f"channels {' '.join(channels)}")
         own = len(joints)
-        joints.append(_Joint(name, parent, offset, channels))
-        while (word := self._word()) != "}":
-            if word == "JOINT":
-                self._joint(joints, own, depth + 1)
-            elif word == "End":
-                self._expect("Site")
-                self._expect("{")
-                self._expect("OFFSET")
-                end = self._number(), self._number(), self._number()
-                self._expect("}")
-                joints.append(_Joint(f"{name} end", own, end, ()))
-            else:
+        joints.append(_Joint(name, parent, offset, tuple(channels)))
+        while word != "}":
+            if word not in ("JOINT", "End"):
                 raise self._wrong(f"{word!r} in joint {name!r}")
+            called = self._name()
+            self._joint(joints, called if word == "JOINT" else f"{name} end", own, depth + 1)
+            word = self._word()
 
     def _name(self) -> str:
-        words = []
-        while (word := self._word()) != "{":
-            words.append(word)
-        return " ".join(words)
+        return " ".join(iter(self._word, "{"))
 
     def _word(self) -> str:
         if self._at == len(self._words):
@@ -142,28 +133,24 @@ class _Reader:
 
 def _placed(joints: list[_Joint], table: Mat) -> tuple[dict[str, Mat], dict[str, Vec]]:
     """Joints in the world: p = p_parent + R_parent (offset or the channels' place), R = R_parent R_channels."""
-    n = len(table)
+    n, at = len(table), 0
     positions: list[Mat] = []
     rotations: list[Vec] = []
-    at = 0
     for joint in joints:
-        values = dict(zip(joint.channels, table[:, at : at + len(joint.channels)].T, strict=True))
-        at += len(joint.channels)
-        place = np.tile(joint.offset, (n, 1))
-        turns = ""
-        for channel, value in values.items():
-            kind, axis = _CHANNELS[channel]
+        kinds = [_CHANNELS[channel] for channel in joint.channels]
+        values, at = table[:, at : at + len(kinds)], at + len(kinds)
+        place, own = np.tile(joint.offset, (n, 1)), np.tile(np.eye(3), (n, 1, 1))
+        for (kind, axis), value in zip(kinds, values.T, strict=True):
             if kind == "position":
                 place[:, axis] = value
-            else:
-                turns += "XYZ"[axis]
-        angles = np.column_stack([values[f"{axis}rotation"] for axis in turns]) if turns else np.zeros((n, 0))
-        own = Rotation.from_euler(turns, angles, degrees=True).as_matrix() if turns else np.tile(np.eye(3), (n, 1, 1))
+        turns = "".join("XYZ"[axis] for kind, axis in kinds if kind == "rotation")
+        if turns:
+            angles = values[:, [kind == "rotation" for kind, _ in kinds]]
+            own = Rotation.from_euler(turns, angles, degrees=True).as_matrix().reshape(n, 3, 3)
         if joint.parent >= 0:
             above = rotations[joint.parent]
-            place = positions[joint.parent] + np.einsum("nij,nj->ni", above, place)
-            own = above @ own
+            place, own = positions[joint.parent] + np.einsum("nij,nj->ni", above, place), above @ own
         positions.append(place)
-        rotations.append(own.reshape(n, 3, 3))
+        rotations.append(own)
     names = [joint.name for joint in joints]
     return dict(zip(names, positions, strict=True)), dict(zip(names, rotations, strict=True))

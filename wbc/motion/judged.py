@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -18,6 +17,7 @@ from wbc.motion.clip import Motion, between
 from wbc.motion.mapping import Table
 from wbc.motion.targets import Targets
 from wbc.motion.verdict import KINDS, UNITS, Verdict
+from wbc.motion.witness import placed
 from wbc.stack.contact import Contact
 from wbc.types import Mat, Vec
 
@@ -79,26 +79,20 @@ class Judged:
     def faults(self) -> dict[str, tuple[int, int, float, str]]:
         """{kind: (frames, worst frame, worst amount [``UNITS[kind]``], its part)}, causes first."""
         found: dict[str, tuple[int, int, float, str]] = {}
-        counts = Counter(kind for one in self.verdicts for kind in {fault.kind for fault in one.faults})
         for kind in KINDS:
             of_kind = [
                 (f.amount, k, f.part) for k, one in enumerate(self.verdicts) for f in one.faults if f.kind == kind
             ]
             if of_kind:
                 amount, k, part = max(of_kind)
-                found[kind] = counts[kind], k, amount, part
+                found[kind] = len({k for _, k, _ in of_kind}), k, amount, part
         return found
 
     def distances(self) -> dict[str, Vec]:
         """{part: (N,)} how far the robot's frames are from where the person's parts ask them to be [m]."""
-        state, rest = self.robot.state(), np.zeros(self.robot.nv)
-        parts = {part: one.frame for part, one in self.table.followers.items() if one.position > 0.0}
-        found = {part: np.empty(len(self.q)) for part in parts}
-        for k, q in enumerate(self.q):
-            state.update(0.0, q, rest)
-            for part, frame in parts.items():
-                found[part][k] = np.linalg.norm(state.frame(frame).position - self.targets.places[part][k])
-        return found
+        frames = {part: one.frame for part, one in self.table.followers.items() if one.position > 0.0}
+        actual = placed(self.robot, self.q, frames)
+        return {part: np.linalg.norm(at - self.targets.places[part], axis=1) for part, (at, _) in actual.items()}
 
     def __str__(self) -> str:
         """The verdict in words."""

@@ -144,7 +144,7 @@ def _distances(runs: dict[str, Judged], times: Vec) -> Section:
             )
             for i, (part, d) in enumerate(far.items())
         ]
-        rows += [[part, name, float(np.median(d)), float(d.max())] for part, d in far.items()]
+        rows += [[part, name, *(round(float(x), 3) for x in (np.median(d), d.max()))] for part, d in far.items()]
     plot = Plot(
         _DISTANCE, "Distance to where the person's parts are, at the robot's size", "mm", times, curves, zero=True
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
@@ -17,15 +16,10 @@ from wbc.motion.judged import Judged
 from wbc.motion.mapping import Table
 from wbc.motion.page import save_page
 from wbc.motion.repair import repaired
-from wbc.motion.retargeting import Retargeting, all_frames
+from wbc.motion.retargeting import Retargeting
 from wbc.motion.targets import Targets
 from wbc.motion.witness import Witness
-
-Progress = Callable[[float, str], None]
-
-
-def _silent(done: float, text: str = "") -> None:
-    pass
+from wbc.sim.scenario import Progress, silent
 
 
 @final
@@ -44,7 +38,7 @@ class Retargeted(Judged):
 
 def retarget(
     motion: Motion | Place, robot: PinocchioModel, mapping: Table | Place | None = None, *,
-    acceleration: float | None = 200.0, collisions: bool = True, repair: bool = False, progress: Progress = _silent,
+    acceleration: float | None = 200.0, collisions: bool = True, repair: bool = False, progress: Progress = silent,
 ) -> Retargeted:  # fmt: skip
     """The motion of a person as a motion of ``robot``, with a verdict for every frame.
 
@@ -88,7 +82,7 @@ def retarget(
     targets = Targets.of(Body.of(motion), robot, table)
     stack = Retargeting(robot, table, targets, rate=motion.rate, acceleration=acceleration, collisions=collisions)
     share = 0.25 if repair else 0.5
-    q = all_frames(stack, motion.frames, lambda done: progress(share * done, "retargeting"))
+    q = stack.frames(motion.frames, lambda done: progress(share * done, "retargeting"))
     found = Retargeted(robot, motion, table, targets, stack.contacts, q, (), tuple(stack.unsolved))
     witness = Witness(robot, stack.contacts, collisions=collisions)
     verdicts = witness.judge(q, motion.rate, found.holds, lambda done: progress(share * (1.0 + done), "judging"))

@@ -11,7 +11,7 @@ where q_low and q_high are what position, speed and acceleration limits leave of
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, final
 
 import numpy as np
@@ -111,7 +111,7 @@ class Retargeting:
             frozenset(one.name for part, one in self._contacts.items() if targets.holds[part][k])
             for k in range(len(targets.holds["left_foot"]))
         ]
-        self._frames = _Frames([one.name for one in self._contacts.values()], self.held)
+        self._schedule = _Frames([one.name for one in self._contacts.values()], self.held)
         limits: list[Any] = [JointPositionLimits()]
         limits += [
             HalfSpaceLimit(table.followers[f"{side}_wrist"].frame, normal=[0.0, 0.0, 1.0], offset=0.0) for side in SIDES
@@ -120,20 +120,22 @@ class Retargeting:
             limits.append(CollisionAvoidance(margin=_MARGIN, reach=0.05, rate=1.0 / _DT))
         stack = Stack(
             [*tasks, Damping(weight=_STAY), near], subject_to=limits, contacts=list(self._contacts.values()),
-            components=[self._frames],
+            components=[self._schedule],
         )  # fmt: skip
         self._controller = Controller(robot, stack, level=VelocityLevel(lm_damping=0.0), dt=_DT)
         self._v, self._still = np.zeros(robot.nj), np.zeros(robot.nv)
         self.unsolved: list[int] = []
         self.steps = 0
 
-    def first(self) -> Vec:
-        """A configuration to begin with: the reference configuration at the pelvis of the first frame."""
-        q = np.array(self._robot.q0)
-        q[:7] = pinocchio.SE3ToXYZQUAT(
-            pinocchio.SE3(self._targets.turned["pelvis"][0], self._targets.places["pelvis"][0])
-        )
-        return q
+    def frames(self, count: int, progress: Callable[[float], None]) -> Mat:
+        """Configurations (count, nq) of frames, from the reference configuration at the pelvis of the first."""
+        turned, places = self._targets.turned["pelvis"], self._targets.places["pelvis"]
+        found, q = np.empty((count, self._robot.nq)), np.array(self._robot.q0)
+        q[:7] = pinocchio.SE3ToXYZQUAT(pinocchio.SE3(turned[0], places[0]))
+        for k in range(count):
+            found[k] = q = self.frame(k, q)
+            progress((k + 1) / count)
+        return found
 
     def frame(self, k: int, q: Vec) -> Vec:
         """The configuration (nq,) of frame k, from that of the frame before; of frame 0 from any.
@@ -143,10 +145,10 @@ class Retargeting:
         """
         low, high = self._within_reach(q[7:])
         self._aim(k)
-        self._frames.use(self.held[k], None)
+        self._schedule.use(self.held[k], None)
         found, ok = self._converged(k, q)
         if k and ((found[7:] < low - SAME) | (found[7:] > high + SAME)).any():
-            self._frames.use(self.held[k], (low, high))
+            self._schedule.use(self.held[k], (low, high))
             found, ok = self._converged(k, q)
         if not ok:
             self.unsolved.append(k)
@@ -193,14 +195,4 @@ def _contacts(robot: PinocchioModel, table: Table, targets: Targets) -> dict[str
     found = {f"{side}_foot": soles[table.followers[f"{side}_foot"].frame] for side in SIDES}
     for wrist in (f"{side}_wrist" for side in SIDES if targets.holds[f"{side}_wrist"].any()):
         found[wrist] = Point(table.followers[wrist].frame, friction=HAND_FRICTION, **gains)
-    return found
-
-
-def all_frames(retargeting: Retargeting, count: int, progress: Any) -> Mat:
-    """Configurations (count, nq) of all frames."""
-    q = retargeting.first()
-    found = np.empty((count, len(q)))
-    for k in range(count):
-        found[k] = q = retargeting.frame(k, q)
-        progress((k + 1) / count)
     return found

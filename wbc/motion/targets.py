@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import SIDES, Body, Flags, spans
+from wbc.motion.body import SIDES, Body, Flags, blend, spans, unit
 from wbc.motion.clip import between
 from wbc.motion.mapping import Table
 from wbc.types import Mat, Vec
@@ -113,19 +113,13 @@ def _reference(robot: PinocchioModel, table: Table) -> _Reference:
             f"its feet are: {', '.join(robot.feet) or 'none'}"
         )
     state = robot.state()
-    state.update(0.0, np.array(robot.q0), np.zeros(robot.nv))
+    state.update(0.0, robot.on_ground(robot.q0), np.zeros(robot.nv))
     found = _Reference({part: state.frame(one.frame).position.copy() for part, one in table.followers.items()})
     found.setdefault("head", found["chest"])
-    sides = dict(zip(SIDES, feet, strict=True))
-    floors = [_lowest(robot, foot, found[f"{side}_foot"][None], np.eye(3)[None]) for side, foot in sides.items()]
-    lowest = float(np.min(floors))
-    for part in found:
-        found[part] = found[part] - [0.0, 0.0, lowest]
     for side, foot in zip(SIDES, feet, strict=True):
         # The ankle is where the leg's joints end: the frame of the joint that carries the foot.
-        model = robot.pinocchio
-        joint = model.frames[robot.frames[foot]].parentJoint
-        found[f"{side}_ankle"] = state.data.oMi[joint].translation.copy() - [0.0, 0.0, lowest]
+        joint = robot.pinocchio.frames[robot.frames[foot]].parentJoint
+        found[f"{side}_ankle"] = state.data.oMi[joint].translation.copy()
     found.ankle = float(found["left_ankle"][2])
     return found
 
@@ -137,8 +131,7 @@ def _lowest(robot: PinocchioModel, frame: str, places: Mat, turned: Vec) -> Vec:
 
 
 def _along(p: Any, side: str, one: str, other: str) -> Mat:
-    line = p[f"{side}_{other}"] - p[f"{side}_{one}"]
-    return np.asarray(line / np.maximum(np.linalg.norm(line, axis=1, keepdims=True), 1e-9))
+    return unit(p[f"{side}_{other}"] - p[f"{side}_{one}"])
 
 
 def _anchored(places: Mat, turned: Vec, held: Flags, rate: float, level: float | None) -> tuple[Mat, Vec]:
@@ -171,12 +164,6 @@ def _anchored(places: Mat, turned: Vec, held: Flags, rate: float, level: float |
     even = np.column_stack([np.interp(frames, ends, column) for column in off[ends].T])
     moved, rolled = places + even[:, :3], Rotation.from_rotvec(even[:, 3:]) * own
     ease = np.minimum(max(round(_EASE * rate), 1), 0.5 * (back + ahead - 1.0)) + 1.0
-    near = 1.0 - _smooth(np.minimum(back, ahead) / ease)[:, None]
+    near = 1.0 - blend(np.minimum(back, ahead) / ease)[:, None]
     eased = Rotation.from_rotvec(near * (turn * rolled.inv()).as_rotvec()) * rolled
     return moved + near * (goal - moved), eased.as_matrix()
-
-
-def _smooth(s: Vec) -> Vec:
-    """From 0 to 1 while s goes from 0 to 1, with no speed at either end."""
-    s = np.clip(s, 0.0, 1.0)
-    return np.asarray(s**2 * (3.0 - 2.0 * s))

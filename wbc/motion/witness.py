@@ -81,14 +81,9 @@ class Witness:
 
     def _places(self, q: Mat) -> dict[str, Vec]:
         """Corners (N, k, 3) of every contact."""
-        rest, corners = np.zeros(self._robot.nv), {part: _corners(one) for part, one in self._contacts.items()}
-        found: dict[str, list[Mat]] = {part: [] for part in corners}
-        for row in q:
-            self._state.update(0.0, row, rest)
-            for part, contact in self._contacts.items():
-                frame = self._state.frame(contact.frame)
-                found[part].append(frame.position + corners[part] @ frame.rotation.T)
-        return {part: np.array(rows) for part, rows in found.items()}
+        poses = placed(self._robot, q, {part: contact.frame for part, contact in self._contacts.items()})
+        corners = {part: _corners(contact) for part, contact in self._contacts.items()}
+        return {part: at[:, None] + corners[part] @ R.transpose(0, 2, 1) for part, (at, R) in poses.items()}
 
     def _collision(self) -> list[Fault]:
         nearest = self._apart.closest(self._state)[:1] if self._apart is not None else []
@@ -97,6 +92,18 @@ class Witness:
             for one, other, distance in nearest
             if distance < -_DEPTH
         ]
+
+
+def placed(robot: PinocchioModel, q: Mat, frames: Mapping[str, str]) -> dict[str, tuple[Mat, Vec]]:
+    """Positions (N, 3) [m] and rotations (N, 3, 3) of ``frames`` {name: frame} in configurations (N, nq), by name."""
+    state, rest = robot.state(), np.zeros(robot.nv)
+    found = {name: (np.empty((len(q), 3)), np.empty((len(q), 3, 3))) for name in frames}
+    for k, row in enumerate(q):
+        state.update(0.0, row, rest)
+        for name, (positions, rotations) in found.items():
+            frame = state.frame(frames[name])
+            positions[k], rotations[k] = frame.position, frame.rotation
+    return found
 
 
 def velocities(robot: PinocchioModel, q: Mat, rate: float) -> tuple[Mat, Mat, Mat]:
