@@ -61,6 +61,17 @@ def test_a_squat_faster_than_its_fall_is_slowed_down():
     assert max(np.median(far[part]) - np.median(near[part]) for part in far) < 0.005
 
 
+def test_a_motion_at_other_moments_goes_the_same_way():
+    found = retargeted("turn")
+    slow = found.at(np.linspace(0.0, len(found.q) - 1.0, 2 * len(found.q) - 1))
+    np.testing.assert_allclose(slow.q[::2], found.q, atol=1e-9)
+    assert np.abs(np.diff(slow.q, axis=0)).max() < 0.1  # quaternions of one rotation do not change their sign
+    np.testing.assert_allclose(slow.motion.positions["left_toe"][::2], found.motion.positions["left_toe"], atol=1e-9)
+    assert (slow.holds["left_foot"][::2] == found.holds["left_foot"]).all()
+    limits = found.robot.limits
+    assert (slow.q[:, 7:] >= limits.q_min).all() and (slow.q[:, 7:] <= limits.q_max).all()
+
+
 def test_a_fault_that_no_pace_mends_changes_no_timing():
     from dataclasses import replace
 

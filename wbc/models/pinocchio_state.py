@@ -192,66 +192,56 @@ class PinocchioState(RobotState):
     def joint_columns(self) -> Mat:
         """Spatial velocity (6, nv) about the world's origin that each velocity gives what its joint moves; with it the
         joints are placed, ``data.oMi``."""
-        self._learn("kinematics")
-        return self._view(self._data.J, 6, self.model.nv)
+        return self._learnt("kinematics", self._data.J, 6, self.model.nv)
 
     @cached_property
     def M(self) -> Mat:
         """Inertia matrix (nv, nv) [kg, kg m²]."""
-        self._learn("M")
-        return self._view(self._data.M, self.model.nv, self.model.nv)
+        return self._learnt("M", self._data.M, self.model.nv, self.model.nv)
 
     @cached_property
     def h(self) -> Vec:
         """Bias C v + g (nv,) [N, N m]."""
-        self._learn("h")
-        return self._view(self._data.nle, self.model.nv)
+        return self._learnt("h", self._data.nle, self.model.nv)
 
     @cached_property
     def g(self) -> Vec:
         """Gravity torques (nv,) [N, N m]."""
-        self._learn("g")
-        return self._view(self._data.g, self.model.nv)
+        return self._learnt("g", self._data.g, self.model.nv)
 
     @cached_property
     def coriolis(self) -> Mat:
         """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ."""
-        self._learn("coriolis")
-        return self._view(self._data.C, self.model.nv, self.model.nv)
+        return self._learnt("coriolis", self._data.C, self.model.nv, self.model.nv)
 
     @cached_property
     def com(self) -> Vec:
         """Centre of mass in the world (3,) [m]."""
-        self._learn("com")
-        return self._view(self._data.com[0])
+        return self._learnt("com", self._data.com[0])
 
     @cached_property
     def com_jacobian(self) -> Mat:
         """Jacobian of the centre of mass (3, nv)."""
-        self._learn("com")
-        return self._view(self._data.Jcom, 3, self.model.nv)
+        return self._learnt("com", self._data.Jcom, 3, self.model.nv)
 
     @cached_property
     def com_drift(self) -> Vec:
         """Acceleration of the centre of mass when a = 0 (3,) [m/s²]."""
         if not self.drifts:
             return _NO_DRIFT[:3]
-        self._learn("com_drift")
-        return self._view(self._data.acom[0])
+        return self._learnt("com_drift", self._data.acom[0])
 
     @cached_property
     def centroidal_map(self) -> Mat:
         """A_G (6, nv): linear momentum, then angular momentum about the centre of mass, world axes, per unit of v."""
-        self._learn("centroidal_map")
-        return self._view(self._data.Ag, 6, self.model.nv)
+        return self._learnt("centroidal_map", self._data.Ag, 6, self.model.nv)
 
     @cached_property
     def centroidal_drift(self) -> Vec:
         """Ȧ_G v (6,) [N, N m]: the rate of the centroidal momentum when a = 0."""
         if not self.drifts:
             return _NO_DRIFT
-        self._learn("centroidal_drift")
-        return self._view(self._data.dhg.vector)
+        return self._learnt("centroidal_drift", self._data.dhg.vector)
 
     def joint_memory(self, frame: str) -> JointMemory:
         """The memory of the joint that carries a frame, for compiled code."""
@@ -270,7 +260,9 @@ class PinocchioState(RobotState):
         place = np.concatenate([placement.rotation.ravel(), placement.translation])
         return JointMemory(place, columns, arrays, (data, where))
 
-    def _view(self, array: NDArray[np.float64], *shape: int) -> NDArray[np.float64]:
+    def _learnt(self, need: str, array: NDArray[np.float64], *shape: int) -> NDArray[np.float64]:
+        """A view of what is computed from now on."""
+        self._learn(need)
         return _view(array, self._data, *shape)
 
     @cached_property

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
 from math import inf, isnan
 from pathlib import Path
 from typing import Literal, TypeVar, final
@@ -255,23 +256,18 @@ def _check_tree(links: Sequence[str], joints: Sequence[Joint]) -> None:
     ]
     if strange:
         raise ModelError("; ".join(strange))
-    children: dict[str, list[str]] = {}
     parents: dict[str, str] = {}
     for joint in joints:
         if joint.child in parents:
             raise ModelError(f"link {joint.child!r} has two parents: {parents[joint.child]!r} and {joint.parent!r}")
         parents[joint.child] = joint.parent
-        children.setdefault(joint.parent, []).append(joint.child)
     roots = [link for link in links if link not in parents]
     if len(roots) > 1:
         raise ModelError(f"links {roots[0]!r} and {roots[1]!r} both have no parent; a robot is one tree")
-    reached, frontier = set(roots), list(roots)
-    while frontier:
-        below = children.get(frontier.pop(), [])
-        reached.update(below)
-        frontier.extend(below)
-    if reached != known:
-        raise ModelError(f"link {min(known - reached)!r} is its own ancestor; a robot has no loops")
+    try:
+        TopologicalSorter({child: [parent] for child, parent in parents.items()}).prepare()
+    except CycleError as cause:
+        raise ModelError(f"link {min(cause.args[1])!r} is its own ancestor; a robot has no loops") from None
 
 
 def _write_inertial(link: Element, inertial: Inertial | None) -> None:

@@ -91,12 +91,6 @@ def spans(held: Flags) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def blend(s: Vec) -> Vec:
-    """From 0 to 1 while s goes from 0 to 1, with no speed and no acceleration at either end."""
-    s = np.clip(s, 0.0, 1.0)
-    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
-
-
 def _between(p: Any, part: str) -> Mat:
     return np.asarray(0.5 * (p[f"left_{part}"] + p[f"right_{part}"]))
 

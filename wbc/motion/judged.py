@@ -70,6 +70,8 @@ class Judged:
         """The same motion at other moments (M,), in frames from 0 to N − 1, before anybody judged it there."""
         turned = Rotation.from_quat(self.q[:, 3:7]).as_matrix()
         quaternions = Rotation.from_matrix(between(turned, moments)).as_quat()
+        signs = np.sign(np.vecdot(np.vstack([self.q[:1, 3:7], quaternions[:-1]]), quaternions))
+        quaternions *= np.cumprod(signs)[:, None]  # of two that are the same rotation, the one near that before
         limits = self.robot.limits  # at which splines overshoot
         joints = between(self.q[:, 7:], moments).clip(limits.q_min, limits.q_max)
         q = np.hstack([between(self.q[:, :3], moments), quaternions, joints])

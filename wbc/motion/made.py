@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from wbc import checks
 from wbc.errors import UnknownName
-from wbc.motion.body import blend
 from wbc.motion.clip import Motion
 from wbc.types import Mat, Vec
 
@@ -77,6 +76,12 @@ def _person(
     return found
 
 
+def _blend(s: Vec) -> Vec:
+    """From 0 to 1 while s goes from 0 to 1, with no speed and no acceleration at either end."""
+    s = np.clip(s, 0.0, 1.0)
+    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+
+
 def _stand(n: int, width: float = 0.1) -> dict[str, tuple[Mat, Vec]]:
     places = {"left": [0.0, width, _ANKLE], "right": [0.0, -width, _ANKLE]}
     return {side: (np.tile(place, (n, 1)), np.zeros(n)) for side, place in places.items()}
@@ -94,7 +99,7 @@ def _turned(axes: str, *angles: Vec) -> Rotation:
 
 def _squat(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
     t = np.arange(240) / RATE
-    depth = rng.uniform(0.12, 0.24) * 0.5 * (1.0 - np.cos(2.0 * np.pi * 0.5 * pace * t)) * blend(t)
+    depth = rng.uniform(0.12, 0.24) * 0.5 * (1.0 - np.cos(2.0 * np.pi * 0.5 * pace * t)) * _blend(t)
     lean = 1.6 * depth
     hips = np.column_stack([-0.35 * depth, 0.0 * t, _STANDING - depth])
     still = Rotation.identity(len(t))
@@ -104,7 +109,7 @@ def _squat(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
 
 def _reach(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
     t = np.arange(240) / RATE
-    there = blend((t - 0.4) * pace) - blend((t - 2.4) * pace)
+    there = _blend((t - 0.4) * pace) - _blend((t - 2.4) * pace)
     side, high = rng.uniform(-0.5, 0.5), rng.uniform(0.6, 1.7)
     hips = np.column_stack([0.0 * t, 0.02 * side * there, _STANDING - 0.04 * there])
     trunk = _turned("ZY", side * there, 0.12 * there)
@@ -115,7 +120,7 @@ def _reach(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
 
 def _dance(rng: np.random.Generator, pace: float) -> dict[str, Mat]:
     t = np.arange(360) / RATE
-    start = blend(t) * blend(t[-1] - t)
+    start = _blend(t) * _blend(t[-1] - t)
     waves = [start * np.sin(2.0 * np.pi * rng.uniform(0.3, 0.7) * pace * t + rng.uniform(0.0, 6.0)) for _ in range(8)]
     hips = np.column_stack([0.01 * waves[0], 0.035 * waves[1], _STANDING - 0.04 * start * (1.0 + waves[2] / 2)])
     turned = _turned("ZYX", 0.15 * waves[3], 0.04 * waves[4], 0.04 * waves[5])
@@ -149,13 +154,13 @@ def _steps(length: float, turning: float, count: int, pace: float) -> dict[str, 
         side, sign = ("left", 1.0) if k % 2 == 0 else ("right", -1.0)
         other = "right" if side == "left" else "left"
         lift = before + k * (swing + both) + both
-        step = blend((t - lift) / swing)
+        step = _blend((t - lift) / swing)
         to, distance = min(k + 1, count - 1) * turning, min(k + 1, count - 1) * length
         place = np.array([distance, 0.0]) + 0.1 * sign * np.array([-np.sin(to), np.cos(to)])
         ankles[side][:, :2] += step[:, None] * (place - ankles[side][-1, :2])
         ankles[side][:, 2] += 0.06 * (4.0 * step * (1.0 - step)) ** 1.5
         headings[side] += step * (to - headings[side][-1])
-        lean = blend((t - lift + both) / both) * (1.0 - blend((t - lift - swing) / both))
+        lean = _blend((t - lift + both) / both) * (1.0 - _blend((t - lift - swing) / both))
         middle = 0.5 * (ankles["left"] + ankles["right"])[:, :2]
         press += lean[:, None] * (ankles[other][:, :2] - middle)
     press += 0.5 * (ankles["left"] + ankles["right"])[:, :2]

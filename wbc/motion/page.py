@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -181,23 +181,16 @@ def _person(motion: Motion, scale: float) -> tuple[list[Obstacle], list[Part]]:
     for one, other in BONES:
         if one not in motion.positions or other not in motion.positions:
             continue
-        start, end = scale * motion.positions[one] + _BESIDE, scale * motion.positions[other] + _BESIDE
-        along = end - start
-        length = np.linalg.norm(along, axis=1)
-        helper = np.cross(along, [0.3, 0.2, 0.9])  # no bone of a body lies along it for long
-        x = helper / np.maximum(np.linalg.norm(helper, axis=1, keepdims=True), 1e-9)
-        z = along / np.maximum(length, 1e-9)[:, None]
-        turned = np.stack([x, np.cross(z, x), z], axis=2)
+        start, end = (scale * motion.positions[part] + _BESIDE for part in (one, other))
         name = f"{one} to {other} of the person"
-        moving.append(Obstacle(name, Sphere(_RADIUS), _poses(0.5 * (start + end), turned, motion.rate)))
-        bone = capsule(_RADIUS, float(np.median(length)))
+        moving.append(Obstacle(name, Sphere(_RADIUS), partial(_bone, start, end, motion.rate)))
+        bone = capsule(_RADIUS, float(np.median(np.linalg.norm(end - start, axis=1))))
         solid.append(Part(name, bone.vertices, bone.faces, _BONE))
     return moving, solid
 
 
-def _poses(places: Mat, turned: Vec, rate: float) -> Callable[[float], Any]:
-    def at(t: float) -> Any:
-        k = min(max(round(t * rate), 0), len(places) - 1)
-        return pinocchio.SE3(turned[k], places[k])
-
-    return at
+def _bone(start: Mat, end: Mat, rate: float, t: float) -> Any:
+    """The pose halfway between two places (N, 3), z towards the second."""
+    k = min(max(round(t * rate), 0), len(start) - 1)
+    turned = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end[k] - start[k])
+    return pinocchio.SE3(turned.matrix(), 0.5 * (start[k] + end[k]))

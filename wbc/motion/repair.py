@@ -53,7 +53,7 @@ _J = TypeVar("_J", bound=Judged)
 def repaired(found: _J, witness: Witness, progress: Callable[[float, str], None]) -> _J:
     """The motion with most certified frames that comes of it: in turn a slower one, and one that moves otherwise.
 
-    ``before`` is the one that was found, ``unsolved`` is its.
+    ``before`` is the motion that was found; ``unsolved`` are frames of that.
     """
 
     def judged(motion: _J) -> _J:

@@ -7,14 +7,14 @@ then stands still in the robot's. Arms have the robot's own lengths along the pe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import SIDES, Body, Flags, blend, spans, unit
+from wbc.motion.body import SIDES, Body, Flags, spans, unit
 from wbc.motion.clip import between
 from wbc.motion.mapping import Table
 from wbc.types import Mat, Vec
@@ -68,12 +68,16 @@ class Targets:
             holds[foot] = body.holds[foot]
             level = at[foot][2]
             places[foot], turned[foot] = _anchored(raised, turned[foot], holds[foot], body.motion.rate, level)
+
+            def limb(start: Mat, one: str, other: str, side: str = side) -> Mat:
+                line = p[f"{side}_{other}"] - p[f"{side}_{one}"]
+                return start + at.length(side, one, other) * unit(line)
+
             hip = places["pelvis"] + turned["pelvis"] @ (at[f"{side}_hip"] - at["pelvis"])
-            places[f"{side}_hip"] = hip
-            places[f"{side}_knee"] = hip + at.length(side, "hip", "knee") * _along(p, side, "hip", "knee")
             shoulder = places["chest"] + turned["chest"] @ (at[f"{side}_shoulder"] - at["chest"])
-            elbow = shoulder + at.length(side, "shoulder", "elbow") * _along(p, side, "shoulder", "elbow")
-            hand = elbow + at.length(side, "elbow", "wrist") * _along(p, side, "elbow", "wrist")
+            elbow = limb(shoulder, "shoulder", "elbow")
+            hand = limb(elbow, "elbow", "wrist")
+            places |= {f"{side}_hip": hip, f"{side}_knee": limb(hip, "hip", "knee")}
             holds[wrist] = body.holds[wrist]
             still = np.tile(np.eye(3), (len(hand), 1, 1))
             if holds[wrist].any():
@@ -130,10 +134,6 @@ def _lowest(robot: PinocchioModel, frame: str, places: Mat, turned: Vec) -> Vec:
     return np.asarray(np.min(heights, axis=0))
 
 
-def _along(p: Any, side: str, one: str, other: str) -> Mat:
-    return unit(p[f"{side}_{other}"] - p[f"{side}_{one}"])
-
-
 def _anchored(places: Mat, turned: Vec, held: Flags, rate: float, level: float | None) -> tuple[Mat, Vec]:
     """The same motion with one pose for each time of holding; level feet at height ``level``.
 
@@ -164,6 +164,7 @@ def _anchored(places: Mat, turned: Vec, held: Flags, rate: float, level: float |
     even = np.column_stack([np.interp(frames, ends, column) for column in off[ends].T])
     moved, rolled = places + even[:, :3], Rotation.from_rotvec(even[:, 3:]) * own
     ease = np.minimum(max(round(_EASE * rate), 1), 0.5 * (back + ahead - 1.0)) + 1.0
-    near = 1.0 - blend(np.minimum(back, ahead) / ease)[:, None]
+    share = np.minimum(np.minimum(back, ahead) / ease, 1.0)[:, None]
+    near = 1.0 - share**2 * (3.0 - 2.0 * share)  # with no speed at either end
     eased = Rotation.from_rotvec(near * (turn * rolled.inv()).as_rotvec()) * rolled
     return moved + near * (goal - moved), eased.as_matrix()
