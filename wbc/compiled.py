@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import cached_property
 from inspect import get_annotations
 from pathlib import Path
-from typing import Any, TypeVar, cast, final
+from typing import Any, Generic, TypeVar, cast, final, get_args, get_type_hints
 
 import numba
 import numpy as np
@@ -27,7 +27,7 @@ from numba.extending import intrinsic, models, register_model
 from numpy.typing import NDArray
 
 __all__ = [
-    "Memory", "call_at", "callee", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part",
+    "Layout", "Memory", "call_at", "callee", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part",
     "place_of", "small_kernel",
 ]  # fmt: skip
 
@@ -237,3 +237,45 @@ class Memory:
         #: Of each array, and of this vector.
         self.addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
         self.address = int(self.addresses.__array_interface__["data"][0])
+
+
+_T = TypeVar("_T", bound=tuple[NDArray[Any], ...])
+
+
+@final
+class Layout(Generic[_T]):
+    """The arrays that the fields of a NamedTuple name, with their shapes, for Python and for kernels.
+
+    Args:
+        kind: its fields are annotated ``Annotated[Mat, "rows, n + 1"]``, integers as Index. One is called ``sizes``.
+        rules: names in the shapes, in an order in which each can be computed, of ``sizes`` and of those before.
+    """
+
+    def __init__(self, kind: type[_T], **rules: str) -> None:
+        self._kind, self._rules = kind, rules
+        hints: dict[str, Any] = get_type_hints(kind, include_extras=True)
+        self._shapes = {name: f"({hint.__metadata__[0]},)" for name, hint in hints.items()}
+        self._integers = {name for name, hint in hints.items() if np.int64 in get_args(get_args(hint.__origin__)[1])}
+        names = list(self._shapes)
+        views = [
+            f"carray({'integers' if name in self._integers else 'floats'}(a[{i}]), {shape})"
+            for i, (name, shape) in enumerate(self._shapes.items())
+        ]
+        lines = [f"a = carray(integers(at), {len(names)})", f"sizes = {views[names.index('sizes')]}"]
+        lines += [*(f"{name} = {rule}" for name, rule in rules.items()), f"return kind({', '.join(views)})"]
+        scope: dict[str, Any] = {"carray": carray, "integers": integers, "floats": floats, "kind": kind}
+        exec("def views(at):\n    " + "\n    ".join(lines), scope)
+        #: In a kernel: the arrays at an address.
+        self.views: Callable[[int], _T] = small_kernel(scope["views"])
+
+    def arrays(self, sizes: NDArray[np.int64], **given: NDArray[Any]) -> _T:
+        """The arrays given, and zeros for all others."""
+        scope = {"sizes": sizes.tolist()}
+        for name, rule in self._rules.items():
+            scope[name] = eval(rule, {"min": min, "max": max}, scope)
+        made = {"sizes": sizes, **given}
+        for name, shape in self._shapes.items():
+            size = eval(shape, {}, scope)
+            found = made.setdefault(name, np.zeros(size, np.int64 if name in self._integers else np.float64))
+            assert found.size == np.prod(size), f"{name} has shape {found.shape}, not {size}"
+        return self._kind(**made)

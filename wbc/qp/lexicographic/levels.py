@@ -24,7 +24,9 @@ from wbc.qp.lexicographic.compiled.rank import (
     START,
     WORK,
 )  # fmt: skip
+from wbc.qp.lexicographic.compiled.rank import LAYOUT as RANKINGS
 from wbc.qp.lexicographic.compiled.space import CORE, FINDER, ITEMS, LONG, MOST, N
+from wbc.qp.lexicographic.compiled.space import LAYOUT as SPACES
 from wbc.qp.lexicographic.compiled.stage import CORE_AT, LEVELS_AT, conclude
 from wbc.qp.lexicographic.parts import Pull
 from wbc.qp.lexicographic.stages import StagedProblem
@@ -34,7 +36,7 @@ from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, SOLVED
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.row_task import NOT_OPTIMISED, Outcome
 from wbc.tolerances import ROUNDING
-from wbc.types import Index, Mat, Status, Vec
+from wbc.types import Index, Status, Vec
 
 _STATUS = {SOLVED: Status.SOLVED, INFEASIBLE: Status.INFEASIBLE, INACCURATE: Status.INACCURATE}
 
@@ -59,25 +61,11 @@ class Levels:
         names = [*names, *[names[0]] * rows, *names[:n]]
         finder = RowProblem(0, n, n_range=items, n_soft=rows, n_equal=0, rows=names, regularisation=0.0)
         self._finder = CoreSolver(finder)
-        self._sizes = np.zeros(16, dtype=np.int64)
-        self._sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long
-        self._sizes[FINDER] = self._finder.address
-        self._side, self._kept, self._push = np.zeros(items), np.zeros(items), np.zeros(items)
-
-        def of(*shape: int) -> Mat:
-            return np.zeros(shape)
-
-        def integers(size: int) -> Index:
-            return np.zeros(size, dtype=np.int64)
-
-        self._memory = Memory(
-            of(n, n), of(n), of(n), of(items), of(items), of(items), self._side, self._kept, of(items), self._push,
-            of(items), of(items, n), of(items), of(items), integers(items), of(items), of(n, n), of(n),
-            of(n), of(n), of(n), of(n), of(n + 1), of(n), of(n), of(rows, n), of(rows, n), of(n, rows), of(rows),
-            of(rows), of(rows), of(long), of(long), of(long), integers(long), of(rows, rows),
-            of(n, n), of(long, n), of(n), of(p.n_range, n), of(items), of(items, n), of(items), of(5), of(items),
-            integers(rows), of(rows), of(1 + rows), of(1), self._sizes,
-        )  # fmt: skip
+        sizes = np.zeros(16, dtype=np.int64)
+        sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long
+        sizes[FINDER] = self._finder.address
+        space = SPACES.arrays(sizes)
+        self._side, self._kept, self._push, self._memory = space.side, space.kept, space.push, Memory(*space)
         table, share = np.zeros((count, 6), dtype=np.int64), np.zeros(count)
         table[:, 4:] = share.__array_interface__["data"][0]  # of nothing
         for k, (place, pull) in enumerate(zip(staged.rows, self._pulls, strict=True)):
@@ -88,22 +76,12 @@ class Levels:
         # What a report is made of stands in one piece: how each level came out, what is left of each row, its weight.
         self._report = np.zeros(2 + 5 * count + 2 * p.n_rows)
         worst, found, left, root = np.split(self._report, (2, 2 + 5 * count, 2 + 5 * count + p.n_rows))
-        self._sides = of(count, items)
-        self._work = np.zeros(13, dtype=np.int64)
-        self._work[:4] = count, p.n_rows, len(p.value), self._memory.address
-        self._ranking = Memory(
-            table,
-            share,
-            np.ones(count),
-            root,
-            self._sides,
-            left,
-            of(count),
-            found,
-            worst,
-            np.zeros(len(p.value)),
-            self._work,
+        self._work = np.zeros(14, dtype=np.int64)
+        self._work[:5] = count, p.n_rows, len(p.value), items, self._memory.address
+        ranking = RANKINGS.arrays(
+            self._work, level=table, share=share, unit=np.ones(count), root=root, left=left, found=found, worst=worst
         )
+        self._sides, self._ranking = ranking.sides, Memory(*ranking)
         staged.links[[LEVELS_AT, CORE_AT]] = self._ranking.address, self.core.address
         self._places = self.core.places[:items]
         self._last = count - 1

@@ -23,7 +23,7 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.qp.lexicographic.compiled.stage import FIRST, HOPE
+from wbc.qp.lexicographic.compiled.stage import FIRST, HOPE, LAYOUT
 from wbc.qp.lexicographic.parts import Part, Stage
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, RowTask
@@ -113,15 +113,12 @@ class StagedProblem:
                     wanted = _address(task.wanted) + 8 * np.arange(task.dim)
                     pulls += zip(range(at.start, at.stop), range(source.n)[task.unknowns], wanted.tolist(), strict=True)
         self.links = np.zeros(4, dtype=np.int64)
-        sizes = [
-            p.n, p.n_y, p.n_rows, p.n_soft, p.soft.start, source.n, source.n_y, source.n_rows, len(pulls), len(divided)
-        ]  # fmt: skip
-        self._memory = Memory(
-            p.G, p.value, p.lower, p.upper, p.metric, p.centre, p.scale, p.weights, source.G, source.value,
-            source.lower, source.upper, source.metric, source.centre, source.scale, row_of, weight,
-            np.array(pulls, dtype=np.int64).reshape(-1, 3), divided, self.links, p.units,
-            np.array(sizes, dtype=np.int64),
-        )  # fmt: skip
+        sizes = [source.n, source.n_y, source.n_rows, p.n_rows, len(pulls), len(divided)]
+        self._memory = Memory(*LAYOUT.arrays(
+            np.array(sizes, dtype=np.int64), G=source.G, value=source.value, lower=source.lower, upper=source.upper,
+            metric=source.metric, centre=source.centre, scale=source.scale, row=row_of, weight=weight,
+            pulls=np.array(pulls, dtype=np.int64).reshape(-1, 3), parts=divided, links=self.links,
+        ))  # fmt: skip
         self.address = self._memory.address
         self._asked = [part.task for stage in stages for part in stage]  # whose memory is read
 

@@ -16,7 +16,7 @@ from wbc.compiled import Memory, place_of
 from wbc.qp.certificate import Certificate
 from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.verify import judge
-from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, ROWS, SOLVED, VARIABLES
+from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, LAYOUT, ROWS, SOLVED, VARIABLES
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.proof import NUMBERS, owners_of, proven
 from wbc.qp.rows.solver import RowSolver
@@ -47,23 +47,16 @@ class CoreSolver(RowSolver):
         self.push, self.z, self.left = np.zeros(p.n_rows), np.zeros(p.n), np.zeros(p.n_y)
         self._owners = owners_of(p)
         self.form = "rows" if fits_rows(p) else "variables"
-        items = p.n_y + p.n_range + p.n_equal
-        most = p.n_soft + p.n_u + min(items, p.n_y + p.n_equal) + 1
         form = ROWS if self.form == "rows" else VARIABLES
-        self._sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_equal, form, 0, 0, 0], dtype=np.int64)
-        self._report, numbers = np.zeros(NUMBERS + p.n_soft + p.n_y), np.array([1.0, p.regularisation, 0.0, 0.0])
+        sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_equal, form, 0, 0, 0], dtype=np.int64)
+        self._report = np.zeros(NUMBERS + p.n_soft + p.n_y)
         proof, reach = np.split(self._report, (NUMBERS,))
-        self._side, self._best, self._wrong = np.zeros(items), np.zeros(items), np.zeros(items)
-        floats = [np.zeros(p.n_y) for _ in range(3)] + [np.zeros(p.n_y + 1)] + [np.zeros(most) for _ in range(4)]
-        shapes = (
-            p.n_u, (p.n_u, p.n_u), (p.n_u, p.n_y + 1), (p.n_y, p.n_y), (most, p.n_y + 1), (most, p.n_y), (most, most),
+        self.memory = LAYOUT.arrays(
+            sizes, G=p.G, value=p.value, lower=p.lower, upper=p.upper, metric=p.metric, centre=p.centre, scale=p.scale,
+            given=p.weights, reach=reach, push=self.push, z=self.z, left=self.left, proof=proof, unit=p.units,
+            numbers=np.array([1.0, p.regularisation, 0.0, 0.0]),
         )  # fmt: skip
-        weighed = p.n_soft + p.n_u
-        self._memory = Memory(
-            p.G, p.value, p.lower, p.upper, p.metric, p.centre, p.scale, p.weights, np.zeros(weighed),
-            np.zeros(weighed), reach, self.push, self.z, self.left, proof, numbers, self._sizes, self._side, self._best,
-            self._wrong, np.zeros(most, dtype=np.int64), *floats, *(np.zeros(shape) for shape in shapes), p.units,
-        )  # fmt: skip
+        self._memory, self._side = Memory(*self.memory), self.memory.side
         self.address = self._memory.address
         self.kernel = place_of(answer), self.address
         # Where each item stands in ``value``.
@@ -92,7 +85,7 @@ class CoreSolver(RowSolver):
     @property
     def work(self) -> tuple[int, int]:
         """Guesses of the last answer, and steps of the finite method after them."""
-        return self._sizes.item(7), self._sizes.item(8)
+        return self.memory.sizes.item(7), self.memory.sizes.item(8)
 
     def reset(self) -> None:
         self._side.fill(0.0)

@@ -8,9 +8,9 @@ decided stays held, and may push either way from then on; else a lower level cou
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import carray, entry, floats, integers, part, small_kernel
+from wbc.compiled import Layout, carray, entry, floats, part
 from wbc.qp.lexicographic.compiled.proof import certify
 from wbc.qp.lexicographic.compiled.search import solve_level
 from wbc.qp.lexicographic.compiled.space import (
@@ -52,45 +52,35 @@ _BARELY = 1e-4
 
 
 class Ranking(NamedTuple):
-    """Views of the memory of all K levels of a problem with m items and r rows."""
+    """Views of the memory of all levels of a problem with m items."""
 
-    level: Index  # (K, 6): first row and last, unknowns that are damped and the first of them, their weights, where to
-    share: Vec  # (K): what the damping counts for
-    unit: Vec  # (K): what the weights of its rows are divided by
-    root: Vec  # (r): roots of the weights of the rows, over the unit
-    sides: Mat  # (K, m): working sets
-    left: Vec  # (r): what was left of a row when its level was held
-    unmet: Vec  # (K): 1 where that counts
-    found: Mat  # (K, 5): how it came out, what is left of it, beyond bounds, distance over weight, relative distance
-    worst: Vec  # (2): beyond bounds and relative distance, of all levels but the last if the core decided that
-    best: Vec  # (v): the last good answer
-    work: Index  # (13): see below
-
-
-#: What stands in ``work``: K, r, v, address of the space, first level to be tried and QPs allowed;
-#: first and last level that were decided, QPs, levels whose guess was right, was repaired, led nowhere, steps of all.
-LEVELS, TOTAL, VALUES, SPACE, START, BUDGET, BEGAN, ENDED, QPS, AT_ONCE, REPAIRED, FALLBACK, WORK = range(13)
+    level: Annotated[Index, "count, 6"]  # first row, last, damped unknowns, the first of them, their weights, where to
+    share: Annotated[Vec, "count"]  # what the damping counts for
+    unit: Annotated[Vec, "count"]  # what the weights of its rows are divided by
+    root: Annotated[Vec, "rows"]  # roots of the weights of the rows, over the unit
+    sides: Annotated[Mat, "count, m"]  # working sets
+    left: Annotated[Vec, "rows"]  # what was left of a row when its level was held
+    unmet: Annotated[Vec, "count"]  # 1 where that counts
+    found: Annotated[Mat, "count, 5"]  # how it came out, what is left, beyond bounds, distance over weight, relative
+    worst: Annotated[Vec, "2"]  # beyond bounds, relative distance; without the last level if the core decided that
+    best: Annotated[Vec, "values"]  # the last good answer
+    sizes: Annotated[Index, "14"]  # see below
 
 
-@small_kernel
-def ranking(at: int) -> Ranking:
-    """The arrays whose addresses are at ``at``, in the order of :class:`Ranking`."""
-    a = carray(integers(at), 11)
-    z = carray(integers(a[10]), 13)
-    k, rows = z[LEVELS], z[TOTAL]
-    m = space(z[SPACE]).sizes[ITEMS]
-    return Ranking(
-        carray(integers(a[0]), (k, 6)), carray(floats(a[1]), k), carray(floats(a[2]), k), carray(floats(a[3]), rows),
-        carray(floats(a[4]), (k, m)), carray(floats(a[5]), rows), carray(floats(a[6]), k), carray(floats(a[7]), (k, 5)),
-        carray(floats(a[8]), 2), carray(floats(a[9]), z[VALUES]), z,
-    )  # fmt: skip
+#: What stands in ``sizes``: how many levels, rows, values and items there are, address of the space, first level to be
+#: tried and QPs allowed; first and last level that were decided, QPs, levels whose guess was right, was repaired, led
+#: nowhere, steps of all.
+LEVELS, TOTAL, VALUES, BOUNDED, SPACE, START, BUDGET, BEGAN, ENDED, QPS, AT_ONCE, REPAIRED, FALLBACK, WORK = range(14)
+LAYOUT = Layout(Ranking, count="sizes[0]", rows="sizes[1]", values="sizes[2]", m="sizes[3]")
+#: In a kernel: the arrays at an address.
+ranking = LAYOUT.views
 
 
 @part
 def read(at: int, k: int) -> None:
     """The rows of level k, those that damp it or are the cost of u behind them, and the last tick's working set."""
     r = ranking(at)
-    w = space(r.work[SPACE])
+    w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
     first, stop, count, column = r.level[k, 0], r.level[k, 1], r.level[k, 2], r.level[k, 3]
     rows = stop - first
@@ -117,7 +107,7 @@ def read(at: int, k: int) -> None:
 def keeps(at: int, k: int) -> bool:
     """Whether the levels above still have what they came to."""
     r = ranking(at)
-    w = space(r.work[SPACE])
+    w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
     rows = s.value[s.sizes[0] + w.sizes[N] + 1 :]
     for i in range(k):
@@ -139,9 +129,9 @@ def keeps(at: int, k: int) -> bool:
 def prove(at: int, k: int) -> None:
     """The certificate of level k, which was solved last."""
     r = ranking(at)
-    w = space(r.work[SPACE])
+    w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
-    certify(r.work[SPACE])
+    certify(r.sizes[SPACE])
     rho, slope, gap = w.proof[1], w.proof[2], w.proof[3]
     off = sqrt(rho * rho + slope * slope) + sqrt(gap) if w.sizes[LAST] else rho + sqrt(w.proof[4])
     far, square = 0.0, 0.0
@@ -165,9 +155,9 @@ def hold(at: int, k: int) -> None:
     What a damped level came to is not the least of its rows, so that nothing but the rows themselves has to be kept.
     """
     r = ranking(at)
-    w = space(r.work[SPACE])
+    w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
-    one, own, first, here = s.sizes[0] + w.sizes[N], w.sizes[OWN], w.sizes[FIRST], r.work[SPACE]
+    one, own, first, here = s.sizes[0] + w.sizes[N], w.sizes[OWN], w.sizes[FIRST], r.sizes[SPACE]
     left, count = 0.0, 0
     for i in range(own):
         residual = s.value[one + 1 + first + i]
@@ -206,21 +196,21 @@ def hold(at: int, k: int) -> None:
 def decide(at: int, k: int, begins: bool) -> int:
     """Level k in the space that those above it leave; the first opens that space."""
     r = ranking(at)
-    w = space(r.work[SPACE])
+    w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
-    w.sizes[STEPS], w.sizes[FINDS], w.sizes[LAST], w.sizes[INSIDE] = 0, 0, k == r.work[LEVELS] - 1, not begins
+    w.sizes[STEPS], w.sizes[FINDS], w.sizes[LAST], w.sizes[INSIDE] = 0, 0, k == r.sizes[LEVELS] - 1, not begins
     if begins:
         for c in range(w.sizes[N]):
             w.root[c] = 1.0 / sqrt(s.metric[c])
         w.sizes[FIRST] = r.level[k, 1]
         if not reduce_base(w.sizes[CORE]):
             return FAILED
-        if not open_space(r.work[SPACE], w.sizes[FIRST]) <= NEAR:
+        if not open_space(r.sizes[SPACE], w.sizes[FIRST]) <= NEAR:
             return FAILED
     read(at, k)
-    code = solve_level(r.work[SPACE])
-    r.work[WORK] += w.sizes[STEPS]
-    r.work[FALLBACK if w.sizes[FINDS] else AT_ONCE if w.sizes[STEPS] == 1 else REPAIRED] += 1
+    code = solve_level(r.sizes[SPACE])
+    r.sizes[WORK] += w.sizes[STEPS]
+    r.sizes[FALLBACK if w.sizes[FINDS] else AT_ONCE if w.sizes[STEPS] == 1 else REPAIRED] += 1
     if code != SOLVED:
         return int(code)
     if not keeps(at, k):
@@ -241,30 +231,30 @@ def decide(at: int, k: int, begins: bool) -> int:
 
 @entry
 def rank(at: int) -> int:
-    """Decide the levels from ``work[START]`` on; where that has no answer, from one above.
+    """Decide the levels from ``sizes[START]`` on; where that has no answer, from one above.
 
     What stands above the first is hoped to be met. ``found`` tells of those that were decided.
     """
     r = ranking(at)
-    last, k, qps = r.work[LEVELS] - 1, r.work[START], r.work[QPS]
+    last, k, qps = r.sizes[LEVELS] - 1, r.sizes[START], r.sizes[QPS]
     for i in range(last + 1):
         r.unmet[i] = 0.0
     while True:
         qps += 1
         code = decide(at, k, True)
-        if code == SOLVED or k == 0 or qps >= r.work[BUDGET]:
+        if code == SOLVED or k == 0 or qps >= r.sizes[BUDGET]:
             break
         k -= 1
-    r.work[BEGAN], r.work[QPS] = k, qps
+    r.sizes[BEGAN], r.sizes[QPS] = k, qps
     if code != SOLVED:
         return int(code)
-    s = views(space(r.work[SPACE]).sizes[CORE])
+    s = views(space(r.sizes[SPACE]).sizes[CORE])
     while True:
         prove(at, k)
         if k == last:
             break
         hold(at, k)
-        if qps >= r.work[BUDGET]:
+        if qps >= r.sizes[BUDGET]:
             break
         for i in range(len(r.best)):
             r.best[i] = s.value[i]
@@ -274,5 +264,5 @@ def rank(at: int) -> int:
                 s.value[i] = r.best[i]
             break
         k += 1
-    r.work[ENDED], r.work[QPS] = k, qps
+    r.sizes[ENDED], r.sizes[QPS] = k, qps
     return SOLVED

@@ -10,9 +10,9 @@ turned by them; rows with next to nothing left depend on those before.
 from __future__ import annotations
 
 from math import copysign, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import carray, floats, integers, kernel, part, small_kernel
+from wbc.compiled import Layout, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import drop_rounding, evaluate, reduced
 from wbc.qp.rows.compiled.linear import dot
 from wbc.qp.rows.compiled.work import Work, place_of, views
@@ -29,56 +29,56 @@ class Space(NamedTuple):
     *Items* are those of the core without its equalities: the unknowns y, then the range rows.
     """
 
-    V: Mat  # (n, n): columns from ``free`` on are a basis of what is free
-    root: Vec  # √D⁻¹ (n)
-    y0: Vec  # (n): where the level begins
-    value0: Vec  # (m): the items there
-    low: Vec  # (m): how far each item may go from there
-    high: Vec
-    side: Vec  # (m): +1 held at its upper bound, −1 at its lower, 0 free
-    kept: Vec  # (m): 1 where an item held a level above back, and stays
-    idle: Vec  # (m): 1 where an item cannot stop a step
-    push: Vec  # (m): what a held item pushes with, down from above
-    wrong: Vec  # (m): how much a held item pulls instead; −1 where a free one is beyond a bound
-    B: Mat  # (m, n): the held items in z, of unit length, made triangular
-    bound: Vec  # (m): where they are held
-    reach: Vec  # (m): their lengths in z
-    item: Index  # (m): which items they are
-    holds: Vec  # (m): 1 where they hold the level back, in the order of elimination
-    P: Mat  # (n, n): reflections, row by row
-    beta: Vec  # (n)
-    pivot: Vec  # (n): what was left of each row when it was eliminated
-    z: Vec  # (n): the answer
-    at: Vec  # (n): where a descent stands
-    t: Vec  # (n): the answer as reflected
-    g: Vec  # (n + 1): a gradient
-    step: Vec  # (n): work
-    centre: Vec  # (n): the centre of the last level's distance, as reflected
-    W: Mat  # (k, n): rows of the level in z, weighed
-    A: Mat  # (k, n): the same, as reflected
-    T: Mat  # (n, k): the part of A that decides z, transposed
-    a: Vec  # (k): residual of the rows where the level begins, weighed
-    weigh: Vec  # (k): roots of the weights
-    missing: Vec  # (k): residual of the answer, weighed, in the order of elimination
-    rho: Vec  # (l): work
-    v: Vec  # (l): work
-    size: Vec  # (l): lengths that rows are measured by
-    order: Index  # (l): rows in the order of elimination
-    K: Mat  # (k, k)
-    H: Mat  # (n, n)
-    C: Mat  # (l, n): rows that narrow the space
-    doubt: Vec  # (n): 1 for a column that is not free, but hardly
-    E: Mat  # (m − n, n): range rows in √D y with the base eliminated
-    whole: Vec  # (m): lengths of the items there
-    R: Mat  # (m, n): items in z, of which ``span`` says where they are written
-    span: Vec  # (m): their lengths in z, −1 where none is
-    proof: Vec  # (5): beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
-    held: Vec  # (m): the side that the core found for each item
-    which: Index  # (k): which of y each row behind those in G is about, −1 − c of u where it is c
-    toward: Vec  # (k): where it pulls
-    noise: Vec  # (1 + k): what rounding can make, as a share of the length of a row in the space; of each row of W
-    base: Vec  # (1): the length of X in √D y
-    sizes: Index  # (16): see below
+    V: Annotated[Mat, "n, n"]  # columns from ``free`` on are a basis of what is free
+    root: Annotated[Vec, "n"]  # √D⁻¹
+    y0: Annotated[Vec, "n"]  # where the level begins
+    value0: Annotated[Vec, "m"]  # the items there
+    low: Annotated[Vec, "m"]  # how far each item may go from there
+    high: Annotated[Vec, "m"]
+    side: Annotated[Vec, "m"]  # +1 held at its upper bound, −1 at its lower, 0 free
+    kept: Annotated[Vec, "m"]  # 1 where an item held a level above back, and stays
+    idle: Annotated[Vec, "m"]  # 1 where an item cannot stop a step
+    push: Annotated[Vec, "m"]  # what a held item pushes with, down from above
+    wrong: Annotated[Vec, "m"]  # how much a held item pulls instead; −1 where a free one is beyond a bound
+    B: Annotated[Mat, "m, n"]  # the held items in z, of unit length, made triangular
+    bound: Annotated[Vec, "m"]  # where they are held
+    reach: Annotated[Vec, "m"]  # their lengths in z
+    item: Annotated[Index, "m"]  # which items they are
+    holds: Annotated[Vec, "m"]  # 1 where they hold the level back, in the order of elimination
+    P: Annotated[Mat, "n, n"]  # reflections, row by row
+    beta: Annotated[Vec, "n"]
+    pivot: Annotated[Vec, "n"]  # what was left of each row when it was eliminated
+    z: Annotated[Vec, "n"]  # the answer
+    at: Annotated[Vec, "n"]  # where a descent stands
+    t: Annotated[Vec, "n"]  # the answer as reflected
+    g: Annotated[Vec, "n + 1"]  # a gradient
+    step: Annotated[Vec, "n"]  # work
+    centre: Annotated[Vec, "n"]  # the centre of the last level's distance, as reflected
+    W: Annotated[Mat, "k, n"]  # rows of the level in z, weighed
+    A: Annotated[Mat, "k, n"]  # the same, as reflected
+    T: Annotated[Mat, "n, k"]  # the part of A that decides z, transposed
+    a: Annotated[Vec, "k"]  # residual of the rows where the level begins, weighed
+    weigh: Annotated[Vec, "k"]  # roots of the weights
+    missing: Annotated[Vec, "k"]  # residual of the answer, weighed, in the order of elimination
+    rho: Annotated[Vec, "l"]  # work
+    v: Annotated[Vec, "l"]  # work
+    size: Annotated[Vec, "l"]  # lengths that rows are measured by
+    order: Annotated[Index, "l"]  # rows in the order of elimination
+    K: Annotated[Mat, "k, k"]
+    H: Annotated[Mat, "n, n"]
+    C: Annotated[Mat, "l, n"]  # rows that narrow the space
+    doubt: Annotated[Vec, "n"]  # 1 for a column that is not free, but hardly
+    E: Annotated[Mat, "m - n, n"]  # range rows in √D y with the base eliminated
+    whole: Annotated[Vec, "m"]  # lengths of the items there
+    R: Annotated[Mat, "m, n"]  # items in z, of which ``span`` says where they are written
+    span: Annotated[Vec, "m"]  # their lengths in z, −1 where none is
+    proof: Annotated[Vec, "5"]  # beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
+    held: Annotated[Vec, "m"]  # the side that the core found for each item
+    which: Annotated[Index, "k"]  # which of y each row behind those in G is about, −1 − c of u where it is c
+    toward: Annotated[Vec, "k"]  # where it pulls
+    noise: Annotated[Vec, "1 + k"]  # rounding, as a share of the length of a row in the space; of each row of W
+    base: Annotated[Vec, "1"]  # the length of X in √D y
+    sizes: Annotated[Index, "16"]  # see below
 
 
 #: What stands in ``sizes``: n, m, k of this level, its first row in G, 1 for the last level, 1 where it begins within
@@ -90,29 +90,9 @@ N, ITEMS, ROWS, FIRST, LAST, INSIDE, FREE, HELD, DECIDED, CORE, MOST, LONG, STEP
 FINDER, FINDS = range(14, 16)
 
 
-@small_kernel
-def space(at: int) -> Space:
-    """The arrays whose addresses are at ``at``, in the order of :class:`Space`."""
-    a = carray(integers(at), 50)
-    s = carray(integers(a[49]), 16)
-    n, m, k, long = s[N], s[ITEMS], s[MOST], s[LONG]
-    return Space(
-        carray(floats(a[0]), (n, n)), carray(floats(a[1]), n), carray(floats(a[2]), n), carray(floats(a[3]), m),
-        carray(floats(a[4]), m), carray(floats(a[5]), m), carray(floats(a[6]), m), carray(floats(a[7]), m),
-        carray(floats(a[8]), m), carray(floats(a[9]), m), carray(floats(a[10]), m), carray(floats(a[11]), (m, n)),
-        carray(floats(a[12]), m), carray(floats(a[13]), m), carray(integers(a[14]), m), carray(floats(a[15]), m),
-        carray(floats(a[16]), (n, n)), carray(floats(a[17]), n), carray(floats(a[18]), n), carray(floats(a[19]), n),
-        carray(floats(a[20]), n), carray(floats(a[21]), n), carray(floats(a[22]), n + 1), carray(floats(a[23]), n),
-        carray(floats(a[24]), n), carray(floats(a[25]), (k, n)), carray(floats(a[26]), (k, n)),
-        carray(floats(a[27]), (n, k)), carray(floats(a[28]), k), carray(floats(a[29]), k), carray(floats(a[30]), k),
-        carray(floats(a[31]), long), carray(floats(a[32]), long), carray(floats(a[33]), long),
-        carray(integers(a[34]), long),
-        carray(floats(a[35]), (k, k)), carray(floats(a[36]), (n, n)), carray(floats(a[37]), (long, n)),
-        carray(floats(a[38]), n), carray(floats(a[39]), (m - n, n)), carray(floats(a[40]), m),
-        carray(floats(a[41]), (m, n)), carray(floats(a[42]), m), carray(floats(a[43]), 5), carray(floats(a[44]), m),
-        carray(integers(a[45]), k), carray(floats(a[46]), k), carray(floats(a[47]), 1 + k),
-        carray(floats(a[48]), 1), s,
-    )  # fmt: skip
+LAYOUT = Layout(Space, n="sizes[0]", m="sizes[1]", k="sizes[10]", l="sizes[11]")
+#: In a kernel: the arrays at an address.
+space = LAYOUT.views
 
 
 # ---- reflections

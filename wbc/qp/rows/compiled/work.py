@@ -6,9 +6,9 @@ costs nothing, and no view has an owner whose references would be counted.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import carray, floats, integers, small_kernel
+from wbc.compiled import Layout, small_kernel
 from wbc.types import Index, Mat, Vec
 
 #: What K and F are made of; see :mod:`wbc.qp.rows.compiled.equality`.
@@ -23,67 +23,52 @@ class Work(NamedTuple):
     *Items* are the unknowns y, then the range rows, then the equalities, whose bounds are equal.
     """
 
-    G: Mat  # (n_rows, n + 1): [B; R; S; L]
-    value: Vec  # [x | 1 | G x̂]
-    lower: Vec  # bounds of ``value``
-    upper: Vec
-    metric: Vec  # D (n_y)
-    centre: Vec  # c (n_y)
-    scale: Vec  # (n)
-    given: Vec  # weights of the soft rows (n_soft), in units of the cost
-    weights: Vec  # w (n_soft + n_u): these over the unit, then the regularisation of u
-    compliance: Vec  # 1 / w (n_soft + n_u), 0 without weight
-    reach: Vec  # (n_soft + n_y): what a unit of distance is in the task's unit
-    push: Vec  # π (n_rows): the multipliers that are certified
-    z: Vec  # (n): those of the bounds
-    left: Vec  # (n_y): what they leave of the gradient
-    proof: Vec  # (7): primal, dual, gap, scales of the two, distance, spread
-    numbers: Vec  # unit | regularisation | what is near enough | held rows, beside what counts
-    sizes: Index  # n_u, n_y, n_range, n_soft, n_equal, form | rows of E, guesses, steps
-    side: Vec  # (m): +1 held at the upper bound, −1 at the lower, 0 free
-    best: Vec  # (m): the best guess
-    wrong: Vec  # (m): 1 where the working set is wrong
-    item: Index  # (k): item of each row of E, −1 of one with a weight
-    root: Vec  # (n_y): D^−½, 0 at pins
-    free: Vec  # (n_y): 0 at pins, else 1
-    r: Vec  # (n_y): what is left of the gradient
-    t: Vec  # (n_y + 1): work
-    lam: Vec  # λ (k)
-    rho: Vec  # (k): what is left of the rows
-    a: Vec  # (k): work
-    length: Vec  # (k): squared lengths of the rows of F
-    base: Vec  # (n_u): work
-    B: Mat  # (n_u, n_u): Cholesky factor of B_u
-    X: Mat  # (n_u, n_y + 1): B_u⁻¹ [B_y | b]
-    H: Mat  # (n_y, n_y): Cholesky factor of D + Sᵀ w S
-    E: Mat  # (k, n_y + 1): soft rows, X, then held ones, in y
-    F: Mat  # (k, n_y): E M^−½
-    K: Mat  # (k, k): Cholesky factor of F Fᵀ + C
-    unit: Vec  # (1): what the cost is divided by
+    G: Annotated[Mat, "rows, n + 1"]  # [B; R; S; L]
+    value: Annotated[Vec, "values"]  # [x | 1 | G x̂]
+    lower: Annotated[Vec, "values"]  # bounds of ``value``
+    upper: Annotated[Vec, "values"]
+    metric: Annotated[Vec, "n_y"]  # D
+    centre: Annotated[Vec, "n_y"]  # c
+    scale: Annotated[Vec, "n"]
+    given: Annotated[Vec, "n_soft"]  # weights of the soft rows, in units of the cost
+    weights: Annotated[Vec, "n_soft + n_u"]  # w: these over the unit, then the regularisation of u
+    compliance: Annotated[Vec, "n_soft + n_u"]  # 1 / w, 0 without weight
+    reach: Annotated[Vec, "n_soft + n_y"]  # what a unit of distance is in the task's unit
+    push: Annotated[Vec, "rows"]  # π: the multipliers that are certified
+    z: Annotated[Vec, "n"]  # those of the bounds
+    left: Annotated[Vec, "n_y"]  # what they leave of the gradient
+    proof: Annotated[Vec, "7"]  # primal, dual, gap, scales of the two, distance, spread
+    numbers: Annotated[Vec, "4"]  # unit | regularisation | what is near enough | held rows, beside what counts
+    sizes: Annotated[Index, "9"]  # n_u, n_y, n_range, n_soft, n_equal, form | rows of E, guesses, steps
+    side: Annotated[Vec, "m"]  # +1 held at the upper bound, −1 at the lower, 0 free
+    best: Annotated[Vec, "m"]  # the best guess
+    wrong: Annotated[Vec, "m"]  # 1 where the working set is wrong
+    item: Annotated[Index, "k"]  # item of each row of E, −1 of one with a weight
+    root: Annotated[Vec, "n_y"]  # D^−½, 0 at pins
+    free: Annotated[Vec, "n_y"]  # 0 at pins, else 1
+    r: Annotated[Vec, "n_y"]  # what is left of the gradient
+    t: Annotated[Vec, "n_y + 1"]  # work
+    lam: Annotated[Vec, "k"]  # λ
+    rho: Annotated[Vec, "k"]  # what is left of the rows
+    a: Annotated[Vec, "k"]  # work
+    length: Annotated[Vec, "k"]  # squared lengths of the rows of F
+    base: Annotated[Vec, "n_u"]  # work
+    B: Annotated[Mat, "n_u, n_u"]  # Cholesky factor of B_u
+    X: Annotated[Mat, "n_u, n_y + 1"]  # B_u⁻¹ [B_y | b]
+    H: Annotated[Mat, "n_y, n_y"]  # Cholesky factor of D + Sᵀ w S
+    E: Annotated[Mat, "k, n_y + 1"]  # soft rows, X, then held ones, in y
+    F: Annotated[Mat, "k, n_y"]  # E M^−½
+    K: Annotated[Mat, "k, k"]  # Cholesky factor of F Fᵀ + C
+    unit: Annotated[Vec, "1"]  # what the cost is divided by
 
 
-@small_kernel
-def views(at: int) -> Work:
-    """The arrays whose addresses are at ``at``, in the order of :class:`Work`."""
-    m = carray(integers(at), 37)
-    s = carray(integers(m[16]), 9)
-    nu, ny, nr, ns, nl = s[0], s[1], s[2], s[3], s[4]
-    n, rows, items = nu + ny, nu + nr + ns + nl, ny + nr + nl
-    k = ns + nu + items + 1 if items < ny + nl else ns + nu + ny + nl + 1
-    return Work(
-        carray(floats(m[0]), (rows, n + 1)), carray(floats(m[1]), n + 1 + rows), carray(floats(m[2]), n + 1 + rows),
-        carray(floats(m[3]), n + 1 + rows), carray(floats(m[4]), ny), carray(floats(m[5]), ny), carray(floats(m[6]), n),
-        carray(floats(m[7]), ns), carray(floats(m[8]), ns + nu), carray(floats(m[9]), ns + nu),
-        carray(floats(m[10]), ns + ny), carray(floats(m[11]), rows), carray(floats(m[12]), n),
-        carray(floats(m[13]), ny),
-        carray(floats(m[14]), 7), carray(floats(m[15]), 4), s,
-        carray(floats(m[17]), items), carray(floats(m[18]), items), carray(floats(m[19]), items),
-        carray(integers(m[20]), k), carray(floats(m[21]), ny), carray(floats(m[22]), ny), carray(floats(m[23]), ny),
-        carray(floats(m[24]), ny + 1), carray(floats(m[25]), k), carray(floats(m[26]), k), carray(floats(m[27]), k),
-        carray(floats(m[28]), k), carray(floats(m[29]), nu), carray(floats(m[30]), (nu, nu)),
-        carray(floats(m[31]), (nu, ny + 1)), carray(floats(m[32]), (ny, ny)), carray(floats(m[33]), (k, ny + 1)),
-        carray(floats(m[34]), (k, ny)), carray(floats(m[35]), (k, k)), carray(floats(m[36]), 1),
-    )  # fmt: skip
+LAYOUT = Layout(
+    Work, n_u="sizes[0]", n_y="sizes[1]", n_range="sizes[2]", n_soft="sizes[3]", n_equal="sizes[4]", n="n_u + n_y",
+    rows="n_u + n_range + n_soft + n_equal", values="n + 1 + rows", m="n_y + n_range + n_equal",
+    k="n_soft + n_u + min(m, n_y + n_equal) + 1",
+)  # fmt: skip
+#: In a kernel: the arrays at an address.
+views = LAYOUT.views
 
 
 @small_kernel
