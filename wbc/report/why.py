@@ -1,4 +1,4 @@
-"""What a run says of why the robot moved as it did: tasks and active rows of every tick, for the cursor of the page."""
+"""The tasks and active rows of every tick of a run, for the cursor of the page."""
 
 from __future__ import annotations
 

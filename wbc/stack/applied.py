@@ -1,4 +1,4 @@
-"""Applied: what holds in the present tick, from the stack's own limits and the overrides of its components."""
+"""Applied: the bounds and parameters of the present tick: the limits of the stack with its components' overrides."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _Bounds = tuple[Vec, Vec]
 class Applied:
     """Bounds, bias, inertia, motors and normal forces of one tick; the plans of one stack share it.
 
-    ``apply`` checks everything before it changes anything: what is refused leaves what held in the tick before.
+    ``apply`` checks all changes before it makes any: if it raises, the values of the tick before stay.
     ``version`` rises whenever the bounds on torques change. The arrays are read-only to everybody else, and their
     memory never moves: compiled code reads it.
     """

@@ -1,4 +1,4 @@
-"""Component: memory. The only thing in a stack with state. A Schedule is the one that says which contacts hold."""
+"""Component: the only member of a stack with state. A Schedule is the component that selects the active contacts."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from wbc.types import Vec
 
 
 class Component(ABC):
-    """An observer, an adaptive law, a schedule: it remembers between ticks.
+    """A member with state between ticks: an observer, an adaptive law, a schedule.
 
-    In each tick ``before`` returns what it changes there, an :class:`~wbc.stack.overrides.Overrides`, or None;
-    ``after`` sees what was decided; ``signals`` is what the recorder writes. Which contacts hold is said by a
-    :class:`Schedule`. A component that raises, or returns what makes no sense, costs the tick its
-    answer: the command is a bounded fallback, its status is not ok, and ``controller.why`` names the component.
+    In each tick ``before`` returns its changes as an :class:`~wbc.stack.overrides.Overrides`, or None. ``after`` gets
+    the command; the recorder writes ``signals``. A :class:`Schedule` selects the active contacts. If a component raises
+    or returns an invalid value, the command of the tick is a bounded fallback, its status is not ok, and
+    ``controller.why`` names the component.
     """
 
     _name: str | None = None
@@ -33,7 +33,7 @@ class Component(ABC):
         return self._name or type(self).__name__
 
     def __getstate__(self) -> dict[str, Any]:
-        """What is remembered, without the plan that was seen last: a copy, or a pickle, sees another one."""
+        """The state without the last plan: a copy or a pickle gets a plan of its own."""
         return {name: value for name, value in self.__dict__.items() if not isinstance(value, PlanView)}
 
     def prepare(self, model: RobotModel) -> None:
@@ -43,12 +43,12 @@ class Component(ABC):
         """Called before the first tick, and whenever the controller starts again."""
 
     def check(self, plan: PlanView) -> None:
-        """Called once when a controller is made, with the plan of all contacts: refuse what the stack lacks."""
+        """Called once when a controller is made, with the plan of all contacts: raise if the stack lacks a member."""
 
     def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides | None:
-        """What holds in this tick; called before the plan is filled.
+        """The changes of this tick; called before the plan is filled.
 
-        ``last`` is the previous Command or None. ``plan`` is to be read: it holds what was in force in the tick before.
+        ``last`` is the previous Command or None. ``plan`` is read-only and has the values of the tick before.
         """
 
     def after(self, state: RobotState, command: object) -> None:
@@ -63,11 +63,11 @@ class Component(ABC):
 
 
 class Schedule(Component):
-    """Names, in each tick, those of the stack's contacts that hold; a stack has at most one.
+    """Selects the active contacts of the stack in each tick. A stack has at most one schedule.
 
-    The controller then uses the plan compiled for that set: a contact that was not in the set before is made where the
-    robot is (or at its target), one that is no longer named is gone, and what is said about its force with it.
-    Contacts are named by their name, or by their frame where no other contact is on it.
+    The controller then uses the plan that was compiled for this set of contacts. A new contact is made where the robot
+    is, or at its target. A contact that is removed takes its force variables and all tasks on its force with it.
+    Contacts are selected by their name, or by their frame if it has no other contact.
     """
 
     @abstractmethod

@@ -1,6 +1,6 @@
-"""Constraint: what holds above every weight and every level of the stack.
+"""Constraint: an equality or inequality that every solution meets, above all weights and levels of the stack.
 
-Four kinds, told apart by what they are written about:
+There are four kinds:
 
 * :class:`JointInterval`     bounds on each joint's position, velocity, acceleration, jerk or torque; the plan composes
                              them into one interval per joint that is never empty
@@ -179,12 +179,13 @@ class LinearConstraint(Constraint):
 
 @final
 class Softly(Objective):
-    """A constraint that may be broken: ½ Σ wᵢ sᵢ² for the least s with lo <= A y + s <= hi; made by
+    """A soft constraint: ½ Σ wᵢ sᵢ² for the least s with lo <= A y + s <= hi; made by
     ``softly()``.
 
-    It costs nothing where the constraint holds, so it leaves the tasks beside and below it alone. Under
-    :class:`~wbc.stack.hierarchy.Strict` it is an inequality at its level: what it can be kept to is never given up for
-    a level below. Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011.
+    The cost is zero while the constraint holds, so it does not affect the tasks beside and below it. Under
+    :class:`~wbc.stack.hierarchy.Strict` it is an inequality at its level: no level below can increase its violation.
+
+    Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011.
 
     Example:
         >>> import wbc

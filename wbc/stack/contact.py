@@ -123,7 +123,7 @@ class Contact(Member):
 
     @property
     def f_min(self) -> float | None:
-        """Least normal force [N]; None: what the cone says, mostly 0."""
+        """Least normal force [N]; None: the bound of the friction cone, usually 0."""
         return self._f_min
 
     @f_min.setter

@@ -1,4 +1,4 @@
-"""Damping of the joints by what the last answer left of the kinematic tasks: out of reach leads to rest."""
+"""Damping of the joints by the residual of the kinematic tasks: a target out of reach brings the robot to rest."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class ResidualDamping:
         return bool(self._numbers.item(3) != 0.0)
 
     def stalled(self, v: Vec) -> Vec:
-        """How little of what was asked the damped joints could do, (nj,): what is left over what was done, from 0.
+        """Ratio of the residual of the tasks to the motion that the damped joints made, (nj,), at least 0.
 
         That is d/σ² for a task along the direction of its residual, σ² the curvature that J has there.
         """
@@ -118,15 +118,15 @@ class ResidualDamping:
 class Damping:
     """The damping of a plan: one in the metric of all joints, and one by itself for each level that ranks above others.
 
-    A level that ranks above others is damped by what is left of its own tasks, and by nothing below it: it comes to
+    A level above others is damped by the residual of its own tasks only. It solves
 
         minimise ½ Σ wᵢ (Jᵢ x − tᵢ)² + ½ Σ dⱼ (xⱼ − cⱼ)² + ½ ε ‖x‖²        over the joints' part of x
 
-    and the levels below keep J x. The damping in the metric is by what is left of all other kinematic tasks.
+    and the levels below keep J x. The damping in the metric uses the residual of all other kinematic tasks.
 
-    What the rows of a level leave free is free to first order only: the second order that it is damped for stands in
-    the way of the levels below, too. So these are damped by the same joints, by dⱼ/σ² of the curvature that their own
-    tasks have there, with d/σ² the ratio of what the level left to what it did. They are slowed, and come to rest at
+    The null space of a level is free to first order only: the second order for which the level is damped also affects
+    the levels below. These are therefore damped in the same joints, by dⱼ/σ² times the curvature of their own tasks
+    there; d/σ² is the ratio of the residual of the level to the motion that it made. They slow down and come to rest at
     the same points. Source: Chiaverini, IEEE T-RA 13(3), 1997 (damped least squares above an undamped null space);
     Pfeiffer, Escande, Righetti, IEEE RA-L 3(4), 2018 (the second order of a level takes the
     freedom of those below).

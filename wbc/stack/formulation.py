@@ -1,4 +1,4 @@
-"""Formulation: at which level a stack is solved, and so what the unknowns are."""
+"""Formulation: the level at which a stack is solved, which decides the unknowns of the QP."""
 
 from __future__ import annotations
 

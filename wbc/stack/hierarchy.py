@@ -1,4 +1,4 @@
-"""Hierarchy: what the levels of a stack mean, and so how a plan is solved."""
+"""Hierarchy: how the levels of a stack are weighed or ordered when a plan is solved."""
 
 from __future__ import annotations
 
@@ -115,14 +115,14 @@ class Strict(Hierarchy):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Scaled(Hierarchy):
-    """Every kinematic task is done as a whole or in part, never sideways: saturation in the null space, in a stack.
+    """Kinematic tasks keep their direction and are slowed where limits are active: saturation in the null space.
 
-    Each task has a scale s in [0, 1], J x + drift = s t with t what its gains ask for. Level by level: first the
-    directions (in least squares where no scale can keep them), then all scales as near to 1 as can be,
-    ½ Σ w ‖t‖² (1 − s)². Tasks on the joints, linear tasks and soft constraints are decided after that at their level;
-    those of the last level, with forces and regularisation, at the end. ``budget`` and damping as under
-    :class:`Strict`; directions feel a thousandth of the damping, and where accelerations are decided, what is done in
-    part still brakes with all of its kd.
+    Each task has a scale s in [0, 1] with J x + drift = s t, where t is the velocity or acceleration that its gains
+    request. Each level first fixes the directions, in least squares where no scale can keep them, then maximises the
+    scales: minimise ½ Σ w ‖t‖² (1 − s)². Tasks on the joints, linear tasks and soft constraints of the level follow;
+    those of the last level come at the end with the forces and the regularisation. ``budget`` and damping are as under
+    :class:`Strict`; directions get a thousandth of the damping. At the level of accelerations a scaled task brakes
+    with its whole kd.
 
     Source: Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015; :mod:`wbc.methods.null_space_saturation` for one task.
 

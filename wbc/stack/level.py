@@ -1,4 +1,4 @@
-"""Level: what is decided, and so what a stack may speak of."""
+"""Level: the quantity that the QP decides (velocities, accelerations or torques), and its settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Overrides: what a component changes in one tick, as a value."""
+"""Overrides: the changes that a component makes in one tick, as a value."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Motor(NamedTuple):
 class Actuators:
     """Motor i turns the command u_i into the torque τ_i = share_i u_i − offset_i [N m, N]; sound: share 1, offset 0.
 
-    Components say what they found out as ``Overrides(motors=...)``; the controller then sends the command that gives
-    the torque decided, u = (τ + offset) / share. A motor of share 0 gives nothing whatever it is sent, and is sent 0.
+    A component reports faulty motors as ``Overrides(motors=...)``. The controller then sends the command that gives the
+    wanted torque, u = (τ + offset) / share. A motor of share 0 gives no torque and gets the command 0.
 
     Args:
         share: (nj,), each between 0 and 1.

@@ -43,10 +43,10 @@ from wbc.types import Status
 class Plan(Filled):
     """A compiled stack: sizes, memory, views and row names; made by ``level.compile(model, stack, dt=…)``.
 
-    ``stack`` holds the plan's own copies of the members, prepared for the model and to be read: what users assign to
-    the members themselves reaches them at the next ``fill``, what components override reaches them by ``apply``.
+    ``stack`` holds the plan's own copies of the members, prepared for the model and read-only. Assignments to the
+    members of the user reach the copies at the next ``fill``, overrides of components by ``apply``.
 
-    To be read too is what holds in this tick (:class:`~wbc.stack.applied.Applied`): ``torque_bounds`` (lower, upper),
+    Read-only values of this tick (:class:`~wbc.stack.applied.Applied`): ``torque_bounds`` (lower, upper),
     (nj,) each [N m, N]; ``bounds(quantity)`` on a joint's position, velocity and acceleration; ``extra_bias`` (nv,), a
     generalised force added to h, and ``extra_inertia`` (nv, nv) or None, added to M; ``normal_limits`` and
     ``normal_floors`` (contacts,) [N], in the order of the whole stack's contacts; ``actuators``, what motors make of a

@@ -1,4 +1,4 @@
-"""Checks that hold for every task, constraint, contact and method, for those of users too; strategies.
+"""Checks of tasks, constraints, contacts and methods, also of your own, and strategies for property tests.
 
 ``check_task``, ``check_constraint``, ``check_contact`` and ``check_method`` raise :class:`CheckFailed` with the member,
 the row or quantity and what differs. ``wbc.testing.strategies`` (for hypothesis) draws states, boxes and matrices.

@@ -1,4 +1,4 @@
-"""check_constraint: what holds for every constraint."""
+"""check_constraint: the properties of every constraint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""check_contact: what holds for every contact."""
+"""check_contact: the properties of every contact."""
 
 from __future__ import annotations
 
