@@ -79,6 +79,17 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
         robot(LINKS + '<link name="a"/><link name="b"/>' + HINGE + joint("ab", "a", "b") + joint("ba", "b", "a")),
         "link 'a' is its own ancestor",
     ),
+    "hanging below a loop": (  # the link that hangs there is none of its ancestors
+        robot(
+            LINKS
+            + '<link name="a"/><link name="b"/><link name="c"/>'
+            + HINGE
+            + joint("bc", "b", "c")
+            + joint("cb", "c", "b")
+            + joint("ba", "b", "a")
+        ),
+        "link 'b' is its own ancestor",
+    ),
     "two trees": (
         robot(LINKS + '<link name="a"/><link name="b"/>' + HINGE + joint("ab", "a", "b")),
         "links 'base' and 'a' both have no parent",
