@@ -16,7 +16,6 @@ from wbc.report.sections import (
     smoothness,
     solver,
     timing,
-    torques,
     tracking,
     verdict,
 )
@@ -28,7 +27,7 @@ SECTIONS: tuple[Callable[[ScenarioResult], Section | None], ...] = (
     motion.section,
     tracking.section,
     limits.section,
-    torques.section,
+    joints.torques,
     joints.section,
     smoothness.section,
     contacts.section,

@@ -1,13 +1,36 @@
-"""Joint velocities and positions against their limits."""
+"""Torques, velocities and positions of joints against their limits."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wbc.report import measure
-from wbc.report.document import Bar, Bound, Cell, Curve, Plot, Section, Table
-from wbc.report.sections.use import LONG, WORST, short_names, use_plot, use_table
+from wbc.report.document import Bar, Bound, Cell, Curve, Item, Plot, Section, Table, percent
 from wbc.sim.scenario import ScenarioResult
+from wbc.types import Vec
+
+if TYPE_CHECKING:
+    from wbc.control.recorder import Run
+
+WORST = 4
+#: A table of more joints is shown when asked for.
+LONG = 14
+#: Where the limit stands in the bar of a joint.
+LIMIT = 0.8
+
+
+def torques(result: ScenarioResult) -> Section | None:
+    """Share of the torque limit over time and per joint."""
+    run = result.run
+    share, tau = measure.use(run).get("torque"), measure.torques(run)
+    if share is None or tau is None or not share.size:
+        return None
+    units = ["N m" if unit == "rad" else "N" for unit in run.meta.get("joint_units", [])]
+    plot = _use_plot(run, share, "torques", "Torque in use, |τ| / τ_max")
+    return Section("Torques against limits", [plot, _use_table(run, "torque", tau, share, units)])
 
 
 def section(result: ScenarioResult) -> Section | None:
@@ -15,20 +38,48 @@ def section(result: ScenarioResult) -> Section | None:
     run = result.run
     if not run.meta["joint_names"] or not run.rows:
         return None
-    _, velocity = measure.joint_state(run)
     low, high = (measure.limits(run)[name] for name in ("q_min", "q_max"))
-    between = [_positions(result)] if np.any(np.isfinite(low) & np.isfinite(high)) else []
-    share = measure.use(run)["velocity"]
-    units = [f"{unit}/s" for unit in run.meta.get("joint_units", [])]
-    return Section(
-        "Joint velocities and positions",
-        [
-            use_plot(run, share, "velocities", "Speed in use, |v| / v_max"),
-            *between,
-            use_table(run, velocity, share, measure.limits(run)["v_max"], units, kind="velocity"),
-            _table(result),
-        ],
-    )
+    share, units = measure.use(run)["velocity"], [f"{unit}/s" for unit in run.meta.get("joint_units", [])]
+    items: list[Item] = [_use_plot(run, share, "velocities", "Speed in use, |v| / v_max")]
+    items += [_positions(result)] if np.any(np.isfinite(low) & np.isfinite(high)) else []
+    items += [_use_table(run, "velocity", measure.joint_state(run)[1], share, units), _table(result)]
+    return Section("Joint velocities and positions", items)
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Joint names without the word that all of them end with."""
+    return [name.removesuffix("_joint") for name in names] if all(n.endswith("_joint") for n in names) else list(names)
+
+
+def _use_plot(run: Run, share: Vec, name: str, title: str) -> Plot:
+    """``share`` (N, nj) of a limit over time: the worst joints, the largest of the others, and each of them."""
+    names = short_names(run.meta["joint_names"])
+    worst = list(np.argsort(-share.max(axis=0), kind="stable"))
+    shown, others = worst[:WORST], worst[WORST:]
+    curves = [Curve(names[i], 100.0 * share[:, i]) for i in shown]
+    if others:
+        curves.append(Curve("largest other", 100.0 * share[:, others].max(axis=1), faint=True))
+        curves += [Curve(names[i], 100.0 * share[:, i], shown=False) for i in others]
+    return Plot(name, title, "%", measure.times(run), curves, [Bound(100.0, "limit")], zero=True, wide=True)
+
+
+def _use_table(run: Run, kind: str, values: Vec, share: Vec, units: Sequence[str]) -> Table:
+    """Every joint's largest absolute value, limit and share, the most used first."""
+    names, bound = run.meta["joint_names"], measure.limits(run)["tau_max" if kind == "torque" else "v_max"]
+    largest = np.nanmax(np.abs(values), axis=0, initial=0.0)
+    rows = [
+        (names[i], units[i] if units else "", float(largest[i]), float(bound[i]), _bar(share[:, i], float(bound[i])))
+        for i in np.argsort(-share.max(axis=0), kind="stable")
+    ]
+    columns = ("joint", "unit", "largest", "limit", "largest share")
+    return Table(columns, rows, f"Largest |{kind}| of every joint. The line in a bar is the limit.", len(rows) > LONG)
+
+
+def _bar(share: Vec, bound: float) -> Bar | str:
+    if not np.isfinite(bound) or bound <= 0:
+        return "–"
+    most = float(share.max())
+    return Bar(0.0, min(LIMIT * most, 1.0), percent(most), LIMIT, most <= 1 + 1e-9)
 
 
 def _positions(result: ScenarioResult) -> Plot:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.report import measure, smoothness
 from wbc.report.document import Bound, Cell, Curve, Item, Plot, Section, Table
-from wbc.report.sections.use import short_names
+from wbc.report.sections.joints import short_names
 from wbc.report.smoothness import Moved
 from wbc.sim.scenario import ScenarioResult
 
