@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -11,29 +11,21 @@ import numpy as np
 import wbc
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import (
     Brake,
     FaultReaction,
-    JointPositionLimits,
-    JointVelocityLimits,
     MomentumObserver,
-    Position,
-    Posture,
     Release,
-    Sinusoid,
-    TorqueLimits,
     When,
 )
 from . import judge
-from .arm_reach import TOOLS
+from .arm_reach import following, tool, way
 
 FAULT, RECOVERY = 3.0, 1.0  # seconds
 #: At this moment the second joint stops where the others cannot reach all of the path [s].
@@ -45,26 +37,27 @@ ANSWERS = ("nothing", "release", "brake")
 @final
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """One run: who failed, what was done, what came of it."""
+    """One trial: what was found, how long after the fault, what became of the tool."""
 
+    trial: Trial
     joint: str
     answer: str
-    run: wbc.Run
+    start: float
     found: str
     delay: float
-    start: float
 
-    @property
-    def error(self) -> Vec:
-        """Distance of the tool from its target (N,) [m]."""
-        name = next(name for name in self.run.columns if name.startswith("error.Position"))
-        distance: Vec = np.linalg.norm(self.run[name], axis=1)
-        return distance
+    @classmethod
+    def of(cls, trial: Trial) -> Seen:
+        """What came of a trial."""
+        answer, fault, reaction = trial.about
+        first = reaction.events[0][0] if reaction.events else None
+        found, delay = (first.joint_name, first.t - fault.start) if first else ("none", float("inf"))
+        return cls(replace(trial, name=answer), fault.joint, answer, fault.start, found, delay)
 
     @property
     def rms(self) -> float:
-        """From a second after the fault on [m]."""
-        late = self.error[self.run["t"] > self.start + RECOVERY]
+        """Distance of the tool from its target, from a second after the fault on [m]."""
+        late = self.trial.error("Position")[self.trial.run["t"] > self.start + RECOVERY]
         return float(np.sqrt(np.mean(late**2)))
 
 
@@ -84,122 +77,86 @@ class ArmActuatorLoss(Scenario):
     plants = ("mujoco",)
     duration = 7.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        robot = wbc.load(parameters["robot"])
-        count = int(parameters["joints"])
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        robot, count = wbc.load(p["robot"]), int(p["joints"])
         if not 1 <= count <= robot.nj:
             raise InvalidInput(f"parameter 'joints' is {count}; {robot.name} has {robot.nj} joints")
-        if settings.duration <= FAULT + RECOVERY:
+        if p.settings.duration <= FAULT + RECOVERY:
             raise InvalidInput(
-                f"duration is {settings.duration:g} s; the fault comes at {FAULT:g} s: give at least 2 s more"
+                f"duration is {p.settings.duration:g} s; the fault comes at {FAULT:g} s: give at least 2 s more"
             )
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        seen: list[Seen] = []
-        wanted = [(joint, answer) for joint in robot.joint_names[:count] for answer in ANSWERS]
-        for (joint, answer), one in trials(settings.progress, wanted):
-            one(0.0, f"{joint}, {answer}")
-            fault = ActuatorFault(joint=joint, start=FAULT)
-            seen.append(_trial(robot, fault, answer, duration=settings.duration, solver=settings.solver, meta=meta))
-        early = [
-            _trial(
-                robot,
-                ActuatorFault(joint=joint, start=EARLY),
-                "brake",
-                duration=settings.duration,
-                solver=settings.solver,
-                meta=meta,
-            )
-            for joint in robot.joint_names[1:2]
+        wanted = [(joint, answer, FAULT) for joint in robot.joint_names[:count] for answer in ANSWERS]
+        wanted += [(joint, "brake", EARLY) for joint in robot.joint_names[1:2]]
+        return {f"{joint} at {start:g} s, {answer}": {"joint": joint, "answer": answer, "start": start}
+                for joint, answer, start in wanted}  # fmt: skip
+
+    def build(self, p: Parameters) -> Setup:
+        robot = wbc.load(p["robot"])
+        plant, fault = MujocoPlant(robot), ActuatorFault(joint=p["joint"], start=p["start"])
+        plant.reset(robot.q0)
+        observer = MomentumObserver(gain=GAIN, threshold=THRESHOLD, persistence=2, release=0.5)
+        lines = {"nothing": [], "release": [When("total", [Release()])], "brake": [When("total", [Brake(plant.brake)])]}
+        reaction = FaultReaction(observer, table=lines[p["answer"]])
+        stack = following(robot, [observer, reaction])
+        return Setup(stack=stack, plant=plant, disturbances=[fault], about=(p["answer"], fault, reaction))
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        seen = [Seen.of(trial) for trial in trials]
+        by = {answer: [s for s in seen if s.answer == answer and s.start == FAULT] for answer in ANSWERS}
+        robot, braked = seen[0].trial.robot, by["brake"]
+        # A joint that carries nothing breaks nothing: the worst without an answer must be bad, all with it good.
+        lost, kept = [s.rms for s in by["nothing"]], [s.rms for s in braked]
+        loaded, right = sum(rms > 1e-3 for rms in lost), sum(s.found == s.joint for s in braked)
+        delay = max(s.delay for s in braked)
+        figures = {
+            "joint": [s.joint for s in braked], "found_joint": [s.found for s in braked],
+            "delay_ms": [1e3 * s.delay for s in braked],
+            "with": {"stands": True, "task_rms_m": max(kept), "each": kept},
+            "without": {"stands": False, "task_rms_m": min(lost), "each": lost},
+            "released": {"task_rms_m": [s.rms for s in by["release"]]},
+        }  # fmt: skip
+        checks = [
+            Check("tool's error without an answer, rms, least of all", min(lost), ">", 0.04, "m"),
+            Check("with a brake, most of all", max(kept), "<", 5e-4, "m"),
+            Check("first diagnosis names the joint", float(right), "=", float(len(kept)), "of all"),
+            Check("longest from fault to brake", delay, "<=", 0.02, "s"),
+            Check("joints that carry something", float(loaded), "=", float(len(lost)), "of all"),
         ]
-        return _judged(robot, seen, early)
+        shown = [by[answer][len(kept) // 2] for answer in ("brake", "nothing", "release")]
+        early = [s for s in seen if s.start == EARLY]
+        sections = [_section([s.trial for s in shown], shown[0].joint), _table(robot, by, early)]
+        return judge.verdict([s.trial for s in shown], checks, figures=figures, sections=sections)
 
 
-def _trial(
-    robot: PinocchioModel, fault: ActuatorFault, answer: str, *, duration: float, solver: str, meta: Mapping[str, Any]
-) -> Seen:
-    tool = TOOLS.get(str(meta["parameters"]["robot"]), robot.frame_names[-1])
-    plant = MujocoPlant(robot)
-    plant.reset(robot.q0)
-    path = _path(robot, tool)
-    observer = MomentumObserver(gain=GAIN, threshold=THRESHOLD, persistence=2, release=0.5)
-    lines = {"nothing": [], "release": [When("total", [Release()])], "brake": [When("total", [Brake(plant.brake)])]}
-    reaction = FaultReaction(observer, table=lines[answer])
-    stack = wbc.Stack(
-        [Position(tool, target=path, kp=400), Posture(robot.q0, kp=10, weight=1e-3)],
-        subject_to=[TorqueLimits(), JointVelocityLimits(), JointPositionLimits()], components=[observer, reaction],
-    )  # fmt: skip
-    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
-    run = simulate(controller, plant, duration=duration, disturbances=[fault], meta=meta)
-    first = reaction.events[0][0] if reaction.events else None
-    found, delay = (first.joint_name, first.t - fault.start) if first else ("none", float("inf"))
-    return Seen(fault.joint, answer, run, found, delay, fault.start)
-
-
-def _path(robot: PinocchioModel, tool: str) -> Sinusoid:
-    return Sinusoid(robot.state().frame(tool).position, amplitude=[0.05, 0.08, 0.05], frequency=[0.5, 0.4, 0.6])
-
-
-def out_of_reach(robot: PinocchioModel, tool: str, joint: str, q: Vec) -> float:
-    """How far the path comes from what ``tool`` can reach with ``joint`` held as at q (nq,) [m]; limits count.
+def out_of_reach(robot: PinocchioModel, frame: str, joint: str, q: Vec) -> float:
+    """How far the path comes from what ``frame`` can reach with ``joint`` held as at q (nq,) [m]; limits count.
 
     At points along the path, the least distance by Gauss and Newton in the other joints, cut to their limits.
     """
-    state, path, held = robot.state(), _path(robot, tool), robot.joint(joint)
+    state, path, held = robot.state(), way(robot), robot.joint(joint)
     others, worst, still = [i for i in range(robot.nj) if i != held], 0.0, np.zeros(robot.nv)
     for t in np.arange(RECOVERY, RECOVERY + 10.0, 0.1):
         q = q.copy()
         distance = np.inf
         for _ in range(30):
             state.update(0.0, q, still)
-            e = path(float(t))[0] - state.frame(tool).position
+            e = path(float(t))[0] - state.frame(frame).position
             distance = min(distance, float(np.linalg.norm(e)))
-            J = state.frame(tool).jacobian()[:3, others]
+            J = state.frame(frame).jacobian()[:3, others]
             q[others] += J.T @ np.linalg.solve(J @ J.T + 1e-6 * np.eye(3), e)
             q[:] = np.clip(q, robot.limits.q_min, robot.limits.q_max)
         worst = max(worst, distance)
     return worst
 
 
-def _judged(robot: PinocchioModel, seen: Sequence[Seen], early: Sequence[Seen]) -> ScenarioResult:
-    by = {answer: [s for s in seen if s.answer == answer] for answer in ANSWERS}
-    # A joint that carries nothing breaks nothing: the worst without an answer must be bad, all with it good.
-    lost, kept = [s.rms for s in by["nothing"]], [s.rms for s in by["brake"]]
-    loaded = [s for s in by["nothing"] if s.rms > 1e-3]
-    right = sum(s.found == s.joint for s in by["brake"])
-    delay = max(s.delay for s in by["brake"])
-    figures = {
-        "joint": [s.joint for s in by["brake"]], "found_joint": [s.found for s in by["brake"]],
-        "delay_ms": [1e3 * s.delay for s in by["brake"]],
-        "with": {"stands": True, "task_rms_m": max(kept), "each": kept},
-        "without": {"stands": False, "task_rms_m": min(lost), "each": lost},
-        "released": {"task_rms_m": [s.rms for s in by["release"]]},
-    }  # fmt: skip
-    shown = {answer: seen[len(kept) // 2].run for answer, seen in by.items()}
-    run = shown.pop("brake")
-    verdict = [
-        Check("tool's error without an answer, rms, least of all", min(lost), ">", 0.04, "m"),
-        Check("with a brake, most of all", max(kept), "<", 5e-4, "m"),
-        Check("first diagnosis names the joint", float(right), "=", float(len(kept)), "of all"),
-        Check("longest from fault to brake", delay, "<=", 0.02, "s"),
-        Check("joints that carry something", float(len(loaded)), "=", float(len(lost)), "of all"),
-    ]
-    return judge.result(
-        run, verdict, figures=figures, robot=robot,
-        called="brake", beside=shown,
-        sections=[lambda result: _section(result, by), lambda result: _table(robot, by, early)],
-    )  # fmt: skip
-
-
-def _section(result: ScenarioResult, by: Mapping[str, Sequence[Seen]]) -> Section:
-    shown = len(by["brake"]) // 2
-    t, joints = result.run["t"], result.run.meta["joint_names"]
+def _section(shown: Sequence[Trial], joint: str) -> Section:
+    run = shown[0].run
+    t, joints = run["t"], run.meta["joint_names"]
     near = (t > FAULT - 0.02) & (t < FAULT + 0.06)
-    residual = result.run["signal.MomentumObserver.residual"][near]
-    names = (result.called, *result.beside)
-    error = Plot(
-        "tool", f"{by['brake'][shown].joint} dies: the tool's error", "mm", measure.times(result.run),
-        [Curve(answer, np.maximum(1e3 * by[answer][shown].error, 1e-3), run=k, x=measure.times(by[answer][shown].run))
-         for k, answer in enumerate(names)], log="y",
+    residual = run["signal.MomentumObserver.residual"][near]
+    error = judge.beside(
+        "tool", f"{joint} dies: the tool's error", "mm", shown,
+        lambda trial: np.maximum(1e3 * trial.error("Position"), 1e-3), log="y",
         caption="One of the joints. The path is three-dimensional: six joints can follow it.",
     )  # fmt: skip
     felt = Plot(
@@ -214,8 +171,8 @@ def _table(robot: PinocchioModel, by: Mapping[str, Sequence[Seen]], early: Seque
     state = robot.state()
     rows = []
     for nothing, released, braked in zip(*(by[answer] for answer in ANSWERS), strict=True):
-        at = int(np.searchsorted(nothing.run["t"], FAULT))
-        state.update(0.0, nothing.run["plant.q"][at], np.zeros(robot.nv))
+        at = int(np.searchsorted(nothing.trial.run["t"], FAULT))
+        state.update(0.0, nothing.trial.run["plant.q"][at], np.zeros(robot.nv))
         weight = abs(float(state.g[robot.joint(nothing.joint)]))
         rows.append(
             (nothing.joint, weight, 1e3 * nothing.rms, 1e3 * released.rms, 1e3 * braked.rms, 1e3 * braked.delay)
@@ -231,9 +188,8 @@ def _table(robot: PinocchioModel, by: Mapping[str, Sequence[Seen]], early: Seque
     )
     lost = []
     for case in early:
-        tool = TOOLS.get(robot.name.lower(), robot.frame_names[-1])
-        at = case.run["plant.q"][min(round((case.start + 0.02) / 1e-3), case.run.rows - 1)]
-        lost.append((case.joint, case.start, 1e3 * case.rms, 1e3 * out_of_reach(robot, tool, case.joint, at)))
+        at = case.trial.run["plant.q"][min(round((case.start + 0.02) / 1e-3), case.trial.run.rows - 1)]
+        lost.append((case.joint, case.start, 1e3 * case.rms, 1e3 * out_of_reach(robot, tool(robot), case.joint, at)))
     beyond = Table(
         ("joint", "fault at [s]", "braked: rms [mm]", "path out of reach by up to [mm]"), lost,
         "A loss that a brake does not mend: where the joint stops, the others cannot reach all of the path.",

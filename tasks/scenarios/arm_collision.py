@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
 
 import wbc
-from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.methods import ContactEstimate
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Push
-from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import (
     Comply,
     FaultReaction,
-    JointPositionLimits,
-    JointVelocityLimits,
     MomentumObserver,
-    Position,
-    Posture,
-    Sinusoid,
-    TorqueLimits,
     When,
 )
 from ..components.diagnosis import Diagnosis
 from . import judge
-from .arm_reach import TOOLS
+from .arm_reach import arm_plant, following
 
 #: When something pushes, and for how long [s].
 YIELDING = 0.2  # share of the damping that is left
@@ -50,14 +40,24 @@ DIRECTIONS: Mapping[str, Vec] = {"x": np.array([1.0, 0, 0]), "y": np.array([0, 1
 class Hit:
     """One push, and what was made of it."""
 
+    trial: Trial
     link: str
     direction: str
-    run: wbc.Run
     diagnosis: Diagnosis | None
     found: str
     force: Vec
     felt: float
     own: float
+
+    @classmethod
+    def of(cls, trial: Trial, force: float) -> Hit:
+        """What came of a trial with a push of ``force`` [N]."""
+        robot, run, (link, direction, reaction) = trial.robot, trial.run, trial.about
+        diagnosis = next((d for d, _ in reaction.events if d.t >= START), None)
+        lever = force * jacobian(robot, link, run["plant.q"][round(START / 1e-3)]).T @ DIRECTIONS[direction]
+        own = abs(float(lever[moved_links(robot).index(link)])) if link in moved_links(robot) else 0.0
+        found, estimate = ("none", np.full(3, np.nan)) if diagnosis is None else _estimated(robot, run, diagnosis)
+        return cls(trial, link, direction, diagnosis, found, estimate, float(np.linalg.norm(lever)), own)
 
     @property
     def nameable(self) -> bool:
@@ -68,6 +68,12 @@ class Hit:
     def delay(self) -> float:
         """From the push to the answer [s]; infinite: never."""
         return np.inf if self.diagnosis is None else self.diagnosis.t - START
+
+    @property
+    def yielded(self) -> float:
+        """How far the tool is pushed off its path while the push lasts [m]."""
+        t = self.trial.run["t"]
+        return float(self.trial.error("Position")[(t >= START) & (t < START + LASTS)].max())
 
 
 @final
@@ -86,55 +92,69 @@ class ArmCollision(Scenario):
     plants = ("mujoco",)
     duration = 3.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        if settings.duration < START + LASTS:
-            raise InvalidInput(f"duration is {settings.duration:g} s; the push ends at {START + LASTS:g} s")
-        robot = wbc.load(parameters["robot"])
-        force = checks.number("parameter 'force'", parameters["force"], low=0.0, strict=True)
-        links = moved_links(robot)
-        link = links[3] if parameters["link"] == "auto" else parameters["link"]
-        robot.check_frame(link)
-        meta = {"scenario": self.name, "parameters": dict(parameters), "duration": settings.duration}
-        wanted = [(link, direction) for direction in DIRECTIONS]
-        wanted += [(other, direction) for other in links if other != link for direction in DIRECTIONS]
-        hits = list[Hit]()
-        for (pushed, direction), one in trials(settings.progress, [*wanted, (link, "x")]):
-            one(0.0, f"push on {pushed}, {direction}")
-            complies = len(hits) < len(wanted)
-            hits.append(
-                _trial(robot, pushed, direction, force=force, complies=complies, solver=settings.solver, meta=meta)
-            )
-        return _judged(robot, hits[:-1], hits[-1], link, force)
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        if p.settings.duration < START + LASTS:
+            raise InvalidInput(f"duration is {p.settings.duration:g} s; the push ends at {START + LASTS:g} s")
+        p.number("force", low=0.0, strict=True)
+        robot = wbc.load(p["robot"])
+        links, link = moved_links(robot), _pushed(robot, p)
+        cases = {
+            f"push on {other}, {direction}": {"pushed": other, "direction": direction, "complies": True}
+            for other in (link, *(other for other in links if other != link)) for direction in DIRECTIONS
+        }  # fmt: skip
+        return cases | {"stiff": {"pushed": link, "direction": "x", "complies": False}}
+
+    def build(self, p: Parameters) -> Setup:
+        robot, pushed, direction = wbc.load(p["robot"]), p["pushed"], p["direction"]
+        observer = MomentumObserver(gain=GAIN, threshold=THRESHOLD, persistence=2, release=0.5)
+        table = [When("external", [Comply(damping=YIELDING)])] if p["complies"] else []
+        reaction = FaultReaction(observer, table=table)
+        push = Push(pushed, tuple(p["force"] * DIRECTIONS[direction]), START, LASTS)
+        return Setup(
+            stack=following(robot, [observer, reaction]), plant=arm_plant(robot), disturbances=[push],
+            about=(pushed, direction, reaction),
+        )  # fmt: skip
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        force = p["force"]
+        *hits, stiff = [Hit.of(trial, force) for trial in trials]
+        link = _pushed(stiff.trial.robot, p)
+        mine = [hit for hit in hits if hit.link == link and hit.nameable]
+        if not mine:
+            raise InvalidInput(f"no push on {link} is felt by its own joint: nothing could name it")
+        felt = [hit for hit in hits if hit.nameable]
+        named, delay = sum(hit.found == hit.link for hit in felt), max(hit.delay for hit in mine)
+        off = min(float(np.linalg.norm(hit.force - force * DIRECTIONS[hit.direction])) for hit in mine) / force
+        wrong = [hit.found for hit in mine if hit.found != link]
+        figures = {
+            "delay_ms": 1e3 * delay, "link": wrong[0] if wrong else link, "true_link": link,
+            "all_links": {f"{hit.link} {hit.direction}": [hit.found, 1e3 * hit.delay] for hit in hits},
+            "force_off_share": off, "gives_way_m": {"stiff": stiff.yielded, "yielding": mine[0].yielded},
+        }  # fmt: skip
+        right = float(len(mine) - len(wrong))
+        checks = [
+            Check(f"pushes on {link} that are laid to it", right, "=", float(len(mine)), "of all"),
+            Check("longest from push to answer", delay, "<=", 0.02, "s"),
+            Check("best of their forces estimated, off by", off, "<=", 0.25, "share"),
+            Check("how far the tool moves, yielding over stiff", mine[0].yielded / stiff.yielded, ">=", 2.0),
+            Check("links named rightly, of pushes that their own joint feels", float(named), ">=", 0.9 * len(felt),
+                  f"of {len(felt)}"),
+        ]  # fmt: skip
+        shown = [replace(mine[0].trial, name="yields"), stiff.trial]
+        return judge.verdict(shown, checks, figures=figures, sections=[_pictures(shown, mine[0]), _every(hits)])
+
+
+def _pushed(robot: PinocchioModel, p: Parameters) -> str:
+    """The link that is looked at most."""
+    link: str = moved_links(robot)[3] if p["link"] == "auto" else p["link"]
+    robot.check_frame(link)
+    return link
 
 
 def moved_links(robot: PinocchioModel) -> list[str]:
     """The link that each joint moves, in the order of the joints."""
     child = {joint.name: joint.child for joint in robot.urdf.joints}
     return [child[joint] for joint in robot.joint_names]
-
-
-def _trial(
-    robot: PinocchioModel, link: str, direction: str, *, force: float, complies: bool, solver: str,
-    meta: Mapping[str, Any],
-) -> Hit:  # fmt: skip
-    tool = TOOLS.get(str(meta["parameters"]["robot"]), robot.frame_names[-1])
-    path = Sinusoid(robot.state().frame(tool).position, amplitude=[0.05, 0.08, 0.05], frequency=[0.5, 0.4, 0.6])
-    observer = MomentumObserver(gain=GAIN, threshold=THRESHOLD, persistence=2, release=0.5)
-    reaction = FaultReaction(observer, table=[When("external", [Comply(damping=YIELDING)])] if complies else [])
-    stack = wbc.Stack(
-        [Position(tool, target=path, kp=400), Posture(robot.q0, kp=10, weight=1e-3)],
-        subject_to=[TorqueLimits(), JointVelocityLimits(), JointPositionLimits()], components=[observer, reaction],
-    )  # fmt: skip
-    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=1e-3)
-    plant = MujocoPlant(robot)
-    plant.reset(robot.q0)
-    push = Push(link, tuple(force * DIRECTIONS[direction]), START, LASTS)
-    run = simulate(controller, plant, duration=float(meta["duration"]), disturbances=[push], meta=dict(meta))
-    diagnosis = next((d for d, _ in reaction.events if d.t >= START), None)
-    lever = force * jacobian(robot, link, run["plant.q"][round(START / 1e-3)]).T @ DIRECTIONS[direction]
-    own = abs(float(lever[moved_links(robot).index(link)])) if link in moved_links(robot) else 0.0
-    found, estimate = ("none", np.full(3, np.nan)) if diagnosis is None else _estimated(robot, run, diagnosis)
-    return Hit(link, direction, run, diagnosis, found, estimate, float(np.linalg.norm(lever)), own)
 
 
 def jacobian(robot: PinocchioModel, link: str, q: Vec) -> Vec:
@@ -169,46 +189,8 @@ def _estimated(robot: PinocchioModel, run: wbc.Run, diagnosis: Diagnosis) -> tup
     return link, ContactEstimate(J, diagnosis.missing, normal=-free, friction=FRICTION).solve("daqp").force
 
 
-def _judged(robot: PinocchioModel, hits: Sequence[Hit], stiff: Hit, link: str, force: float) -> ScenarioResult:
-    mine = [hit for hit in hits if hit.link == link and hit.nameable]
-    if not mine:
-        raise InvalidInput(f"no push on {link} is felt by its own joint: nothing could name it")
-    felt = [hit for hit in hits if hit.nameable]
-    named = sum(hit.found == hit.link for hit in felt)
-    delay = max(hit.delay for hit in mine)
-    fights = [_yielded(hit) for hit in (stiff, mine[0])]
-    off = min(float(np.linalg.norm(hit.force - force * DIRECTIONS[hit.direction])) for hit in mine) / force
-    wrong = [hit.found for hit in mine if hit.found != link]
-    figures = {
-        "delay_ms": 1e3 * delay, "link": wrong[0] if wrong else link, "true_link": link,
-        "all_links": {f"{hit.link} {hit.direction}": [hit.found, 1e3 * hit.delay] for hit in hits},
-        "force_off_share": off, "gives_way_m": {"stiff": fights[0], "yielding": fights[1]},
-    }  # fmt: skip
-    run = mine[0].run
-    verdict = [
-        Check(f"pushes on {link} that are laid to it", float(len(mine) - len(wrong)), "=", float(len(mine)), "of all"),
-        Check("longest from push to answer", delay, "<=", 0.02, "s"),
-        Check("best of their forces estimated, off by", off, "<=", 0.25, "share"),
-        Check("how far the tool moves, yielding over stiff", fights[1] / fights[0], ">=", 2.0),
-        Check("links named rightly, of pushes that their own joint feels", float(named), ">=", 0.9 * len(felt),
-              f"of {len(felt)}"),
-    ]  # fmt: skip
-    return judge.result(
-        run, verdict, figures=figures, robot=robot,
-        called="yields", beside={"stiff": stiff.run},
-        sections=[lambda result: _pictures(result, mine[0], stiff), lambda result: _every(hits)],
-    )  # fmt: skip
-
-
-def _yielded(hit: Hit) -> float:
-    """How far the tool is pushed off its path while the push lasts [m]."""
-    name = next(name for name in hit.run.columns if name.startswith("error.Position"))
-    during = (hit.run["t"] >= START) & (hit.run["t"] < START + LASTS)
-    return float(np.linalg.norm(hit.run[name][during], axis=1).max())
-
-
-def _pictures(result: ScenarioResult, hit: Hit, stiff: Hit) -> Section:
-    run = result.run
+def _pictures(shown: Sequence[Trial], hit: Hit) -> Section:
+    run = shown[0].run
     joints = run.meta["joint_names"]
     near = (run["t"] > START - 0.03) & (run["t"] < START + 0.08)
     bounds = [Bound(THRESHOLD, "threshold"), Bound(-THRESHOLD, "")]
@@ -219,11 +201,8 @@ def _pictures(result: ScenarioResult, hit: Hit, stiff: Hit) -> Section:
         "residuals", f"A push on {hit.link}: joints behind it feel nothing", "N m", 1e3 * (run["t"][near] - START),
         [Curve(joint, residual[:, i]) for i, joint in enumerate(joints)], bounds, over="time since the push [ms]",
     )  # fmt: skip
-    name = next(name for name in run.columns if name.startswith("error.Position"))
-    tool = Plot(
-        "tool", "The tool's distance from its path", "mm", measure.times(run),
-        [Curve(said, 1e3 * np.linalg.norm(trial.run[name], axis=1), run=k, x=measure.times(trial.run))
-         for k, (said, trial) in enumerate(zip((result.called, *result.beside), (hit, stiff), strict=True))],
+    tool = judge.beside(
+        "tool", "The tool's distance from its path", "mm", shown, lambda trial: 1e3 * trial.error("Position"),
         caption="After the push the arm stays soft, until somebody resets it.",
     )  # fmt: skip
     return Section("The push", [felt, tool])

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
 
 import wbc
-from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
-from wbc.sim.disturbance import Disturbance, Payload, SensorNoise
+from wbc.sim.disturbance import Payload, SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Progress, Scenario, ScenarioResult, Settings, trials
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import Sinusoid, SlotineLi, TorqueLimits
@@ -34,21 +31,10 @@ TOOLS: Mapping[str, str] = {"panda": "panda_hand_tcp"}
 RATE, GAIN, FRICTION_GAIN, LENGTH = 10.0, 100.0, 5.0, 0.3
 #: What sensors and joints add in the rough case: rad, rad/s, N m.
 ROUGH = {"position": 5e-5, "velocity": 0.01, "friction": 0.3}
+#: The cases: with and without adaptation, with half the period; and what is added to their names in the rough case.
+ADAPTING, STUBBORN, HALVED, ROUGHLY = "adapting", "not adapting", "half the period", ", noise and friction"
 #: V is watched from one such stretch of time [s] to the next.
 STRETCH = 0.01
-
-
-@final
-@dataclass(frozen=True)
-class Case:
-    """One run: whether it adapts, under noise and friction or not, with which period [s]."""
-
-    adapts: bool
-    rough: bool = False
-    dt: float = 1e-3
-
-    def __str__(self) -> str:
-        return ("adapting" if self.adapts else "not adapting") + (", noise and friction" if self.rough else "")
 
 
 @final
@@ -69,54 +55,76 @@ class ArmPayload(Scenario):
     plants = ("mujoco",)
     duration = 13.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        if settings.duration <= PICK + END:
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        if p.settings.duration <= PICK + END:
             raise InvalidInput(
-                f"duration is {settings.duration:g} s; the load comes at {PICK:g} s: give {END:g} s more"
+                f"duration is {p.settings.duration:g} s; the load comes at {PICK:g} s: give {END:g} s more"
             )
-        name = parameters["robot"]
-        mass = checks.number("parameter 'mass'", parameters["mass"], low=0.0, strict=True)
-        robot = wbc.load(name)
-        cases = [Case(True), Case(False), Case(True, dt=5e-4)]
-        if parameters["rough"]:
-            cases += [Case(True, True), Case(False, True)]
-        runs: dict[Case, wbc.Run] = {}
-        for case, one in trials(settings.progress, cases):
-            meta = {"scenario": self.name, "parameters": dict(parameters)}
-            lasts = PICK + END if case.dt != 1e-3 else settings.duration
-            runs[case] = _simulated(robot, case, mass, duration=lasts, solver=settings.solver, meta=meta, progress=one)
-        return _judged(robot, runs, mass)
+        p.number("mass", low=0.0, strict=True)
+        cases = {
+            ADAPTING: {"adapts": True, "noisy": False, "dt": 1e-3},
+            STUBBORN: {"adapts": False, "noisy": False, "dt": 1e-3},
+            HALVED: {"adapts": True, "noisy": False, "dt": 5e-4},
+        }
+        if p["rough"]:
+            cases |= {name + ROUGHLY: {**cases[name], "noisy": True} for name in (ADAPTING, STUBBORN)}
+        return cases
+
+    def build(self, p: Parameters) -> Setup:
+        robot, noisy, tool = wbc.load(p["robot"]), p["noisy"], TOOLS[p["robot"]]
+        kd = np.array(DAMPING[p["robot"]], dtype=np.float64)
+        adaptive = SlotineLi(
+            _motion(robot), kp=RATE * kd, kd=kd, gain=GAIN, links=[robot.joint_names[-1]], length=LENGTH,
+            truth=None if noisy else _truth(robot, p["mass"]), friction_gain=FRICTION_GAIN if noisy else 0.0,
+        )  # fmt: skip
+        adaptive.frozen = not p["adapts"]
+        friction = ROUGH["friction"] if noisy else 0.0
+        plant = MujocoPlant(robot, dt=p["dt"], settings=PhysicsSettings(joint_friction=friction))
+        plant.reset(robot.q0)
+        noise = [SensorNoise(position=ROUGH["position"], velocity=ROUGH["velocity"])] if noisy else []
+        return Setup(
+            stack=wbc.Stack([adaptive.torque], components=[adaptive], subject_to=[TorqueLimits()]), plant=plant,
+            disturbances=[Payload(tool, mass=p["mass"], start=PICK), *noise],
+            duration=PICK + END if p["dt"] < 1e-3 else None,
+        )  # fmt: skip
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        done = {trial.name: trial for trial in trials}
+        adapting, robot = done[ADAPTING], done[ADAPTING].robot
+        errors = {name: _tool_error(robot, trial.run) for name, trial in done.items() if name != HALVED}
+        late = {name: float(np.sqrt(np.mean(error[-round(END / 1e-3) :] ** 2))) for name, error in errors.items()}
+        run, ratio = adapting.run, late[STUBBORN] / late[ADAPTING]
+        peak = float(errors[ADAPTING][round(PICK / 1e-3) :].max())
+        smallest = [one.run["signal.SlotineLi.smallest"] for name, one in done.items() if STUBBORN not in name]
+        unphysical, rises = int((np.concatenate(smallest) <= 0.0).sum()), [_rise(run), _rise(done[HALVED].run)]
+        most, joint = heaviest(robot)
+        figures: dict[str, Any] = {
+            "error_with": late[ADAPTING], "error_without": late[STUBBORN], "ratio": ratio,
+            "unphysical_ticks": unphysical, "peak_m": peak, "V_rise_1_ms": rises[0], "V_rise_half_ms": rises[1],
+            "mass_of_last_link": float(run["signal.SlotineLi.a_hat"][-1, -10]),
+            "true_mass_of_last_link": float(_truth(robot, p["mass"])[-10]),
+            "heaviest_kg": most,
+        }  # fmt: skip
+        checks = [
+            Check("error without adaptation, as a multiple of the error with it", ratio, ">=", 30.0),
+            Check("tool's error after the pick-up, peak", peak, "<", 0.01, "m"),
+            Check("ticks whose parameters belong to no rigid body", float(unphysical), "=", 0.0),
+            Check("largest rise of V within 10 ms, of V at the pick-up", rises[0], "<", 1e-2),
+            Check("that rise with half the period, over the rise with the whole", rises[1] / (rises[0] or 1.0), "<=",
+                  0.75),
+            *judge.common_checks(run),
+        ]  # fmt: skip
+        if p["rough"]:
+            rough = late[STUBBORN + ROUGHLY] / late[ADAPTING + ROUGHLY]
+            figures |= {"ratio_rough": rough, "error_with_rough": late[ADAPTING + ROUGHLY]}
+            checks.insert(1, Check("the same with noise and friction", rough, ">=", 15.0))
+        shown = [done[name] for name in errors]
+        sections = [_section(shown, errors, figures["true_mass_of_last_link"]), _limits(most, joint, p["mass"])]
+        return judge.verdict(shown, checks, tracking={}, figures=figures, sections=sections)
 
 
 def _motion(robot: PinocchioModel) -> Sinusoid:
     return Sinusoid(robot.q0, amplitude=AMPLITUDE, frequency=FREQUENCY)
-
-
-def _simulated(
-    robot: PinocchioModel,
-    case: Case,
-    mass: float,
-    *,
-    duration: float,
-    solver: str,
-    meta: Mapping[str, Any],
-    progress: Progress,
-) -> wbc.Run:
-    kd = np.array(DAMPING[robot.name.lower()], dtype=np.float64)
-    adaptive = SlotineLi(
-        _motion(robot), kp=RATE * kd, kd=kd, gain=GAIN, links=[robot.joint_names[-1]], length=LENGTH,
-        truth=_truth(robot, mass) if not case.rough else None, friction_gain=FRICTION_GAIN if case.rough else 0.0,
-    )  # fmt: skip
-    adaptive.frozen = not case.adapts
-    stack = wbc.Stack([adaptive.torque], components=[adaptive], subject_to=[TorqueLimits()])
-    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver, dt=case.dt)
-    friction = ROUGH["friction"] if case.rough else 0.0
-    plant = MujocoPlant(robot, dt=case.dt, settings=PhysicsSettings(joint_friction=friction))
-    plant.reset(robot.q0)
-    disturbances: list[Disturbance] = [Payload(TOOLS[robot.name.lower()], mass=mass, start=PICK)]
-    if case.rough:
-        disturbances.append(SensorNoise(position=ROUGH["position"], velocity=ROUGH["velocity"]))
-    return simulate(controller, plant, duration=duration, disturbances=disturbances, progress=progress, meta=meta)
 
 
 def _truth(robot: PinocchioModel, mass: float) -> Vec:
@@ -164,58 +172,16 @@ def heaviest(robot: PinocchioModel) -> tuple[float, str]:
     return worst, joint
 
 
-def _judged(robot: PinocchioModel, runs: Mapping[Case, wbc.Run], mass: float) -> ScenarioResult:
-    errors = {case: _tool_error(robot, run) for case, run in runs.items() if case.dt == 1e-3}
-    run = runs[Case(True)]
-
-    def late(case: Case) -> float:
-        error = errors[case]
-        return float(np.sqrt(np.mean(error[-round(END / 1e-3) :] ** 2)))
-
-    learning, stubborn = late(Case(True)), late(Case(False))
-    peak = float(errors[Case(True)][round(PICK / 1e-3) :].max())
-    smallest = np.concatenate([runs[case]["signal.SlotineLi.smallest"] for case in runs if case.adapts])
-    unphysical, rises = int((smallest <= 0.0).sum()), [_rise(run), _rise(runs[Case(True, dt=5e-4)])]
-    most, joint = heaviest(robot)
-    figures: dict[str, Any] = {
-        "error_with": learning, "error_without": stubborn, "ratio": stubborn / learning,
-        "unphysical_ticks": unphysical, "peak_m": peak, "V_rise_1_ms": rises[0], "V_rise_half_ms": rises[1],
-        "mass_of_last_link": float(run["signal.SlotineLi.a_hat"][-1, -10]),
-        "true_mass_of_last_link": float(_truth(robot, mass)[-10]),
-        "heaviest_kg": most,
-    }  # fmt: skip
-    verdict = [
-        Check("error without adaptation, as a multiple of the error with it", stubborn / learning, ">=", 30.0),
-        Check("tool's error after the pick-up, peak", peak, "<", 0.01, "m"),
-        Check("ticks whose parameters belong to no rigid body", float(unphysical), "=", 0.0),
-        Check("largest rise of V within 10 ms, of V at the pick-up", rises[0], "<", 1e-2),
-        Check("that rise with half the period, over the rise with the whole", rises[1] / (rises[0] or 1.0), "<=", 0.75),
-        *judge.common_checks(run),
-    ]  # fmt: skip
-    if Case(True, True) in errors:
-        rough = late(Case(False, True)) / late(Case(True, True))
-        figures |= {"ratio_rough": rough, "error_with_rough": late(Case(True, True))}
-        verdict.insert(1, Check("the same with noise and friction", rough, ">=", 15.0))
-    return judge.result(
-        run, verdict, tracking={}, figures=figures, robot=robot, called=str(Case(True)),
-        beside={str(case): runs[case] for case in errors if case != Case(True)},
-        sections=[lambda result: _section(result, runs, errors), lambda result: _limits(most, joint, mass)],
-    )  # fmt: skip
-
-
-def _section(result: ScenarioResult, runs: Mapping[Case, wbc.Run], errors: Mapping[Case, Vec]) -> Section:
-    run, load = result.run, Bound(PICK, "load", "x")
-    t, shown = measure.times(run), {case: k for k, case in enumerate(case for case in runs if case in errors)}
+def _section(shown: Sequence[Trial], errors: Mapping[str, Vec], true_mass: float) -> Section:
+    run, load = shown[0].run, Bound(PICK, "load", "x")
+    t = measure.times(run)
     plots = [
-        Plot(
-            "tool", "The tool's distance from its path", "mm", t,
-            [Curve(str(case), np.maximum(1e3 * errors[case], 1e-2), run=k) for case, k in shown.items()],
-            [load], log="y", wide=True,
-        ),
+        judge.beside("tool", "The tool's distance from its path", "mm", shown,
+                     lambda one: np.maximum(1e3 * errors[one.name], 1e-2), bounds=[load], log="y", wide=True),
         Plot(
             "learnt", "What is learnt", "kg", t,
             [Curve("mass of the last link", run["signal.SlotineLi.a_hat"][:, -10])],
-            [Bound(result.figures["true_mass_of_last_link"], "true"), load],
+            [Bound(true_mass, "true"), load],
         ),
         Plot(
             "V", "V, with the true parameters", "", t, [Curve("V", run["signal.SlotineLi.V"])], [load], log="y",

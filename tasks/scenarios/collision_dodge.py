@@ -162,8 +162,8 @@ def _section(done: Sequence[Trial], clearances: Sequence[Clearance], margin: flo
         caption="Both runs have the same task, gains and other limits. Below zero shapes are inside one another: the "
         "obstacles are not in the physics, so that nothing but the limit keeps the arm away from them.",
     )  # fmt: skip
-    costs = judge.beside("tool", "What the way round costs the task: error of the tool", "m",
-                         {trial.name: (trial.run, trial.error("Position")) for trial in done}, wide=True)  # fmt: skip
+    costs = judge.beside("tool", "What the way round costs the task: error of the tool", "m", done,
+                         lambda trial: trial.error("Position"), wide=True)  # fmt: skip
     table = Table(
         ("run", "smallest distance [m]", "between"),
         [(name, made.smallest, made.closest) for name, made in zip(names, clearances, strict=True)],

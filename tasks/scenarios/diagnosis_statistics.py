@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
 import numpy as np
 
 import wbc
-from wbc import checks
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import (
@@ -61,6 +59,18 @@ class Case:
     final: str
     mass_error: float = np.nan
 
+    @classmethod
+    def of(cls, draw: Draw, events: Sequence[Diagnosis]) -> Case:
+        """What came of it: the diagnoses since it happened."""
+        held = [_called(d, draw.joint) for d in standing(events)]
+        loads = [d.load.mass for d in events if d.load is not None]
+        mass = draw.disturbance.mass if isinstance(draw.disturbance, Payload) else np.nan
+        return cls(
+            draw.truth, float((np.abs(draw.missing) / draw.waving.threshold).max()),
+            _called(events[0], draw.joint) if events else "nothing", held[0] if held else "nothing",
+            abs(loads[0] - mass) if loads else np.nan,
+        )  # fmt: skip
+
     @property
     def accused(self) -> tuple[bool, bool]:
         """Whether a sound motor was blamed, first and in the end."""
@@ -86,42 +96,87 @@ class DiagnosisStatistics(Scenario):
     }  # fmt: skip
     plants = ("mujoco",)
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        robot = wbc.load(parameters["robot"])
-        count = int(checks.number("parameter 'cases'", parameters["cases"], low=1))
-        masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
-        waving = Waving(robot, masses, NOISE if parameters["noise"] else {}, settings.solver, parameters["seed"])
-        settings.progress(0.0, "learning thresholds")
-        waving.learn()
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        count, masses = p.count("cases"), p.number("masses", low=0.0, high=0.5)
+        waving = Waving(wbc.load(p["robot"]), masses, NOISE if p["noise"] else {}, p["seed"])
+        p.settings.progress(0.0, "learning thresholds")
+        waving.learn(p.settings.solver)
+        truths = [TRUTHS[k % len(TRUTHS)] for k in range(count)]
+        return {f"{k + 1}: {truth}": {"draw": waving.drawn(truth)} for k, truth in enumerate(truths)}
+
+    def build(self, p: Parameters) -> Setup:
+        draw: Draw = p["draw"]
+        return draw.waving.setup(draw)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
         cases = []
-        for k in range(count):
-            settings.progress(k / count, f"case {k + 1} of {count}: {TRUTHS[k % len(TRUTHS)]}")
-            case, run = waving.case(TRUTHS[k % len(TRUTHS)])
-            cases.append(case)
-        return _judged(robot, run, parameters, cases, waving.threshold)
+        for trial in trials:  # a run is forgotten before the next one
+            draw, reaction = trial.about
+            cases.append(Case.of(draw, [diagnosis for diagnosis, _ in reaction.events if diagnosis.t >= draw.start]))
+        clear = [case for case in cases if case.size >= CLEAR]
+        motors = [c for c in clear if c.truth in ACTUATOR]
+        pushes, loads = ([c for c in clear if c.truth == truth] for truth in ("push", "payload"))
+
+        def share(chosen: Sequence[Case], good: Any) -> float:
+            return sum(bool(good(c)) for c in chosen) / len(chosen) if chosen else np.nan
+
+        figures: dict[str, Any] = {
+            "cases": len(cases), "clear": len(clear), "held_for": counted(clear, "final"),
+            "motor_found": share(motors, lambda c: c.first in ACTUATOR),
+            "payload_recognised": share(loads, lambda c: c.final == "payload"),
+            "mass_error_kg": max((c.mass_error for c in loads if np.isfinite(c.mass_error)), default=np.nan),
+            "push_called_payload": share(pushes, lambda c: c.final == "payload"),
+            "motor_called_payload": share(motors, lambda c: c.final == "payload"),
+            "push_blamed_on_a_motor_first": share(pushes, lambda c: c.accused[0]),
+            "push_blamed_on_a_motor_in_the_end": share(pushes, lambda c: c.accused[1]),
+        }  # fmt: skip
+        demands = [
+            (motors, "failing motors named at once", "motor_found", ">=", 0.95),
+            (loads, "loads recognised", "payload_recognised", ">=", 0.9),
+            (pushes, "pushes called a load", "push_called_payload", "<=", 0.05),
+            (motors, "motors called a load", "motor_called_payload", "<=", 0.02),
+            (pushes, "pushes blamed on a motor in the end", "push_blamed_on_a_motor_in_the_end", "<=", 0.1),
+        ]  # fmt: skip
+        checks = [
+            Check(f"{text}, of {len(chosen)}", figures[key], relation, bound, "share")
+            for chosen, text, key, relation, bound in demands if chosen
+        ]  # fmt: skip
+        sections = [_section(trial.robot, cases, draw.waving.threshold)]
+        return judge.verdict(trial, checks, violations={}, tracking={}, figures=figures, called="", sections=sections)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """Something that happens to a joint at ``start`` [s], ``missing`` torque at first (nj,) [N m]; the ``seed`` of the
+    noise."""
+
+    waving: Waving
+    truth: str
+    start: float
+    joint: int
+    disturbance: Disturbance
+    missing: Vec
+    seed: int
 
 
 @final
 class Waving:
-    """The arm, its controller and what is drawn."""
+    """The arm, what is drawn, and what is known of it: thresholds, and the run without a fault."""
 
-    def __init__(
-        self, robot: PinocchioModel, masses: float, noise: Mapping[str, float], solver: str, seed: int
-    ) -> None:
-        self.random, self.robot, self.noise, self.solver = np.random.default_rng(seed), robot, noise, solver
+    def __init__(self, robot: PinocchioModel, masses: float, noise: Mapping[str, float], seed: int) -> None:
+        self.random, self.robot, self.noise = np.random.default_rng(seed), robot, noise
         links = len(robot.pinocchio.inertias) - 1
         self.believed = robot.with_masses(1.0 + self.random.uniform(-masses, masses, links)) if masses else robot
         self.hand = TOOLS.get(robot.name.lower(), robot.frame_names[-1])
         self.plant = MujocoPlant(robot)
-        self.threshold: Vec = np.zeros(robot.nj)
+        self.threshold: Vec = np.full(robot.nj, np.inf)
         self.noise_of_a_tick: Vec = np.zeros(robot.nj)
 
-    def run(self, duration: float, disturbances: Sequence[Disturbance], *, react: bool) -> tuple[wbc.Run, list[Any]]:
-        """The wave, with a new controller; the record and the events."""
+    def setup(self, draw: Draw | None, seed: int = 0) -> Setup:
+        """The wave with what is drawn, with a new controller."""
         robot = self.robot
-        observer = MomentumObserver(
-            gain=GAIN, threshold=self.threshold if react else np.inf, persistence=PERSISTENCE, release=0.5
-        )
+        observer = MomentumObserver(gain=GAIN, threshold=self.threshold, persistence=PERSISTENCE, release=0.5)
         table = [
             When("total", [Release()]), When("partial", [Derate()]), When("bias", [Compensate()]),
             When("saturation", [Cap()]), When("payload", [Carry(observer)]),
@@ -132,35 +187,31 @@ class Waving:
             [Posture(wave, kp=100), reaction.limits], subject_to=[TorqueLimits(), JointPositionLimits()],
             components=[observer, reaction],
         )  # fmt: skip
-        controller = wbc.Controller(self.believed, stack, level=wbc.InverseDynamics(), solver=self.solver, dt=1e-3)
         self.plant.reset(robot.q0)
-        sensors = [SensorNoise(**self.noise, seed=int(self.random.integers(2**31)))] if self.noise else []
-        return simulate(controller, self.plant, duration=duration, disturbances=[*disturbances, *sensors]), [
-            diagnosis for diagnosis, _ in reaction.events
-        ]
+        sensors = [SensorNoise(**self.noise, seed=seed if draw is None else draw.seed)] if self.noise else []
+        return Setup(
+            stack=stack, plant=self.plant, robot=self.believed, about=(draw, reaction),
+            disturbances=[*([] if draw is None else [draw.disturbance]), *sensors],
+            duration=LEARNING if draw is None else draw.start + WATCHED,
+        )  # fmt: skip
 
-    def learn(self) -> None:
+    def _seed(self) -> int:
+        return int(self.random.integers(2**31)) if self.noise else 0
+
+    def learn(self, solver: str) -> None:
         """Thresholds, from a run without a fault."""
-        self.calm, _ = self.run(LEARNING, [], react=False)
+        self.calm = self.setup(None, self._seed()).run(duration=LEARNING, solver=solver).run
         known = Thresholds.learnt(self.calm["signal.MomentumObserver.residual"][300:], gain=GAIN, dt=1e-3, floor=FLOOR)
         self.threshold = known.value
         self.noise_of_a_tick = known.noise if self.noise else np.zeros(self.robot.nj)
 
-    def case(self, truth: str) -> tuple[Case, wbc.Run]:
+    def drawn(self, truth: str) -> Draw:
         """One trial of this kind."""
         start = round(float(self.random.uniform(0.5, 1.5)), 3)
         joint = int(self.random.integers(self.robot.nj))
         at = round(start / 1e-3)
         disturbance, missing = self._drawn(truth, start, joint, self.calm["plant.q"][at], self.calm["tau"][at])
-        run, events = self.run(start + WATCHED, [disturbance], react=True)
-        after = [d for d in events if d.t >= start]
-        held = [_called(d, joint) for d in standing(after)]
-        loads = [d.load.mass for d in after if d.load is not None]
-        size = float((np.abs(missing) / self.threshold).max())
-        return Case(
-            truth, size, _called(after[0], joint) if after else "nothing", held[0] if held else "nothing",
-            abs(loads[0] - disturbance.mass) if loads and isinstance(disturbance, Payload) else np.nan,
-        ), run  # fmt: skip
+        return Draw(self, truth, start, joint, disturbance, missing, self._seed())
 
     def _drawn(self, truth: str, start: float, joint: int, q: Vec, tau: Vec) -> tuple[Disturbance, Vec]:
         """What happens, and what it makes each joint miss at first (nj,) [N m]."""
@@ -211,44 +262,6 @@ def _called(diagnosis: Diagnosis, joint: int) -> str:
     if diagnosis.kind in ACTUATOR and diagnosis.joint != joint:
         return "another motor"
     return diagnosis.kind
-
-
-def _judged(
-    robot: PinocchioModel, run: wbc.Run, parameters: Mapping[str, Any], cases: Sequence[Case], threshold: Vec
-) -> ScenarioResult:
-    clear = [case for case in cases if case.size >= CLEAR]
-    motors = [c for c in clear if c.truth in ACTUATOR]
-    pushes, loads = ([c for c in clear if c.truth == truth] for truth in ("push", "payload"))
-
-    def share(chosen: Sequence[Case], good: Any) -> float:
-        return sum(bool(good(c)) for c in chosen) / len(chosen) if chosen else np.nan
-
-    figures: dict[str, Any] = {
-        "cases": len(cases), "clear": len(clear), "held_for": counted(clear, "final"),
-        "motor_found": share(motors, lambda c: c.first in ACTUATOR),
-        "payload_recognised": share(loads, lambda c: c.final == "payload"),
-        "mass_error_kg": max((c.mass_error for c in loads if np.isfinite(c.mass_error)), default=np.nan),
-        "push_called_payload": share(pushes, lambda c: c.final == "payload"),
-        "motor_called_payload": share(motors, lambda c: c.final == "payload"),
-        "push_blamed_on_a_motor_first": share(pushes, lambda c: c.accused[0]),
-        "push_blamed_on_a_motor_in_the_end": share(pushes, lambda c: c.accused[1]),
-    }  # fmt: skip
-    demands = [
-        (motors, "failing motors named at once", "motor_found", ">=", 0.95),
-        (loads, "loads recognised", "payload_recognised", ">=", 0.9),
-        (pushes, "pushes called a load", "push_called_payload", "<=", 0.05),
-        (motors, "motors called a load", "motor_called_payload", "<=", 0.02),
-        (pushes, "pushes blamed on a motor in the end", "push_blamed_on_a_motor_in_the_end", "<=", 0.1),
-    ]  # fmt: skip
-    verdict = [
-        Check(f"{text}, of {len(chosen)}", figures[key], relation, bound, "share")
-        for chosen, text, key, relation, bound in demands if chosen
-    ]  # fmt: skip
-    run = wbc.Run(run.columns, {**run.meta, "scenario": DiagnosisStatistics.name, "parameters": dict(parameters)})
-    return judge.result(
-        run, verdict, violations={}, tracking={}, figures=figures, robot=robot,
-        sections=[lambda result: _section(robot, cases, threshold)],
-    )  # fmt: skip
 
 
 def counted(cases: Sequence[Case], when: str) -> dict[str, dict[str, int]]:

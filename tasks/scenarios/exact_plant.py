@@ -10,6 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
 from wbc.sim.plant import Drive, Plant, finite
+from wbc.stack.formulation import InverseDynamics
 from wbc.types import Vec
 
 
@@ -60,3 +61,7 @@ class ExactPlant(Plant):
 
     def settings(self) -> dict[str, Any]:
         return {**super().settings(), "scheme": "Runge-Kutta 4", "wrench at": self._frame}
+
+
+#: Inverse dynamics with a regularisation below all that is looked at on such a plant.
+EXACT = InverseDynamics(regularisation=1e-11)

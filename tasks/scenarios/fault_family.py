@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby, product
 from typing import Any, ClassVar, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 
 from ..components.fault_reaction import TABLE
 from . import humanoid_joint_loss, humanoid_stand, judge, quadruped_joint_loss, quadruped_stand
-from .fault_trials import Outcome, Stand, learnt, trial
+from .fault_trials import Case, Outcome, Stand, learnt
 from .held_sway import Held, HeldSway, reserve, table_with
 from .standing import held_by_damping
 
@@ -102,43 +102,45 @@ class FaultFamily(Scenario):
     plants = ("mujoco",)
     duration = 1.6  # of eight moments two are up to 1.57 s apart: every phase of the sway is passed
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        stand = _standing(parameters, settings.solver)
-        moments = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
-        left = checks.number("parameter 'left'", parameters["left"], low=0.0, high=0.9)
-        if parameters["answer"] not in ("usual", "release", "none"):
-            raise InvalidInput(f"parameter 'answer' is {parameters['answer']!r}; it must be usual, release or none")
-        joints = chosen(stand.robot(), parameters["joints"])
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        settings.progress(0.0, "learning thresholds")
-        known, sway, rows = learnt(stand), HeldSway.of(stand), []
-        table = table_with(sway) if parameters["answer"] == "usual" else TABLE
-        for i, joint in enumerate(joints):
-            outcomes = []
-            for k in range(moments):
-                settings.progress((i + k / moments) / len(joints), f"{joint}, moment {k + 1} of {moments}")
-                started = replace(stand, stance=replace(stand.stance, begun=begun(k, moments)))
-                fault = ActuatorFault(joint=joint, start=FAULT, effectiveness=left)
-                outcomes.append(
-                    trial(
-                        started,
-                        fault,
-                        known,
-                        react=parameters["answer"] != "none",
-                        after=settings.duration,
-                        table=table,
-                        meta=meta,
-                    )
-                )
-            rows.append(_row(stand, joint, outcomes, sway, left))
-        return _judged(stand, rows, outcomes[-1])
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        stand, moments = _standing(p), p.count("moments")
+        left = p.number("left", low=0.0, high=0.9)
+        if p["answer"] not in ("usual", "release", "none"):
+            raise InvalidInput(f"parameter 'answer' is {p['answer']!r}; it must be usual, release or none")
+        joints = chosen(stand.robot(), p["joints"])
+        p.settings.progress(0.0, "learning thresholds")
+        known, sway = learnt(stand, p.settings.solver), HeldSway.of(stand)
+        table = table_with(sway) if p["answer"] == "usual" else TABLE
+        cases = {}
+        for joint, k in product(joints, range(moments)):
+            started = replace(stand, stance=replace(stand.stance, begun=begun(k, moments)))
+            fault = ActuatorFault(joint=joint, start=FAULT, effectiveness=left)
+            case = Case(started, fault, known, react=p["answer"] != "none", table=table)
+            cases[f"{joint}, moment {k + 1} of {moments}"] = {"case": case, "sway": sway}
+        return cases
+
+    def build(self, p: Parameters) -> Setup:
+        setup: Setup = p["case"].setup(p.settings.duration)
+        return replace(setup, about=(*setup.about, p["sway"]))
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        rows = []
+        for joint, some in groupby(trials, lambda trial: trial.about[0].fault.joint):
+            outcomes = [Outcome.of(trial) for trial in some]  # forgotten before the next joint's
+            rows.append(_row(joint, outcomes, p["left"]))
+        checks = [
+            Check(f"{row.joint}: falls, of {row.possible} moments at which it can stand", float(row.broken), "=", 0.0)
+            for row in rows if row.enough
+        ]  # fmt: skip
+        return judge.verdict(
+            outcomes[-1].trial, checks, figures={"rows": [row.as_dict() for row in rows]}, sections=[_section(rows)]
+        )
 
 
-def _standing(parameters: Mapping[str, Any], solver: str) -> Stand:
-    name = parameters["robot"]
-    if name in humanoid_stand.STANCES:
-        return humanoid_joint_loss.standing_of(name, parameters, solver)
-    return quadruped_joint_loss.standing_of({**parameters, "joint": "auto"}, quadruped_joint_loss.JOINTS, solver)[0]
+def _standing(p: Parameters) -> Stand:
+    if p["robot"] in humanoid_stand.STANCES:
+        return humanoid_joint_loss.standing_of(p)
+    return quadruped_joint_loss.standing_of(p)
 
 
 def begun(k: int, moments: int) -> float:
@@ -171,7 +173,9 @@ def chosen(robot: PinocchioModel, text: str) -> list[str]:
     return [joint for joint in legs if any(part in joint for part in parts)]
 
 
-def _row(stand: Stand, joint: str, outcomes: Sequence[Outcome], sway: HeldSway, left: float) -> Row:
+def _row(joint: str, outcomes: Sequence[Outcome], left: float) -> Row:
+    case, _, sway = outcomes[0].trial.about
+    stand: Stand = case.stand
     robot, off, at = stand.robot(), OFF_ROUGH if stand.rough else OFF, round(FAULT / float(outcomes[0].run.meta["dt"]))
     contacts, held = held_by_damping(robot), sway.held([joint])
     good = [o.stands and float(o.error[-1]) < off for o in outcomes]
@@ -181,17 +185,6 @@ def _row(stand: Stand, joint: str, outcomes: Sequence[Outcome], sway: HeldSway, 
         [round(float(o.run["t"][-1]) - FAULT, 2) for o, g in zip(outcomes, good, strict=True) if not g],
         max(o.delay for o in outcomes), max((o.rms for o, g in zip(outcomes, good, strict=True) if g), default=np.nan),
         held, left > 0.0 or (held is not None and held.reserve >= sway.least),
-    )  # fmt: skip
-
-
-def _judged(stand: Stand, rows: Sequence[Row], shown: Outcome) -> ScenarioResult:
-    verdict = [
-        Check(f"{row.joint}: falls, of {row.possible} moments at which it can stand", float(row.broken), "=", 0.0)
-        for row in rows if row.enough
-    ]  # fmt: skip
-    return judge.result(
-        shown.run, verdict, figures={"rows": [row.as_dict() for row in rows]},
-        robot=stand.robot(), sections=[lambda result: _section(rows)],
     )  # fmt: skip
 
 

@@ -1,102 +1,112 @@
-"""What scenarios of failing motors have in common: trials at many moments, their verdict, their figures."""
+"""FaultScenario: a standing robot loses a motor at many moments, each time without and with an answer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, final
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Progress, ScenarioResult
+from wbc.sim.scenario import Check, Parameters, Scenario, ScenarioResult, Setup, Trial
 
 from .. import Thresholds, When
 from ..components.fault_reaction import TABLE
 from . import fault_sections as sections
 from . import judge
-from .fault_trials import LEARNING, Gains, Outcome, Pair, Stand, learnt, trial
+from .fault_trials import LEARNING, Case, Gains, Outcome, Pair, Stand, learnt
 from .least_torque import least_torque
 from .standing import standing_stack
 
-#: How long after the fault the robot is watched [s].
-AFTER = 6.0
 
+class FaultScenario(Scenario):
+    """``fault`` of a robot that stands, from one of ``moments`` moments on, the first at ``first`` [s], the others
+    ``between`` [s] apart; with ``variants`` also other gains, and faults that the answer does not mend.
 
-@final
-@dataclass(frozen=True)
-class Plan:
-    """What to try: ``fault`` (its start is replaced) at each of ``moments`` [s], with ``table`` and without any.
-
-    ``variants``: gains other than the stand's by name, each tried once. ``lost``: faults that the answer does not mend.
-    ``demand``: what is asked of the outcomes, checks from (without, with).
+    ``duration``: how long after the fault the robot is watched [s].
     """
 
-    stand: Stand
-    fault: ActuatorFault
-    moments: Sequence[float]
-    demand: Callable[[Sequence[Outcome], Sequence[Outcome]], Sequence[Check]]
-    table: Sequence[When] = TABLE
-    variants: Mapping[str, Gains] = field(default_factory=dict)
-    lost: Sequence[ActuatorFault] = ()
-    after: float = AFTER
+    group: ClassVar[str] = "faults"
+    plants = ("mujoco",)
+    first: ClassVar[float]
+    between: ClassVar[float]
+    #: The joint that fails by default, and joints whose loss the answer does not mend, by robot.
+    joints: ClassVar[Mapping[str, str]]
+    hopeless: ClassVar[Mapping[str, Sequence[str]]]
+
+    @abstractmethod
+    def stand(self, p: Parameters) -> Stand:
+        """Who stands."""
+
+    @abstractmethod
+    def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
+        """What is asked of the outcomes."""
+
+    @abstractmethod
+    def variants(self, stand: Stand) -> Mapping[str, Gains]:
+        """Gains other than the stand's by name, each tried once."""
+
+    def table(self, stand: Stand) -> Sequence[When]:
+        """What is done about a diagnosis."""
+        return TABLE
+
+    def left(self, p: Parameters) -> float:
+        """What share of its torque the motor that fails has left."""
+        return 0.0
+
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        stand, left, count = self.stand(p), self.left(p), p.count("moments")
+        joint = self.joints[p["robot"]] if p["joint"] == "auto" else p["joint"]
+        stand.robot().joint(joint)
+        moments = [self.first + self.between * k for k in range(count)]
+        fault = ActuatorFault(joint=joint, effectiveness=left, start=moments[count // 2])
+        p.settings.progress(0.0, "learning thresholds")
+        case = Case(stand, fault, learnt(stand, p.settings.solver), table=self.table(stand))
+        tried = [replace(case, fault=replace(fault, start=at), label=f"fault at {at:g} s") for at in moments]
+        if p["variants"]:
+            tried += [
+                replace(case, stand=replace(stand, gains={**stand.gains, **gains}), label=label)
+                for label, gains in self.variants(stand).items()
+            ]
+            tried += [
+                replace(case, fault=ActuatorFault(joint=other, start=fault.start), label=other)
+                for other in self.hopeless[stand.name]
+            ]
+        return {
+            f"{one.fault.joint}, {one.label}, {said} an answer": {"case": replace(one, react=react)}
+            for one in tried for said, react in (("without", False), ("with", True))
+        }  # fmt: skip
+
+    def build(self, p: Parameters) -> Setup:
+        case: Case = p["case"]
+        return case.setup(p.settings.duration)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        outcomes = [Outcome.of(trial) for trial in trials]
+        stand, count, known = self.stand(p), p.count("moments"), outcomes[0].trial.about[0].known
+        everything = [
+            Pair(without.trial.about[0].label, without, answered)
+            for without, answered in zip(outcomes[::2], outcomes[1::2], strict=True)
+        ]
+        cut = len(everything) - (len(self.hopeless[stand.name]) if p["variants"] else 0)
+        pairs, varied, lost = everything[:count], everything[count:cut], everything[cut:]
+        without, answered, shown = [p.without for p in pairs], [p.answered for p in pairs], pairs[count // 2]
+        return judge.verdict(
+            [replace(shown.answered.trial, name=sections.WITH), replace(shown.without.trial, name=sections.WITHOUT)],
+            [*self.demand(without, answered, p), _nothing_before(answered)],
+            figures=figures(known, stand, pairs, varied),
+            sections=[
+                sections.signals(shown, known),
+                sections.outcomes(pairs, varied),
+                *([sections.lost(lost, [reason(stand, pair) for pair in lost])] if lost else []),
+                sections.honesty(stand, known),
+            ],
+        )  # fmt: skip
 
 
-def run(plan: Plan, *, meta: Mapping[str, Any], progress: Progress) -> ScenarioResult:
-    """All trials, one after the other, and what they add up to."""
-    stand, done = plan.stand, 0
-    total = 2 * (len(plan.moments) + len(plan.variants) + len(plan.lost)) + 1
-
-    def step(text: str) -> None:
-        nonlocal done
-        progress(done / total, f"{done + 1} of {total}, {text}")
-        done += 1
-
-    step("learning thresholds")
-    known = learnt(stand)
-
-    def pair(label: str, stand: Stand, fault: ActuatorFault) -> Pair:
-        outcomes = []
-        for react in (False, True):
-            step(f"{fault.joint}, {label}, {'with' if react else 'without'} an answer")
-            outcomes.append(
-                trial(stand, fault, known, react=react, after=plan.after, table=plan.table, meta=dict(meta))
-            )
-        return Pair(label, *outcomes)
-
-    pairs = [pair(f"fault at {at:g} s", stand, replace(plan.fault, start=at)) for at in plan.moments]
-    middle = plan.moments[len(plan.moments) // 2]
-    varied = [
-        pair(label, replace(stand, gains={**stand.gains, **gains}), replace(plan.fault, start=middle))
-        for label, gains in plan.variants.items()
-    ]
-    lost = [pair(fault.joint, stand, replace(fault, start=middle)) for fault in plan.lost]
-    return _judged(plan, known, pairs, varied, lost)
-
-
-def _judged(
-    plan: Plan, known: Thresholds, pairs: Sequence[Pair], varied: Sequence[Pair], lost: Sequence[Pair]
-) -> ScenarioResult:
-    without, answered = [p.without for p in pairs], [p.answered for p in pairs]
-    shown = pairs[len(pairs) // 2]
-    run, stand = shown.answered.run, plan.stand
-    reasons = [reason(stand, pair) for pair in lost]
-    verdict = [*plan.demand(without, answered), _nothing_before(answered)]
-    return judge.result(
-        run, verdict, figures=figures(plan.fault, known, stand, pairs, varied),
-        robot=stand.robot(), called="with an answer", beside={"without an answer": shown.without.run},
-        sections=[
-            lambda result: sections.signals(result, shown, known),
-            lambda result: sections.outcomes(pairs, varied),
-            lambda result: sections.lost(lost, reasons),
-            lambda result: sections.honesty(stand, known),
-        ],
-    )  # fmt: skip
-
-
-def figures(
-    fault: ActuatorFault, known: Thresholds, stand: Stand, pairs: Sequence[Pair], varied: Sequence[Pair]
-) -> dict[str, Any]:
+def figures(known: Thresholds, stand: Stand, pairs: Sequence[Pair], varied: Sequence[Pair]) -> dict[str, Any]:
     """Worst over all moments: {joint, found_joint, delay_ms, with: {stands, task_rms_m}, without: {…}} and counts."""
 
     def summed(outcomes: Sequence[Outcome]) -> dict[str, Any]:
@@ -108,7 +118,7 @@ def figures(
             "slip_m": max(o.slip for o in outcomes),
         }
 
-    answered = [p.answered for p in pairs]
+    answered, fault = [p.answered for p in pairs], pairs[0].answered.fault
     found = [o.found.joint_name if o.found else "none" for o in answered]
     wrong = [name for name in found if name != fault.joint]
     return {

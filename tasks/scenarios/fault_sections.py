@@ -9,14 +9,16 @@ import numpy as np
 
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
-from wbc.sim.scenario import ScenarioResult
 
 if TYPE_CHECKING:
     from .. import Thresholds
     from .fault_trials import Pair, Stand
 
+#: The two runs that are shown.
+WITH, WITHOUT = "with an answer", "without an answer"
 
-def signals(result: ScenarioResult, pair: Pair, known: Thresholds) -> Section:
+
+def signals(pair: Pair, known: Thresholds) -> Section:
     """Residuals about the fault, the decision, and the error of the centre of mass before and after it."""
     start, answered = pair.answered.fault.start, pair.answered.run
     joints = answered.meta["joint_names"]
@@ -36,13 +38,12 @@ def signals(result: ScenarioResult, pair: Pair, known: Thresholds) -> Section:
         "residuals", "Residual over its threshold", "", 1e3 * (answered["t"][near] - start), curves, bounds,
         caption=said, over="time since the fault [ms]",
     )  # fmt: skip
-    trials = [(result.called, pair.answered), *((name, pair.without) for name in result.beside)]
-    fates = [f"{name}: {trial.fate}." for name, trial in trials]
+    trials = ((WITH, pair.answered), (WITHOUT, pair.without))
     second = Plot(
         "true_error", "Centre of mass, true error", "mm", measure.times(answered),
-        [Curve(name, np.maximum(1e3 * trial.error, 0.01), run=run, x=measure.times(trial.run))
-         for run, (name, trial) in enumerate(trials)],
-        [Bound(start, "fault", "x")], caption=" ".join(fates), log="y",
+        [Curve(name, np.maximum(1e3 * outcome.error, 0.01), run=run, x=measure.times(outcome.run))
+         for run, (name, outcome) in enumerate(trials)],
+        [Bound(start, "fault", "x")], caption=" ".join(f"{name}: {outcome.fate}." for name, outcome in trials), log="y",
     )  # fmt: skip
     rows = [
         (d.t, d.alarmed, d.joint_name, d.kind, d.share if d.kind in ("partial", "total") else None)
@@ -76,10 +77,8 @@ def _row(pair: Pair) -> tuple[str | float | None, ...]:
     )  # fmt: skip
 
 
-def lost(pairs: Sequence[Pair], reasons: Sequence[tuple[float, float]]) -> Section | None:
+def lost(pairs: Sequence[Pair], reasons: Sequence[tuple[float, float]]) -> Section:
     """Faults that the answer does not mend, and what statics says of them."""
-    if not pairs:
-        return None
     rows = [
         (pair.label, pair.without.fate, 1e3 * pair.without.rms, pair.answered.fate, 1e3 * pair.answered.rms, now, most)
         for pair, (now, most) in zip(pairs, reasons, strict=True)

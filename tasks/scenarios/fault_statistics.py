@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter_ns
 from typing import Any, ClassVar, final
@@ -10,17 +10,15 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from wbc import checks
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Effect, SensorNoise
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Trial
 from wbc.types import Status, Vec
 
 from .. import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
-from . import judge
 
 GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].
@@ -34,7 +32,7 @@ STATUSES = tuple(Status)
 
 @final
 @dataclass(frozen=True)
-class Trial:
+class Fault:
     """One fault: what it was, how much of a threshold was missing at its start, and what came of it.
 
     ``peak``: the largest residual of the joint, in thresholds, that lasted two ticks; ``delay`` [s] and ``found`` at
@@ -68,23 +66,25 @@ class FaultStatistics(Scenario):
     }  # fmt: skip
     plants = ("mujoco",)
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        robot = wbc.load(parameters["robot"])
-        count = int(checks.number("parameter 'faults'", parameters["faults"], low=1))
-        nominal = checks.number("parameter 'nominal'", parameters["nominal"], low=0.0)
-        masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
-        arm = Arm(robot, masses, settings.solver, parameters["seed"])
-        settings.progress(0.0, "learning thresholds")
-        known = arm.learn(checks.number("parameter 'learning'", parameters["learning"], low=1.0))
-        trials, windows = [], []
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        return {}  # one loop that goes on over all faults, see Arm
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        count, nominal = p.count("faults"), p.number("nominal", low=0.0)
+        masses, learning = p.number("masses", low=0.0, high=0.5), p.number("learning", low=1.0)
+        progress = p.settings.progress
+        arm = Arm(wbc.load(p["robot"]), masses, p.settings.solver, p["seed"])
+        progress(0.0, "learning thresholds")
+        known = arm.learn(learning)
+        faults, windows = [], []
         for k in range(count):
             if k % max(count // 100, 1) == 0:
-                settings.progress(k / (count + 1), f"fault {k + 1} of {count}")
-            trial, window = arm.fault(known)
-            trials.append(trial)
+                progress(k / (count + 1), f"fault {k + 1} of {count}")
+            fault, window = arm.fault(known)
+            faults.append(fault)
             windows.append(window)
         windows += [arm.sound(1.0, known) for _ in range(int(nominal))]
-        return _judged(arm, parameters, known, trials, windows)
+        return _judged(arm, p, known, faults, windows)
 
 
 @final
@@ -139,7 +139,7 @@ class Arm:
         ratios = np.array([np.abs(self.step()) / known.value for _ in range(round(seconds * 1e3))])
         return len(ratios), float(_lasting(ratios).max(initial=0.0))
 
-    def fault(self, known: Thresholds) -> tuple[Trial, tuple[int, float]]:
+    def fault(self, known: Thresholds) -> tuple[Fault, tuple[int, float]]:
         """A stretch without a fault, then one of 60 ms, then time to recover."""
         random = self.random
         window = self.sound(float(random.uniform(0.1, 0.3)), known)
@@ -160,7 +160,7 @@ class Arm:
         for _ in range(round(RECOVERY * 1e3)):
             self.step()
         size = missing / float(known.value[joint])
-        return Trial(joint, kind, size, float(lasting[:, joint].max()), float(delay), found), window
+        return Fault(joint, kind, size, float(lasting[:, joint].max()), float(delay), found), window
 
 
 def _lasting(ratios: Vec) -> Vec:
@@ -170,11 +170,11 @@ def _lasting(ratios: Vec) -> Vec:
 
 
 def _judged(
-    arm: Arm, parameters: Mapping[str, Any], known: Thresholds, trials: Sequence[Trial],
+    arm: Arm, parameters: Mapping[str, Any], known: Thresholds, faults: Sequence[Fault],
     windows: Sequence[tuple[int, float]],
 ) -> ScenarioResult:  # fmt: skip
     robot = arm.robot
-    clear = [t for t in trials if t.size >= CLEAR]
+    clear = [t for t in faults if t.size >= CLEAR]
     detected = [t for t in clear if t.found >= 0]
     right = [t for t in detected if t.found == t.joint]
     delays = [1e3 * t.delay for t in detected]
@@ -187,7 +187,7 @@ def _judged(
         "false_alarms_per_million": 1e6 * alarms / ticks,
     }  # fmt: skip
     figures = {
-        **rates, "faults": len(trials), "clear_faults": len(clear), "nominal_ticks": ticks, "false_alarms": alarms,
+        **rates, "faults": len(faults), "clear_faults": len(clear), "nominal_ticks": ticks, "false_alarms": alarms,
         "clear_Nm": {n: CLEAR * float(v) for n, v in zip(robot.joint_names, known.value, strict=True)},
     }  # fmt: skip
     verdict = [
@@ -209,25 +209,25 @@ def _judged(
         "statuses": [status.name for status in STATUSES],
         "limits": {k: getattr(robot.limits, k).tolist() for k in ("q_min", "q_max", "v_max", "tau_max")},
     }  # fmt: skip
-    return judge.result(
-        wbc.Run(columns, meta), verdict, violations={}, tracking={}, figures=figures,
-        sections=[lambda result: _section(trials, windows, robot, known)],
+    return ScenarioResult(
+        run=wbc.Run(columns, meta), ok=all(check.ok for check in verdict), verdict=verdict, violations={}, tracking={},
+        figures=figures, sections=[_section(faults, windows, robot, known)],
     )  # fmt: skip
 
 
 def _section(
-    trials: Sequence[Trial], windows: Sequence[tuple[int, float]], robot: PinocchioModel, known: Thresholds
+    faults: Sequence[Fault], windows: Sequence[tuple[int, float]], robot: PinocchioModel, known: Thresholds
 ) -> Section:
     peaks, ticks = np.array([peak for _, peak in windows]), sum(n for n, _ in windows)
     false = np.array([1e6 * float((peaks > c).sum()) / ticks for c in SCALES])[::-1]
-    sizes = [(low, high, np.array([t.peak for t in trials if low <= t.size < high]))
+    sizes = [(low, high, np.array([t.peak for t in faults if low <= t.size < high]))
              for low, high in ((0.5, 1.0), (1.0, 3.0), (3.0, np.inf))]  # fmt: skip
     found = [
         Curve(f"{low:g} to {high:g} thresholds" if np.isfinite(high) else f"{low:g} thresholds and more",
               np.array([float((some > c).mean()) for c in SCALES])[::-1])
         for low, high, some in sizes if len(some)
     ]  # fmt: skip
-    seen = sorted((t for t in trials if np.isfinite(t.delay)), key=lambda t: t.size)
+    seen = sorted((t for t in faults if np.isfinite(t.delay)), key=lambda t: t.size)
     delays = [Curve(kind, np.array([1e3 * t.delay if t.kind == kind else np.nan for t in seen])) for kind in KINDS]
     plots = [
         Plot("roc", "Share detected", "", np.maximum(false, 0.5), found, over="false alarms per million ticks", log="x",
@@ -238,7 +238,7 @@ def _section(
     ]  # fmt: skip
     rows = []
     for i, name in enumerate(robot.joint_names):
-        mine = [t for t in trials if t.joint == i]
+        mine = [t for t in faults if t.joint == i]
         clear = [t for t in mine if t.size >= CLEAR]
         missed = [t.size for t in mine if t.found < 0]
         rows.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, final
 
 import numpy as np
@@ -13,14 +13,13 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Disturbance, SensorNoise
-from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Parameters, Setup, Trial
 from wbc.types import Vec
 
 from .. import FaultReaction, MomentumObserver, Thresholds, When
 from ..components.diagnosis import ACTUATOR, Diagnosis
 from ..components.fault_reaction import TABLE
-from .standing import Stance, standing_stack
+from .standing import Stance, standing_plant, standing_stack
 
 #: Gain of the observer [1/s] with noise, which grows with it, and without, where nothing speaks against a large one;
 #: ticks in a row above the threshold that raise an alarm.
@@ -62,7 +61,19 @@ class Stand:
     noise: bool = False
     masses: float = 0.0
     seed: int = 0
-    solver: str = "pdas"
+
+    @classmethod
+    def of(cls, p: Parameters, stance: Stance, floor: float, gains: Gains, clean: Gains) -> Stand:
+        """As the parameters ``robot``, ``noise``, ``masses`` and ``seed`` say; gains where something is wrong, else
+        ``clean``.
+
+        Raises:
+            InvalidInput: masses that make no sense.
+        """
+        stand = cls(
+            p["robot"], stance, floor, noise=p["noise"], masses=p.number("masses", low=0.0, high=0.5), seed=p["seed"]
+        )
+        return replace(stand, gains=gains if stand.rough else clean)
 
     @property
     def gain(self) -> float:
@@ -98,15 +109,57 @@ class Stand:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """One trial: the record, the diagnoses, and what became of the robot."""
+class Case:
+    """One trial: the robot sways, at ``fault.start`` a motor fails, and it is answered by ``table``, or not at all.
 
-    run: wbc.Run
+    Without ``react`` the same stack runs with the observer alone. ``label`` says what is tried.
+    """
+
+    stand: Stand
+    fault: ActuatorFault
+    known: Thresholds
+    react: bool = True
+    table: Sequence[When] = TABLE
+    label: str = ""
+
+    def setup(self, after: float) -> Setup:
+        """The run, which ends ``after`` seconds after the fault or when the robot has fallen."""
+        stand, known = self.stand, self.known
+        observer = MomentumObserver(gain=stand.gain, threshold=known.value, persistence=PERSISTENCE, release=0.5)
+        noise = known.noise if stand.noise else 0.0
+        reaction = FaultReaction(observer, noise=noise, table=self.table, dominance=DOMINANCE)
+        return standing(
+            stand, [observer, reaction] if self.react else [observer], [reaction.limits] if self.react else [],
+            duration=self.fault.start + after, disturbances=[self.fault, *stand.sensors(stand.seed)],
+            about=(self, reaction),
+        )  # fmt: skip
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a trial: the record, the diagnoses, and what became of the robot."""
+
+    trial: Trial
     fault: ActuatorFault
     diagnoses: Sequence[Diagnosis]
     stands: bool
     error: Vec
     slip: float
+
+    @classmethod
+    def of(cls, trial: Trial) -> Outcome:
+        """What came of the trial of a :class:`Case`."""
+        (case, reaction), run = trial.about[:2], trial.run
+        plant: Any = trial.setup.plant
+        slip = max(measure.slip(run, foot.name) or 0.0 for foot in plant.feet)
+        diagnoses = [d for d, _ in reaction.events]
+        return cls(trial, case.fault, diagnoses, not plant.fallen, true_error(run, case.stand), slip)
+
+    @property
+    def run(self) -> wbc.Run:
+        """The record."""
+        return self.trial.run
 
     @property
     def found(self) -> Diagnosis | None:
@@ -153,50 +206,29 @@ class Pair:
     answered: Outcome
 
 
-def trial(
-    stand: Stand, fault: ActuatorFault, known: Thresholds, *, react: bool, after: float,
-    table: Sequence[When] = TABLE, meta: Mapping[str, Any] | None = None,
-) -> Outcome:  # fmt: skip
-    """The robot sways, at ``fault.start`` a motor fails, and the run goes on for ``after`` seconds or until it falls.
-
-    Without ``react`` the same stack runs with the observer alone.
-    """
-    observer = MomentumObserver(gain=stand.gain, threshold=known.value, persistence=PERSISTENCE, release=0.5)
-    reaction = FaultReaction(observer, noise=known.noise if stand.noise else 0.0, table=table, dominance=DOMINANCE)
-    components = [observer, reaction] if react else [observer]
-    run, plant = simulated(
-        stand, components, [reaction.limits] if react else [], duration=fault.start + after,
-        disturbances=[fault, *stand.sensors(stand.seed)], meta=meta,
-    )  # fmt: skip
-    slip = max(measure.slip(run, foot.name) or 0.0 for foot in plant.feet)
-    return Outcome(run, fault, [d for d, _ in reaction.events], not plant.fallen, true_error(run, stand), slip)
-
-
-def learnt(stand: Stand) -> Thresholds:
+def learnt(stand: Stand, solver: str = "pdas") -> Thresholds:
     """Thresholds from a run without a fault, with other noise than the trials'."""
     observer = MomentumObserver(gain=stand.gain)
-    run, _ = simulated(stand, [observer], [], duration=LEARNING, disturbances=stand.sensors(stand.seed + 1000))
+    setup = standing(stand, [observer], duration=LEARNING, disturbances=stand.sensors(stand.seed + 1000))
+    run = setup.run(duration=LEARNING, solver=solver).run
     residual = run["signal.MomentumObserver.residual"][run["t"] > STARTING]
     return Thresholds.learnt(residual, gain=stand.gain, dt=float(run.meta["dt"]), floor=stand.least_threshold)
 
 
-def simulated(
-    stand: Stand, components: Sequence[Any], tasks: Sequence[Any], *, duration: float,
-    disturbances: Sequence[Disturbance], meta: Mapping[str, Any] | None = None,
-) -> tuple[wbc.Run, MujocoPlant]:  # fmt: skip
-    """The robot stands and sways with these components, tasks beside the usual ones, and disturbances."""
+def standing(
+    stand: Stand, components: Sequence[Any], tasks: Sequence[Any] = (), *, duration: float,
+    disturbances: Sequence[Disturbance], about: Any = None,
+) -> Setup:  # fmt: skip
+    """The robot stands and sways with these components, the first of them an observer, and tasks beside the usual."""
     robot, believed = stand.robot(), stand.believed()
     usual = standing_stack(believed, stand.stance)
     _vary(usual, stand.gains)
     stack = wbc.Stack(
         [*usual.tasks, *tasks], subject_to=usual.subject_to, contacts=usual.contacts, components=components
     )
-    controller = wbc.Controller(believed, stack, level=wbc.InverseDynamics(), solver=stand.solver, dt=1e-3)
-    friction = max(foot.friction for foot in robot.feet.values())
-    plant = MujocoPlant(robot, contacts=stack.contacts, friction=friction, sole_geometry=stand.stance.geometry)
+    plant = standing_plant(robot, stand.stance, stack.contacts)
     components[0].wrenches = plant.wrenches
-    plant.reset(plant.settled(robot.q0))
-    return simulate(controller, plant, duration=duration, disturbances=disturbances, meta=meta), plant
+    return Setup(stack=stack, plant=plant, robot=believed, disturbances=disturbances, duration=duration, about=about)
 
 
 def _vary(stack: wbc.Stack, gains: Gains) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple, final
 
 import numpy as np
@@ -11,13 +11,12 @@ import wbc
 from wbc.models import Planar4P
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import SlotineLi, TorqueLimits
 from . import judge
-from .exact_plant import ExactPlant
-from .torque_run import TorqueRun
+from .exact_plant import EXACT, ExactPlant
 
 #: The motion that excites everything: amplitudes [m] and angular frequencies [rad/s]; and the place to stay at [m].
 AMPLITUDE, FREQUENCY = np.array([0.5, 0.4, 0.3, 0.3]), np.array([2.0, 0.9, 3.1, 1.7])
@@ -85,63 +84,55 @@ class FourPAdaptive(Scenario):
     }  # fmt: skip
     duration = 10.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        meta = {
-            "scenario": self.name,
-            "parameters": dict(parameters),
-            "model": "the controller's model has other masses than the plant, and uses none of them",
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        return {"moving": {"still": False}, "at rest": {"still": True}}
+
+    def build(self, p: Parameters) -> Setup:
+        limits: dict[str, Any] = {"v_max": 5.0, "tau_max": 500.0}
+        true, model = Planar4P(m=p["m"], **limits), Planar4P(**limits)
+        adaptive = SlotineLi(
+            PLACE if p["still"] else exciting, kp=p["kp"], kd=p["kd"], gain=p["gain"], physical=p["physical"],
+            truth=true.coefficients,
+        )  # fmt: skip
+        return Setup(
+            stack=wbc.Stack([adaptive.torque], subject_to=[TorqueLimits()], components=[adaptive]),
+            plant=ExactPlant(true), robot=model, level=EXACT,
+            meta={"model": "the controller's model has other masses than the plant, and uses none of them"},
+        )  # fmt: skip
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        done = list(trials)
+        moving, still = (Adapted(of.run, of.robot.coefficients, of.name == "at rest") for of in done)
+        run = moving.run
+        law = float(np.abs(run["tau"] - moving.signal("tau")).max())
+        ordered = max(_out_of_order(of.signal("a_hat")) for of in (moving, still))
+        unit_masses = Planar4P().cartesian_inertia(np.zeros(4))
+        figures = {
+            "cartesian_inertia_x_kg": float(unit_masses[0, 0]),
+            "cartesian_inertia_y_kg": float(unit_masses[1, 1]),
+            "last_error_moving_m": moving.last_error,
+            "last_error_still_m": still.last_error,
+            **{f"off_a{i + 1}_moving_kg": float(x) for i, x in enumerate(moving.off)},
+            **{f"off_a{i + 1}_still_kg": float(x) for i, x in enumerate(still.off)},
         }
-        moving, still = (
-            _adapted(parameters, TorqueRun(settings.solver, settings.duration, one, meta), still=still)
-            for still, one in trials(settings.progress, (False, True))
-        )
-        return _judged(moving, still, parameters)
-
-
-def _adapted(parameters: Mapping[str, Any], go: TorqueRun, *, still: bool) -> Adapted:
-    limits: dict[str, Any] = {"v_max": 5.0, "tau_max": 500.0}
-    true, model = Planar4P(m=parameters["m"], **limits), Planar4P(**limits)
-    adaptive = SlotineLi(
-        PLACE if still else exciting, kp=parameters["kp"], kd=parameters["kd"], gain=parameters["gain"],
-        physical=parameters["physical"], truth=true.coefficients,
-    )  # fmt: skip
-    stack = wbc.Stack([adaptive.torque], subject_to=[TorqueLimits()], components=[adaptive])
-    return Adapted(go(model, stack, ExactPlant(true)), true.coefficients, still)
-
-
-def _judged(moving: Adapted, still: Adapted, parameters: Mapping[str, Any]) -> ScenarioResult:
-    run = moving.run
-    law = float(np.abs(run["tau"] - moving.signal("tau")).max())
-    ordered = max(_out_of_order(of.signal("a_hat")) for of in (moving, still))
-    unit_masses = Planar4P().cartesian_inertia(np.zeros(4))
-    figures = {
-        "cartesian_inertia_x_kg": float(unit_masses[0, 0]),
-        "cartesian_inertia_y_kg": float(unit_masses[1, 1]),
-        "last_error_moving_m": moving.last_error,
-        "last_error_still_m": still.last_error,
-        **{f"off_a{i + 1}_moving_kg": float(x) for i, x in enumerate(moving.off)},
-        **{f"off_a{i + 1}_still_kg": float(x) for i, x in enumerate(still.off)},
-    }
-    verdict = [
-        Check("M_r of unit masses minus diag(2, 1)", float(np.abs(unit_masses - np.diag([2.0, 1.0])).max()), "<=",
-              1e-12, "kg"),
-        Check("command minus the law τ_SL", law, "<=", 1e-9, "N"),
-        Check("largest error of the last 2 s, moving", moving.last_error, "<", 1e-3, "m"),
-        Check("largest error of the last 2 s, at rest", still.last_error, "<", 1e-3, "m"),
-        Check("rise of V in one tick over V(0), moving", moving.rise, "<=", 1e-6),
-        Check("rise of V in one tick over V(0), at rest", still.rise, "<=", 1e-6),
-        Check("coefficients not found, moving", float(moving.off.max()), "<", 0.05, "kg"),
-        Check("a2 and a4 not found, at rest", float(still.off[[1, 3]].max()), "<", 1e-3, "kg"),
-        *judge.common_checks(run),
-    ]  # fmt: skip
-    if parameters["physical"]:
-        verdict.append(
-            Check("by how much the coefficients are outside those of positive masses", ordered, "<=", 1e-9, "kg")
-        )
-    return judge.result(
-        run, verdict, tracking={}, figures=figures, robot=Planar4P(m=parameters["m"]),
-        sections=[lambda result: _coefficients(moving, still), lambda result: _errors(moving, still)],
-    )  # fmt: skip
+        checks = [
+            Check("M_r of unit masses minus diag(2, 1)", float(np.abs(unit_masses - np.diag([2.0, 1.0])).max()), "<=",
+                  1e-12, "kg"),
+            Check("command minus the law τ_SL", law, "<=", 1e-9, "N"),
+            Check("largest error of the last 2 s, moving", moving.last_error, "<", 1e-3, "m"),
+            Check("largest error of the last 2 s, at rest", still.last_error, "<", 1e-3, "m"),
+            Check("rise of V in one tick over V(0), moving", moving.rise, "<=", 1e-6),
+            Check("rise of V in one tick over V(0), at rest", still.rise, "<=", 1e-6),
+            Check("coefficients not found, moving", float(moving.off.max()), "<", 0.05, "kg"),
+            Check("a2 and a4 not found, at rest", float(still.off[[1, 3]].max()), "<", 1e-3, "kg"),
+            *judge.common_checks(run),
+        ]  # fmt: skip
+        if p["physical"]:
+            checks.append(
+                Check("by how much the coefficients are outside those of positive masses", ordered, "<=", 1e-9, "kg")
+            )
+        shown = [_coefficients(moving, still), _errors(moving, still)]
+        return judge.verdict(done[0], checks, tracking={}, figures=figures, robot=Planar4P(m=p["m"]), sections=shown)
 
 
 def _out_of_order(a_hat: Vec) -> float:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
-from wbc import checks
-from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
+from wbc.sim.scenario import Check, Parameter, Parameters
 
-from . import fault_scenario
+from .. import When
+from .fault_scenario import FaultScenario, found_in_time
 from .fault_trials import Gains, Outcome, Stand
 from .held_sway import HeldSway, table_with
 from .humanoid_stand import STANCES
@@ -51,7 +50,7 @@ def variants(upright: str) -> dict[str, Gains]:
 
 
 @final
-class HumanoidJointLoss(Scenario):
+class HumanoidJointLoss(FaultScenario):
     """The motor of one leg joint dies at ``moments`` moments of the sway; each time without and with an answer.
 
     ``robot``: g1, talos (both need example-robot-data) or humanoid; ``joint``: auto, or a joint's name. ``noise``:
@@ -60,58 +59,42 @@ class HumanoidJointLoss(Scenario):
     """
 
     name: ClassVar[str] = "humanoid-joint-loss"
-    group: ClassVar[str] = "faults"
     takes = 400.0
     summary: ClassVar[str] = "a humanoid loses a leg's motor: it falls without an answer and stands with one"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
     robots = STANCES
-    plants = ("mujoco",)
+    first, between = FIRST, BETWEEN
+    joints, hopeless = JOINTS, LOST
     duration = 8.0  # Talos takes up to 6 s to fall
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        name = parameters["robot"]
-        count = int(checks.number("parameter 'moments'", parameters["moments"], low=1))
-        stand = standing_of(name, parameters, settings.solver)
-        joint = JOINTS[name] if parameters["joint"] == "auto" else parameters["joint"]
-        stand.robot().joint(joint)
-        plan = fault_scenario.Plan(
-            stand, ActuatorFault(joint=joint), [FIRST + BETWEEN * k for k in range(count)],
-            lambda without, answered: _demand(without, answered, stand.rough),
-            table=table_with(HeldSway.of(stand)),
-            variants=variants(stand.stance.upright) if parameters["variants"] else {},
-            lost=[ActuatorFault(joint=other) for other in LOST[name]] if parameters["variants"] else [],
-            after=settings.duration,
-        )  # fmt: skip
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        return fault_scenario.run(plan, meta=meta, progress=settings.progress)
+    def stand(self, p: Parameters) -> Stand:
+        return standing_of(p)
+
+    def variants(self, stand: Stand) -> Mapping[str, Gains]:
+        return variants(stand.stance.upright)
+
+    def table(self, stand: Stand) -> Sequence[When]:
+        return table_with(HeldSway.of(stand))
+
+    def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
+        rough = self.stand(p).rough
+        n, spare = len(answered), 1 if len(answered) >= 8 else 0
+        lost, kept = sum(not o.stands for o in without), sum(o.stands for o in answered)
+        standing = [o.rms for o in answered if o.stands]
+        rms, bound = max(standing, default=float("inf")), 10e-3 if rough else 2e-3
+        enough = n - spare if rough else n
+        return [
+            Check("without an answer it falls", float(lost), ">=", float(n - spare), f"of {n}"),
+            Check("with it, it stands", float(kept), ">=", float(enough), f"of {n}"),
+            Check("CoM error of those that stand, rms", rms, "<", bound, "m"),
+            *found_in_time(answered, LATER if rough else SOON),
+        ]  # fmt: skip
 
 
-def standing_of(name: str, parameters: Mapping[str, Any], solver: str) -> Stand:
-    """The humanoid that stands.
-
-    Raises:
-        InvalidInput: a parameter that makes no sense.
-    """
-    masses = checks.number("parameter 'masses'", parameters["masses"], low=0.0, high=0.5)
-    rough = parameters["noise"] or masses > 0.0
-    return Stand(
-        name, replace(STANCES[name], sway=SWAY.get(name, STANCES[name].sway)), FLOOR[name],
-        gains=GAINS if rough else CLEAN_GAINS[name], noise=parameters["noise"], masses=masses, solver=solver,
-        seed=parameters["seed"],
-    )  # fmt: skip
-
-
-def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], rough: bool) -> list[Check]:
-    n, spare = len(answered), 1 if len(answered) >= 8 else 0
-    lost, kept = sum(not o.stands for o in without), sum(o.stands for o in answered)
-    standing = [o.rms for o in answered if o.stands]
-    rms, bound = max(standing, default=float("inf")), 10e-3 if rough else 2e-3
-    enough = n - spare if rough else n
-    return [
-        Check("without an answer it falls", float(lost), ">=", float(n - spare), f"of {n}"),
-        Check("with it, it stands", float(kept), ">=", float(enough), f"of {n}"),
-        Check("CoM error of those that stand, rms", rms, "<", bound, "m"),
-        *fault_scenario.found_in_time(answered, LATER if rough else SOON),
-    ]  # fmt: skip
+def standing_of(p: Parameters) -> Stand:
+    """The humanoid that stands."""
+    name = p["robot"]
+    stance = replace(STANCES[name], sway=SWAY.get(name, STANCES[name].sway))
+    return Stand.of(p, stance, FLOOR[name], GAINS, CLEAN_GAINS[name])

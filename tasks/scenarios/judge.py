@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -122,13 +121,6 @@ def error_check(text: str, run: Run, task: str, bound: float, keep: NDArray[np.b
     return Check(text, rms, "<", bound, "m", measure.place(run, error, np.inf, plot=f"tracking.{task}"))
 
 
-def result(run: Run, verdict: Sequence[Check], **shown: Any) -> ScenarioResult:
-    """What a scenario hands back of a run that is judged by ``verdict`` alone; ``shown``: other fields of it."""
-    measured: dict[str, Any] = {"violations": measure.violations(run), "tracking": measure.tracking(run)}
-    made = ScenarioResult(run=run, ok=all(check.ok for check in verdict), verdict=verdict, **measured | shown)
-    return replace(made, sections=[section for show in made.sections if (section := show(made)) is not None])
-
-
 def verdict(shown: Trial | Sequence[Trial], checks: Sequence[Check], **fields: Any) -> ScenarioResult:
     """What a scenario hands back: it is good where all ``checks`` hold.
 
@@ -138,18 +130,24 @@ def verdict(shown: Trial | Sequence[Trial], checks: Sequence[Check], **fields: A
     first, *others = [shown] if isinstance(shown, Trial) else shown
     made: dict[str, Any] = {
         "violations": measure.violations(first.run), "tracking": measure.tracking(first.run), "robot": first.robot,
-        "called": first.name, "beside": {trial.name: trial.run for trial in others},
+        "called": first.name if others else "", "beside": {trial.name: trial.run for trial in others},
     }  # fmt: skip
     return ScenarioResult(run=first.run, ok=all(check.ok for check in checks), verdict=checks, **made | fields)
 
 
 def beside(
-    name: str, title: str, unit: str, curves: Mapping[str, tuple[Run, Vec]], bounds: Sequence[Bound] = (), **more: Any
-) -> Plot:
-    """A plot of one quantity (N,) of several runs, by their names; the first is the run that is recorded."""
-    first, _ = next(iter(curves.values()))
-    drawn = [Curve(said, values, run=k, x=measure.times(run)) for k, (said, (run, values)) in enumerate(curves.items())]
-    return Plot(name, title, unit, measure.times(first), drawn, bounds, **more)
+    name: str, title: str, unit: str, trials: Sequence[Trial], values: Callable[[Trial], Vec],
+    *, bounds: Sequence[Bound] = (), replays: bool = True, **more: Any,
+) -> Plot:  # fmt: skip
+    """A plot of one quantity, ``values`` (N,) of each trial; the first is that which is recorded.
+
+    ``replays``: whether the others are recorded beside it, so that a curve and a robot belong together.
+    """
+    curves = [
+        Curve(trial.name, values(trial), run=k if replays else None, x=measure.times(trial.run))
+        for k, trial in enumerate(trials)
+    ]
+    return Plot(name, title, unit, measure.times(trials[0].run), curves, bounds, **more)
 
 
 def common_checks(run: Run) -> list[Check]:

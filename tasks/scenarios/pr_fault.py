@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, final
 
 import numpy as np
@@ -10,17 +10,15 @@ import numpy as np
 import wbc
 from wbc.methods import FaultFraction
 from wbc.models import PlanarPR
-from wbc.models.planar import PlanarRobot
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import MomentumObserver, Torque
 from . import judge
-from .exact_plant import ExactPlant
-from .torque_run import TorqueRun
+from .exact_plant import EXACT, ExactPlant
 
 #: Where the robot is when the fault comes [m, rad], how it moves, and what is asked of its actuators [N, N m].
 Q_START, V_START, TAU = np.array([0.0, np.pi / 2]), np.array([1.0, -1.0]), np.array([5.0, -2.0])
@@ -43,6 +41,15 @@ class Seen(NamedTuple):
 
     run: wbc.Run
     missing: Vec
+
+    @classmethod
+    def of(cls, trial: Trial) -> Seen:
+        """What came of a trial."""
+        missing = np.zeros(2)
+        for fault in trial.about:
+            joint = trial.robot.joint(fault.joint)
+            missing[joint] += fault.missing(0.0, TAU[joint])
+        return cls(trial.run, missing)
 
     def residual(self, gain: float) -> Vec:
         """r (N, 2) of the observer with this gain."""
@@ -71,33 +78,62 @@ class PrFault(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {"threshold": (0.5, 0.1)}
     duration = 1.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        return {kind: {"faults": faults} for kind, faults in FAULTS.items()}
+
+    def build(self, p: Parameters) -> Setup:
         robot = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, v_max=[10.0, 40.0], tau_max=[10.0, 5.0])
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        seen = {
-            kind: _seen(
-                robot, faults, parameters["threshold"], TorqueRun(settings.solver, settings.duration, one, meta)
-            )
-            for (kind, faults), one in trials(settings.progress, FAULTS.items())
+        observers = [MomentumObserver(gain=gain, threshold=p["threshold"], name=_name(gain)) for gain in PUBLISHED]
+        plant = ExactPlant(robot)
+        plant.reset(Q_START, V_START)
+        stack = wbc.Stack([Torque(TAU, weight=1e6)], components=observers)
+        return Setup(stack=stack, plant=plant, level=EXACT, disturbances=p["faults"], about=p["faults"])
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        done, solver = list(trials), p.settings.solver
+        seen = {trial.name: Seen.of(trial) for trial in done}
+        total = seen[done[0].name]
+        run, row = total.run, round(AT / total.run.meta["dt"])
+        momentum = done[0].robot.momentum(Q_START, V_START)
+        fast = max(PUBLISHED)
+        alarm = run[f"signal.{_name(fast)}.alarm"]
+        detected = float(run["t"][np.argmax(alarm[:, 0] > 0)]) if alarm[:, 0].any() else np.inf
+        latest = -np.log(1.0 - p["threshold"][0] / abs(total.missing[0])) / fast
+        late, lost = float(detected - latest), _fractions(total, solver)
+        figures: dict[str, Any] = {
+            f"r1_at_{AT:g}_s_K_{gain:g}_N": float(total.residual(gain)[row, 0]) for gain in PUBLISHED
         }
-        return _judged(seen, robot, parameters["threshold"], settings.solver)
+        figures |= {
+            "largest_r2_Nm": max(float(np.abs(total.residual(gain)[:, 1]).max()) for gain in PUBLISHED),
+            "detected_s": detected,
+            "share_lost_joint_1": float(lost[1][0]),
+            "share_lost_joint_2": float(lost[1][1]),
+            "momentum_start_1": float(momentum[0]),
+            "momentum_start_2": float(momentum[1]),
+        }
+        off = {gain: abs(float(total.residual(gain)[row, 0]) - value) for gain, value in PUBLISHED.items()}
+        checks = [
+            *(
+                Check(f"r1({AT:g} s) for K = {gain:g} minus {value}", off[gain], "<=", 5e-5, "N")
+                for gain, value in PUBLISHED.items()
+            ),
+            Check("residual of the healthy joint, total fault", figures["largest_r2_Nm"], "<=", LEFT, "N m"),
+            *(
+                Check(f"residual minus its formula: {kind}", of.off(), "<=", LEFT, "N, N m")
+                for kind, of in seen.items()
+            ),
+            Check("alarm of joint 1 not before the time of the formula", late, ">=", 0.0, "s"),
+            Check("alarm of joint 1 later than the formula says", late, "<=", 2e-3, "s"),
+            Check("alarms of the healthy joint", float(alarm[:, 1].sum()), "=", 0.0, "ticks"),
+            Check("share lost of joint 1, formula and QP apart", float(np.abs(lost[0] - lost[1]).max()), "<=", 1e-6),
+            *judge.common_checks(run),
+        ]  # fmt: skip
+        shown = [_total_fault(total, momentum), _other_faults(seen, solver)]
+        return judge.verdict(done[0], checks, tracking={}, figures=figures, sections=shown)
 
 
 def _name(gain: float) -> str:
     return f"K={gain:g}"
-
-
-def _seen(robot: PlanarRobot, faults: Sequence[ActuatorFault], threshold: Any, go: TorqueRun) -> Seen:
-    observers = [MomentumObserver(gain=gain, threshold=threshold, name=_name(gain)) for gain in PUBLISHED]
-    stack = wbc.Stack([Torque(TAU, weight=1e6)], components=observers)
-    plant = ExactPlant(robot)
-    plant.reset(Q_START, V_START)
-    run = go(robot, stack, plant, disturbances=faults)
-    missing = np.zeros(2)
-    for fault in faults:
-        joint = robot.joint(fault.joint)
-        missing[joint] += fault.missing(0.0, TAU[joint])
-    return Seen(run, missing)
 
 
 def _fractions(of: Seen, solver: str) -> tuple[Vec, Vec]:
@@ -106,54 +142,8 @@ def _fractions(of: Seen, solver: str) -> tuple[Vec, Vec]:
     return problem.closed_form().fraction, problem.solve(solver).fraction
 
 
-def _judged(seen: Mapping[str, Seen], robot: PlanarRobot, threshold: Sequence[float], solver: str) -> ScenarioResult:
-    total = next(iter(seen.values()))
-    run, row = total.run, round(AT / total.run.meta["dt"])
-    momentum = robot.momentum(Q_START, V_START)
-    fast = max(PUBLISHED)
-    alarm = run[f"signal.{_name(fast)}.alarm"]
-    detected = float(run["t"][np.argmax(alarm[:, 0] > 0)]) if alarm[:, 0].any() else np.inf
-    latest = -np.log(1.0 - threshold[0] / abs(total.missing[0])) / fast
-    late, lost = float(detected - latest), _fractions(total, solver)
-    figures: dict[str, Any] = {
-        f"r1_at_{AT:g}_s_K_{gain:g}_N": float(total.residual(gain)[row, 0]) for gain in PUBLISHED
-    }
-    figures |= {
-        "largest_r2_Nm": max(float(np.abs(total.residual(gain)[:, 1]).max()) for gain in PUBLISHED),
-        "detected_s": detected,
-        "share_lost_joint_1": float(lost[1][0]),
-        "share_lost_joint_2": float(lost[1][1]),
-        "momentum_start_1": float(momentum[0]),
-        "momentum_start_2": float(momentum[1]),
-    }
-    off = {gain: abs(float(total.residual(gain)[row, 0]) - value) for gain, value in PUBLISHED.items()}
-    verdict = [
-        *(
-            Check(f"r1({AT:g} s) for K = {gain:g} minus {value}", off[gain], "<=", 5e-5, "N")
-            for gain, value in PUBLISHED.items()
-        ),
-        Check("residual of the healthy joint, total fault", figures["largest_r2_Nm"], "<=", LEFT, "N m"),
-        *(
-            Check(f"residual minus its formula: {kind}", of.off(), "<=", LEFT, "N, N m")
-            for kind, of in seen.items()
-        ),
-        Check("alarm of joint 1 not before the time of the formula", late, ">=", 0.0, "s"),
-        Check("alarm of joint 1 later than the formula says", late, "<=", 2e-3, "s"),
-        Check("alarms of the healthy joint", float(alarm[:, 1].sum()), "=", 0.0, "ticks"),
-        Check("share lost of joint 1, formula and QP apart", float(np.abs(lost[0] - lost[1]).max()), "<=", 1e-6),
-        *judge.common_checks(run),
-    ]  # fmt: skip
-    return judge.result(
-        run, verdict, tracking={}, figures=figures, robot=robot,
-        sections=[
-            lambda result: _total_fault(result, total, momentum),
-            lambda result: _other_faults(seen, solver),
-        ],
-    )  # fmt: skip
-
-
-def _total_fault(result: ScenarioResult, total: Seen, momentum: Vec) -> Section:
-    t = measure.times(result.run)
+def _total_fault(total: Seen, momentum: Vec) -> Section:
+    t = measure.times(total.run)
     first = [Curve(f"K1 = {gain:g}", total.residual(gain)[:, 0]) for gain in PUBLISHED]
     first += [
         Curve(
@@ -173,7 +163,7 @@ def _total_fault(result: ScenarioResult, total: Seen, momentum: Vec) -> Section:
         "r = K (∫ (τ − β − r) dt − (p − p(0))), and ṙ = K (τ_f − r) from r(0) = 0, whatever the robot does."
     )
     rows = [
-        (f"K1 = {gain:g}", float(total.residual(gain)[round(AT / result.run.meta["dt"]), 0]),
+        (f"K1 = {gain:g}", float(total.residual(gain)[round(AT / total.run.meta["dt"]), 0]),
          float(TAU[0] * (1 - np.exp(-gain * AT))), float(-gain * momentum[0]))
         for gain in PUBLISHED
     ]  # fmt: skip

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -14,13 +14,12 @@ from wbc.models import PlanarPR
 from wbc.models.planar import PlanarRobot
 from wbc.report import measure
 from wbc.report.document import Curve, Plot, Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings, trials
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import MeasuredWrench, Position, Torque, TorqueLimits
 from . import judge
-from .exact_plant import ExactPlant
-from .torque_run import TorqueRun
+from .exact_plant import EXACT, ExactPlant
 
 TIP = "end_effector"
 Q_START = np.array([0.0, np.pi / 2])
@@ -34,18 +33,6 @@ TAU_WRONG_SIGN = (Fraction(-2), Fraction(5, 2))
 
 #: Ticks between two at which the closed form is asked too.
 EVERY = 5
-
-
-class Tracking(NamedTuple):
-    """A run with null-space damping D [N s/m, N m s] or without."""
-
-    run: wbc.Run
-    damping: Vec
-
-    @property
-    def off(self) -> float:
-        """Largest |x_d − x| [m]."""
-        return float(np.abs(self.run["error.x"]).max())
 
 
 @final
@@ -63,17 +50,67 @@ class PrTorque(Scenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {"damping": (0.0, 2.0), "kp": 100.0}
     duration = 4.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+    def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        return {"damped": {"D": np.array(p["damping"])}, "not damped": {"D": np.zeros(2)}}
+
+    def build(self, p: Parameters) -> Setup:
+        def wanted(t: float) -> tuple[Vec, ...]:
+            return tuple(np.array([x]) for x in (1 - np.cos(3 * t), 3 * np.sin(3 * t), 9 * np.cos(3 * t)))
+
+        def damp(t: float) -> None:
+            preferred.target = TAU_0 - p["D"] * plant.v
+
         robot = PlanarPR(
             m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, gravity=0.0, v_max=[20.0, 60.0], tau_max=[1000.0, 100.0]
         )  # fmt: skip
-        damping = np.array(parameters["damping"])
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        damped, free = (
-            Tracking(_tracked(robot, D, parameters["kp"], TorqueRun(settings.solver, settings.duration, one, meta)), D)
-            for D, one in trials(settings.progress, (damping, np.zeros(2)))
+        preferred, wrench = Torque(TAU_0, weight="inverse_inertia"), np.concatenate([FORCE, np.zeros(4)])
+        stack = wbc.Stack(
+            [preferred],
+            subject_to=[Position(TIP, axes="x", target=wanted, kp=p["kp"]).exactly(name="x"), TorqueLimits()],
+            components=[MeasuredWrench(TIP, wrench=np.append(FORCE, 0.0))],
         )
-        return _judged(robot, damped, free, settings.solver)
+        plant = ExactPlant(robot, frame=TIP, wrench=lambda t: wrench)
+        plant.reset(Q_START)
+        return Setup(stack=stack, plant=plant, level=EXACT, before_tick=damp)
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        done = list(trials)
+        damped, run, solver = done[0], done[0].run, p.settings.solver
+        exact, wrong = (np.array([float(x) for x in torque]) for torque in (TAU_START, TAU_WRONG_SIGN))
+        formula = float(np.abs(_at_start(ACCELERATION).closed_form().tau - exact).max())
+        forms = {
+            form: float(np.abs(_at_start(ACCELERATION).solve(solver, form=form).tau - exact).max())
+            for form in ("torque", "acceleration", "joint")
+        }
+        mirrored = float(np.abs(_at_start(-ACCELERATION).closed_form().tau - wrong).max())
+        first = float(np.abs(run["tau"][0] - exact).max())
+        apart = float(
+            np.abs(run["tau"][::EVERY] - _by_formula(damped.robot, run, np.array(p["damping"]), p["kp"])).max()
+        )
+        spins = [float(np.abs(of.run["plant.v"][:, 1]).max()) for of in done]
+        errors = [float(of.error("x").max()) for of in done]
+        figures = {
+            "tau_start_1_N": float(run["tau"][0, 0]),
+            "tau_start_2_Nm": float(run["tau"][0, 1]),
+            "task_acceleration_start": float((damped.robot.J(Q_START) @ run["a"][0])[0]),
+            "largest_error_damped_m": errors[0],
+            "largest_error_free_m": errors[1],
+            "fastest_turn_damped_rad_s": spins[0],
+            "fastest_turn_free_rad_s": spins[1],
+        }
+        checks = [
+            Check("τ(0) by formula minus (104/11, −71/22)", formula, "<=", 1e-12, "N, N m"),
+            *(Check(f"τ(0) by {solver} over {form} minus the same", off, "<=", 1e-8) for form, off in forms.items()),
+            Check("τ(0) for r̈ = −9 minus (−2, 5/2)", mirrored, "<=", 1e-12, "N, N m"),
+            Check("τ(0) of the stack minus (104/11, −71/22)", first, "<=", 1e-8, "N, N m"),
+            Check("stack and formula apart along the run", apart, "<=", 1e-6, "N, N m"),
+            Check("error of x, damped", errors[0], "<", 1e-3, "m"),
+            Check("error of x, not damped", errors[1], "<", 1e-2, "m"),
+            Check("fastest turn, damped over not damped", spins[0] / spins[1], "<", 1.0),
+            *judge.common_checks(run),
+        ]  # fmt: skip
+        shown = [_first_instant(solver), _the_run(done, p)]
+        return judge.verdict(damped, checks, figures=figures, sections=shown)
 
 
 def _at_start(acceleration: float) -> WeightedTorque:
@@ -81,26 +118,6 @@ def _at_start(acceleration: float) -> WeightedTorque:
     M, J = [[2.0, -0.25], [-0.25, 0.1625]], [[1.0, -0.5]]
     external = [FORCE[0], -0.5 * FORCE[0]]  # cos q2 = 0: the force along y does nothing
     return WeightedTorque(M, [0.0, 0.0], J, [acceleration], tau_0=TAU_0, tau_external=external)
-
-
-def _tracked(robot: PlanarRobot, D: Vec, kp: float, go: TorqueRun) -> wbc.Run:
-    def wanted(t: float) -> tuple[Vec, Vec, Vec]:
-        return tuple(np.array([x]) for x in (1 - np.cos(3 * t), 3 * np.sin(3 * t), 9 * np.cos(3 * t)))  # type: ignore[return-value]
-
-    preferred = Torque(TAU_0, weight="inverse_inertia")
-    stack = wbc.Stack(
-        [preferred],
-        subject_to=[Position(TIP, axes="x", target=wanted, kp=kp).exactly(name="x"), TorqueLimits()],
-        components=[MeasuredWrench(TIP, wrench=np.append(FORCE, 0.0))],
-    )
-    wrench = np.concatenate([FORCE, np.zeros(4)])
-    plant = ExactPlant(robot, frame=TIP, wrench=lambda t: wrench)
-    plant.reset(Q_START)
-
-    def damp(t: float) -> None:
-        preferred.target = TAU_0 - D * plant.v
-
-    return go(robot, stack, plant, before_tick=damp)
 
 
 def _by_formula(robot: PlanarRobot, run: wbc.Run, D: Vec, kp: float) -> Vec:
@@ -115,46 +132,6 @@ def _by_formula(robot: PlanarRobot, run: wbc.Run, D: Vec, kp: float) -> Vec:
         )
         torques.append(problem.closed_form().tau)
     return np.array(torques)
-
-
-def _judged(robot: PlanarRobot, damped: Tracking, free: Tracking, solver: str) -> ScenarioResult:
-    run = damped.run
-    exact, wrong = (np.array([float(x) for x in torque]) for torque in (TAU_START, TAU_WRONG_SIGN))
-    formula = float(np.abs(_at_start(ACCELERATION).closed_form().tau - exact).max())
-    forms = {
-        form: float(np.abs(_at_start(ACCELERATION).solve(solver, form=form).tau - exact).max())
-        for form in ("torque", "acceleration", "joint")
-    }
-    mirrored = float(np.abs(_at_start(-ACCELERATION).closed_form().tau - wrong).max())
-    first = float(np.abs(run["tau"][0] - exact).max())
-    apart = float(
-        np.abs(run["tau"][::EVERY] - _by_formula(robot, run, damped.damping, run.meta["parameters"]["kp"])).max()
-    )
-    spins = {name: float(np.abs(of.run["plant.v"][:, 1]).max()) for name, of in (("damped", damped), ("free", free))}
-    figures = {
-        "tau_start_1_N": float(run["tau"][0, 0]),
-        "tau_start_2_Nm": float(run["tau"][0, 1]),
-        "task_acceleration_start": float((robot.J(Q_START) @ run["a"][0])[0]),
-        "largest_error_damped_m": damped.off,
-        "largest_error_free_m": free.off,
-        "fastest_turn_damped_rad_s": spins["damped"],
-        "fastest_turn_free_rad_s": spins["free"],
-    }
-    verdict = [
-        Check("τ(0) by formula minus (104/11, −71/22)", formula, "<=", 1e-12, "N, N m"),
-        *(Check(f"τ(0) by {solver} over {form} minus the same", off, "<=", 1e-8) for form, off in forms.items()),
-        Check("τ(0) for r̈ = −9 minus (−2, 5/2)", mirrored, "<=", 1e-12, "N, N m"),
-        Check("τ(0) of the stack minus (104/11, −71/22)", first, "<=", 1e-8, "N, N m"),
-        Check("stack and formula apart along the run", apart, "<=", 1e-6, "N, N m"),
-        Check("error of x, damped", damped.off, "<", 1e-3, "m"),
-        Check("error of x, not damped", free.off, "<", 1e-2, "m"),
-        Check("fastest turn, damped over not damped", spins["damped"] / spins["free"], "<", 1.0),
-        *judge.common_checks(run),
-    ]  # fmt: skip
-    return judge.result(
-        run, verdict, figures=figures, robot=robot,
-        sections=[lambda result: _first_instant(solver), lambda result: _the_run(result, damped, free)],
-    )  # fmt: skip
 
 
 def _first_instant(solver: str) -> Section:
@@ -177,23 +154,30 @@ def _first_instant(solver: str) -> Section:
     return Section("The first instant", [text, table])
 
 
-def _the_run(result: ScenarioResult, damped: Tracking, free: Tracking) -> Section:
-    t, q = measure.times(result.run), result.run["q"]
-    both = (("damped", damped), ("not damped", free))
+def _the_run(done: Sequence[Trial], p: Parameters) -> Section:
+    run, dampings = done[0].run, (p["damping"], (0.0, 0.0))
+    t, q = measure.times(run), run["q"]
+
     plots = [
         Plot("pr-task", "The task: x of the tip", "m", t,
              [Curve("x", q[:, 0] + 0.5 * np.cos(q[:, 1])), Curve("1 − cos 3t", 1 - np.cos(3 * t))]),
-        Plot("pr-off", "Error of the task", "mm", t,
-             [Curve(name, 1e3 * np.abs(of.run["error.x"]).max(axis=1)) for name, of in both]),
-        Plot("pr-turn", "What the task leaves free: speed of link 2", "rad/s", t,
-             [Curve(name, of.run["plant.v"][:, 1]) for name, of in both],
-             caption="τ₀ and the force keep turning link 2 faster where nothing damps it; τ₀ − D q̇ does, and does not "
-             "touch the task."),
-        Plot("pr-torque", "Torque of joint 2", "N m", t, [Curve(name, of.run["tau"][:, 1]) for name, of in both]),
+        judge.beside("pr-off", "Error of the task", "mm", done, lambda of: 1e3 * of.error("x"), replays=False),
+        judge.beside(
+            "pr-turn", "What the task leaves free: speed of link 2", "rad/s", done, lambda of: of.run["plant.v"][:, 1],
+            replays=False, caption="τ₀ and the force keep turning link 2 faster where nothing damps it; τ₀ − D q̇ does, "
+            "and does not touch the task.",
+        ),
+        judge.beside("pr-torque", "Torque of joint 2", "N m", done, lambda of: of.run["tau"][:, 1], replays=False),
     ]  # fmt: skip
     rows = [
-        (name, float(of.damping[0]), float(of.damping[1]), 1e3 * of.off, float(np.abs(of.run["plant.v"][:, 1]).max()))
-        for name, of in (("damped", damped), ("not damped", free))
-    ]
+        (
+            of.name,
+            float(D[0]),
+            float(D[1]),
+            1e3 * float(of.error("x").max()),
+            float(np.abs(of.run["plant.v"][:, 1]).max()),
+        )
+        for of, D in zip(done, dampings, strict=True)
+    ]  # fmt: skip
     table = Table(("run", "D1 [N s/m]", "D2 [N m s]", "largest error of x [mm]", "fastest turn [rad/s]"), rows)
     return Section("Tracking with a force at the tip", [*plots, table])

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
-from wbc import checks
-from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.scenario import Check, Parameter, Scenario, ScenarioResult, Settings
+from wbc.sim.scenario import Check, Parameter, Parameters
 
-from . import fault_scenario
-from .fault_trials import Outcome
-from .quadruped_joint_loss import BETWEEN, FIRST, KNEES, VARIANTS, standing_of
+from .fault_scenario import FaultScenario, found_in_time
+from .fault_trials import Gains, Outcome, Stand
+from .quadruped_joint_loss import BETWEEN, FIRST, KNEES, LOST, VARIANTS, standing_of
 from .quadruped_stand import STANCES
 
 #: How far off the share lost may be taken.
@@ -19,7 +17,7 @@ CLOSE = 0.05
 
 
 @final
-class QuadrupedActuatorWeak(Scenario):
+class QuadrupedActuatorWeak(FaultScenario):
     """A knee's motor delivers ``left`` of what it is sent, from one of ``moments`` moments of the sway on.
 
     ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
@@ -28,7 +26,6 @@ class QuadrupedActuatorWeak(Scenario):
     """
 
     name: ClassVar[str] = "quadruped-actuator-weak"
-    group: ClassVar[str] = "faults"
     takes = 200.0
     summary: ClassVar[str] = "a quadruped's knee loses half its strength: found, measured, and asked for twice as much"
     parameters: ClassVar[Mapping[str, Parameter]] = {
@@ -36,31 +33,29 @@ class QuadrupedActuatorWeak(Scenario):
         "variants": True,
     }  # fmt: skip
     robots = STANCES
-    plants = ("mujoco",)
+    first, between = FIRST, BETWEEN
+    joints, hopeless = KNEES, LOST
     duration = 4.0
 
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
-        stand, joint, moments = standing_of(parameters, KNEES, settings.solver)
-        left = checks.number("parameter 'left'", parameters["left"], low=0.25, high=0.9)
-        plan = fault_scenario.Plan(
-            stand, ActuatorFault(joint=joint, effectiveness=left), [FIRST + BETWEEN * k for k in range(moments)],
-            lambda without, answered: _demand(without, answered, left, stand.rough), after=settings.duration,
-            variants=VARIANTS if parameters["variants"] else {},
-            lost=[ActuatorFault(joint=joint)] if parameters["variants"] else [],
-        )  # fmt: skip
-        meta = {"scenario": self.name, "parameters": dict(parameters)}
-        return fault_scenario.run(plan, meta=meta, progress=settings.progress)
+    def stand(self, p: Parameters) -> Stand:
+        return standing_of(p)
 
+    def left(self, p: Parameters) -> float:
+        return p.number("left", low=0.25, high=0.9)
 
-def _demand(without: Sequence[Outcome], answered: Sequence[Outcome], left: float, rough: bool) -> list[Check]:
-    n, stood = len(answered), sum(o.stands for o in answered)
-    off = max(abs(float(o.run["signal.FaultReaction.share"][-1].min()) - left) for o in answered)
-    least, most = min(o.rms for o in without), max(o.rms for o in answered)
-    bound = 10e-3 if rough else 3e-3
-    return [
-        Check("CoM error without an answer, rms (at least)", least, ">=", 15e-3, "m"),
-        Check("with it, it stands", float(stood), "=", float(n), f"of {n}"),
-        Check("CoM error with it, rms", most, "<=", bound, "m"),
-        Check("strength taken for what is left, off by", off, "<=", CLOSE, "share"),
-        *fault_scenario.found_in_time(answered, 20e-3 if rough else 6e-3),
-    ]
+    def variants(self, stand: Stand) -> Mapping[str, Gains]:
+        return VARIANTS
+
+    def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
+        rough, left = self.stand(p).rough, p["left"]
+        n, stood = len(answered), sum(o.stands for o in answered)
+        off = max(abs(float(o.run["signal.FaultReaction.share"][-1].min()) - left) for o in answered)
+        least, most = min(o.rms for o in without), max(o.rms for o in answered)
+        bound = 10e-3 if rough else 3e-3
+        return [
+            Check("CoM error without an answer, rms (at least)", least, ">=", 15e-3, "m"),
+            Check("with it, it stands", float(stood), "=", float(n), f"of {n}"),
+            Check("CoM error with it, rms", most, "<=", bound, "m"),
+            Check("strength taken for what is left, off by", off, "<=", CLOSE, "share"),
+            *found_in_time(answered, 20e-3 if rough else 6e-3),
+        ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -80,7 +80,7 @@ class ReachStrict(Scenario):
         checks = [judge.stood_check(run, p.settings.duration), *judge.common_checks(run)]
         if p.settings.hierarchy == "strict":
             checks.insert(1, Check("error of the centre of mass, rms", rms["strict"], "<", 2e-3, "m"))
-        return judge.verdict(done, checks, figures=figures, sections=[_costs(runs, conditions, stance)])
+        return judge.verdict(done, checks, figures=figures, sections=[_costs(done, conditions, stance)])
 
 
 def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
@@ -114,10 +114,11 @@ def _hand(run: Run, stance: Stance) -> float:
     return float(np.linalg.norm(run[f"error.Position[{stance.hand}]"][-1]))
 
 
-def _costs(runs: Mapping[str, Run], conditions: Mapping[str, float], stance: Stance) -> Section:
+def _costs(done: Sequence[Trial], conditions: Mapping[str, float], stance: Stance) -> Section:
     """What the choice of the hierarchy costs and gives."""
     rows: list[list[Cell]] = []
-    for kind, run in runs.items():
+    for trial in done:
+        kind, run = trial.name, trial.run
         tick, balance = measure.tick_times(run), 1e3 * _balance(run)
         rows.append([
             kind, measure.seconds(run), balance, _hand(run, stance), conditions[kind], tick.median, tick.p99,
@@ -132,11 +133,7 @@ def _costs(runs: Mapping[str, Run], conditions: Mapping[str, float], stance: Sta
         "tick, median [µs]", "p99 [µs]",
     ]  # fmt: skip
     plots = [
-        judge.beside(name, title, "mm", {kind: (run, 1e3 * np.linalg.norm(run[f"error.{task}"], axis=1))
-                                         for kind, run in runs.items()})
-        for name, title, task in (
-            ("balance", "Error of the centre of mass", "CenterOfMass"),
-            ("hand", "Error of the hand", f"Position[{stance.hand}]"),
-        )
-    ]  # fmt: skip
+        judge.beside("balance", "Error of the centre of mass", "mm", done, lambda of: 1e3 * of.error("CenterOfMass")),
+        judge.beside("hand", "Error of the hand", "mm", done, lambda of: 1e3 * of.error("Position")),
+    ]
     return Section("What the hierarchy costs", [text, Table(columns, rows), *plots])

@@ -146,22 +146,23 @@ from tasks import JointVelocityLimits, Position
 import wbc
 from wbc.report import measure
 from wbc.sim.plant import IntegratorPlant
-from wbc.sim.scenario import Check, Scenario, ScenarioResult
-from wbc.sim.simulate import simulate
+from wbc.sim.scenario import Check, Scenario, ScenarioResult, Setup
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # it is ignored in what a shell starts in the background
 
 class Reach(Scenario):
     name, summary, duration = "reach", "an arm reaches until Ctrl-C", 2.0
 
-    def run(self, parameters, settings):
+    def build(self, p):
         robot = wbc.load("arm")
         stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[JointVelocityLimits()])
-        controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), solver=settings.solver)
-        plant = IntegratorPlant(robot, level="velocity")
         stop = lambda t: os.kill(os.getpid(), signal.SIGINT) if t > 0.0995 else None
-        run = simulate(controller, plant, duration=settings.duration, before_tick=stop)
-        return ScenarioResult(run, True, {}, {}, [Check("never reached", 1.0, "=", 1.0)], robot=robot)
+        plant = IntegratorPlant(robot, level="velocity")
+        return Setup(stack=stack, plant=plant, level=wbc.VelocityLevel(), before_tick=stop)
+
+    def judge(self, trials, p):
+        (trial,) = trials
+        return ScenarioResult(trial.run, True, {}, {}, [Check("never reached", 1.0, "=", 1.0)], robot=trial.robot)
 """
 
 

@@ -25,18 +25,22 @@ class Wave(Scenario):
     plants = ("paper", "integrator")
     duration = 0.4
 
-    def run(self, parameters, settings):
+    def cases(self, p):
+        return {}  # nothing is simulated
+
+    def judge(self, trials, p):
+        settings = p.settings
         print("a scenario that chatters")
-        robot = load(parameters["robot"])
+        robot = load(p["robot"])
         settings.progress(0.5, "half way")
-        if parameters["ends"] == "interrupted":
+        if p["ends"] == "interrupted":
             raise KeyboardInterrupt
-        if parameters["ends"] == "with a bug":
+        if p["ends"] == "with a bug":
             raise RuntimeError("a bug")
         t = np.arange(round(settings.duration / DT)) * DT
         swing = np.sin(2 * np.pi * t)[:, None] * np.ones(robot.nj)
         columns = {
-            "t": t, "q": robot.q0 + parameters["amplitude"] * swing, "v": 0 * swing, "v_cmd": 0 * swing,
+            "t": t, "q": robot.q0 + p["amplitude"] * swing, "v": 0 * swing, "v_cmd": 0 * swing,
             "status": np.zeros(t.size, int), "tick_us": np.linspace(10.0, 20.0, t.size),
             "error.Position[tool]": np.full((t.size, 3), 1e-3),
         }  # fmt: skip
@@ -46,14 +50,14 @@ class Wave(Scenario):
             "solver": settings.solver, "dt": DT, "duration": settings.duration, "joint_names": list(robot.joint_names),
             "joint_units": list(robot.joint_units), "limits": limits, "statuses": ["solved"], "contacts": {},
             "tasks": {"Position[tool]": {"units": ["m"] * 3}}, "plant": {"plant": settings.plant},
-            "parameters": dict(parameters),
+            "parameters": dict(p),
         }  # fmt: skip
         run = Run(columns, meta)
-        good = bool(parameters["good"])
+        good = bool(p["good"])
         return ScenarioResult(
             run=run, ok=good, violations=measure.violations(run), tracking=measure.tracking(run),
             verdict=[Check("it waves", 1.0, "<" if good else ">", 2.0, "Hz")], robot=robot,
-            figures={"waves": np.int64(parameters["waves"]), "never": float("nan"), "path": np.arange(2.0)},
+            figures={"waves": np.int64(p["waves"]), "never": float("nan"), "path": np.arange(2.0)},
         )  # fmt: skip
 
 

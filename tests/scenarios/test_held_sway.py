@@ -10,7 +10,7 @@ import pytest
 import wbc
 from tasks import Sole, Thresholds, feet
 from tasks.scenarios import fault_family
-from tasks.scenarios.fault_trials import Outcome, Stand, trial
+from tasks.scenarios.fault_trials import Case, Outcome, Stand
 from tasks.scenarios.held_sway import ChangedSway, Held, HeldSway, Region, changed, reserve, table_with
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.least_torque import least_torque
@@ -157,7 +157,7 @@ def test_g1_without_either_knee_stands_where_the_sway_asks_most_of_it(g1: Stand,
     for side, begun in (("left", 0.0), ("right", 7.0)):
         stand = replace(g1, stance=replace(g1.stance, begun=begun))
         fault = ActuatorFault(joint=f"{side}_knee_joint", start=1.2)
-        outcomes[side] = trial(stand, fault, known, react=True, after=1.8, **table)
+        outcomes[side] = Outcome.of(Case(stand, fault, known, **table).setup(1.8).run(duration=3.0))
     for outcome in outcomes.values():
         assert outcome.found is not None and outcome.found.joint_name == outcome.fault.joint
         assert outcome.delay <= 4e-3

@@ -22,26 +22,29 @@ class Flip(Scenario):
     hierarchies = ("weighted", "strict")
     duration = 0.1
 
-    def run(self, parameters, settings):
-        place = Path(parameters["deadly"] or "nowhere")
+    def cases(self, p):
+        return {}  # nothing is simulated
+
+    def judge(self, trials, p):
+        place = Path(p["deadly"] or "nowhere")
         if place.is_file():
             place.unlink(missing_ok=True)
             os.kill(os.getpid(), signal.SIGKILL)
-        if parameters["wait"]:
+        if p["wait"]:
             import time
 
-            time.sleep(parameters["wait"])
-        if parameters["bug"]:
+            time.sleep(p["wait"])
+        if p["bug"]:
             raise ZeroDivisionError("a bug of the scenario")
-        rng = np.random.default_rng(parameters["seed"])
+        rng = np.random.default_rng(p["seed"])
         t = np.arange(5) * 0.02
         height = rng.normal(size=(5, 1))
         columns = {"t": t, "status": np.zeros(5, int), "tick_us": np.linspace(5, 9, 5), "error.Height": height}
         meta = {"dt": 0.02, "statuses": ["SOLVED"], "tasks": {"Height": {"units": ["m"]}}, "scenario": self.name}
-        run, head = Run(columns, meta), bool(rng.uniform() < parameters["bias"])
+        run, head = Run(columns, meta), bool(rng.uniform() < p["bias"])
         return ScenarioResult(
             run=run, ok=head, violations={"height": (float(height.max()), "m")}, tracking=measure.tracking(run),
-            verdict=[Check("shows head", float(head), "=", 1.0)], figures={"faces": parameters["faces"]},
+            verdict=[Check("shows head", float(head), "=", 1.0)], figures={"faces": p["faces"]},
         )  # fmt: skip
 
 

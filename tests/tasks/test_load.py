@@ -205,16 +205,17 @@ def test_a_hand_that_is_none_is_refused() -> None:
 @pytest.mark.deep
 def test_a_standing_humanoid_knows_in_which_hand_the_load_is() -> None:
     """On a base that floats, the feet's wrenches measured; the hand that draws a circle tells more than one at rest."""
-    from tasks.scenarios.fault_trials import Stand, simulated
+    from tasks.scenarios.fault_trials import Stand, standing
     from tasks.scenarios.humanoid_stand import STANCES
 
     hands = ["left_hand", "right_hand"]
     observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2, release=0.5)
     reaction = FaultReaction(observer, table=[When("payload", [Carry(observer)])], hands=hands)
-    run, _ = simulated(
+    setup = standing(
         Stand("humanoid", STANCES["humanoid"], 0.3), [observer, reaction], [reaction.limits], duration=4.0,
         disturbances=[Payload("left_hand", mass=1.0, start=1.0)],
     )  # fmt: skip
+    run = setup.run(duration=4.0).run
     found = [d.load for d, _ in reaction.events if d.load is not None]
     assert [load.frame for load in found] == ["left_hand"]
     assert found[0].mass == pytest.approx(1.0, abs=0.05)

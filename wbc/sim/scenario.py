@@ -11,7 +11,7 @@ import importlib.util
 import inspect
 import operator
 import sys
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar, final
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName, UnknownRobot, UnknownScenario, WbcError
 from wbc.plugins import one_line, registered
-from wbc.sim.trial import Parameters, Progress, Settings, Setup, Trial, run_trial, silent, trials
+from wbc.sim.trial import Parameters, Progress, Settings, Setup, Trial, silent, trials
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
@@ -182,17 +182,18 @@ class Scenario(ABC):
         return {"": {}}
 
     def build(self, p: Parameters) -> Setup:
-        """One run, ready to be simulated.
+        """One run, ready to be simulated. A scenario with a loop of its own has no cases, and does without.
 
         Raises:
             WbcError: an unknown frame, or a parameter without meaning here.
         """
         raise InvalidInput(f"the scenario {self.name!r} has no build(p), and is asked to simulate a case")
 
+    @abstractmethod
     def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
         """What came of the runs. Each is simulated when it is taken from ``trials``, in the order of the cases."""
-        raise InvalidInput(f"the scenario {self.name!r} has no judge(trials, p)")
 
+    @final
     def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
         """Build and simulate each case, and judge. ``parameters`` is complete: the defaults and what the user set.
 
@@ -210,7 +211,8 @@ class Scenario(ABC):
         for (name, case), step in several:
             step(0.0, name)
             setup = self.build(Parameters({**p, **case}, p.settings))
-            yield run_trial(name, setup, p.settings, progress=step, meta=meta)
+            chosen = p.settings
+            yield setup.run(name, duration=chosen.duration, solver=chosen.solver, progress=step, meta=meta)
 
     @final
     def parse(self, settings: Iterable[str]) -> dict[str, Parameter]:

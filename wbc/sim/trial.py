@@ -136,6 +136,26 @@ class Setup:
             hierarchy=self.hierarchy or Weighted(), solver=solver, dt=self.plant.dt,
         )  # fmt: skip
 
+    def run(
+        self, name: str = "", *, duration: float, solver: str = "pdas", progress: Progress = silent,
+        meta: Mapping[str, Any] | None = None,
+    ) -> Trial:  # fmt: skip
+        """Simulate it for its own ``duration``, or else this one [s]. It can be run once: the plant moves.
+
+        Raises:
+            WbcError: what :func:`~wbc.sim.simulate.simulate` raises.
+        """
+        from wbc.control.setpoint import Setpoint
+        from wbc.sim.simulate import simulate
+
+        controller = self.controller(solver)
+        run = simulate(
+            Setpoint(controller, feedback=self.feedback) if self.feedback else controller, self.plant,
+            duration=duration if self.duration is None else self.duration, disturbances=self.disturbances,
+            before_tick=self.before_tick, progress=progress, meta={**(meta or {}), **self.meta},
+        )  # fmt: skip
+        return Trial(name, self, controller, run)
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -161,18 +181,3 @@ class Trial:
         """Length (N,) of the error of the first task whose name begins so, in the task's unit."""
         name = next(name for name in self.run.columns if name.startswith(f"error.{task}"))
         return np.asarray(np.linalg.norm(self.run[name], axis=1))
-
-
-def run_trial(name: str, setup: Setup, settings: Settings, *, progress: Progress, meta: Mapping[str, Any]) -> Trial:
-    """Simulate what is set up."""
-    from wbc.control.setpoint import Setpoint
-    from wbc.sim.simulate import simulate
-
-    controller = setup.controller(settings.solver)
-    driver = Setpoint(controller, feedback=setup.feedback) if setup.feedback else controller
-    run = simulate(
-        driver, setup.plant, duration=settings.duration if setup.duration is None else setup.duration,
-        disturbances=setup.disturbances, before_tick=setup.before_tick, progress=progress,
-        meta={**meta, **setup.meta},
-    )  # fmt: skip
-    return Trial(name, setup, controller, run)
