@@ -27,7 +27,9 @@ from wbc.report.document import (
     percent,
 )
 from wbc.report.folder import HTML
+from wbc.report.sections.settings import figure_name
 from wbc.sim.scenario import RELATIONS, Check
+from wbc.sweep.plan import SEED
 from wbc.types import Vec
 
 Result = dict[str, Any]
@@ -38,8 +40,6 @@ _BINS, _BARS, _WORST = 6, 30, 10
 #: Figures that differ by less than this share of their size are the same, and demands that vary by less than that
 #: share of their bound are not drawn.
 _SAME, _VISIBLE = 1e-6, 1e-3
-#: Units at the end of a figure's name, as scenarios write them.
-_UNITS = {"m": "m", "mm": "mm", "N": "N", "Nm": "N m", "s": "s", "us": "µs", "rad": "rad", "kg": "kg", "J": "J"}
 
 
 @final
@@ -180,7 +180,7 @@ def _choices(results: Sequence[Result]) -> list[str]:
     for key in _parameters(results):
         values = {str(r["parameters"][key]) for r in results if "parameters" in r}
         numbers = all(isinstance(r["parameters"][key], float) for r in results if "parameters" in r)
-        if 1 < len(values) <= _BINS and not numbers:
+        if key != SEED and 1 < len(values) <= _BINS and not numbers:
             found.append(key)
     return found
 
@@ -200,7 +200,7 @@ def _demands(found: Sequence[Demand]) -> Iterator[Item]:
         all_met = all(one.met)
         bound = f"{sign} {number(one.bound)} {one.unit}".rstrip()
         rows.append([one.text, bound, met if all_met else Marked(met, "bad"), *_spread(one.values)])
-    yield Table(("demanded", "bound", "met", "least", "median", "largest"), rows, "Over all runs that ended.")
+    yield Table(("demand", "bound", "met", "least", "median", "largest"), rows, "Over all runs that ended.")
     for k, one in enumerate(found):
         if one.varies:
             yield _histogram(f"demand-{k}", one)
@@ -216,8 +216,9 @@ def _histogram(name: str, one: Demand) -> Plot:
         edges = edges[0] + width * np.arange(-before, count + after + 1)
         bars = np.pad(bars, (before, after))
     curve = Curve("runs", np.append(np.where(bars > 0, bars, np.nan), np.nan))
-    return Plot(name, one.text, "runs", edges, [curve], [Bound(one.bound, "bound", "x")], over=one.unit or "value",
-                bars=True, zero=True)  # fmt: skip
+    over = f"value [{one.unit}]" if one.unit else "value"
+    bound = Bound(one.bound, "bound", "x")
+    return Plot(name, one.text, "runs", edges, [curve], [bound], over=over, bars=True, zero=True)
 
 
 def _spread(values: Vec) -> list[float]:
@@ -246,9 +247,7 @@ def _flat(result: Result) -> Iterator[tuple[str, Any]]:
     for kind, (worst, unit) in (result.get("violations") or {}).items():
         yield f"{kind} beyond its limit [{unit}]", worst
     for name, value in (result.get("figures") or {}).items():
-        words, _, unit = name.rpartition("_")
-        said = f"{words} [{_UNITS[unit]}]" if unit in _UNITS else name
-        yield said.replace("_", " "), None if isinstance(value, bool) else value
+        yield figure_name(name), None if isinstance(value, bool) else value
     for name, value in zip(("tick, median [µs]", "tick, p99 [µs]"), result.get("tick_us") or (), strict=False):
         yield name, value
 
@@ -294,7 +293,7 @@ def _axes(results: Sequence[Result]) -> Iterator[tuple[str, Vec]]:
     for name in dict.fromkeys(name for one in drawn for name in one):
         yield from _varied(name, [one.get(name) for one in drawn])
     for key in _parameters(results):
-        if key != "seed":
+        if key != SEED:
             yield from _varied(f"parameter {key}", [_as_number(r.get("parameters", {}).get(key)) for r in results])
 
 
