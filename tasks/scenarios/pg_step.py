@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
+from io import BytesIO
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -13,7 +15,7 @@ from wbc.errors import ModelError
 from wbc.methods import ProjectedGradientStep
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
-from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
+from wbc.report.document import Bound, Curve, Figure, Plot, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Index, Vec
@@ -21,7 +23,6 @@ from wbc.types import Index, Vec
 from .. import JointPositionLimits, JointVelocityLimits, Manipulability, Position, ProjectedGradient, Sinusoid
 from . import judge
 from .arm_reach import tool
-from .pictures import picture
 
 #: Ticks between two at which the closed form is asked too.
 EVERY = 5
@@ -183,6 +184,19 @@ def _away_from_positions(run: wbc.Run, robot: PinocchioModel, beside: Beside) ->
     return (margin > 0.2).all(axis=1)
 
 
+def _picture(plane: ProjectedGradientStep) -> list[Figure]:
+    """The plane as a figure, the same bytes each time; none where the package that draws it is not installed."""
+    if find_spec("matplotlib") is None:
+        return []
+    from matplotlib import rc_context
+
+    memory = BytesIO()
+    with rc_context({"svg.hashsalt": "wbc"}):
+        plane.plot().savefig(memory, format="svg", metadata={"Date": None, "Creator": None})
+    caption = "Two joints, one task: limits, task line, gradient, its projection, and the longest step along it."
+    return [Figure("pg-plane", caption, memory.getvalue())]
+
+
 def _in_plane(plane: ProjectedGradientStep, by_qp: float) -> Section:
     step = plane.closed_form()
     table = Table(
@@ -193,8 +207,7 @@ def _in_plane(plane: ProjectedGradientStep, by_qp: float) -> Section:
         ],
         f"α* = min(11/10, 4) = {step.alpha:.12f} by formula, {by_qp:.12f} by QP; joint {step.active[0] + 1} stops it.",
     )  # fmt: skip
-    caption = "Two joints, one task: limits, task line, gradient, its projection, and the longest step along it."
-    return Section("The step in the plane of two joints", [picture(plane.plot(), "pg-plane", caption), table])
+    return Section("The step in the plane of two joints", [*_picture(plane), table])
 
 
 def _along_the_path(run: wbc.Run, of: Setting, beside: Beside) -> Section:

@@ -7,17 +7,16 @@ from typing import ClassVar, final
 
 from wbc.sim.scenario import Check, Parameter, Parameters
 
-from .fault_scenario import FaultScenario, found_in_time
-from .fault_trials import Gains, Outcome, Stand
-from .quadruped_joint_loss import BETWEEN, FIRST, KNEES, LOST, VARIANTS, standing_of
-from .quadruped_stand import STANCES
+from .fault_scenario import found_in_time
+from .fault_trials import Outcome
+from .quadruped_joint_loss import KNEES, QuadrupedFault
 
 #: How far off the share lost may be taken.
 CLOSE = 0.05
 
 
 @final
-class QuadrupedActuatorWeak(FaultScenario):
+class QuadrupedActuatorWeak(QuadrupedFault):
     """A knee's motor delivers ``left`` of what it is sent, from one of ``moments`` moments of the sway on.
 
     ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
@@ -32,19 +31,10 @@ class QuadrupedActuatorWeak(FaultScenario):
         "robot": "go2", "joint": "auto", "left": 0.5, "moments": 4, "noise": False, "masses": 0.0, "seed": 0,
         "variants": True,
     }  # fmt: skip
-    robots = STANCES
-    first, between = FIRST, BETWEEN
-    joints, hopeless = KNEES, LOST
-    duration = 4.0
-
-    def stand(self, p: Parameters) -> Stand:
-        return standing_of(p)
+    joints = KNEES
 
     def left(self, p: Parameters) -> float:
         return p.number("left", low=0.25, high=0.9)
-
-    def variants(self, stand: Stand) -> Mapping[str, Gains]:
-        return VARIANTS
 
     def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
         rough, left = self.stand(p).rough, p["left"]

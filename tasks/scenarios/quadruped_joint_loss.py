@@ -31,8 +31,28 @@ VARIANTS: Mapping[str, Gains] = {
 }  # fmt: skip
 
 
+def standing_of(p: Parameters) -> Stand:
+    """The quadruped that stands."""
+    return Stand.of(p, STANCES[p["robot"]], FLOOR, GAINS, GAINS)
+
+
+class QuadrupedFault(FaultScenario):
+    """A motor of a quadruped fails."""
+
+    robots = STANCES
+    first, between = FIRST, BETWEEN
+    hopeless = LOST
+    duration = 4.0
+
+    def stand(self, p: Parameters) -> Stand:
+        return standing_of(p)
+
+    def variants(self, stand: Stand) -> Mapping[str, Gains]:
+        return VARIANTS
+
+
 @final
-class QuadrupedJointLoss(FaultScenario):
+class QuadrupedJointLoss(QuadrupedFault):
     """A hip's motor dies at ``moments`` moments of the sway; each time without and with an answer.
 
     ``robot``: go2 (needs example-robot-data) or quadruped; ``joint``: auto, or a joint's name. ``noise``: sensors with
@@ -46,16 +66,7 @@ class QuadrupedJointLoss(FaultScenario):
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "go2", "joint": "auto", "moments": 12, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
-    robots = STANCES
-    first, between = FIRST, BETWEEN
-    joints, hopeless = JOINTS, LOST
-    duration = 4.0
-
-    def stand(self, p: Parameters) -> Stand:
-        return standing_of(p)
-
-    def variants(self, stand: Stand) -> Mapping[str, Gains]:
-        return VARIANTS
+    joints = JOINTS
 
     def table(self, stand: Stand) -> Sequence[When]:
         return table_with(HeldSway.of(stand))
@@ -71,8 +82,3 @@ class QuadrupedJointLoss(FaultScenario):
             Check("CoM error with it, rms", rms, "<", bound, "m"),
             *found_in_time(answered, 20e-3 if rough else 6e-3),
         ]
-
-
-def standing_of(p: Parameters) -> Stand:
-    """The quadruped that stands."""
-    return Stand.of(p, STANCES[p["robot"]], FLOOR, GAINS, GAINS)
