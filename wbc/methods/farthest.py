@@ -33,11 +33,11 @@ from typing import NamedTuple, final
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from wbc.tolerances import NOISE, ROUNDING
+from wbc.tolerances import NOISE, ROUNDING, SHARP
 from wbc.types import Mat, Vec
 
 #: The part of their size by which limits may be relaxed where together they leave no point.
-WIDENED = 5e-9
+WIDENED = 0.5 * SHARP
 
 
 @final

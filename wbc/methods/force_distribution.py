@@ -26,15 +26,11 @@ from wbc.errors import InvalidInput
 from wbc.friction import Pyramid
 from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import box, factors, inverse_root, metric
+from wbc.methods.shared import SMALL, box, factors, inverse_root, metric
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
-
-#: Forces are compared relative to no less than this part of what the limits allow; where neither they nor the wrench
-#: ask for any, of 1 N.
-SMALL = 1e-3
 
 
 @final

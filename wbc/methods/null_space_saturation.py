@@ -33,18 +33,16 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.methods.least_distance import Nearest, nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import box, factors, unit_lengths
+from wbc.methods.shared import SMALL, box, factors, unit_lengths
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.tolerances import NEAR, ROUNDING, SAME, SHARP
+from wbc.tolerances import NEAR, ROUNDING, SAME, SHARP, TINY
 from wbc.types import Mat, Vec
 
 #: Rounding of J, beside its entries: times its condition, that of an x with J x given.
 LAST_BITS = 4.0 * float(np.finfo(np.float64).eps)
-#: Norms are compared relative to no less than this part of what limits and task ask for.
-SMALL = 1e-3
 #: Targets and drifts below this are zero: their squares are, and limits in such units would not be numbers.
-NOTHING = 1e-150
+NOTHING = TINY**0.5
 
 
 @final

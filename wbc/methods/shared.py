@@ -13,6 +13,9 @@ from wbc.errors import InvalidInput
 from wbc.tolerances import NOISE, ROUNDING, SAME
 from wbc.types import Mat, Vec
 
+#: Results are compared relative to no less than this part of what limits and task ask for.
+SMALL = 1e-3
+
 
 def choice(name: str, value: Any, among: Iterable[str]) -> str:
     """``value``, one of the names ``among``.

@@ -14,7 +14,7 @@ from wbc import checks
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.files import Place, written
 from wbc.npz import read_json, read_npz
-from wbc.tolerances import SAME, TINY
+from wbc.tolerances import ROUNDING, SAME, TINY
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ class QP:
         """Whether H u = Hᵀu to rounding for a fixed vector u without pattern: the cheapest test of all entries."""
         H, probe = self.H, _probe(len(self.H))
         skew = H.dot(probe) - probe.dot(H)
-        return bool(skew.dot(skew) <= 1e-26 * np.vdot(H, H))
+        return bool(skew.dot(skew) <= ROUNDING**2 * np.vdot(H, H))
 
     def _refuse(self) -> None:
         """Look at everything one by one and raise for the first fault; huge numbers have none."""

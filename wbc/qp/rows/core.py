@@ -20,13 +20,13 @@ from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, LAYOUT, ROWS, SOLV
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.proof import NUMBERS, owners_of, proven
 from wbc.qp.rows.solver import RowSolver
-from wbc.tolerances import TINY
+from wbc.tolerances import SHARP, TINY
 from wbc.types import Index, Status, Vec
 
 #: Products in the row form, above which the form in the unknowns is cheaper whatever their numbers.
 _PAYS = 3e5
 #: Weight of a row beside the metric, beyond which the row form loses its digits.
-_LIGHT = 1e8
+_LIGHT = 1.0 / SHARP
 _ANSWERED = {SOLVED: Status.SOLVED, INACCURATE: Status.INACCURATE}
 
 

@@ -15,6 +15,7 @@ from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession
+from wbc.tolerances import ACCURACY
 from wbc.types import Status
 
 EQUALITY = 5
@@ -104,9 +105,9 @@ class Daqp(Solver):
     package = "daqp"
     session = DaqpSession
 
-    primal_tol: float = 1e-10
+    primal_tol: float = ACCURACY / 10
     eps_prox: float = -1e-4
-    eta_prox: float = 1e-10
+    eta_prox: float = ACCURACY / 10
     max_iter: int = 10_000
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession, Pattern, ended
-from wbc.tolerances import ACCURACY
+from wbc.tolerances import ACCURACY, SHARP
 
 
 @final
@@ -27,7 +27,7 @@ class OsqpSession(KeptSession):
         n, m = shape.n, shape.n_eq + shape.n_in
         self._settings = {
             "eps_abs": solver.eps_abs, "eps_rel": 0.0, "max_iter": solver.max_iter, "polishing": solver.polishing,
-            "eps_prim_inf": 1e-8, "eps_dual_inf": 1e-8, "check_dualgap": True, "verbose": False,
+            "eps_prim_inf": SHARP, "eps_dual_inf": SHARP, "check_dualgap": True, "verbose": False,
         }  # fmt: skip
         self._cost, self._rows = Pattern(n, n), Pattern(m + n, n)
         self._upper_H = np.zeros((n, n))

@@ -41,7 +41,7 @@ BACKENDS = {
         "highspy",
         ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
         # Its own regularisation, 1e-7, shows in the multipliers; without a limit it cycles for ever on some problems.
-        {"qp_regularization_value": 1e-10, "qp_iteration_limit": 10_000},
+        {"qp_regularization_value": ACCURACY / 10, "qp_iteration_limit": 10_000},
     ),
     "hpipm": Backend("hpipm_python", "hpipm_python"),
     "jaxopt_osqp": Backend("jaxopt", "jaxopt", ("tol",)),

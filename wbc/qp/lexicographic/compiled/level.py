@@ -32,6 +32,7 @@ from wbc.qp.lexicographic.compiled.space import (
     DEPENDENT,
     FIRST,
     FREE,
+    HARDLY,
     HELD,
     INSIDE,
     ITEMS,
@@ -53,10 +54,6 @@ from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, pro
 from wbc.qp.rows.compiled.work import place_of, views
 from wbc.tolerances import CANCELS, NOISE, ROUNDING, SHARP
 
-#: Held items depend on others where no more than this share of their length is left: with less, what their bounds are
-#: off by would decide where the answer is. Rows of the level beside them have no bounds, and count down to rounding, or
-#: to what rounding leaves of a row that stands above all but its whole length.
-_HELD = 1e-7
 #: Newton steps on the last level.
 _REFINED = 3
 
@@ -108,7 +105,7 @@ def hold_items(at: int, d: int) -> int:
                 w.B[count, c] = w.R[item, c] / reach
             w.v[count], w.size[count], w.holds[count] = reach, 1.0, item
             count += 1
-    rank = triangular(at, w.B, count, 0, d, w.size, w.order, _HELD)
+    rank = triangular(at, w.B, count, 0, d, w.size, w.order, HARDLY)
     for i in range(rank, count):
         w.side[int(w.holds[w.order[i]])] = 0.0
     for i in range(rank):

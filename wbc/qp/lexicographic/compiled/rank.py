@@ -18,6 +18,7 @@ from wbc.qp.lexicographic.compiled.space import (
     DEPENDENT,
     FINDS,
     FIRST,
+    HARDLY,
     HELD,
     INSIDE,
     ITEMS,
@@ -45,8 +46,6 @@ NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
 _LITTLE = 1e-5
 #: Residuals up to this are too small to say what they are orthogonal to.
 _SLIGHT = 1e-3
-#: Of a level with a residual, rows that reach no further than this out of the others matter in the second order only.
-_OWN = 1e-7
 #: A level's own rows count from their lengths in its space, or from this share of the whole length.
 _BARELY = 1e-4
 
@@ -188,7 +187,7 @@ def hold(at: int, k: int) -> None:
         w.size[i] = w.rho[i]
         s.G[first + i, one] -= r.left[first + i]
         s.value[one + 1 + first + i] = 0.0
-    narrow(here, own, _OWN if left > _SLIGHT else DEPENDENT)
+    narrow(here, own, HARDLY if left > _SLIGHT else DEPENDENT)
     begin_here(here)
 
 

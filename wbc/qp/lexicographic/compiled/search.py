@@ -43,10 +43,8 @@ from wbc.qp.rows.compiled.work import (
     views,
 )
 from wbc.qp.rows.compiled.work import ROWS as IN_ROWS
-from wbc.tolerances import CANCELS, NEAR
+from wbc.tolerances import CANCELS, NEAR, SAME
 
-#: A bound is broken beyond this share of 1 + its size.
-_BROKEN = 1e-9
 #: Working sets that are guessed; exchanges that may fail to lower the number of wrong items.
 _GUESSES, _CHANCES = 4, 1
 #: How often the core is asked; what a row of the level weighs there beside the distance, and how much less where
@@ -61,7 +59,7 @@ def broken(w: Space, s: Work, item: int) -> float:
     """By how much an item is beyond its bounds now, beside what counts: above 1 it is."""
     value = s.value[place_of(s, item)]
     moved = value - w.value0[item]
-    return float(max(moved - w.high[item], w.low[item] - moved) / (_BROKEN * (1.0 + abs(value))))
+    return float(max(moved - w.high[item], w.low[item] - moved) / (SAME * (1.0 + abs(value))))
 
 
 @part
@@ -158,7 +156,7 @@ def find(at: int, heavy: float) -> int:
 @small_kernel
 def near_of(w: Space, item: int) -> float:
     """How near to its bound an item is at it."""
-    return float(_BROKEN * (1.0 + abs(w.value0[item])))
+    return float(SAME * (1.0 + abs(w.value0[item])))
 
 
 @small_kernel

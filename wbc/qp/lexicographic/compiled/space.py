@@ -21,6 +21,10 @@ from wbc.types import Index, Mat, Vec
 
 #: A row depends on those before it where no more than this share of its length is left.
 DEPENDENT = 1e-10
+#: Held items depend on others where no more than this share of their length is left: with less, what their bounds are
+#: off by would decide where the answer is. Rows of a level with a residual that reach no further out of the others
+#: matter in the second order only. Rows beside held items have no bounds, and count down to rounding.
+HARDLY = 1e-7
 
 
 class Space(NamedTuple):

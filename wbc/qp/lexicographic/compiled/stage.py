@@ -13,9 +13,6 @@ from wbc.qp.rows.compiled.work import SOLVED, views
 from wbc.tolerances import MET
 from wbc.types import Index, Mat, Vec
 
-#: A task smaller than this is met by any part of it, but its share still has a place among the others.
-_LEAST_SHARE = MET
-
 
 class Stages(NamedTuple):
     """Views of where the numbers of a problem come from; the problem itself is in the memory of its core."""
@@ -60,13 +57,13 @@ def divide(s: Stages, i: int) -> None:
     for j in range(dim):
         asked = wanted[j] + drift[j]
         largest, square = max(largest, abs(asked)), square + weights[j] * asked * asked
-    largest = max(largest, _LEAST_SHARE)
+    largest = max(largest, MET)  # a smaller task is met by any part of it; its share has a place among the others
     if part[_ROW] >= 0:
         p.lower[unknown], p.upper[unknown] = 0.0, largest
         for j in range(dim):
             p.G[part[_ROW] + j, unknown] = (wanted[j] + drift[j]) / largest
     if part[_SHARE] >= 0:
-        p.G[part[_SHARE], unknown] = max(sqrt(square), _LEAST_SHARE) / largest
+        p.G[part[_SHARE], unknown] = max(sqrt(square), MET) / largest
 
 
 @kernel
