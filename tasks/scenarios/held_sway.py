@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from typing import Any, final
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.ndimage import map_coordinates
 from scipy.optimize import linprog
 
@@ -15,7 +16,7 @@ import wbc
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.contact import Contact
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 from .. import CenterOfMass, Orientation, Posture, Release, Retarget, When
 from ..components.diagnosis import Diagnosis
@@ -33,19 +34,63 @@ STEP, STEPS, STILL, UNREACHED = 0.05, 60, 1e-3, 3e-3
 #: Acceleration left for what is not planned [m/s²]: what the usual gain of 400 asks for with the centre of mass half a
 #: millimetre off; and with noise and wrong masses, 5 mm at a gain of 100.
 LEAST, LEAST_ROUGH = 0.2, 0.5
-#: Times that the change from one sway to the other may take [s], and how often what is left is looked at on the way.
-CHANGES, LOOKS = (0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2), 25
-#: Left where the robot cannot stand [m/s²].
-NOTHING = -10.0
+#: Times that the level and the vertical part of a change from one sway to the other may take [s], and how often what is
+#: left is looked at on the way, more often at its start.
+LEVEL_CHANGES, VERTICAL_CHANGES, LOOKS = (0.3, 0.4, 0.6, 0.9, 1.3, 2.0), (0.3, 0.6, 1.2), 25
+#: All pairs of them, one for each axis.
+CHANGES = np.array([(level, level, vertical) for level, vertical in product(LEVEL_CHANGES, VERTICAL_CHANGES)])
+#: Left where the robot cannot stand, and what is divided by at least [m/s²].
+NOTHING, SLIGHT = -10.0, 1e-6
+#: Directions (8, 3) that level accelerations are tried in.
+LEVEL = np.array([(np.cos(a), np.sin(a), 0.0) for a in 0.25 * np.pi * np.arange(8)])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def reach(robot: RobotModel, contacts: Sequence[Contact], q: Vec, directions: Mat, without: Sequence[str] = ()) -> Vec:
+    """How fast the robot can accelerate its centre of mass from rest at q (nq,) in each of ``directions`` (m, 3), (m,).
+
+    For each direction d the largest s [m/s²] for which c̈ = s d has contact forces f within their cones and torques
+    within their limits, zero at the joints ``without``, with g + m J_comᵀ c̈ = Sᵀ τ + Jᵀ f: a linear program. −inf: no
+    acceleration along d helps.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.tasks import feet
+        >>> from wbc.tasks.scenarios.held_sway import UP, reach
+        >>> robot = wbc.load("humanoid", base="floating")
+        >>> down = reach(robot, feet(robot), robot.q0, [-UP])
+        >>> print(down.round(6))  # in free fall no foot and no motor has to push
+        [9.81]
+    """
+    state, nb = robot.state(), robot.nb
+    state.update(0.0, q, np.zeros(robot.nv))
+    J = np.vstack([contact_jacobian(contact, state) for contact in contacts])
+    K = block_diag(*(contact.cone() for contact in contacts))
+    dead = np.isin(np.arange(robot.nj), [robot.joint(joint) for joint in without])
+    most = robot.limits.tau_max[~dead]
+    # Unknown: (f, s). Torques are τ = g + s h − Jᵀ f, with h the generalised force of a unit acceleration.
+    left = np.concatenate([np.arange(nb), nb + np.flatnonzero(dead)])
+    driven = nb + np.flatnonzero(~dead)
+    found = np.empty(len(directions))
+    for i, direction in enumerate(directions):
+        h = robot.mass * (state.com_jacobian.T @ direction)
+        torque = np.column_stack([-J.T[driven], h[driven]])
+        program = linprog(
+            np.append(np.zeros(len(J)), -1.0),
+            A_ub=np.vstack([np.column_stack([K, np.zeros(len(K))]), torque, -torque]),
+            b_ub=np.concatenate([np.zeros(len(K)), most - state.g[driven], most + state.g[driven]]),
+            A_eq=np.column_stack([J.T[left], -h[left]]), b_eq=state.g[left],
+            bounds=[(None, None)] * (len(J) + 1), method="highs",
+        )  # fmt: skip
+        found[i] = float(program.x[-1]) if program.status == 0 else -np.inf
+    return found
 
 
 def reserve(robot: RobotModel, contacts: Sequence[Contact], q: Vec, without: Sequence[str] = ()) -> float:
-    """How fast the robot can accelerate its centre of mass from rest at q (nq,), whatever the level direction [m/s²].
+    """The least of :func:`reach` over eight level directions [m/s²].
 
-    The largest s for which each of c̈ = ±s x, ±s y has contact forces f within their cones and torques within their
-    limits, zero at the joints ``without``, with g + m J_comᵀ c̈ = Sᵀ τ + Jᵀ f: four linear programs. Times the height
-    of the centre of mass and divided by gravity, it is how far the centre of pressure may still go. Negative: the robot
-    cannot stand still here; −inf: no level acceleration helps.
+    Times the height of the centre of mass and divided by gravity, it is how far the centre of pressure may still go.
+    Negative: the robot cannot stand still here; −inf: no level acceleration helps.
 
     Example:
         >>> import wbc
@@ -56,33 +101,7 @@ def reserve(robot: RobotModel, contacts: Sequence[Contact], q: Vec, without: Seq
         >>> sound > lame > 0.0
         True
     """
-    state, nb = robot.state(), robot.nb
-    state.update(0.0, q, np.zeros(robot.nv))
-    J = np.vstack([contact_jacobian(contact, state) for contact in contacts])
-    cones = [contact.cone() for contact in contacts]
-    K = np.zeros((sum(len(cone) for cone in cones), len(J)))
-    row = column = 0
-    for cone in cones:
-        K[row : row + len(cone), column : column + cone.shape[1]] = cone
-        row, column = row + len(cone), column + cone.shape[1]
-    dead = np.isin(np.arange(robot.nj), [robot.joint(joint) for joint in without])
-    most = robot.limits.tau_max[~dead]
-    # Unknown: (f, s). Torques are τ = g + s h − Jᵀ f, with h the generalised force of a unit acceleration.
-    left = np.concatenate([np.arange(nb), nb + np.flatnonzero(dead)])
-    driven = nb + np.flatnonzero(~dead)
-    best = []
-    for direction in ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)):
-        h = robot.mass * (state.com_jacobian.T @ np.array(direction))
-        torque = np.column_stack([-J.T[driven], h[driven]])
-        found = linprog(
-            np.append(np.zeros(len(J)), -1.0),
-            A_ub=np.vstack([np.column_stack([K, np.zeros(len(K))]), torque, -torque]),
-            b_ub=np.concatenate([np.zeros(len(K)), most - state.g[driven], most + state.g[driven]]),
-            A_eq=np.column_stack([J.T[left], -h[left]]), b_eq=state.g[left],
-            bounds=[(None, None)] * (len(J) + 1), method="highs",
-        )  # fmt: skip
-        best.append(float(found.x[-1]) if found.status == 0 else -np.inf)
-    return min(best)
+    return float(reach(robot, contacts, q, LEVEL, without).min())
 
 
 @final
@@ -104,35 +123,67 @@ class Held:
 @final
 @dataclass(frozen=True, eq=False)
 class Region:
-    """What statics leaves in the box of the usual sway, ``left`` (n, n, n) [m/s²], and the sways within it.
+    """What statics leaves in the box of the usual sway, and the sways within it.
 
-    ``box`` (3,) [m]: where it ends on both sides of its centre; ``fall`` [1/s²]: gravity over the height of the centre
-    of mass, what a metre outside the box costs; ``sways``: all that were tried.
+    ``reached`` (9, n, n, n) [m/s²]: :func:`reach` in the eight directions of ``LEVEL`` and upwards, at each position;
+    ``box`` (3,) [m]: where it ends on both sides of its centre; ``gravity`` [m/s²]; ``fall`` [1/s²], which is gravity
+    over the height of the centre of mass: what a metre outside the box costs; ``sways``: all that were tried.
     """
 
-    left: Vec
+    reached: Vec
     box: Vec
+    gravity: float
     fall: float
     sways: Sequence[Held]
 
-    def at(self, offsets: Vec) -> Vec:
-        """What is left (m,) [m/s²] at ``offsets`` (m, 3) [m] from the usual centre, linear between positions."""
-        half = (np.array(self.left.shape) - 1) / 2
-        places = half[:, None] * (1.0 + (offsets / np.where(self.box > 0.0, self.box, 1.0)).T)
-        outside = np.linalg.norm(np.maximum(np.abs(offsets) - self.box, 0.0), axis=1)
-        found = map_coordinates(np.maximum(self.left, NOTHING), places, order=1, mode="nearest")
-        return np.asarray(found - self.fall * outside)
+    def left(self, offsets: Vec, accelerations: Vec) -> Vec:
+        """What is left (m, ...) [m/s²] at ``offsets`` (m, ..., 3) [m] from the usual centre beside ``accelerations``.
 
-    def largest(self, least: float, reserves: Sequence[float] | Vec) -> int | None:
+        What the robot can do at a position is a convex set: free fall, the reach s_d in each of the nine directions d,
+        and all between them are in it. At the vertical acceleration a_z these are the level accelerations in the
+        polygon with corners s_d d, made smaller by the factor 1 + a_z/g for a_z < 0 and 1 − a_z/s_up for a_z > 0. What
+        is left is the distance of the level acceleration to the nearest side. Where the robot cannot stand still, or
+        a_z is out of reach, it is the least s_d, made smaller likewise, less the level acceleration. Between positions
+        s_d is linear.
+        """
+        half = (np.array(self.reached.shape[1:]) - 1) / 2
+        places = np.moveaxis(half * (1.0 + offsets / np.where(self.box > 0.0, self.box, 1.0)), -1, 0)
+        outside = self.fall * np.linalg.norm(np.maximum(np.abs(offsets) - self.box, 0.0), axis=-1)
+        floors = [NOTHING] * len(LEVEL) + [0.0]
+        *level, up = (
+            map_coordinates(np.maximum(grid, floor), places, order=1, mode="nearest")
+            for grid, floor in zip(self.reached, floors, strict=True)
+        )
+        reached, vertical = np.array(level) - outside, accelerations[..., 2]
+        share = 1.0 - np.where(vertical < 0.0, -vertical / self.gravity, vertical / np.maximum(up, SLIGHT))
+        least = reached.min(axis=0)
+        inside = (least > 0.0) & (share > 0.0)
+        size = np.where(inside, share * reached, 1.0)
+        corners = [s[..., None] * d[:2] - accelerations[..., :2] for s, d in zip(size, LEVEL, strict=True)]
+        sides = [_distance(one, other) for one, other in pairwise([*corners, corners[0]])]
+        lost = np.where(least > 0.0, share, 1.0) * least - np.linalg.norm(accelerations[..., :2], axis=-1)
+        return np.where(inside, np.min(sides, axis=0), lost)
+
+    def largest(self, least: float, reserves: Callable[[Sequence[Held]], Vec]) -> Held | None:
         """The sway that is held: of those with the largest share, the one with most in reserve, if that is at least
         ``least``; else the one with most of all. None: none can be held."""
+        best: tuple[float, Held | None] = (-np.inf, None)
         for share in sorted({sway.share for sway in self.sways}, reverse=True):
-            same = [i for i, sway in enumerate(self.sways) if sway.share == share]
-            best = max(same, key=lambda i: reserves[i])
-            if reserves[best] >= least:
-                return best
-        best = max(range(len(self.sways)), key=lambda i: reserves[i])
-        return best if np.isfinite(reserves[best]) else None
+            same = [sway for sway in self.sways if sway.share == share]
+            found = reserves(same)
+            first = int(found.argmax())
+            if found[first] > best[0]:
+                best = float(found[first]), same[first]
+            if best[0] >= least:
+                break
+        return best[1]
+
+
+def _distance(one: Vec, other: Vec) -> Vec:
+    """Distance (...) of the origin from the lines through ``one`` and ``other`` (..., 2); positive on their left."""
+    along = other - one
+    cross: Vec = one[..., 0] * along[..., 1] - one[..., 1] * along[..., 0]
+    return cross / np.linalg.norm(along, axis=-1)
 
 
 @final
@@ -140,14 +191,15 @@ class HeldSway:
     """The largest share of a stance's sway that the robot can hold when joints have lost their torque.
 
     The box of the usual sway is sampled. At each position the posture is found by inverse kinematics, and
-    :func:`reserve` says what is left there without the dead joints. A sway is the whole usual one, half of it about a
-    position of the grid, or rest at one; its reserve is the least that is left in its box, less what it accelerates
-    itself. At a diagnosis the way to each sway counts too: the least that is left along it, less the level
-    acceleration, over the times that it may take. The largest share with a reserve of ``least`` is taken; where there
-    is none, the sway with the largest reserve. The rule is the same for all joints and both sides.
+    :func:`reach` says what can be done there without the dead joints. A sway is the whole usual one, half of it about a
+    position of the grid, or rest at one; its reserve is the least :func:`reserve` in its box, less what it accelerates
+    itself. At a diagnosis the way to each sway counts too: the least that :meth:`Region.left` leaves along it, with the
+    best of the times that its level and its vertical part may take. The largest share with a reserve of ``least`` is
+    taken; where there is none, the sway with the largest reserve. The rule is the same for all joints and both sides.
 
-    As ``Retarget("CenterOfMass", HeldSway(...), made=True)`` it answers a diagnosis. A controller that must be in time
-    calls ``region`` for the joints that matter before it starts: what was found is kept.
+    As ``Retarget("CenterOfMass", HeldSway(...), made=True)`` it answers a diagnosis. Sampling the box takes seconds:
+    ``region``, called before the controller starts, keeps what it found. The choice of the sway takes a tenth of a
+    second, which is more than a tick.
 
     Args:
         robot: as the controller has it.
@@ -169,8 +221,7 @@ class HeldSway:
     def held(self, without: Sequence[str]) -> Held | None:
         """The sway without these joints, wherever it starts from; None where the robot can stand nowhere in the box."""
         region = self.region(without)
-        best = region.largest(self.least, [sway.reserve for sway in region.sways])
-        return None if best is None else region.sways[best]
+        return region.largest(self.least, lambda sways: np.array([sway.reserve for sway in sways]))
 
     def region(self, without: Sequence[str]) -> Region:
         """What is left without these joints."""
@@ -182,18 +233,19 @@ class HeldSway:
     def _sampled(self, joints: tuple[str, ...]) -> Region:
         if self._postures is None:
             self._postures = postures(self.robot, self.stance)
-        left = np.full((SAMPLES,) * 3, -np.inf)
+        reached = np.full((len(LEVEL) + 1, *(SAMPLES,) * 3), -np.inf)
         for place, q in self._postures.items():
-            left[place] = reserve(self.robot, self._contacts, q, joints)
-        box, half = np.array(self.stance.sway), SAMPLES // 2
+            reached[(slice(None), *place)] = reach(self.robot, self._contacts, q, [*LEVEL, UP], joints)
+        left, box, half = reached[:-1].min(axis=0), np.array(self.stance.sway), SAMPLES // 2
         own = float(np.linalg.norm(box * (2.0 * np.pi * np.array(self.stance.frequency)) ** 2))
         sways = []
-        for share, reach in SHARES:
-            for centre in product(range(reach, SAMPLES - reach), repeat=3):
-                least = float(left[tuple(slice(c - reach, c + reach + 1) for c in centre)].min())
+        for share, size in SHARES:
+            for centre in product(range(size, SAMPLES - size), repeat=3):
+                least = float(left[tuple(slice(c - size, c + size + 1) for c in centre)].min())
                 sways.append(Held(box * (np.array(centre) - half) / half, share, least - share * own))
         height = float(self.robot.state().com[2]) - min(self._heights())
-        return Region(left, box, float(np.linalg.norm(self.robot.gravity)) / height, sways)
+        gravity = float(np.linalg.norm(self.robot.gravity))
+        return Region(reached, box, gravity, gravity / height, sways)
 
     def _heights(self) -> list[float]:
         state = self.robot.state()
@@ -218,44 +270,44 @@ def changed(region: Region, usual: Any, until_now: Any, start: float, *, least: 
 
     Both are chosen together: a sway's reserve is the least of its own and of what is left on the way.
     """
-    centre, offsets = usual(0.0)[0], np.array([sway.offset for sway in region.sways])
-    shares, own = np.array([[sway.share] for sway in region.sways]), np.array([s.reserve for s in region.sways])
 
-    def sways(t: float) -> tuple[Vec, Vec, Vec]:
-        position, rate, acceleration = usual(t)
-        return offsets + shares * (position - centre), shares * rate, shares * acceleration
+    def reserves(sways: Sequence[Held]) -> Vec:
+        own = np.array([sway.reserve for sway in sways])
+        return np.minimum(own, ways(region, usual, until_now, start, sways).max(axis=0))
 
-    now, then = until_now(start), sways(start)
-    begin, rate, bent = (x - y for x, y in zip((now[0] - centre, now[1], now[2]), then, strict=True))
-    still = np.zeros(offsets.size)
-    times = start + np.linspace(0.0, max(CHANGES), LOOKS)
-    on_time = [sways(float(t)) for t in times]
-    ways = np.empty((len(CHANGES), len(own)))
-    for k, duration in enumerate(CHANGES):
-        blend = to_rest(begin.ravel(), rate.ravel(), bent.ravel(), still, start=start, duration=duration)
-        left = np.full(len(own), np.inf)
-        for t, (position, _, acceleration) in zip(times, on_time, strict=True):
-            more, _, faster = blend(float(t))
-            level = (acceleration + faster.reshape(-1, 3))[:, :2]
-            left = np.minimum(left, region.at(position + more.reshape(-1, 3)) - np.linalg.norm(level, axis=1))
-        ways[k] = left
-    best = region.largest(least, np.minimum(own, ways.max(axis=0)))
-    if best is None or (region.sways[best].whole and usual is until_now):
+    held = region.largest(least, reserves)
+    if held is None or (held.whole and usual is until_now):
         return None
-    return ChangedSway(usual, until_now, region.sways[best], start, CHANGES[int(ways[:, best].argmax())])
+    way = int(ways(region, usual, until_now, start, [held])[:, 0].argmax())
+    return ChangedSway(usual, until_now, held, start, CHANGES[way])
+
+
+def ways(region: Region, usual: Any, until_now: Any, start: float, sways: Sequence[Held]) -> Mat:
+    """What is left along the way from ``until_now`` to each of ``sways`` in each time of ``CHANGES`` [m/s²] (18, m)."""
+    centre = usual(0.0)[0]
+    elapsed = float(CHANGES.max()) * np.linspace(0.0, 1.0, LOOKS) ** 2
+    offsets, shares = np.array([sway.offset for sway in sways]), np.array([[sway.share] for sway in sways])
+    now, then = until_now(start), usual(start)
+    position, rate = now[0] - centre - offsets - shares * (then[0] - centre), now[1] - shares * then[1]
+    moved = np.array([usual(float(t)) for t in start + elapsed])[:, :, None]
+    left = np.empty((len(CHANGES), len(sways)))
+    for k, duration in enumerate(CHANGES):
+        more, _, faster = fading(position, rate, duration, elapsed[:, None, None])
+        places = offsets + shares * (moved[:, 0] - centre) + more
+        left[k] = region.left(places, shares * moved[:, 2] + faster).min(axis=0)
+    return left
 
 
 @final
 class ChangedSway:
-    """``held`` instead of the sway ``usual``: from ``start`` on the target goes over to it in ``duration`` [s]."""
+    """``held`` instead of the sway ``usual``: from ``start`` on the target goes over to it in ``duration`` (3,) [s],
+    for each axis its own."""
 
-    def __init__(self, usual: Any, until_now: Any, held: Held, start: float, duration: float) -> None:
+    def __init__(self, usual: Any, until_now: Any, held: Held, start: float, duration: Vec) -> None:
         self.usual, self.held, self.start, self.duration = usual, held, start, duration
         self._centre = usual(0.0)[0]
-        position, rate, acceleration = (
-            np.asarray(old) - new for old, new in zip(until_now(start), self._sway(start), strict=True)
-        )
-        self._blend = to_rest(position, rate, acceleration, np.zeros(3), start=start, duration=duration)
+        now, then = until_now(start), self._sway(start)
+        self._begin = np.asarray(now[0]) - then[0], np.asarray(now[1]) - then[1]
 
     def _sway(self, t: float) -> tuple[Vec, Vec, Vec]:
         position, rate, acceleration = self.usual(t)
@@ -263,10 +315,8 @@ class ChangedSway:
         return centre + self.held.offset + share * (position - centre), share * rate, share * acceleration
 
     def __call__(self, t: float) -> tuple[Vec, Vec, Vec]:
-        now = self._sway(t)
-        if t >= self.start + self.duration:
-            return now
-        position, rate, acceleration = (a + b for a, b in zip(now, self._blend(t), strict=True))
+        more = fading(*self._begin, self.duration, t - self.start)
+        position, rate, acceleration = (a + b for a, b in zip(self._sway(t), more, strict=True))
         return position, rate, acceleration
 
 
@@ -302,23 +352,26 @@ def postures(robot: PinocchioModel, stance: Stance) -> dict[tuple[int, int, int]
     return found
 
 
-def to_rest(
-    position: Vec, rate: Vec, acceleration: Vec, goal: Vec, *, start: float, duration: float
-) -> Callable[[float], tuple[Vec, Vec, Vec]]:
-    """The polynomial of degree five from a moving start at time ``start`` to rest at ``goal``, ``duration`` later."""
-    T = duration
-    begins = np.array([position, T * rate, 0.5 * T**2 * acceleration])
-    missing = np.array([goal - begins.sum(axis=0), -begins[1] - 2.0 * begins[2], -2.0 * begins[2]])
-    ends = np.linalg.solve([[1.0, 1.0, 1.0], [3.0, 4.0, 5.0], [6.0, 12.0, 20.0]], missing)
-    coefficients, k = np.vstack([begins, ends]), np.arange(6)
+def fading(position: Vec, rate: Vec, duration: Vec, elapsed: Any) -> tuple[Vec, Vec, Vec]:
+    """A difference that starts as ``position`` with ``rate`` and is over after ``duration``: itself, its rate, and its
+    acceleration, after ``elapsed`` [s].
 
-    def path(t: float) -> tuple[Vec, Vec, Vec]:
-        s = (t - start) / T
-        if s >= 1.0:
-            return goal, np.zeros_like(goal), np.zeros_like(goal)
-        powers = s**k
-        first = np.concatenate([[0.0], k[1:] * powers[:-1]]) / T
-        second = np.concatenate([[0.0, 0.0], k[2:] * k[1:-1] * powers[:-2]]) / T**2
-        return powers @ coefficients, first @ coefficients, second @ coefficients
+    x(t) = (1 − s)³ (p + (3 p + T v) s) with s = t / T: the polynomial of degree four that comes to rest at 0. Its
+    acceleration starts with no regard to the one before: the forces of a robot may change in a tick, and where little
+    is left of them, there is none to spare for an acceleration that no longer helps.
 
-    return path
+    Example:
+        >>> import numpy as np
+        >>> from wbc.tasks.scenarios.held_sway import fading
+        >>> place, rate, _ = fading(np.ones(1), np.full(1, 0.5), np.ones(1), np.array([[0.0], [1.0]]))
+        >>> place.ravel(), rate.ravel()
+        (array([1., 0.]), array([0.5, 0. ]))
+    """
+    s = np.minimum(elapsed / duration, 1.0)
+    rest, slope = 1.0 - s, 3.0 * position + duration * rate
+    x = position + slope * s
+    return (
+        rest**3 * x,
+        rest**2 * (rest * slope - 3.0 * x) / duration,
+        6.0 * rest * (x - rest * slope) / duration**2,
+    )

@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import wbc
 from tasks import feet
 from tasks.scenarios import SCENARIOS
-from tasks.scenarios.held_sway import to_rest
 from tasks.scenarios.least_torque import least_torque
 from tests.scenarios.test_standing import failed, needs_examples
 from wbc.errors import InvalidInput, UnknownJoint, UnknownRobot
@@ -131,19 +128,3 @@ def test_the_least_torque_is_that_of_a_linear_program(joint: str) -> None:
         assert least_torque(HUMANOID, feet(HUMANOID), q, joint) == pytest.approx(
             by_linear_program(q, joint), abs=1e-3, nan_ok=True
         )
-
-
-@settings(max_examples=20)
-@given(
-    st.lists(st.floats(-2, 2), min_size=8, max_size=8), st.floats(0.1, 2.0), st.floats(0.0, 3.0)
-)  # fmt: skip
-def test_a_motion_comes_to_rest_without_a_jump(numbers: list[float], duration: float, start: float) -> None:
-    moving, goal = np.array(numbers[:6]).reshape(3, 2), np.array(numbers[6:])
-    path = to_rest(*moving, goal, start=start, duration=duration)  # type: ignore[misc]
-    np.testing.assert_allclose(path(start), moving, atol=1e-9)
-    for late in (duration, duration + 1.0):
-        np.testing.assert_allclose(path(start + late), [goal, [0, 0], [0, 0]], atol=1e-9 * (1 + 1 / duration**2))
-    t, h = start + 0.4 * duration, 1e-5 * duration
-    before, now, after = path(t - h), path(t), path(t + h)
-    np.testing.assert_allclose((after[0] - before[0]) / (2 * h), now[1], atol=1e-5 * (1 + 1 / duration))
-    np.testing.assert_allclose((after[1] - before[1]) / (2 * h), now[2], atol=1e-4 * (1 + 1 / duration**2))

@@ -6,12 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import wbc
 from tasks import Sole, Thresholds, feet
 from tasks.scenarios import fault_family
 from tasks.scenarios.fault_trials import Case, Outcome, Stand
-from tasks.scenarios.held_sway import ChangedSway, Held, HeldSway, Region, changed, reserve, table_with
+from tasks.scenarios.held_sway import (
+    CHANGES,
+    LEVEL,
+    UP,
+    ChangedSway,
+    Held,
+    HeldSway,
+    Region,
+    changed,
+    fading,
+    reach,
+    reserve,
+    table_with,
+    ways,
+)
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.least_torque import least_torque
 from tasks.scenarios.standing import Stance, standing_stack
@@ -46,6 +62,17 @@ def test_with_rough_floor_and_all_motors_the_reserve_is_the_way_to_the_edge_of_t
     way = min(*(com - low)[:2], *(high - com)[:2])
     height = com[2] - low[2]
     assert reserve(HUMANOID, contacts, HUMANOID.q0) == pytest.approx(way * 9.81 / height, rel=1e-4)
+
+
+def test_between_two_reaches_and_free_fall_everything_is_in_reach() -> None:
+    """What :meth:`Region.left` takes for granted: the accelerations that forces and torques allow are a convex set."""
+    rng, contacts = np.random.default_rng(0), feet(HUMANOID)
+    for dead in ([], ["left_knee"]):
+        corners = [*LEVEL, UP]
+        far = reach(HUMANOID, contacts, HUMANOID.q0, np.array(corners), dead)[:, None] * corners
+        for _ in range(10):
+            inside = rng.dirichlet(np.ones(len(far) + 1)) @ np.vstack([far, -9.81 * UP])
+            assert reach(HUMANOID, contacts, HUMANOID.q0, inside[None], dead)[0] >= 1.0 - 1e-9
 
 
 @pytest.mark.parametrize("joint", ["left_knee", "left_ankle_roll", "right_ankle_pitch", "waist_pitch", "left_hip_roll"])
@@ -95,11 +122,11 @@ def test_one_sway_goes_over_into_the_other_without_a_jump() -> None:
     robot = stance.robot("humanoid")
     usual = next(task for task in standing_stack(robot, stance).tasks if task.name == "CenterOfMass").target
     held = Held(np.array([0.01, -0.02, 0.0]), 0.5, 0.3)
-    target = ChangedSway(usual, usual, held, 2.3, 0.8)
-    for now, before in zip(target(2.3), usual(2.3), strict=True):
+    target = ChangedSway(usual, usual, held, 2.3, np.array([0.8, 0.8, 0.5]))
+    for now, before in zip(target(2.3)[:2], usual(2.3)[:2], strict=True):
         np.testing.assert_allclose(now, before, atol=1e-12)
     h = 1e-5
-    for t in (2.3 + 0.3 * 0.8, 2.3 + 0.8):
+    for t in (2.3 + 0.3 * 0.8, 2.3 + 0.5, 2.3 + 0.8):
         (x0, v0, _), (_, v, a), (x1, v1, _) = target(t - h), target(t), target(t + h)
         np.testing.assert_allclose((x1 - x0) / (2 * h), v, atol=1e-6)
         np.testing.assert_allclose((v1 - v0) / (2 * h), a, atol=1e-2)
@@ -109,32 +136,87 @@ def test_one_sway_goes_over_into_the_other_without_a_jump() -> None:
     np.testing.assert_allclose(target(late)[2], 0.5 * usual(late)[2])
 
 
+Path = tuple[np.ndarray, np.ndarray, np.ndarray]
+EDGE, FALL = 0.03, 15.0
+
+
+def pendulum() -> Region:
+    """A body of constant height over a floor that ends at x = ±EDGE: c̈ = FALL (c − p), and it may push at any |p| <=
+    EDGE. It may come to rest at three places."""
+    x = np.linspace(-0.02, 0.02, 5)
+    most = np.array([FALL * (EDGE + np.sign(d[0]) * x) / max(abs(d[0]), 1e-3) for d in LEVEL])
+    reached = np.concatenate([most, np.full((1, 5), 1e3)])[:, :, None, None] + np.zeros((9, 5, 5, 5))
+    rest = [Held(np.array([at, 0.0, 0.0]), 0.0, FALL * (EDGE - abs(at))) for at in (-0.02, 0.0, 0.02)]
+    return Region(reached, np.full(3, 0.02), 9.81, FALL, rest)
+
+
+def still(t: float) -> Path:
+    return np.zeros(3), np.zeros(3), np.zeros(3)
+
+
+def test_what_is_left_of_a_pendulum_is_the_way_of_its_pressure_to_the_edge() -> None:
+    region, rng = pendulum(), np.random.default_rng(0)
+    place, a = np.zeros((2, 50, 3))
+    place[:, 0], a[:, 0] = rng.uniform(-0.02, 0.02, 50), rng.uniform(-1.0, 1.0, 50)
+    found, left = region.left(place, a), FALL * (EDGE - np.abs(place[:, 0] - a[:, 0] / FALL))
+    inside = left > 0.0
+    assert 10 < inside.sum() < 45
+    np.testing.assert_allclose(found[inside], left[inside], atol=1e-3)
+    assert (found[~inside] < 0.0).all()
+    middle, falling = np.zeros((1, 3)), -0.5 * 9.81 * UP[None]
+    assert region.left(middle, falling) == pytest.approx(0.5 * region.left(middle, 0.0 * middle))
+
+
+def test_what_can_be_caught_is_caught_however_it_accelerates_at_that_moment() -> None:
+    """A pendulum can be caught exactly if its capture point x + v/ω is over the floor (Koolen et al., IJRR 2012)."""
+    region, rng, omega = pendulum(), np.random.default_rng(0), FALL**0.5
+    for _ in range(200):
+        x, a = rng.uniform(-0.02, 0.02), rng.uniform(-1.0, 1.0)
+        capture = rng.uniform(-1.5, 1.5) * EDGE
+        v = omega * (capture - x)
+
+        def moving(t: float, x: float = x, v: float = v, a: float = a) -> Path:
+            return (np.array([x + v * t + 0.5 * a * t**2, 0.0, 0.0]), np.array([v + a * t, 0.0, 0.0]),
+                    np.array([a, 0.0, 0.0]))  # fmt: skip
+
+        left = float(ways(region, still, moving, 0.0, region.sways).max())
+        if abs(capture) < 0.7 * EDGE:
+            assert left > 0.0
+        elif abs(capture) > EDGE + 1e-3:
+            assert left < 0.0
+
+
 def test_the_way_to_a_sway_counts_as_much_as_the_sway() -> None:
-    """Much is left in one half of the box and little in the other. A robot at rest in the middle stays there; one that
-    leaves the box is brought back, on the way that leaves most of all."""
-    x = np.linspace(-1.0, 1.0, 5)[:, None, None] + np.zeros((5, 5, 5))
-    rest = [Held(np.array([at, 0.0, 0.0]), 0.0, 1.0 + at / 0.02) for at in (-0.02, 0.0, 0.02)]
-    region = Region(1.0 + x, np.array([0.02, 0.02, 0.02]), 15.0, [Held(np.zeros(3), 1.0, -0.1), *rest])
+    """A robot at rest in the middle stays there; one that moves comes to rest on the way that leaves most of all."""
+    region = pendulum()
 
-    def still(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return np.zeros(3), np.zeros(3), np.zeros(3)
+    def moving(t: float) -> Path:
+        return np.array([0.01 + 0.05 * t, 0.0, 0.0]), np.array([0.05, 0.0, 0.0]), np.zeros(3)
 
-    def leaving(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return np.array([-0.02 - 0.05 * t, 0.0, 0.0]), np.array([-0.05, 0.0, 0.0]), np.zeros(3)
-
-    calm, hard = changed(region, still, still, 0.0, least=0.2), changed(region, still, leaving, 0.0, least=0.2)
+    calm, hard = changed(region, still, still, 0.0, least=0.2), changed(region, still, moving, 0.0, least=0.2)
     assert calm is not None and hard is not None
-    assert calm.held is rest[1]
-    assert hard.held.share == 0.0
-    way = [float(region.at(hard(t)[0][None])[0] - np.linalg.norm(hard(t)[2][:2])) for t in np.linspace(0.0, 2.2, 25)]
-    for sway in rest:
-        for duration in (0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2):
-            other = ChangedSway(still, leaving, sway, 0.0, duration)
-            left = [
-                float(region.at(other(t)[0][None])[0] - np.linalg.norm(other(t)[2][:2]))
-                for t in np.linspace(0.0, 2.2, 25)
-            ]
-            assert min(*left, sway.reserve) <= min(*way, hard.held.reserve) + 1e-9
+    assert calm.held is region.sways[1]
+    times = np.linspace(0.0, 2.0, 200)
+
+    def least(target: ChangedSway) -> float:
+        places, _, accelerations = (np.array(part) for part in zip(*(target(t) for t in times), strict=True))
+        return min(float(region.left(places, accelerations).min()), target.held.reserve)
+
+    others = [ChangedSway(still, moving, sway, 0.0, duration) for sway in region.sways for duration in CHANGES]
+    assert 0.0 < max(least(other) for other in others) <= least(hard) + 0.02
+
+
+@settings(max_examples=20)
+@given(st.lists(st.floats(-2, 2), min_size=4, max_size=4), st.floats(0.1, 2.0))
+def test_a_difference_fades_to_rest_and_its_rates_are_its_derivatives(numbers: list[float], duration: float) -> None:
+    moving, last = np.array(numbers).reshape(2, 2), np.array([duration, 0.5 * duration])
+    np.testing.assert_allclose(fading(*moving, last, 0.0)[:2], moving, atol=1e-9)
+    for late in (duration, duration + 1.0):
+        np.testing.assert_array_equal(fading(*moving, last, late), np.zeros((3, 2)))
+    t, h = 0.4 * duration, 1e-5 * duration
+    before, now, after = (fading(*moving, last, time) for time in (t - h, t, t + h))
+    np.testing.assert_allclose((after[0] - before[0]) / (2 * h), now[1], atol=1e-5 * (1 + 1 / duration))
+    np.testing.assert_allclose((after[1] - before[1]) / (2 * h), now[2], atol=1e-4 * (1 + 1 / duration**2))
 
 
 # ---- both sides, in physics
@@ -147,21 +229,22 @@ def g1() -> Stand:
 @pytest.mark.physics
 @pytest.mark.slow
 @pytest.mark.parametrize("react", [True, pytest.param(False, id="release alone", marks=pytest.mark.deep)])
-def test_g1_without_either_knee_stands_where_the_sway_asks_most_of_it(g1: Stand, react: bool) -> None:
-    """The sway is back, low and over the dead knee 1.1 s after the fault: of the left one at 2.3 s of its period of
-    10 s, of the right one at 9.3 s. Released alone, both knees are lost there."""
+@pytest.mark.parametrize("ahead", [1.1, 0.1], ids=["before", "at"])
+def test_g1_without_either_knee_stands_where_the_sway_asks_most_of_it(g1: Stand, ahead: float, react: bool) -> None:
+    """The sway is back, low and over the dead knee: at 2.3 s of its period of 10 s over the left one, at 9.3 s over the
+    right one. The motor fails a second ahead of that, or on the way there. Released alone, both knees are lost."""
     sway, threshold = HeldSway.of(g1), np.ones(g1.robot().nj)
     known = Thresholds(threshold, 0.0 * threshold, 0.0 * threshold, 0.0 * threshold)
     table = {"table": table_with(sway)} if react else {}
     outcomes: dict[str, Outcome] = {}
-    for side, begun in (("left", 0.0), ("right", 7.0)):
-        stand = replace(g1, stance=replace(g1.stance, begun=begun))
+    for side, worst in (("left", 2.3), ("right", 9.3)):
+        stand = replace(g1, stance=replace(g1.stance, begun=worst - ahead - 1.2))
         fault = ActuatorFault(joint=f"{side}_knee_joint", start=1.2)
         outcomes[side] = Outcome.of(Case(stand, fault, known, **table).setup(1.8).run(duration=3.0))
     for outcome in outcomes.values():
         assert outcome.found is not None and outcome.found.joint_name == outcome.fault.joint
         assert outcome.delay <= 4e-3
-        assert (outcome.stands and outcome.error[-1] < 1e-3) == react
+        assert (outcome.stands and outcome.error[-1] < 2e-3) == react
         assert outcome.slip < 5e-3 or not react
 
 
