@@ -162,7 +162,8 @@ class Region:
         corners = [s[..., None] * d[:2] - accelerations[..., :2] for s, d in zip(size, LEVEL, strict=True)]
         sides = [_distance(one, other) for one, other in pairwise([*corners, corners[0]])]
         lost = np.where(least > 0.0, share, 1.0) * least - np.linalg.norm(accelerations[..., :2], axis=-1)
-        return np.where(inside, np.min(sides, axis=0), lost)
+        left: Vec = np.where(inside, np.min(sides, axis=0), lost)
+        return left
 
     def largest(self, least: float, reserves: Callable[[Sequence[Held]], Vec]) -> Held | None:
         """The sway that is held: of those with the largest share, the one with most in reserve, if that is at least
@@ -182,8 +183,8 @@ class Region:
 def _distance(one: Vec, other: Vec) -> Vec:
     """Distance (...) of the origin from the lines through ``one`` and ``other`` (..., 2); positive on their left."""
     along = other - one
-    cross: Vec = one[..., 0] * along[..., 1] - one[..., 1] * along[..., 0]
-    return cross / np.linalg.norm(along, axis=-1)
+    distance: Vec = (one[..., 0] * along[..., 1] - one[..., 1] * along[..., 0]) / np.linalg.norm(along, axis=-1)
+    return distance
 
 
 @final
@@ -235,7 +236,7 @@ class HeldSway:
             self._postures = postures(self.robot, self.stance)
         reached = np.full((len(LEVEL) + 1, *(SAMPLES,) * 3), -np.inf)
         for place, q in self._postures.items():
-            reached[(slice(None), *place)] = reach(self.robot, self._contacts, q, [*LEVEL, UP], joints)
+            reached[(slice(None), *place)] = reach(self.robot, self._contacts, q, np.vstack([LEVEL, UP]), joints)
         left, box, half = reached[:-1].min(axis=0), np.array(self.stance.sway), SAMPLES // 2
         own = float(np.linalg.norm(box * (2.0 * np.pi * np.array(self.stance.frequency)) ** 2))
         sways = []
@@ -273,7 +274,8 @@ def changed(region: Region, usual: Any, until_now: Any, start: float, *, least: 
 
     def reserves(sways: Sequence[Held]) -> Vec:
         own = np.array([sway.reserve for sway in sways])
-        return np.minimum(own, ways(region, usual, until_now, start, sways).max(axis=0))
+        least_of_both: Vec = np.minimum(own, ways(region, usual, until_now, start, sways).max(axis=0))
+        return least_of_both
 
     held = region.largest(least, reserves)
     if held is None or (held.whole and usual is until_now):
@@ -363,9 +365,9 @@ def fading(position: Vec, rate: Vec, duration: Vec, elapsed: Any) -> tuple[Vec, 
     Example:
         >>> import numpy as np
         >>> from wbc.tasks.scenarios.held_sway import fading
-        >>> place, rate, _ = fading(np.ones(1), np.full(1, 0.5), np.ones(1), np.array([[0.0], [1.0]]))
+        >>> place, rate, _ = fading(np.ones(1), np.full(1, 0.5), np.ones(1), np.array([[0.0], [0.5]]))
         >>> place.ravel(), rate.ravel()
-        (array([1., 0.]), array([0.5, 0. ]))
+        (array([1.     , 0.34375]), array([ 0.5  , -1.625]))
     """
     s = np.minimum(elapsed / duration, 1.0)
     rest, slope = 1.0 - s, 3.0 * position + duration * rate
