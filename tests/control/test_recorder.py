@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 from pathlib import Path
 
@@ -62,7 +63,21 @@ def test_every_row_is_kept_whatever_the_capacity_and_growth_is_counted(capacity,
     np.testing.assert_array_equal(run["t"], 0.1 * np.arange(rows))
     np.testing.assert_array_equal(run["q"], np.outer(np.arange(rows), [1.0, -1.0]))
     np.testing.assert_array_equal(run["status"], np.arange(rows))
-    assert recorder.grown == max(0, int(np.ceil(np.log2(rows / capacity))))
+    assert recorder.grown == (rows - 1) // capacity
+
+
+def resident() -> int:
+    """Bytes of memory in use."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_memory_that_is_set_aside_is_not_written():
+    """A loop in real time that records ten minutes at 1 kHz would spend a second on it in its first tick."""
+    before = resident()
+    recorder = Recorder(600_000)
+    recorder.append({"t": 0.0, "q": np.zeros(100)})  # 485 MB
+    assert recorder.run()["q"].shape == (1, 100)
+    assert resident() - before < 50e6
 
 
 def test_what_a_row_leaves_out_is_nan_and_minus_one_for_integers():

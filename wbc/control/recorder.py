@@ -206,7 +206,8 @@ class Recorder:
     """Columns in memory set aside for ``capacity`` rows; the first row decides their names and shapes.
 
     A value is a number or an array (k,). A column that a later row leaves out is NaN there (-1 for integers). More
-    rows than ``capacity`` are kept too, at the cost of a copy that ``grown`` counts.
+    rows than ``capacity`` are kept too, in further memory of that size; ``grown`` counts how often. Memory is set aside
+    without being written, and no row is ever moved, so that a loop in real time has no long tick for it.
 
     In a loop of one's own :meth:`tick` takes the place of the controller's: it times the tick and writes it down, and
     :func:`wbc.report.save_report` makes a report of the run.
@@ -221,8 +222,8 @@ class Recorder:
     """
 
     __slots__ = (
-        "_integers", "_number_names", "_numbers", "_pick_numbers", "_pick_vectors", "_place", "_sizes", "_ticks",
-        "_vector_names", "_vectors", "capacity", "grown", "rows",
+        "_full", "_integers", "_number_names", "_numbers", "_pick_numbers", "_pick_vectors", "_place", "_sizes",
+        "_ticks", "_vector_names", "_vectors", "capacity", "rows",
     )  # fmt: skip
 
     def __init__(self, capacity: int) -> None:
@@ -232,7 +233,8 @@ class Recorder:
         if self.capacity != capacity:
             raise InvalidInput(f"capacity is {capacity!r}; it must be a whole number of rows, at least 1")
         self.rows = 0
-        self.grown = 0
+        #: Numbers and vectors of the rows before those that are written into now.
+        self._full: list[tuple[Mat, Mat]] = []
         # All numbers of a row lie side by side, so that an ordinary row is two copies, not one for each column.
         self._numbers: Mat = np.empty((self.capacity, 0))
         self._vectors: Mat = np.empty((self.capacity, 0))
@@ -296,18 +298,19 @@ class Recorder:
             UnknownColumn: a column that the first row did not have.
             InvalidInput: another shape than in the first row, or not a number.
         """
-        i = self.rows
-        if i == 0:
+        i = self.rows - len(self._full) * self.capacity
+        if self.rows == 0:
             self._lay_out(row)
-        elif i == self._numbers.shape[0]:
-            self._grow()
+        elif i == self.capacity:
+            self._full.append((self._numbers, self._vectors))
+            self._numbers, self._vectors, i = np.empty_like(self._numbers), np.empty_like(self._vectors), 0
         try:
             vectors = self._pick_vectors(row)
             if len(row) == len(self._place) and list(map(len, vectors)) == self._sizes:
                 self._numbers[i] = self._pick_numbers(row)
                 if vectors:
                     np.concatenate(vectors, out=self._vectors[i])
-                self.rows = i + 1
+                self.rows += 1
                 return
         except (KeyError, TypeError, ValueError):
             pass
@@ -319,12 +322,14 @@ class Recorder:
         ``meta`` is added to what :meth:`tick` knows of its controller, and wins.
         """
         n = self.rows
+        begun = n - len(self._full) * self.capacity
+        parts = [*self._full, (self._numbers[:begun], self._vectors[:begun])]
         columns: dict[str, Column] = {}
         for name, (scalar, where) in self._place.items():
             if not scalar:
-                columns[name] = self._vectors[:n, where].copy()
+                columns[name] = np.concatenate([vectors[:, where] for _, vectors in parts])
                 continue
-            values = self._numbers[:n, where.start].copy()
+            values = np.concatenate([numbers[:, where.start] for numbers, _ in parts])
             if name in self._integers:
                 columns[name] = np.where(np.isnan(values), MISSING_INTEGER, values).astype(np.int64)
             else:
@@ -351,17 +356,18 @@ class Recorder:
         slices = {n: slice(int(e) - s, int(e)) for n, e, s in zip(self._vector_names, ends, self._sizes, strict=True)}
         numbers = {n: slice(k, k + 1) for k, n in enumerate(self._number_names)}
         self._place = {n: (n in numbers, numbers[n] if n in numbers else slices[n]) for n in row}
-        self._numbers = np.full((self.capacity, len(numbers)), np.nan)
-        self._vectors = np.full((self.capacity, sum(self._sizes)), np.nan)
+        self._numbers = np.empty((self.capacity, len(numbers)))
+        self._vectors = np.empty((self.capacity, sum(self._sizes)))
         self._pick_numbers = _getter(self._number_names)
         self._pick_vectors = _getter(self._vector_names)
 
     def _append_slowly(self, i: int, row: Row) -> None:
         values = {name: self._checked(name, value) for name, value in row.items()}
+        self._numbers[i] = self._vectors[i] = np.nan
         for name, value in values.items():
             scalar, where = self._place[name]
             (self._numbers if scalar else self._vectors)[i, where] = value
-        self.rows = i + 1
+        self.rows += 1
 
     def _checked(self, name: str, value: float | Vec) -> Vec:
         if name not in self._place:
@@ -376,10 +382,10 @@ class Recorder:
             raise InvalidInput(f"column {name!r} has shape {wanted}, fixed by the first row; not {result.shape}")
         return result
 
-    def _grow(self) -> None:
-        self.grown += 1
-        self._numbers = np.concatenate([self._numbers, np.full_like(self._numbers, np.nan)])
-        self._vectors = np.concatenate([self._vectors, np.full_like(self._vectors, np.nan)])
+    @property
+    def grown(self) -> int:
+        """How often memory for ``capacity`` rows more was set aside."""
+        return len(self._full)
 
 
 def _nothing(row: Row) -> tuple[Any, ...]:
