@@ -34,7 +34,7 @@ def test_a_robot_whose_script_is_killed_is_held(name: str, seed: int):
     assert one.ok, one
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_loop_in_real_time_misses_no_state():
     run, periods = ran(2.0)
     assert run.meta["ended"] == "complete" and run.rows == 2000 and (run["status"] == 0).all()

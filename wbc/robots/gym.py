@@ -45,7 +45,8 @@ class TargetEnv(gymnasium.Env[Numbers, Numbers]):
     ``targets`` are the tasks that are steered.
 
     Raises:
-        InvalidInput: a task that the stack does not have, bounds that do not fit its target, a number out of range.
+        InvalidInput: a task that the stack does not have, bounds that do not fit its target, a number out of range, no
+            function.
 
     Example:
         >>> import numpy as np, wbc
@@ -103,6 +104,9 @@ class TargetEnv(gymnasium.Env[Numbers, Numbers]):
             raise InvalidInput("targets must have at least one task, and each low must be below its high")
         self._first = [np.array(task.target) for task in self.targets]
         self._ends = np.cumsum([len(low) for low in lows])[:-1]
+        for name, one in (("reward", reward), ("observe", observe)):
+            if one is not None and not callable(one):
+                raise InvalidInput(f"{name} is {checks.shown(one)}; it must be a function of the environment")
         self._reward, self._observe = reward, observe
         self._ticks = int(checks.number("ticks", ticks, low=1))
         self._duration = checks.number("duration", duration, low=0.0, strict=True)

@@ -53,7 +53,7 @@ class RobotKinematics:
         joint_names: Sequence[str] | None = None,
     ) -> None:
         self.robot = load(urdf_path, base="fixed")
-        self.robot.check_frame(target_frame_name)
+        self.robot.check_frame(checks.text("target_frame_name", target_frame_name))
         self.target_frame_name = target_frame_name
         names = self.robot.joint_names if joint_names is None else checks.names("joint_names", joint_names)
         self.joint_names = list(names)

@@ -166,9 +166,7 @@ class IntegratorPlant(Plant):
 
     def __init__(self, model: RobotModel, *, dt: float = 1e-3, level: str = "acceleration") -> None:
         super().__init__(model, dt)
-        if level not in ("velocity", "acceleration"):
-            raise InvalidInput(f"level is {level!r}; an integrator follows 'velocity' or 'acceleration'")
-        self.level = self.takes = level
+        self.level = self.takes = checks.one_of("level", level, ("velocity", "acceleration"))
 
     def _place(self, q: Vec, v: Vec) -> None:
         """An integrator has no other memory than q and v."""
