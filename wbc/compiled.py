@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import cached_property
 from inspect import get_annotations
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast, final, get_args, get_type_hints
+from typing import Any, Generic, TypeVar, cast, final, get_type_hints
 
 import numba
 import numpy as np
@@ -255,7 +255,7 @@ class Layout(Generic[_T]):
         self._kind, self._rules = kind, rules
         hints: dict[str, Any] = get_type_hints(kind, include_extras=True)
         self._shapes = {name: f"({hint.__metadata__[0]},)" for name, hint in hints.items()}
-        self._integers = {name for name, hint in hints.items() if np.int64 in get_args(get_args(hint.__origin__)[1])}
+        self._integers = {name for name, hint in hints.items() if hint.__origin__ == NDArray[np.int64]}
         names = list(self._shapes)
         views = [
             f"carray({'integers' if name in self._integers else 'floats'}(a[{i}]), {shape})"
