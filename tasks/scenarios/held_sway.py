@@ -22,7 +22,6 @@ from .. import CenterOfMass, Orientation, Posture, Release, Retarget, When
 from ..components.diagnosis import Diagnosis
 from ..components.fault_reaction import TABLE
 from .fault_trials import Stand
-from .least_torque import contact_jacobian
 from .standing import Stance, held_by_damping, joint_constraints
 
 #: Positions per axis that the sway's box is sampled at; boxes of a half of it and single positions are on the grid.
@@ -64,7 +63,7 @@ def reach(robot: RobotModel, contacts: Sequence[Contact], q: Vec, directions: Ma
     """
     state, nb = robot.state(), robot.nb
     state.update(0.0, q, np.zeros(robot.nv))
-    J = np.vstack([contact_jacobian(contact, state) for contact in contacts])
+    J = np.vstack([contact.rows(state).J for contact in contacts])
     K = block_diag(*(contact.cone() for contact in contacts))
     dead = np.isin(np.arange(robot.nj), [robot.joint(joint) for joint in without])
     most = robot.limits.tau_max[~dead]

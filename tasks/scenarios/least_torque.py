@@ -8,7 +8,7 @@ import numpy as np
 
 import wbc
 from wbc.models.model import RobotModel
-from wbc.stack.contact import Contact, ContactRows
+from wbc.stack.contact import Contact
 from wbc.types import Vec
 
 from .judge import TOLERANCE
@@ -26,7 +26,7 @@ def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: 
     """
     state = robot.state()
     state.update(0.0, q, np.zeros(robot.nv))
-    J = np.vstack([contact_jacobian(contact, state) for contact in contacts])
+    J = np.vstack([contact.rows(state).J for contact in contacts])
     cones = [contact.cone() for contact in contacts]
     K = np.zeros((sum(len(cone) for cone in cones), len(J)))
     row = column = 0
@@ -47,12 +47,3 @@ def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: 
         return float("nan")
     torque = abs(float(g[i] + own @ found.x))
     return 0.0 if torque < 1e3 * TOLERANCE else torque
-
-
-def contact_jacobian(contact: Contact, state: object) -> Vec:
-    """J (dim, nv) of a contact's motion in this state, where it is now."""
-    rows = ContactRows()
-    nv = state.model.nv  # type: ignore[attr-defined]
-    rows.J, rows.drift, rows.e = np.zeros((contact.dim, nv)), np.zeros(contact.dim), np.zeros(contact.dim)
-    contact.fill(state, contact.anchor(state), rows)  # type: ignore[arg-type]
-    return rows.J

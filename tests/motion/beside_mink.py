@@ -24,9 +24,8 @@ def ours(path: Path) -> None:
 
     import wbc
     from wbc.motion import Table, made
-    from wbc.motion.body import Body
     from wbc.motion.retargeting import Retargeting
-    from wbc.motion.targets import Targets
+    from wbc.motion.targets import targets as of_robot
 
     robot = wbc.load("g1", base="floating")
     table, q = Table.of(robot), np.zeros(0)
@@ -35,15 +34,15 @@ def ours(path: Path) -> None:
     names = ("dance", "walk", "squat")
     for k, name in enumerate(names):
         motion = made(name)
-        targets = Targets.of(Body.of(motion), robot, table)
+        targets, _ = of_robot(motion, robot, table)
         parts = [part for part, one in table.followers.items() if one.position or one.orientation]
-        columns["places"].append(np.stack([targets.places[part] for part in parts], axis=1))
+        columns["places"].append(np.stack([targets.positions[part] for part in parts], axis=1))
         still = np.tile(np.eye(3), (motion.frames, 1, 1))
-        columns["turned"].append(np.stack([targets.turned.get(part, still) for part in parts], axis=1))
+        columns["turned"].append(np.stack([targets.rotations.get(part, still) for part in parts], axis=1))
         for _ in range(TURNS):
-            stack = Retargeting(robot, table, targets, rate=motion.rate, acceleration=None, collisions=False)
+            stack = Retargeting(robot, table, targets, acceleration=None, collisions=False)
             start = process_time()
-            q = stack.frames(motion.frames, lambda done: None)
+            q = stack.frames(lambda done: None)
             seconds[k] = min(seconds[k], process_time() - start)
         frames, steps = frames + motion.frames, steps + stack.steps
         errors.append(_errors(robot, table, parts, targets, q))
@@ -62,7 +61,7 @@ def _errors(robot, table, parts, targets, q) -> np.ndarray:
     for k in range(len(q)):
         state.update(0.0, q[k], np.zeros(robot.nv))
         places = [state.frame(table.followers[part].frame).position for part in parts]
-        rows.append([np.linalg.norm(p - targets.places[part][k]) for p, part in zip(places, parts, strict=True)])
+        rows.append([np.linalg.norm(p - targets.positions[part][k]) for p, part in zip(places, parts, strict=True)])
     weights = np.array([table.followers[part].position for part in parts])
     return np.sqrt((np.square(rows) * weights).sum(axis=1) / weights.sum())
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from argparse import ArgumentParser
 from collections.abc import Callable, Iterable
 from itertools import product
+from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 import wbc
 from wbc.motion import Retargeted, made
+from wbc.motion.body import spans
+from wbc.motion.kinematics import placed
 from wbc.motion.made import MOTIONS
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
@@ -124,24 +127,48 @@ def _poses(times: np.ndarray, places: Any, turned: Any) -> Callable[[float], Any
     return at
 
 
+def slip(found: Retargeted) -> float:
+    """The largest way [m] of a foot from its place while it holds."""
+    frames = {part: found.contacts[part].frame for part in ("left_foot", "right_foot")}
+    places = {part: at for part, (at, _) in placed(found.robot, found.q, frames).items()}
+    held = [places[part][start:stop] for part in frames for start, stop in spans(found.holds[part])]
+    return max(float(np.linalg.norm(at - at[0], axis=1).max()) for at in held)
+
+
 def main() -> None:
-    """Motions of our own, before and after repair."""
+    """Motions of our own, before and after repair, and of each robot the sums."""
     said = ArgumentParser()
     said.add_argument("--robots", nargs="+", default=["humanoid", "g1", "talos"])
     said.add_argument("--motions", nargs="+", default=[*MOTIONS])
     said.add_argument("--seeds", nargs="+", type=int, default=[0])
     given = said.parse_args()
-    for robot, name, seed in product(given.robots, given.motions, given.seeds):
-        found = wbc.retarget(made(name, seed=seed), wbc.load(robot, base="floating"), repair=True)
-        runs = {"alone": found} if found.before is None else {"before repair": found.before, "repaired": found}
-        for word, one in runs.items():
-            far = one.distances()
-            off = 1e3 * np.median([np.median(far[p]) for p in ("pelvis", "left_wrist", "right_wrist")])
-            stood, seconds, com = played(one)
+    for robot in given.robots:
+        sums: dict[str, list[tuple[float, ...]]] = {"before": [], "after": []}
+        for name, seed in product(given.motions, given.seeds):
+            start = process_time()
+            found = wbc.retarget(made(name, seed=seed), wbc.load(robot, base="floating"), repair=True)
+            spent = process_time() - start
+            runs = {"alone": found} if found.before is None else {"before repair": found.before, "repaired": found}
+            for word, one in runs.items():
+                far = one.distances()
+                off = 1e3 * np.median([np.median(far[p]) for p in ("pelvis", "left_wrist", "right_wrist")])
+                stood, seconds, com = played(one)
+                row = len(one.q), round(one.certified * len(one.q)), 1e3 * slip(one), off, stood
+                sums["before"] += [row] * (word != "repaired")
+                sums["after"] += [row] * (word != "before repair")
+                print(
+                    f"{robot} {name} {seed} {word}: {100 * one.certified:.1f} % of {len(one.q)} frames certified, "
+                    f"{one.added:.2f} s added, {'stood' if stood else f'fell at {seconds:.2f} s'}, "
+                    f"com off {1e3 * com:.1f} mm, slip {row[2]:.3f} mm, {off:.1f} mm from the person; "
+                    f"{', '.join(one.faults()) or 'no fault'}; {spent:.0f} s of processor time",
+                    flush=True,
+                )
+        for word, rows in sums.items():
+            frames, certified, slips, off, stood = (np.array(column) for column in zip(*rows, strict=True))
             print(
-                f"{robot} {name} {seed} {word}: {100 * one.certified:.1f} % of {len(one.q)} frames certified, "
-                f"{one.added:.2f} s added, {'stood' if stood else f'fell at {seconds:.2f} s'}, "
-                f"com off {1e3 * com:.1f} mm, {off:.1f} mm from the person; {', '.join(one.faults()) or 'no fault'}",
+                f"{robot} {word} repair: {certified.sum()} of {frames.sum()} frames certified "
+                f"({100 * certified.sum() / frames.sum():.1f} %), slip up to {slips.max():.3f} mm, "
+                f"{np.median(off):.1f} mm from the person (median), {stood.sum()} of {len(rows)} stood",
                 flush=True,
             )
 

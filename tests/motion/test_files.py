@@ -115,12 +115,13 @@ def test_a_part_that_lacks_is_named():
 @pytest.mark.parametrize(
     ("change", "about"),
     [
-        (("ROOT", "ROUTE"), "'ROUTE' in place of 'ROOT'"), (("Frames: 2", "Frames: 3"), "are promised"),
-        (("Frames: 2", "Frames: 1e300"), "in place of a number"), (("0.01", "0"), "frames of 0 s"),
+        (("ROOT", "ROUTE"), "at 'HIERARCHY ROUTE Hips"), (("Frames: 2", "Frames: 3"), "are promised"),
+        (("Frames: 2", "Frames: 1e300"), "at 'MOTION Frames: 1e300"), (("0.01", "0"), "frames of 0 s"),
         (("0 0 0 0 0 0\n", "0 0 0 x 0 0\n"), "in the motion"),
         (("Xrotation Yrotation\n    End", "Wrotation\n    End"), "Wrotation"),
-        (("OFFSET 0 5 0", "OFFSET 0 nan 0"), "'nan' in place of a number"), (("JOINT Spine", "JOINT Hips"), "one name"),
-        (("MOTION", ""), "in place of 'MOTION'"), ((CHAIN[CHAIN.index("Site") + 4 :], ""), "its end"),
+        (("OFFSET 0 5 0", "OFFSET 0 nan 0"), "at 'End Site { OFFSET 0"), (("JOINT Spine", "JOINT Hips"), "one name"),
+        (("0 10 0", "0 x 0"), "at 'JOINT Spine"), (("CHANNELS 3", "CHANNELS 4"), "at 'JOINT Spine"),
+        (("MOTION", ""), "at 'Frames: 2 Frame Time"), ((CHAIN[CHAIN.index("Site") + 4 :], ""), "at 'End Site'"),
     ],
 )  # fmt: skip
 def test_a_bad_bvh_file_is_refused_by_name(change, about: str, tmp_path: Path):

@@ -11,8 +11,8 @@ import wbc
 from tests.motion.test_retarget import retargeted
 from tests.motion.test_witness import possible
 from wbc.motion import Motion, made
+from wbc.motion.kinematics import velocities
 from wbc.motion.pace import moments, possible_pace
-from wbc.motion.witness import velocities
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -56,7 +56,7 @@ def test_a_squat_faster_than_its_fall_is_slowed_down():
     assert found.added == pytest.approx((len(found.q) - len(before.q)) / found.rate) and 0.0 < found.added < 3.0
     # The robot comes as low as before, and is as near to the person as before, at the person's own moments.
     assert found.q[:, 2].min() == pytest.approx(before.q[:, 2].min(), abs=0.01)
-    assert found.motion.frames == len(found.q) == len(found.targets.places["pelvis"])
+    assert found.motion.frames == len(found.q) == len(found.targets.positions["pelvis"])
     far, near = found.distances(), before.distances()
     assert max(np.median(far[part]) - np.median(near[part]) for part in far) < 0.005
 

@@ -12,8 +12,8 @@ from tests.motion.artefacts import inject
 from tests.motion.test_retarget import retargeted, soles
 from wbc.motion import Witness, made
 from wbc.motion.body import spans
+from wbc.motion.kinematics import velocities
 from wbc.motion.repair import repaired
-from wbc.motion.witness import velocities
 
 
 @pytest.mark.slow

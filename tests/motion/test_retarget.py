@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.scenarios.test_standing import needs_examples
 from wbc.errors import InvalidInput, UnknownName
-from wbc.motion import Motion, Retargeted, made
+from wbc.models.feet import Foot
+from wbc.motion import Motion, Retargeted, Table, made
 from wbc.motion.body import spans
-from wbc.motion.witness import velocities
+from wbc.motion.kinematics import velocities
+from wbc.motion.targets import targets
 
 
 @cache
@@ -58,6 +61,29 @@ def test_limits_hold_and_arms_and_pelvis_follow(name: str):
     assert max(np.median(far[part]) for part in ("pelvis", "left_wrist", "right_wrist")) < 0.005
 
 
+def outline(targets: Motion, foot: Foot, part: str, k: int) -> np.ndarray:
+    """Points (n, 2), a millimetre or two apart, of the edges of a sole on the floor."""
+    (X, Y), along = foot.half_size, np.linspace(-1.0, 1.0, 151)
+    edges = [(along, s + 0.0 * along) for s in (-1.0, 1.0)] + [(s + 0.0 * along, along) for s in (-1.0, 1.0)]
+    points = np.vstack([np.column_stack([X * x, Y * y, 0.0 * x]) for x, y in edges]) + foot.origin
+    return (targets.positions[part][k] + points @ targets.rotations[part][k].T)[:, :2]
+
+
+@pytest.mark.parametrize("name", ["humanoid", pytest.param("talos", marks=needs_examples)])
+@pytest.mark.parametrize("seed", range(6))
+def test_soles_that_stand_are_beside_each_other(name: str, seed: int):
+    robot = wbc.load(name, base="floating")
+    table, motion = Table.of(robot), made("turn", seed=seed)
+    # With narrower legs the soles of the person's steps lie in each other.
+    narrow = Motion(motion.rate, {part: p * [1.0, 0.6, 1.0] for part, p in motion.positions.items()})
+    asked, _ = targets(narrow, robot, table)
+    feet = {part: robot.feet[table.followers[part].frame] for part in ("left_foot", "right_foot")}
+    both = np.flatnonzero(asked.contacts["left_foot"] & asked.contacts["right_foot"])
+    for k in (both[0], both[len(both) // 2], both[-1]):
+        left, right = (outline(asked, foot, part, k) for part, foot in feet.items())
+        assert np.linalg.norm(left[:, None] - right[None], axis=2).min() > 0.018
+
+
 def test_the_size_of_the_person_does_not_matter():
     motion, first = made("squat"), retargeted("squat")
     tall = Motion(motion.rate, {part: 1.2 * p for part, p in motion.positions.items()})
@@ -87,8 +113,10 @@ def test_what_is_saved_is_what_there_is(tmp_path):
         assert list(file["joint_names"]) == list(found.robot.joint_names) and file["certified"].all()
     joints = list(reversed(found.robot.joint_names))
     found.to_csv(tmp_path / "m.csv", joints=joints)
-    table = np.genfromtxt(tmp_path / "m.csv", delimiter=",", names=True)
-    np.testing.assert_allclose(table[joints[0]], found.q[:, -1], atol=1e-8)
+    heads = (tmp_path / "m.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert [head for head in heads if head.startswith("q.")][7:] == [f"q.{joint} [rad]" for joint in joints]
+    table = np.loadtxt(tmp_path / "m.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, heads.index(f"q.{joints[0]} [rad]")], found.q[:, -1])
 
 
 def test_robots_that_have_no_feet_or_no_mapping_are_refused():

@@ -9,9 +9,10 @@ from scipy.optimize import linprog
 
 import wbc
 from tests.motion.test_retarget import retargeted
+from wbc.errors import InvalidInput
 from wbc.motion import Fault, Verdict
 from wbc.motion.forces import lacking
-from wbc.motion.witness import velocities
+from wbc.motion.kinematics import velocities
 
 
 def possible(robot, contacts, q, v, a, share: float) -> bool:
@@ -82,13 +83,21 @@ def test_a_torque_beyond_its_limit_is_named_with_its_amount():
 
 def test_nothing_holds_a_robot_in_the_air():
     found = retargeted("squat")
-    none = {part: np.zeros(len(found.q), dtype=bool) for part in found.contacts}
+    none = {part: np.zeros(5, dtype=bool) for part in found.contacts}
     from wbc.motion import Witness
 
     verdicts = Witness(found.robot, found.contacts, collisions=False).judge(found.q[:5], found.rate, none)
     weight = found.robot.mass * 9.81
     assert all(one.faults[0].kind == "no force" for one in verdicts)
     assert verdicts[2].faults[0].amount == pytest.approx(weight, rel=0.1)
+
+
+def test_flags_of_contacts_that_do_not_fit_the_motion_are_refused():
+    found = retargeted("squat")
+    witness = wbc.motion.Witness(found.robot, found.contacts)
+    for holds in ({}, {**found.holds, "left_foot": found.holds["left_foot"][:-1]}):
+        with pytest.raises(InvalidInput, match=r"holds\[left_foot\]"):
+            witness.judge(found.q, found.rate, holds)
 
 
 def test_a_verdict_reads_as_a_sentence():

@@ -16,7 +16,6 @@ from tests.scenarios.test_standing import failed, needs_examples
 from wbc.errors import InvalidInput, UnknownJoint, UnknownRobot
 from wbc.report.document import Plot
 from wbc.sim.scenario import ScenarioResult, Settings
-from wbc.stack.contact import ContactRows
 
 HUMANOID = wbc.load("humanoid", base="floating")
 
@@ -95,13 +94,7 @@ def by_linear_program(q: Any, joint: str) -> float:
     """min t subject to |τ_joint| <= t, forces in their cones, the base at rest, the others within their limits."""
     contacts, state = feet(HUMANOID), HUMANOID.state()
     state.update(0.0, q, np.zeros(HUMANOID.nv))
-    blocks = []
-    for contact in contacts:
-        out = ContactRows()
-        out.J, out.drift, out.e = np.zeros((contact.dim, HUMANOID.nv)), np.zeros(contact.dim), np.zeros(contact.dim)
-        contact.fill(state, contact.anchor(state), out)
-        blocks.append(out.J)
-    J, g, i = np.vstack(blocks), state.g, HUMANOID.joint(joint)
+    J, g, i = np.vstack([contact.rows(state).J for contact in contacts]), state.g, HUMANOID.joint(joint)
     n = len(J)
     cone = np.zeros((32, n + 1))
     cone[:16, :6], cone[16:, 6:12] = contacts[0].cone(), contacts[1].cone()

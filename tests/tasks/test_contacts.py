@@ -15,7 +15,7 @@ from scipy.optimize import linprog
 from tasks import Edge, Point, Sole
 from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotState
-from wbc.stack.contact import Anchor, ContactRows
+from wbc.stack.contact import Anchor
 from wbc.testing import robots
 from wbc.testing.strategies import states
 from wbc.types import Mat
@@ -47,13 +47,6 @@ def corner_wrenches(half_size: Any, friction: float, model: str = "inner", sides
         corner = np.array([i * half_size[0], j * half_size[1], 0.0])
         edges += [np.concatenate([force, np.cross(corner, force)]) for force in pyramid_edges(friction, model, sides)]
     return np.array(edges).T
-
-
-def fill(contact: Any, state: RobotState, anchor: Anchor) -> ContactRows:
-    out = ContactRows()
-    out.J, out.drift, out.e = np.zeros((contact.dim, state.model.nv)), np.zeros(contact.dim), np.zeros(contact.dim)
-    contact.fill(state, anchor, out)
-    return out
 
 
 @given(SIZES, SIZES, st.floats(0.05, 2.0), MODELS, SIDES)
@@ -133,7 +126,7 @@ def test_a_ball_that_rolls_does_not_slip_and_is_held_at_its_height(state: RobotS
     frame = state.frame("front_left_foot")
     twist = frame.jacobian() @ state.v
     rolling = twist[:3] + np.cross(twist[3:], [0.0, 0.0, -radius])
-    out = fill(foot, state, Anchor(np.eye(3), foot.anchor(state).position + MOVED))
+    out = foot.rows(state, Anchor(np.eye(3), foot.anchor(state).position + MOVED))
     np.testing.assert_allclose(out.J @ state.v, rolling, atol=1e-12)
     np.testing.assert_allclose(out.e, MOVED if radius == 0.0 else [0.0, 0.0, 0.3], atol=1e-12)
 
@@ -143,7 +136,7 @@ def test_a_point_on_a_slope_is_the_point_in_turned_axes(state: RobotState, angle
     axes = pinocchio.exp3(np.array([0.0, angle, 0.0]))
     level, slope = (Point("front_left_foot", friction=0.5, axes=axes_) for axes_ in (None, axes))
     anchor = Anchor(axes, level.anchor(state).position + MOVED)
-    first, second = fill(level, state, anchor), fill(slope, state, anchor)
+    first, second = level.rows(state, anchor), slope.rows(state, anchor)
     for array in ("J", "drift", "e"):
         np.testing.assert_allclose(getattr(second, array), axes.T @ getattr(first, array), atol=1e-12)
 
@@ -156,8 +149,8 @@ def test_a_sole_moved_in_its_frame_is_held_at_its_own_centre(state: RobotState):
     there = pinocchio.SE3(state.frame("left_sole").placement) * pinocchio.exp6(np.array([0.01, 0.02, 0.0, 0.1, 0, 0]))
     centre = there * pinocchio.SE3(np.eye(3), origin)
     errors = (
-        fill(plain, state, Anchor(there.rotation, there.translation)).e,
-        fill(moved, state, Anchor(centre.rotation, centre.translation)).e,
+        plain.rows(state, Anchor(there.rotation, there.translation)).e,
+        moved.rows(state, Anchor(centre.rotation, centre.translation)).e,
     )
     shift = pinocchio.SE3(np.eye(3), origin)
     np.testing.assert_allclose(errors[1], shift.actionInverse @ errors[0], atol=1e-9)

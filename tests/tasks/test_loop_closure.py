@@ -33,11 +33,8 @@ def closing(**more: Any) -> LoopClosure:
 
 def loop_rows(robot: RobotModel, q: Vec, v: Vec) -> ContactRows:
     """How far the loop is open, its Jacobian and its drift."""
-    loop, state, out = closing(), moment(robot, q, v), ContactRows()
-    out.J, out.drift, out.e = np.zeros((2, robot.nv)), np.zeros(2), np.zeros(2)
-    assert loop.target is not None
-    loop.fill(state, loop.target, out)
-    return out
+    loop = closing()
+    return loop.rows(moment(robot, q, v), loop.target)
 
 
 def closed(robot: RobotModel, crank: float) -> Vec:
@@ -136,10 +133,7 @@ def test_a_schedule_that_lets_feet_go_keeps_loops_closed():
     stack = wbc.Stack([Posture(HUMANOID.q0)], contacts=[*feet(HUMANOID), bar], components=[Standing()])
     v = 0.1 * np.sin(np.arange(HUMANOID.nv))
     command = wbc.Controller(HUMANOID, stack, level=wbc.InverseDynamics()).tick(0.0, HUMANOID.q0, v)
-    rows = ContactRows()
-    rows.J, rows.drift, rows.e = np.zeros((3, HUMANOID.nv)), np.zeros(3), np.zeros(3)
-    state = moment(HUMANOID, HUMANOID.q0, v)
-    bar.fill(state, bar.anchor(state), rows)
+    rows = bar.rows(moment(HUMANOID, HUMANOID.q0, v))
     np.testing.assert_allclose(rows.J @ command.a + rows.drift, -bar.kd * rows.J @ v, atol=1e-6)
     assert not command.f["right_sole"].any() and command.f["bar"].shape == (3,)
 

@@ -119,31 +119,35 @@ def about(controller: Controller) -> dict[str, Any]:
     objectives: dict[str, Objective] = {task.name: task for task in stack.tasks}
     objectives |= {block.name: block.says for block in controller.plan.layout.exact}
     unit = units(controller.plans.whole.plan.problem)
-    return {
-        "robot": model.name,
-        "base": getattr(model, "base", "fixed"),
+    return about_robot(model) | {
         "level": controller.level.name,
         "hierarchy": str(controller.hierarchy),
         "solver": controller.solver.name,
         "dt": controller.dt,
-        "joint_names": list(model.joint_names),
-        "joint_units": list(model.joint_units),
-        "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
         "statuses": [status.name for status in Status],
         "tasks": {name: _task(task) for name, task in objectives.items()},
         "distances": unit,
         "residuals": unit,
         "contacts": {c.name: _contact(c) for c in stack.contacts if not c.bilateral},
         "stack": str(stack),
-        **_planar(model),
     }
 
 
-def _planar(model: RobotModel) -> dict[str, Any]:
-    """A planar robot has no description in a file: the record keeps all that it is made of."""
-    if not isinstance(model, PlanarRobot):
-        return {}
-    return {"planar": {"chain": str(model.chain), "parameters": dict(model.parameters), "gravity": model.g0}}
+def about_robot(model: RobotModel) -> dict[str, Any]:
+    """Metadata that any record of a robot's motion is read with: its names, units and limits.
+
+    A planar robot has no description in a file: the record keeps all that it is made of.
+    """
+    found = {
+        "robot": model.name,
+        "base": getattr(model, "base", "fixed"),
+        "joint_names": list(model.joint_names),
+        "joint_units": list(model.joint_units),
+        "limits": {key: getattr(model.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")},
+    }
+    if isinstance(model, PlanarRobot):
+        found["planar"] = {"chain": str(model.chain), "parameters": dict(model.parameters), "gravity": model.g0}
+    return found
 
 
 def _task(task: Objective) -> dict[str, Any]:

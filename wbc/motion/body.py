@@ -12,15 +12,14 @@ exact than that of few joints: then R(t) = R_file(t) Râ‚€, with the constant Râ‚
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_opening
 from scipy.spatial.transform import Rotation
 
-from wbc.motion.clip import Motion
+from wbc.errors import InvalidInput
+from wbc.motion.clip import NEEDED, Flags, Motion
 from wbc.types import Mat, Vec
 
 SIDES = ("left", "right")
@@ -32,50 +31,43 @@ _SHORT = 0.09
 #: The share of frames in which a foot is supposed to stand when its height in standing is looked for.
 _STANDING = 5.0
 
-Flags = NDArray[np.bool_]
+
+def posed(motion: Motion) -> Motion:
+    """The same motion with ``rotations`` of pelvis, chest, feet and perhaps head in the axes of a person, and with
+    ``contacts`` of feet and wrists; feet are called "left_foot" and "right_foot" there.
+
+    Raises:
+        InvalidInput: a part that is needed is missing.
+    """
+    p = motion.positions
+    lacking = [part for part in NEEDED if part not in p]
+    if lacking:
+        raise InvalidInput(f"{motion.name} has no {', '.join(lacking)}; there are: {', '.join(p)}")
+    hips, shoulders = (0.5 * (p[f"left_{part}"] + p[f"right_{part}"]) for part in ("hip", "shoulder"))
+    turned = {
+        "pelvis": _axes(p["left_hip"] - p["right_hip"], p.get("spine", shoulders) - hips),
+        "chest": _axes(p["left_shoulder"] - p["right_shoulder"], shoulders - hips),
+    }
+    holds: dict[str, Flags] = {}
+    for side in SIDES:
+        ankle, toe, wrist = (p[f"{side}_{part}"] for part in ("ankle", "toe", "wrist"))
+        heights = np.maximum(ankle[:, 2] - standing(ankle), toe[:, 2] - standing(toe))
+        speeds = np.maximum(_speed(ankle, motion.rate), _speed(toe, motion.rate))
+        stands = holds[f"{side}_foot"] = _said(motion, f"{side}_ankle", (heights < _NEAR) & (speeds < _SLOW))
+        low = wrist[:, 2] < _HAND + standing(toe)
+        holds[f"{side}_wrist"] = _said(motion, f"{side}_wrist", low & (_speed(wrist, motion.rate) < _SLOW))
+        turned[f"{side}_foot"] = _foot(toe - ankle, stands)
+    for part in ("pelvis", "head", *(f"{side}_ankle" for side in SIDES)):
+        if part in motion.rotations:
+            mine = part.replace("ankle", "foot")
+            when = holds.get(mine, np.ones(motion.frames, dtype=bool))
+            turned[mine] = _calibrated(motion.rotations[part], turned.get(mine, turned["chest"]), when)
+    return replace(motion, rotations=turned, contacts=holds)
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class Body:
-    """``turned`` {part: (N, 3, 3)} of pelvis, chest, feet and perhaps head; ``holds`` {foot or wrist: (N,)} when it
-    holds; ``standing`` {foot: height of its ankle in standing [m]}; ``lengths`` of thigh and shin together [m]."""
-
-    motion: Motion
-    turned: dict[str, Vec]
-    holds: dict[str, Flags]
-    standing: dict[str, float]
-    leg: float
-
-    @classmethod
-    def of(cls, motion: Motion) -> Body:
-        """What can be said of a motion."""
-        p = motion.positions
-        hips, shoulders = _between(p, "hip"), _between(p, "shoulder")
-        spine = p.get("spine", shoulders)
-        turned = {
-            "pelvis": _axes(p["left_hip"] - p["right_hip"], spine - hips),
-            "chest": _axes(p["left_shoulder"] - p["right_shoulder"], shoulders - hips),
-        }
-        standing, holds, legs = {}, {}, []
-        for side in SIDES:
-            ankle, toe, foot = p[f"{side}_ankle"], p[f"{side}_toe"], f"{side}_foot"
-            standing[foot] = float(np.percentile(ankle[:, 2], _STANDING))
-            floor = float(np.percentile(toe[:, 2], _STANDING))
-            heights = np.maximum(ankle[:, 2] - standing[foot], toe[:, 2] - floor)
-            speeds = np.maximum(_speed(ankle, motion.rate), _speed(toe, motion.rate))
-            holds[foot] = _said(motion, f"{side}_ankle", (heights < _NEAR) & (speeds < _SLOW))
-            turned[foot] = _foot(toe - ankle, holds[foot])
-            wrist = p[f"{side}_wrist"]
-            low = wrist[:, 2] < _HAND + floor
-            holds[f"{side}_wrist"] = _said(motion, f"{side}_wrist", low & (_speed(wrist, motion.rate) < _SLOW))
-            legs += [_length(p, side, "hip", "knee") + _length(p, side, "knee", "ankle")]
-        for part in ("pelvis", "head", *(f"{side}_ankle" for side in SIDES)):
-            if part in motion.rotations:
-                mine = part.replace("ankle", "foot")
-                when = holds.get(mine, np.ones(motion.frames, dtype=bool))
-                turned[mine] = _calibrated(motion.rotations[part], turned.get(mine, turned["chest"]), when)
-        return cls(motion, turned, holds, standing, float(np.mean(legs)))
+def standing(places: Mat) -> float:
+    """The height of a part of a foot (N, 3) in standing [m]."""
+    return float(np.percentile(places[:, 2], _STANDING))
 
 
 def spans(held: Flags) -> list[tuple[int, int]]:
@@ -89,14 +81,6 @@ def spans(held: Flags) -> list[tuple[int, int]]:
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-
-
-def _between(p: Any, part: str) -> Mat:
-    return np.asarray(0.5 * (p[f"left_{part}"] + p[f"right_{part}"]))
-
-
-def _length(p: Any, side: str, one: str, other: str) -> float:
-    return float(np.median(np.linalg.norm(p[f"{side}_{one}"] - p[f"{side}_{other}"], axis=1)))
 
 
 def _speed(places: Mat, rate: float) -> Vec:

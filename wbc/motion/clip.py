@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Self, final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -44,19 +45,19 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 }
 #: Parts without which nothing can be retargeted, and the lines between parts that show a body.
 NEEDED = tuple(part for part in PARTS if part not in ("pelvis", "spine", "head"))
+_CHAINS = ("shoulder", "elbow", "wrist"), ("shoulder", "hip", "knee", "ankle", "toe")
 BONES = (
     ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), ("spine", "head"),
-    *((f"{side}_{one}", f"{side}_{other}") for side in ("left", "right") for one, other in pairwise(
-        ("shoulder", "elbow", "wrist")
-    )),
-    *((f"{side}_{one}", f"{side}_{other}") for side in ("left", "right") for one, other in pairwise(
-        ("shoulder", "hip", "knee", "ankle", "toe")
-    )),
+    *((f"{s}_{one}", f"{s}_{other}") for s in ("left", "right") for chain in _CHAINS for one, other in pairwise(chain)),
 )  # fmt: skip
 #: Metres in the units in which files give lengths, tried in this order, and what the body is then tall [m].
-_UNITS = (1.0, 0.01, 0.0254)
+_UNITS = (1.0, 0.01, 0.0254, 0.001)
 _TALL = (0.6, 2.6)
 _LEAST_FRAMES = 3
+
+#: Positions, rotations and contacts by what a file calls its parts.
+_Columns = tuple[Mapping[str, Mat], Mapping[str, Vec], Mapping[str, Any]]
+Flags = NDArray[np.bool_]
 
 
 @final
@@ -64,13 +65,13 @@ _LEAST_FRAMES = 3
 class Motion:
     """A motion of N frames at ``rate`` [1/s]: ``positions`` {part: (N, 3)} [m], z up, the floor at z = 0.
 
-    ``rotations`` {part: (N, 3, 3)} are those of the parts that have one, each in axes of its own that do not move in
-    the part: only how they turn is read. ``contacts`` {part: (N,)} says when a part holds, for the parts of which the
-    file says it; of the others it is found in the motion (:mod:`wbc.motion.contacts`).
+    ``rotations`` {part: (N, 3, 3)} are those of the parts that have one; of a person's each is in axes of its own that
+    do not move in the part: only how they turn is read. ``contacts`` {part: (N,)} says when a part holds, for the parts
+    of which the file says it; of the others it is found in the motion (:mod:`wbc.motion.body`).
 
     Raises:
-        InvalidInput: fewer than three frames, arrays of other shapes, numbers that are not finite, a part that is
-            missing, a rate that is not positive.
+        InvalidInput: fewer than three frames, arrays of other shapes, numbers that are not finite, a rate that is not
+            positive.
 
     Example:
         >>> from wbc.motion import made
@@ -82,28 +83,25 @@ class Motion:
     rate: float
     positions: Mapping[str, Mat]
     rotations: Mapping[str, Vec] = field(default_factory=dict)
-    contacts: Mapping[str, Vec] = field(default_factory=dict)
+    contacts: Mapping[str, Flags] = field(default_factory=dict)
     name: str = "motion"
 
     def __post_init__(self) -> None:
         checks.number("rate", self.rate, low=0.0, strict=True)
-        lacking = [part for part in NEEDED if part not in self.positions]
-        if lacking:
-            raise InvalidInput(f"{self.name} has no {', '.join(lacking)}; there are: {', '.join(self.positions)}")
-        found = {part: checks.array(f"positions[{part}]", p, (None, 3)) for part, p in self.positions.items()}
-        sizes = {len(p) for p in found.values()}
-        if len(sizes) != 1 or min(sizes) < _LEAST_FRAMES:
-            said = " and ".join(map(str, sorted(sizes)))
+        of = f"{self.name}: "
+        found = {part: checks.array(f"{of}positions[{part}]", p, (None, 3)) for part, p in self.positions.items()}
+        sizes = sorted({len(p) for p in found.values()} or {0})
+        n = sizes[0]
+        if len(sizes) != 1 or n < _LEAST_FRAMES:
+            said = " and ".join(map(str, sizes))
             raise InvalidInput(f"{self.name} has parts of {said} frames; all must have as many, at least three")
-        n = sizes.pop()
-        object.__setattr__(self, "positions", found)
-        turned = {part: checks.array(f"rotations[{part}]", r, (n, 3, 3)) for part, r in self.rotations.items()}
+        turned = {part: checks.array(f"{of}rotations[{part}]", r, (n, 3, 3)) for part, r in self.rotations.items()}
         for part, r in turned.items():
-            if np.abs(np.einsum("nij,nkj->nik", r, r) - np.eye(3)).max() > MET or np.linalg.det(r).min() < 0.0:
-                raise InvalidInput(f"rotations[{part}] of {self.name} are no rotations to 1e-6")
-        object.__setattr__(self, "rotations", turned)
-        held = {part: checks.array(f"contacts[{part}]", c, (n,)) > 0.5 for part, c in self.contacts.items()}
-        object.__setattr__(self, "contacts", held)
+            if np.abs(r @ r.transpose(0, 2, 1) - np.eye(3)).max() > MET or np.linalg.det(r).min() < 0.0:
+                raise InvalidInput(f"{of}rotations[{part}] are no rotations to 1e-6")
+        held = {part: checks.array(f"{of}contacts[{part}]", c, (n,)) > 0.5 for part, c in self.contacts.items()}
+        for key, values in (("positions", found), ("rotations", turned), ("contacts", held)):
+            object.__setattr__(self, key, values)
 
     @property
     def frames(self) -> int:
@@ -119,27 +117,31 @@ class Motion:
     def read(cls, path: Place) -> Self:
         """The motion in a file: ``.bvh``; ``.npz`` with ``names`` (F,), ``positions`` (N, F, 3) [m], ``rate`` and
         perhaps ``rotations`` (N, F, 3, 3) and ``contacts`` (N, F); or ``.csv`` with a column ``time`` [s] and columns
-        ``PART.x``, ``PART.y``, ``PART.z``. Lengths in centimetres and inches are found by the size of the body.
+        ``PART.x``, ``PART.y``, ``PART.z``. Centimetres, inches and millimetres are found by the size of the body.
 
         Raises:
             InvalidInput: no such file, or not such a file; the message says where it is wrong.
         """
         place = located(path)
-        match place.suffix.lower():
-            case ".bvh":
-                rate, positions, rotations = read_bvh(place)
-                up = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # y up and z ahead there
-                turned = {name: up @ r @ up.T for name, r in rotations.items()}
-                return cls._of(place.stem, rate, {name: p @ up.T for name, p in positions.items()}, turned, {})
-            case ".npz":
-                return cls._of_arrays(place)
-            case ".csv":
-                return cls._of_table(place)
-            case _:
-                raise InvalidInput(f"{place} is no motion that can be read; give a .bvh, .npz or .csv file")
+        reader = {".bvh": _hierarchy, ".npz": _arrays, ".csv": _table}.get(place.suffix.lower())
+        if reader is None:
+            raise InvalidInput(f"{place} is no motion that can be read; give a .bvh, .npz or .csv file")
+        rate, (positions, rotations, contacts) = reader(place)
+        name = place.stem
+        called = known_parts(name, list(positions))
+        cloud = np.stack([checks.array(f"{name}: {one}", positions[one], (None, 3)) for one in called.values()])
+        tall = float(np.median(np.ptp(cloud[:, :, 2], axis=0)))
+        metres = next((unit for unit in _UNITS if _TALL[0] <= unit * tall <= _TALL[1]), None)
+        if metres is None:
+            raise InvalidInput(f"{name}: the body is {tall:g} tall, which is no person's size in m, cm, inches or mm")
+        placed = {part: metres * positions[one] for part, one in called.items()}
+        turned = {part: rotations[one] for part, one in called.items() if one in rotations}
+        held = {part: contacts[one] for part, one in called.items() if one in contacts}
+        return cls(rate, placed, turned, held, name)
 
     def at(self, moments: Vec) -> Self:
-        """The same motion at other moments (M,), in frames from 0 to N − 1: what is between frames by cubic splines.
+        """The same motion at other moments (M,), in frames from 0 to N − 1: what is between frames by cubic splines,
+        contacts as in the nearest frame.
 
         Example:
             >>> import numpy as np
@@ -147,96 +149,72 @@ class Motion:
             >>> made("squat").at(np.linspace(0.0, 239.0, 479)).frames  # at half the pace
             479
         """
-        places, turned, held = (
-            {part: between(values, moments) for part, values in one.items()}
-            for one in (self.positions, self.rotations, self.contacts)
+        frames, nearest = np.arange(self.frames), np.rint(moments).astype(np.intp)
+        turns = {part: RotationSpline(frames, Rotation.from_matrix(r)) for part, r in self.rotations.items()}
+        return replace(
+            self,
+            positions={part: CubicSpline(frames, p)(moments) for part, p in self.positions.items()},
+            rotations={part: turn(moments).as_matrix() for part, turn in turns.items()},
+            contacts={part: held[nearest] for part, held in self.contacts.items()},
         )
-        return replace(self, positions=places, rotations=turned, contacts=held)
 
     def save(self, path: Place) -> None:
-        """Write a ``.npz`` file that ``read`` reads."""
-        names = list(self.positions)
-        columns: dict[str, Any] = {"positions": np.stack([self.positions[name] for name in names], axis=1)}
-        n = self.frames
-        if self.rotations:
-            missing = np.full((n, 3, 3), np.nan)
-            columns["rotations"] = np.stack([self.rotations.get(name, missing) for name in names], axis=1)
-        if self.contacts:
-            unknown = np.full(n, np.nan)
-            columns["contacts"] = np.stack([self.contacts.get(name, unknown) * 1.0 for name in names], axis=1)
+        """Write a ``.npz`` file that ``read`` reads; a part without rotations or contacts has columns of NaN."""
+        shapes = {"positions": (3,), "rotations": (3, 3), "contacts": ()}
+        columns: dict[str, Any] = {
+            key: np.stack([given.get(part, np.full((self.frames, *shape), np.nan)) * 1.0 for part in self.positions], 1)
+            for key, shape in shapes.items()
+            if (given := getattr(self, key))
+        }
         with written(path) as aside, aside.open("wb") as file:
-            np.savez_compressed(file, names=np.array(names), rate=np.array(self.rate), **columns)
-
-    @classmethod
-    def _of_arrays(cls, place: Path) -> Self:
-        arrays = read_npz(place)
-        for key in ("names", "positions", "rate"):
-            if key not in arrays:
-                raise InvalidInput(f"{place} has no array {key!r}; there are: {', '.join(arrays) or 'none'}")
-        if arrays["names"].ndim != 1 or arrays["names"].dtype.kind != "U" or arrays["rate"].size != 1:
-            raise InvalidInput(f"{place}: names must be text (F,), and rate one number")
-        names = [str(name) for name in arrays["names"]]
-        rate = checks.number("rate", arrays["rate"].reshape(()).item(), low=0.0, strict=True)
-        size = len(names)
-        shapes = {"positions": (0, size, 3), "rotations": (0, size, 3, 3), "contacts": (0, size)}
-        found: dict[str, dict[str, Vec]] = {}
-        for key, shape in shapes.items():
-            values = arrays.get(key)
-            if values is not None and (values.dtype.kind not in "fiub" or values.shape[1:] != shape[1:]):
-                raise InvalidInput(f"{place}: {key} must be numbers of shape (N, {', '.join(map(str, shape[1:]))})")
-            columns = {} if values is None else {name: 1.0 * values[:, k] for k, name in enumerate(names)}
-            # A part without rotations or contacts has a column of NaN.
-            found[key] = {name: column for name, column in columns.items() if not np.isnan(column).all()}
-        return cls._of(place.stem, rate, found["positions"], found["rotations"], found["contacts"])
-
-    @classmethod
-    def _of_table(cls, place: Path) -> Self:
-        try:
-            rows = list(csv.reader(StringIO(place.read_text(encoding="utf-8"))))
-            heads, table = rows[0], np.array(rows[1:], dtype=np.float64).reshape(-1, len(rows[0]))
-        except (OSError, ValueError, IndexError, csv.Error) as cause:
-            raise InvalidInput(f"{place} is no table of numbers with a heading: {cause}") from None
-        if "time" not in heads or len(table) < _LEAST_FRAMES:
-            raise InvalidInput(f"{place} needs a column 'time' and at least three rows")
-        t = table[:, heads.index("time")]
-        step = float(np.diff(t).mean())
-        if not step > 0.0 or np.abs(np.diff(t) - step).max() > 0.1 * step:
-            raise InvalidInput(f"{place}: times must rise in even steps")
-        parts = [head[:-2] for head in heads if head.endswith(".x")]
-        lacking = [f"{part}.{axis}" for part in parts for axis in "yz" if f"{part}.{axis}" not in heads]
-        if lacking:
-            raise InvalidInput(f"{place} has no column {lacking[0]!r}")
-        positions = {part: table[:, [heads.index(f"{part}.{axis}") for axis in "xyz"]] for part in parts}
-        return cls._of(place.stem, 1.0 / step, positions, {}, {})
-
-    @classmethod
-    def _of(
-        cls, name: str, rate: float, positions: Mapping[str, Mat], rotations: Mapping[str, Vec],
-        contacts: Mapping[str, Vec],
-    ) -> Self:  # fmt: skip
-        """From what a file calls its parts and in its unit of length."""
-        called = known_parts(name, list(positions))
-        cloud = np.stack([checks.array(f"{name}: {one}", positions[one], (None, 3)) for one in called.values()])
-        tall = float(np.median(np.ptp(cloud[:, :, 2], axis=0)))
-        metres = next((unit for unit in _UNITS if _TALL[0] <= unit * tall <= _TALL[1]), None)
-        if metres is None:
-            raise InvalidInput(
-                f"{name}: the body is {tall:g} tall, which is in none of m, cm and inches a person's size"
-            )
-        placed = {part: metres * positions[one] for part, one in called.items()}
-        turned = {part: rotations[one] for part, one in called.items() if one in rotations}
-        held = {part: contacts[one] for part, one in called.items() if one in contacts}
-        return cls(rate, placed, turned, held, name)
+            np.savez_compressed(file, names=np.array(list(self.positions)), rate=np.array(self.rate), **columns)
 
 
-def between(values: Any, moments: Vec) -> Any:
-    """Values (N, …) of frames at moments: flags of the nearest frame, rotations (N, 3, 3), and numbers by splines."""
-    frames = np.arange(len(values))
-    if values.dtype == np.bool_:
-        return values[np.rint(moments).astype(np.intp)]
-    if values.shape[1:] == (3, 3):
-        return np.asarray(RotationSpline(frames, Rotation.from_matrix(values))(moments).as_matrix())
-    return np.asarray(CubicSpline(frames, values)(moments))
+def _hierarchy(place: Path) -> tuple[float, _Columns]:
+    rate, positions, rotations = read_bvh(place)
+    up = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # y up and z ahead there
+    turned = {name: up @ r @ up.T for name, r in rotations.items()}
+    return rate, ({name: p @ up.T for name, p in positions.items()}, turned, {})
+
+
+def _arrays(place: Path) -> tuple[float, _Columns]:
+    arrays = read_npz(place)
+    for key in ("names", "positions", "rate"):
+        if key not in arrays:
+            raise InvalidInput(f"{place} has no array {key!r}; there are: {', '.join(arrays) or 'none'}")
+    if arrays["names"].ndim != 1 or arrays["names"].dtype.kind != "U" or arrays["rate"].size != 1:
+        raise InvalidInput(f"{place}: names must be text (F,), and rate one number")
+    names = arrays["names"].tolist()
+    rate = checks.number(f"{place}: rate", arrays["rate"].item(), low=0.0, strict=True)
+    found: list[dict[str, Vec]] = []
+    for key, shape in {"positions": (3,), "rotations": (3, 3), "contacts": ()}.items():
+        values = arrays.get(key, np.full((1, len(names), *shape), np.nan))
+        if values.dtype.kind not in "fiub" or values.shape[1:] != (len(names), *shape):
+            said = ", ".join(map(str, (len(names), *shape)))
+            raise InvalidInput(f"{place}: {key} must be numbers of shape (N, {said})")
+        columns = {name: 1.0 * values[:, k] for k, name in enumerate(names)}
+        found.append({name: column for name, column in columns.items() if not np.isnan(column).all()})
+    return rate, (found[0], found[1], found[2])
+
+
+def _table(place: Path) -> tuple[float, _Columns]:
+    try:
+        rows = list(csv.reader(StringIO(place.read_text(encoding="utf-8"))))
+        heads, table = rows[0], np.array(rows[1:], dtype=np.float64).reshape(-1, len(rows[0]))
+    except (OSError, ValueError, IndexError, csv.Error) as cause:
+        raise InvalidInput(f"{place} is no table of numbers with a heading: {cause}") from None
+    if "time" not in heads or len(table) < _LEAST_FRAMES:
+        raise InvalidInput(f"{place} needs a column 'time' and at least three rows")
+    columns = dict(zip(heads, table.T, strict=True))
+    steps = np.diff(columns["time"])
+    if not steps.min() > 0.0 or np.abs(steps - steps.mean()).max() > 0.1 * steps.mean():
+        raise InvalidInput(f"{place}: times must rise in even steps")
+    axes = {head[:-2]: [f"{head[:-2]}.{axis}" for axis in "xyz"] for head in heads if head.endswith(".x")}
+    lacking = [column for three in axes.values() for column in three if column not in columns]
+    if lacking:
+        raise InvalidInput(f"{place} has no column {lacking[0]!r}")
+    positions = {part: np.column_stack([columns[column] for column in three]) for part, three in axes.items()}
+    return 1.0 / float(steps.mean()), (positions, {}, {})
 
 
 def known_parts(name: str, given: list[str]) -> dict[str, str]:
@@ -254,11 +232,10 @@ def known_parts(name: str, given: list[str]) -> dict[str, str]:
     plain = {"".join(c for c in one.rpartition(":")[2].lower() if c.isalnum()): one for one in reversed(given)}
     found: dict[str, str] = {}
     for part, names in PARTS.items():
-        for called in (part.replace("_", ""), *names):
-            if called in plain and plain[called] not in found.values():
-                found[part] = plain[called]
-                break
-        else:
-            if part in NEEDED:
-                raise UnknownName(part, given, f"a part of the body that {name} needs; known names: {', '.join(names)}")
+        called = [plain[one] for one in (part.replace("_", ""), *names) if one in plain]
+        free = [one for one in called if one not in found.values()]
+        if free:
+            found[part] = free[0]
+        elif part in NEEDED:
+            raise UnknownName(part, given, f"a part of the body that {name} needs; known names: {', '.join(names)}")
     return found

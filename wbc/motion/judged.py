@@ -7,17 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.interpolate import CubicSpline
 
 from wbc import checks
+from wbc.control.recorder import Run
+from wbc.control.ticks import about_robot
 from wbc.files import Place, written
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import Flags
-from wbc.motion.clip import Motion, between
+from wbc.motion.clip import Flags, Motion
+from wbc.motion.kinematics import placed, velocities
 from wbc.motion.mapping import Table
-from wbc.motion.targets import Targets
 from wbc.motion.verdict import KINDS, UNITS, Verdict
-from wbc.motion.witness import placed
 from wbc.stack.contact import Contact
 from wbc.types import Mat, Vec
 
@@ -26,14 +26,15 @@ from wbc.types import Mat, Vec
 class Judged:
     """A motion of ``robot``: configurations ``q`` (N, nq) at ``rate`` [1/s], and a verdict for each.
 
-    ``motion`` is the person's, ``targets`` what its parts ask of the robot's frames, ``holds`` {part: (N,)} when a foot
-    stands or a hand holds, ``contacts`` {part: contact} with the friction that was counted on.
+    ``motion`` is the person's, ``targets`` what its parts ask of the robot's frames, which is ``scale`` times the
+    person's size, ``contacts`` {part: contact} with the friction that was counted on.
     """
 
     robot: PinocchioModel
     motion: Motion
     table: Table
-    targets: Targets
+    targets: Motion
+    scale: float
     contacts: Mapping[str, Contact]
     q: Mat
     verdicts: tuple[Verdict, ...]
@@ -49,12 +50,16 @@ class Judged:
     @property
     def times(self) -> Vec:
         """Time (N,) of each frame [s]."""
-        return np.arange(len(self.q)) / self.rate
+        return self.motion.times
 
     @property
     def holds(self) -> Mapping[str, Flags]:
-        """When each contact holds."""
-        return {part: self.targets.holds[part] for part in self.contacts}
+        """When each contact holds: {part: (N,)} of feet that stand and hands that hold."""
+        return {part: self.targets.contacts[part] for part in self.contacts}
+
+    def held(self, k: int) -> dict[str, Contact]:
+        """The contacts that hold in frame k, by part."""
+        return {part: contact for part, contact in self.contacts.items() if self.targets.contacts[part][k]}
 
     @property
     def certified(self) -> float:
@@ -68,33 +73,25 @@ class Judged:
 
     def at(self, moments: Vec) -> Self:
         """The same motion at other moments (M,), in frames from 0 to N − 1, before anybody judged it there."""
-        turned = Rotation.from_quat(self.q[:, 3:7]).as_matrix()
-        quaternions = Rotation.from_matrix(between(turned, moments)).as_quat()
-        signs = np.sign(np.vecdot(np.vstack([self.q[:1, 3:7], quaternions[:-1]]), quaternions))
-        quaternions *= np.cumprod(signs)[:, None]  # of two that are the same rotation, the one near that before
-        limits = self.robot.limits  # at which splines overshoot
-        joints = between(self.q[:, 7:], moments).clip(limits.q_min, limits.q_max)
-        q = np.hstack([between(self.q[:, :3], moments), quaternions, joints])
-        motion, targets = self.motion.at(moments), self.targets.at(moments)
-        return replace(self, motion=motion, targets=targets, q=q, verdicts=())
+        q, limits = CubicSpline(np.arange(len(self.q)), self.q)(moments), self.robot.limits
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+        q[:, 7:] = q[:, 7:].clip(limits.q_min, limits.q_max)  # at which splines overshoot
+        return replace(self, motion=self.motion.at(moments), targets=self.targets.at(moments), q=q, verdicts=())
 
     def faults(self) -> dict[str, tuple[int, int, float, str]]:
         """{kind: (frames, worst frame, worst amount [``UNITS[kind]``], its part)}, causes first."""
-        found: dict[str, tuple[int, int, float, str]] = {}
-        for kind in KINDS:
-            of_kind = [
-                (f.amount, k, f.part) for k, one in enumerate(self.verdicts) for f in one.faults if f.kind == kind
-            ]
-            if of_kind:
-                amount, k, part = max(of_kind)
-                found[kind] = len({k for _, k, _ in of_kind}), k, amount, part
-        return found
+        told: dict[str, list[tuple[float, int, str]]] = {kind: [] for kind in KINDS}
+        for k, verdict in enumerate(self.verdicts):
+            for fault in verdict.faults:
+                told[fault.kind].append((fault.amount, k, fault.part))
+        worst = {kind: (len({k for _, k, _ in of}), *max(of)) for kind, of in told.items() if of}
+        return {kind: (frames, k, amount, part) for kind, (frames, amount, k, part) in worst.items()}
 
     def distances(self) -> dict[str, Vec]:
         """{part: (N,)} how far the robot's frames are from where the person's parts ask them to be [m]."""
         frames = {part: one.frame for part, one in self.table.followers.items() if one.position > 0.0}
         actual = placed(self.robot, self.q, frames)
-        return {part: np.linalg.norm(at - self.targets.places[part], axis=1) for part, (at, _) in actual.items()}
+        return {part: np.linalg.norm(at - self.targets.positions[part], axis=1) for part, (at, _) in actual.items()}
 
     def __str__(self) -> str:
         """The verdict in words."""
@@ -105,6 +102,13 @@ class Judged:
         if self.unsolved:
             said.append(f"limits and contacts contradict each other in {len(self.unsolved)} frames")
         return "\n".join(said)
+
+    @property
+    def run(self) -> Run:
+        """The motion as the record of a run, with ``q`` and ``v``: what is drawn, exported, and written as a table."""
+        v, _, _ = velocities(self.robot, self.q, self.rate)
+        about = {"scenario": "retarget", "motion": self.motion.name, "dt": 1.0 / self.rate, "time_added": self.added}
+        return Run({"t": self.times, "q": self.q, "v": v}, about_robot(self.robot) | about)
 
     def save(self, path: Place) -> None:
         """Write ``.npz``: ``q``, ``rate``, ``joint_names``, ``certified`` (N,), and when each contact holds.
@@ -119,17 +123,15 @@ class Judged:
             np.savez_compressed(file, q=self.q, rate=np.array(self.rate), **columns)
 
     def to_csv(self, path: Place, *, joints: Any = None) -> None:
-        """Write a table: time, base position and quaternion (x y z w), then joints, by default in the robot's order.
-
-        ``joints``: names, such as ``JointMap.joints``, for another order.
+        """Write a table as of a run: time, base and joints, and their velocities; ``joints``: names, such as
+        ``JointMap.joints``, for another order.
 
         Raises:
             InvalidInput: the file cannot be written, or a joint that the robot has not.
         """
-        names = self.robot.joint_names
+        run, names = self.run, self.robot.joint_names
         chosen = names if joints is None else checks.names("joints", joints, names)
-        columns = [7 + names.index(name) for name in chosen]
-        head = ["time", "x", "y", "z", "qx", "qy", "qz", "qw", *chosen]
-        table = np.column_stack([self.times, self.q[:, :7], self.q[:, columns]])
-        with written(path) as aside:
-            np.savetxt(aside, table, delimiter=",", header=",".join(head), comments="", fmt="%.9g")
+        order = [names.index(name) for name in chosen]
+        q, v = (np.hstack([run[x][:, :n], run[x][:, n:][:, order]]) for x, n in (("q", 7), ("v", 6)))
+        meta = {"joint_names": list(chosen), "joint_units": [self.robot.joint_units[j] for j in order]}
+        Run({"t": run["t"], "q": q, "v": v}, run.meta | meta).to_csv(path)

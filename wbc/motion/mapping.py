@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self, final
 
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput, UnknownFrame, UnknownName
 from wbc.files import Place, located
 from wbc.models.pinocchio_ import PinocchioModel
 
 _FOLDER = Path(__file__).with_name("mappings")
-_SIDED = ("hip", "knee", "foot", "shoulder", "elbow", "wrist")
-#: Parts that a mapping names; "head" may be left out.
-PARTS = ("pelvis", "chest", "head", *(f"{side}_{part}" for side in ("left", "right") for part in _SIDED))
 #: Weights of position [1/m²] and orientation [1/rad²] of a part where the mapping says none.
-_WEIGHTS = {
-    "pelvis": (1.0, 1.0), "chest": (0.0, 1.0), "head": (0.0, 0.1), "hip": (0.0, 0.0), "knee": (0.05, 0.0),
-    "foot": (100.0, 20.0), "shoulder": (0.0, 0.0), "elbow": (0.3, 0.0), "wrist": (1.0, 0.0),
+_WEIGHTS = {"pelvis": (1.0, 1.0), "chest": (0.0, 1.0), "head": (0.0, 0.1)}
+_SIDED = {
+    "hip": (0.0, 0.0), "knee": (0.05, 0.0), "foot": (100.0, 20.0), "shoulder": (0.0, 0.0), "elbow": (0.3, 0.0),
+    "wrist": (1.0, 0.0),
 }  # fmt: skip
+#: Parts that a mapping names, with these weights; "head" may be left out.
+PARTS = _WEIGHTS | {f"{side}_{part}": _SIDED[part] for side in ("left", "right") for part in _SIDED}
 
 
 class Follower(NamedTuple):
@@ -31,7 +31,7 @@ class Follower(NamedTuple):
     frame: str
     position: float
     orientation: float
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 @final
@@ -50,7 +50,7 @@ class Table:
 
     followers: Mapping[str, Follower]
     scale: float | None = None
-    name: str = field(default="mapping")
+    name: str = "mapping"
 
     @classmethod
     def of(cls, robot: PinocchioModel, given: Place | Table | None = None) -> Table:
@@ -60,18 +60,16 @@ class Table:
             InvalidInput: no such file, or one that says what makes no sense. UnknownFrame: a frame the robot lacks.
             UnknownName: nothing was given, and none comes with the library for this robot.
         """
-        if isinstance(given, Table):
-            made = given
-        else:
+        if given is None:
+            known = {path.stem: path for path in _FOLDER.glob("*.toml")}
+            given = next((path for name, path in known.items() if robot.name.lower().startswith(name)), None)
             if given is None:
-                known = {path.stem: path for path in _FOLDER.glob("*.toml")}
-                name = next((name for name in known if robot.name.lower().startswith(name)), None)
-                if name is None:
-                    raise UnknownName(robot.name, known, "robots with a mapping; give the path of one for others")
-                given = known[name]
-            made = cls.read(given)
-        for follower in made.followers.values():
-            robot.check_frame(follower.frame)
+                raise UnknownName(robot.name, known, "robots with a mapping; give the path of one for others")
+        made = given if isinstance(given, Table) else cls.read(given)
+        for part, follower in made.followers.items():
+            if follower.frame not in robot.frame_names:
+                hint = f"the mapping {made.name} says that it follows {part}"
+                raise UnknownFrame(follower.frame, robot.frame_names, hint)
         return made
 
     @classmethod
@@ -86,32 +84,26 @@ class Table:
             said = tomllib.loads(place.read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError) as cause:
             raise InvalidInput(f"{place} cannot be read: {cause}") from None
-        frames = said.pop("frames", None)
-        scale = said.pop("scale", None)
+        frames, scale = said.pop("frames", None), said.pop("scale", None)
         if not isinstance(frames, dict) or said:
             raise InvalidInput(f"{place} needs a table [frames], perhaps a number 'scale', and nothing else")
-        found: dict[str, Follower] = {}
-        for part, value in frames.items():
-            if part not in PARTS:
-                raise InvalidInput(f"{place}: {UnknownName(part, PARTS)}")
-            found[part] = _follower(f"{place}: {part}", part, value)
-        lacking = [part for part in PARTS if part not in found and part != "head"]
-        if lacking:
+        if unknown := [part for part in frames if part not in PARTS]:
+            raise InvalidInput(f"{place}: {UnknownName(unknown[0], PARTS)}")
+        found = {part: _follower(f"{place}: {part}", *PARTS[part], value) for part, value in frames.items()}
+        if lacking := [part for part in PARTS if part not in frames and part != "head"]:
             raise InvalidInput(f"{place} names no frame for {', '.join(lacking)}")
         if scale is not None:
             scale = checks.number(f"{place}: scale", scale, low=0.0, strict=True)
         return cls(found, scale, place.stem)
 
 
-def _follower(name: str, part: str, value: Any) -> Follower:
-    position, orientation = _WEIGHTS[part.rpartition("_")[2]]
+def _follower(name: str, position: float, orientation: float, value: Any) -> Follower:
     said = {"frame": value} if isinstance(value, str) else value
     if not isinstance(said, dict) or "frame" not in said or set(said) - set(Follower._fields):
         raise InvalidInput(f"{name} is {checks.shown(value)}; it must be a frame or {{{', '.join(Follower._fields)}}}")
-    offset = checks.array(f"{name}.offset", said.get("offset", (0.0, 0.0, 0.0)), (3,)).tolist()
     return Follower(
         checks.text(f"{name}.frame", said["frame"]),
         checks.number(f"{name}.position", said.get("position", position), low=0.0),
         checks.number(f"{name}.orientation", said.get("orientation", orientation), low=0.0),
-        (offset[0], offset[1], offset[2]),
+        tuple(checks.array(f"{name}.offset", said.get("offset", (0.0, 0.0, 0.0)), (3,)).tolist()),
     )

@@ -22,8 +22,8 @@ from scipy.signal.windows import hann
 
 from wbc.motion.forces import lacking
 from wbc.motion.judged import Judged
+from wbc.motion.kinematics import velocities
 from wbc.motion.verdict import FORCES
-from wbc.motion.witness import velocities
 from wbc.types import Vec
 
 #: The pace at which timing has to help, the least at once, the share of what was found that is used, and how often
@@ -40,7 +40,7 @@ def possible_pace(found: Judged) -> Vec:
     v, a, _ = velocities(found.robot, found.q, found.rate)
     state, pace = found.robot.state(), np.ones(len(found.q))
     for k, verdict in enumerate(found.verdicts):
-        contacts = [contact for part, contact in found.contacts.items() if found.holds[part][k]]
+        contacts = [*found.held(k).values()]
         if verdict.certified or not contacts or not {fault.kind for fault in verdict.faults} <= FORCES:
             continue
         low, middle, high = 0.0, _LEAST**2, 1.0  # of its square

@@ -9,37 +9,21 @@ from typing import Any
 import numpy as np
 import pinocchio
 
-from wbc.control.recorder import Run
 from wbc.models.collision import Obstacle
 from wbc.models.geometry import Sphere
 from wbc.motion.body import spans
-from wbc.motion.clip import BONES, Motion
+from wbc.motion.clip import BONES, Flags, Motion
 from wbc.motion.judged import Judged
 from wbc.motion.verdict import KINDS, UNITS
-from wbc.motion.witness import velocities
+from wbc.report import document
 from wbc.report.build import require_extras
-from wbc.report.document import (
-    Cell,
-    Clock,
-    Curve,
-    Event,
-    Link,
-    Plot,
-    Report,
-    Scene,
-    Section,
-    Strip,
-    Table,
-    Text,
-    Tile,
-    percent,
-)
+from wbc.report.document import Cell, Report, Scene, Section
 from wbc.report.folder import HTML, replaced, write
 from wbc.report.record import judgement
 from wbc.report.replay import replay, together
 from wbc.report.shapes import Part, capsule, parts
 from wbc.sim.scenario import Check, ScenarioResult
-from wbc.types import Mat, Vec
+from wbc.types import Mat
 
 #: Radius of a bone [m] and its colour; how far beside the robot the person is drawn [m].
 _RADIUS, _BONE = 0.03, (185, 140, 90)
@@ -59,7 +43,7 @@ def save_page(found: Judged, folder: Path) -> Path:
         found.save(pending / "motion.npz")
         found.to_csv(pending / "motion.csv")
         demand = Check("frames certified", found.certified, ">=", 1.0)
-        result = ScenarioResult(_run(found), demand.ok, {}, {}, [demand])
+        result = ScenarioResult(found.run, demand.ok, {}, {}, [demand])
         result.run.meta |= judgement(result)
         result.run.save(pending)
         write(page(found), pending)
@@ -68,111 +52,84 @@ def save_page(found: Judged, folder: Path) -> Path:
 
 def page(found: Judged) -> Report:
     """Everything worth saying about a retargeted motion."""
-    times, runs = found.times, _runs(found)
+    rate, good = found.rate, found.certified == 1.0
+    flags = {kind: spans(_flags(found, kind)) for kind in KINDS}
     events = [
-        Event(fault[0] / found.rate, fault[1] / found.rate, kind, "failed", _STRIPS)
-        for kind in KINDS
-        for fault in spans(_flags(found, kind))
+        document.Event(a / rate, b / rate, kind, "failed", _STRIPS) for kind, runs in flags.items() for a, b in runs
     ][:100]
-    tiles = [
-        Tile("frames certified", percent(found.certified), "good" if found.certified == 1.0 else "bad"),
-        Tile("frames", str(len(found.q))),
-        Tile("robot over person", f"{found.targets.scale:.3f}"),
-    ]
+    tiles = [document.Tile("frames certified", document.percent(found.certified), "good" if good else "bad")]
     if found.before is not None:
-        tiles.insert(1, Tile("before repair", percent(found.before.certified)))
-        tiles.insert(2, Tile("time added", f"{found.added:.2f} s"))
-    sections = [_verdicts(found), _impossible(runs, times), _distances(runs, times)]
-    end = "" if found.certified == 1.0 else f"; first impossible: {_first(found)}"
-    said = f"{percent(found.certified)} of {len(found.q)} frames of {found.motion.name} are certified{end}."
-    return Report(
-        f"{found.motion.name} · {found.robot.name}", said, found.certified == 1.0, sections, tiles,
-        Clock(float(times[-1]), 1.0 / found.rate, events), _scene(found),
-    )  # fmt: skip
+        tiles += [
+            document.Tile("before repair", document.percent(found.before.certified)),
+            document.Tile("time added", f"{found.added:.2f} s"),
+        ]
+    tiles += [document.Tile("frames", str(len(found.q))), document.Tile("robot over person", f"{found.scale:.3f}")]
+    said = f"{document.percent(found.certified)} of {len(found.q)} frames of {found.motion.name} are certified"
+    if not good:
+        k, worst = next((k, one.faults[0]) for k, one in enumerate(found.verdicts) if not one.certified)
+        said += f"; first impossible: {worst} at {k / rate:.2f} s"
+    runs = {"": found} if found.before is None else {"repaired": found, "before repair": found.before}
+    clock = document.Clock(float(found.times[-1]), 1.0 / rate, events)
+    sections = [_verdicts(found), _impossible(runs), _distances(runs)]
+    return Report(f"{found.motion.name} · {found.robot.name}", f"{said}.", good, sections, tiles, clock, _scene(runs))
 
 
-def _runs(found: Judged) -> dict[str, Judged]:
-    """The motion by what it is called, and the one before repair."""
-    return {"": found} if found.before is None else {"repaired": found, "before repair": found.before}
-
-
-def _first(found: Judged) -> str:
-    k = next(k for k, verdict in enumerate(found.verdicts) if not verdict.certified)
-    return f"{found.verdicts[k].faults[0]} at {k / found.rate:.2f} s"
-
-
-def _flags(found: Judged, kind: str) -> Any:
+def _flags(found: Judged, kind: str) -> Flags:
     return np.array([any(fault.kind == kind for fault in verdict.faults) for verdict in found.verdicts])
 
 
 def _verdicts(found: Judged) -> Section:
     rows: list[list[Cell]] = [
-        [kind, frames, amount, UNITS[kind], part, Link(f"{k / found.rate:.2f} s", _STRIPS, k / found.rate)]
+        [kind, frames, amount, UNITS[kind], part, document.Link(f"{k / found.rate:.2f} s", _STRIPS, k / found.rate)]
         for kind, (frames, k, amount, part) in found.faults().items()
     ]
-    told = Table(("impossible", "frames", "worst", "unit", "part", "where"), rows)
-    certified = Text("Forces and torques within all limits exist for every frame, with proof.")
+    told = document.Table(("impossible", "frames", "worst", "unit", "part", "where"), rows)
+    certified = document.Text("Forces and torques within all limits exist for every frame, with proof.")
     return Section("Verdict", [told] if rows else [certified])
 
 
-def _impossible(runs: dict[str, Judged], times: Vec) -> Section:
-    strips = []
+def _impossible(runs: dict[str, Judged]) -> Section:
+    strips, times = [], next(iter(runs.values())).times
     for k, (name, found) in enumerate(runs.items()):
         flags = {kind: _flags(found, kind) for kind in KINDS}
         flags |= {f"{found.contacts[part].frame} holds": held for part, held in found.holds.items() if k == 0}
-        strips += [
-            Strip(
-                f"{kind}{f', {name}' if name else ''}",
-                [(a / found.rate, b / found.rate) for a, b in spans(one)],
-                k if len(runs) > 1 else None,
-            )
-            for kind, one in flags.items()
-            if one.any()
-        ]
-    plot = Plot(_STRIPS, "What is impossible, and what holds", "", times, strips=strips, wide=True)
+        for what, one in flags.items():
+            if one.any():
+                label = f"{what}, {name}" if name else what
+                moments = [(a / found.rate, b / found.rate) for a, b in spans(one)]
+                strips.append(document.Strip(label, moments, k if name else None))
+    plot = document.Plot(_STRIPS, "What is impossible, and what holds", "", times, strips=strips, wide=True)
     return Section("Over time", [plot])
 
 
-def _distances(runs: dict[str, Judged], times: Vec) -> Section:
-    curves: list[Curve] = []
-    rows: list[list[Cell]] = []
-    for k, (name, found) in enumerate(runs.items()):
-        far = {part: 1e3 * d for part, d in found.distances().items() if not part.endswith("knee")}
-        curves += [
-            Curve(
-                f"{part}{f', {name}' if name else ''}", d, run=k if name else None, dash=i if name else 0, x=found.times
-            )
-            for i, (part, d) in enumerate(far.items())
-        ]
-        rows += [[part, name, *(round(float(x), 3) for x in (np.median(d), d.max()))] for part, d in far.items()]
-    plot = Plot(
-        _DISTANCE, "Distance to where the person's parts are, at the robot's size", "mm", times, curves, zero=True
+def _distances(runs: dict[str, Judged]) -> Section:
+    far = [{part: 1e3 * d for part, d in found.distances().items() if "knee" not in part} for found in runs.values()]
+    curves = [
+        document.Curve(name or "farthest", np.max([*d.values()], axis=0), run=k if name else None, x=found.times)
+        for k, ((name, found), d) in enumerate(zip(runs.items(), far, strict=True))
+    ]
+    plot = document.Plot(
+        _DISTANCE, "The part that is farthest", "mm", next(iter(runs.values())).times, curves, zero=True
     )
-    return Section("Distance to the person", [plot, Table(("part", "motion", "median [mm]", "largest [mm]"), rows)])
+    rows: list[list[Cell]] = [
+        [part.replace("_", " "), *(round(float(x), 2) for x in (np.median(d), d.max()))] for part, d in far[0].items()
+    ]
+    told = document.Table(("part", "median", "largest"), rows, "Of each part [mm]")
+    return Section("Distance to where the person's parts are, at the robot's size", [plot, told])
 
 
-def _scene(found: Judged) -> Scene | None:
+def _scene(runs: dict[str, Judged]) -> Scene | None:
+    found = next(iter(runs.values()))
+    person, bones = _person(found.motion, found.scale)
     solid = parts(found.robot)
     if not solid:
         return None
-    scenes = []
-    for k, (name, one) in enumerate(_runs(found).items()):
-        person, bones = _person(one.motion, one.targets.scale) if k == 0 else ([], [])
-        scenes.append(replay(_run(one), one.robot, [*solid, *bones], obstacles=person, called=name, place=k))
+    scenes = [
+        replay(one.run, one.robot, [*solid, *bones * (k == 0)], obstacles=person * (k == 0), called=name, place=k)
+        for k, (name, one) in enumerate(runs.items())
+    ]
     scene = together(scenes) if len(scenes) > 1 else scenes[0]
     return Scene(scene.name, f"Beside the robot the person, at its size. {scene.caption}", scene.content, scene.ghosts)
-
-
-def _run(found: Judged) -> Run:
-    """The record of a motion: what is drawn, and exported, as a run is."""
-    robot = found.robot
-    v, _, _ = velocities(robot, found.q, found.rate)
-    limits = {key: getattr(robot.limits, key).tolist() for key in ("q_min", "q_max", "v_max", "tau_max")}
-    meta = {
-        "scenario": "retarget", "motion": found.motion.name, "robot": robot.name, "base": robot.base,
-        "joint_names": list(robot.joint_names), "dt": 1.0 / found.rate, "limits": limits, "time_added": found.added,
-    }  # fmt: skip
-    return Run({"t": found.times, "q": found.q, "v": v}, meta)
 
 
 def _person(motion: Motion, scale: float) -> tuple[list[Obstacle], list[Part]]:

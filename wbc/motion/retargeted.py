@@ -10,14 +10,13 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.files import Place
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import Body
 from wbc.motion.clip import Motion
 from wbc.motion.judged import Judged
 from wbc.motion.mapping import Table
 from wbc.motion.page import save_page
 from wbc.motion.repair import repaired
 from wbc.motion.retargeting import Retargeting
-from wbc.motion.targets import Targets
+from wbc.motion.targets import targets
 from wbc.motion.witness import Witness
 from wbc.sim.scenario import Progress, silent
 
@@ -79,11 +78,11 @@ def retarget(
         raise InvalidInput(f"progress is {checks.shown(progress)}; it must be a function of a share and a word")
     motion = motion if isinstance(motion, Motion) else Motion.read(motion)
     table = Table.of(robot, mapping)
-    targets = Targets.of(Body.of(motion), robot, table)
-    stack = Retargeting(robot, table, targets, rate=motion.rate, acceleration=acceleration, collisions=collisions)
+    asked, scale = targets(motion, robot, table)
+    stack = Retargeting(robot, table, asked, acceleration=acceleration, collisions=collisions)
     share = 0.25 if repair else 0.5
-    q = stack.frames(motion.frames, lambda done: progress(share * done, "retargeting"))
-    found = Retargeted(robot, motion, table, targets, stack.contacts, q, (), tuple(stack.unsolved))
+    q = stack.frames(lambda done: progress(share * done, "retargeting"))
+    found = Retargeted(robot, motion, table, asked, scale, stack.contacts, q, (), tuple(stack.unsolved))
     witness = Witness(robot, stack.contacts, collisions=collisions)
     verdicts = witness.judge(q, motion.rate, found.holds, lambda done: progress(share * (1.0 + done), "judging"))
     found = replace(found, verdicts=tuple(verdicts))

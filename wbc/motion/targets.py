@@ -6,16 +6,21 @@ then stands still in the robot's. Arms have the robot's own lengths along the pe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import final
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
 
+import coal
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInput
+from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import SIDES, Body, Flags, spans, unit
-from wbc.motion.clip import between
+from wbc.motion.body import SIDES, posed, spans, standing, unit
+from wbc.motion.clip import Flags, Motion
+from wbc.motion.kinematics import lowest
 from wbc.motion.mapping import Table
 from wbc.types import Mat, Vec
 
@@ -23,148 +28,146 @@ from wbc.types import Mat, Vec
 _STRETCH = 0.97
 #: A foot leaves and comes to its place of standing within so many seconds.
 _EASE = 0.1
+#: Soles that stand beside each other are so far apart [m]: feet are a little larger than their soles.
+_APART = 0.02
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class Targets:
-    """``places`` {part: (N, 3)} [m], ``turned`` {part: (N, 3, 3)} of the frames of a mapping's parts, z = 0 the floor.
+class _Stand(NamedTuple):
+    """One time of holding, the frames from start to stop, and its pose."""
 
-    ``holds`` {part: (N,)}: a foot that stands, a hand that holds; the target is constant meanwhile. ``scale`` is the
-    robot's size over the person's, ``heights`` {foot: its frame over the floor in standing [m]}.
+    start: int
+    stop: int
+    goal: Vec
+    turn: Rotation
+
+
+def targets(person: Motion, robot: PinocchioModel, table: Table) -> tuple[Motion, float]:
+    """Positions and rotations of the frames of a mapping's parts, and the robot's size over the person's.
+
+    Contacts are those of feet that stand and hands that hold; a target is constant meanwhile. The size is fitted to
+    that of the robot in its reference configuration.
+
+    Raises:
+        InvalidInput: a robot without floating base, or whose feet are not those of the mapping; a part is missing.
     """
+    at, body = _reference(robot, table), posed(person)
+    p, rate = body.positions, body.rate
+    places, turned = {}, dict(body.rotations)
 
-    places: dict[str, Mat]
-    turned: dict[str, Vec]
-    holds: dict[str, Flags]
-    scale: float
+    def length(side: str, one: str, other: str) -> float:
+        return float(np.linalg.norm(at[f"{side}_{one}"] - at[f"{side}_{other}"]))
 
-    @classmethod
-    def of(cls, body: Body, robot: PinocchioModel, table: Table) -> Targets:
-        """Fitted to the size of the robot, as it is in its reference configuration.
+    def limb(start: Mat, side: str, one: str, other: str) -> Mat:
+        return start + length(side, one, other) * unit(p[f"{side}_{other}"] - p[f"{side}_{one}"])
 
-        Raises:
-            InvalidInput: a robot without floating base, or whose feet are not those of the mapping.
-        """
-        at = _reference(robot, table)
-        p = body.motion.positions
-        leg = np.mean([at.length(side, "hip", "knee") + at.length(side, "knee", "ankle") for side in SIDES])
-        scale = table.scale or float(_STRETCH * leg / body.leg)
-        places, turned = {}, dict(body.turned)
-        hips = 0.5 * (p["left_hip"] + p["right_hip"])
-        floor = float(np.mean(list(body.standing.values())))
-        hips = scale * (hips - [0.0, 0.0, floor]) + [0.0, 0.0, at.ankle]
-        middle = 0.5 * (at["left_hip"] + at["right_hip"])
-        places["pelvis"] = hips + turned["pelvis"] @ (at["pelvis"] - middle)
-        places["chest"] = places["pelvis"] + turned["pelvis"] @ (at["chest"] - at["pelvis"])
-        places["head"] = places["chest"] + turned["chest"] @ (at["head"] - at["chest"])
-        turned.setdefault("head", turned["chest"])
-        holds: dict[str, Flags] = {}
-        for side in SIDES:
-            foot, wrist = f"{side}_foot", f"{side}_wrist"
-            ankle = scale * (p[f"{side}_ankle"] - [0.0, 0.0, body.standing[foot]]) + [0.0, 0.0, at.ankle]
-            raised = ankle + turned[foot] @ (at[foot] - at[f"{side}_ankle"])
-            raised[:, 2] += np.maximum(0.0, -_lowest(robot, table.followers[foot].frame, raised, turned[foot]))
-            holds[foot] = body.holds[foot]
-            level = at[foot][2]
-            places[foot], turned[foot] = _anchored(raised, turned[foot], holds[foot], body.motion.rate, level)
-
-            def limb(start: Mat, one: str, other: str, side: str = side) -> Mat:
-                line = p[f"{side}_{other}"] - p[f"{side}_{one}"]
-                return start + at.length(side, one, other) * unit(line)
-
-            hip = places["pelvis"] + turned["pelvis"] @ (at[f"{side}_hip"] - at["pelvis"])
-            shoulder = places["chest"] + turned["chest"] @ (at[f"{side}_shoulder"] - at["chest"])
-            elbow = limb(shoulder, "shoulder", "elbow")
-            hand = limb(elbow, "elbow", "wrist")
-            places |= {f"{side}_hip": hip, f"{side}_knee": limb(hip, "hip", "knee")}
-            holds[wrist] = body.holds[wrist]
-            still = np.tile(np.eye(3), (len(hand), 1, 1))
-            if holds[wrist].any():
-                hand, _ = _anchored(hand, still, holds[wrist], body.motion.rate, None)
-            places[f"{side}_shoulder"], places[f"{side}_elbow"], places[wrist] = shoulder, elbow, hand
-        for part, follower in table.followers.items():
-            if any(follower.offset):
-                around = turned.get(part, turned["chest"])
-                places[part] = places[part] + around @ np.array(follower.offset)
-        return cls(places, turned, holds, scale)
-
-    def at(self, moments: Vec) -> Targets:
-        """The same at other moments (M,), in frames from 0 to N − 1."""
-        places, turned, holds = (
-            {part: between(values, moments) for part, values in one.items()}
-            for one in (self.places, self.turned, self.holds)
-        )
-        return Targets(places, turned, holds, self.scale)
+    bones = [(side, *pair) for side in SIDES for pair in (("hip", "knee"), ("knee", "ankle"))]
+    legs = [np.median(np.linalg.norm(p[f"{s}_{one}"] - p[f"{s}_{other}"], axis=1)) for s, one, other in bones]
+    scale = table.scale or float(_STRETCH * sum(length(*bone) for bone in bones) / sum(legs))
+    heights = {side: standing(p[f"{side}_ankle"]) for side in SIDES}
+    above = np.array([0.0, 0.0, at["left_ankle"][2]])
+    hips = scale * (0.5 * (p["left_hip"] + p["right_hip"]) - [0.0, 0.0, np.mean(list(heights.values()))]) + above
+    places["pelvis"] = hips + turned["pelvis"] @ (at["pelvis"] - 0.5 * (at["left_hip"] + at["right_hip"]))
+    places["chest"] = places["pelvis"] + turned["pelvis"] @ (at["chest"] - at["pelvis"])
+    places["head"] = places["chest"] + turned["chest"] @ (at["head"] - at["chest"])
+    turned.setdefault("head", turned["chest"])
+    stands: dict[str, list[_Stand]] = {}
+    for side in SIDES:
+        foot = f"{side}_foot"
+        ankle = scale * (p[f"{side}_ankle"] - [0.0, 0.0, heights[side]]) + above
+        raised = ankle + turned[foot] @ (at[foot] - at[f"{side}_ankle"])
+        low = lowest(robot, table.followers[foot].frame, raised, turned[foot])[:, :, 2].min(axis=1)
+        places[foot] = raised + np.maximum(0.0, -low)[:, None] * [0.0, 0.0, 1.0]
+        stands[foot] = _stands(places[foot], turned[foot], body.contacts[foot], at[foot][2])
+    _part(stands, {foot: robot.feet[table.followers[foot].frame] for foot in stands})
+    for side in SIDES:
+        foot, wrist = f"{side}_foot", f"{side}_wrist"
+        places[foot], turned[foot] = _anchored(places[foot], turned[foot], stands[foot], rate)
+        hip = places[f"{side}_hip"] = places["pelvis"] + turned["pelvis"] @ (at[f"{side}_hip"] - at["pelvis"])
+        places[f"{side}_knee"] = limb(hip, side, "hip", "knee")
+        shoulder = places["chest"] + turned["chest"] @ (at[f"{side}_shoulder"] - at["chest"])
+        elbow = limb(shoulder, side, "shoulder", "elbow")
+        still = np.tile(np.eye(3), (person.frames, 1, 1))
+        hand = limb(elbow, side, "elbow", "wrist")
+        hand, _ = _anchored(hand, still, _stands(hand, still, body.contacts[wrist], None), rate)
+        places |= {f"{side}_shoulder": shoulder, f"{side}_elbow": elbow, wrist: hand}
+    for part, follower in table.followers.items():
+        if any(follower.offset):
+            places[part] = places[part] + turned.get(part, turned["chest"]) @ np.array(follower.offset)
+    return Motion(rate, places, turned, body.contacts, person.name), scale
 
 
-@final
-class _Reference(dict[str, Vec]):
+def _reference(robot: PinocchioModel, table: Table) -> dict[str, Vec]:
     """Places (3,) of a robot's frames by part, upright with straight arms and legs; and of its ankles."""
-
-    ankle: float
-
-    def length(self, side: str, one: str, other: str) -> float:
-        """Of a limb [m]."""
-        return float(np.linalg.norm(self[f"{side}_{one}"] - self[f"{side}_{other}"]))
-
-
-def _reference(robot: PinocchioModel, table: Table) -> _Reference:
-    feet = [table.followers[f"{side}_foot"].frame for side in SIDES]
-    if robot.nq - robot.nj != 7 or not all(foot in robot.feet for foot in feet):
+    feet = {side: table.followers[f"{side}_foot"].frame for side in SIDES}
+    if robot.nq - robot.nj != 7 or not all(foot in robot.feet for foot in feet.values()):
         raise InvalidInput(
-            f"{robot.name} needs a floating base and feet {' and '.join(feet)}; "
+            f"{robot.name} needs a floating base and feet {' and '.join(feet.values())}; "
             f"its feet are: {', '.join(robot.feet) or 'none'}"
         )
     state = robot.state()
     state.update(0.0, robot.on_ground(robot.q0), np.zeros(robot.nv))
-    found = _Reference({part: state.frame(one.frame).position.copy() for part, one in table.followers.items()})
+    found = {part: state.frame(one.frame).position.copy() for part, one in table.followers.items()}
     found.setdefault("head", found["chest"])
-    for side, foot in zip(SIDES, feet, strict=True):
+    for side, foot in feet.items():
         # The ankle is where the leg's joints end: the frame of the joint that carries the foot.
         joint = robot.pinocchio.frames[robot.frames[foot]].parentJoint
         found[f"{side}_ankle"] = state.data.oMi[joint].translation.copy()
-    found.ankle = float(found["left_ankle"][2])
     return found
 
 
-def _lowest(robot: PinocchioModel, frame: str, places: Mat, turned: Vec) -> Vec:
-    """Height (N,) of the lowest point of a foot."""
-    heights = [places[:, 2] + turned[:, 2] @ np.array(point) - below for point, below in robot.feet[frame].lowest()]
-    return np.asarray(np.min(heights, axis=0))
-
-
-def _anchored(places: Mat, turned: Vec, held: Flags, rate: float, level: float | None) -> tuple[Mat, Vec]:
-    """The same motion with one pose for each time of holding; level feet at height ``level``.
-
-    Between two times of holding the motion is shifted evenly from the one's pose to the next one's, and eased out of
-    the first and into the second, so that velocity does not jump where a contact begins or ends.
-    """
-    found, frames, kept = spans(held), np.arange(len(places)), np.flatnonzero(held)
-    if not found:
-        return places, turned
-    goals, turns = [], []
-    for start, stop in found:
-        goal, turn = places[start:stop].mean(axis=0), Rotation.from_matrix(turned[start:stop]).mean()
+def _stands(places: Mat, turned: Vec, held: Flags, level: float | None) -> list[_Stand]:
+    """One pose for each time of holding, the mean; level feet at height ``level``."""
+    found, own = [], Rotation.from_matrix(turned)
+    for start, stop in spans(held):
+        goal, turn = places[start:stop].mean(axis=0), own[start:stop].mean()
         if level is not None:
             x = turn.as_matrix()[:, 0]
             goal[2], turn = level, Rotation.from_euler("z", np.arctan2(x[1], x[0]))
-        goals.append(goal)
-        turns.append(turn.as_matrix())
-    # Of each frame, how far it is from frames that hold, and which of the times of holding is the nearest.
-    after = np.searchsorted(kept, frames)
-    following = np.minimum(after, len(kept) - 1)
-    back = np.where(after > 0, frames - kept[after - 1], np.inf)
-    ahead = np.where(after < len(kept), kept[following] - frames, np.inf)
-    time = np.repeat(np.arange(len(found)), np.diff(found).ravel())[np.where(back < ahead, after - 1, following)]
-    goal, turn = np.array(goals)[time], Rotation.from_matrix(np.array(turns)[time])
-    own = Rotation.from_matrix(turned)
-    off = np.hstack([goal - places, (turn * own.inv()).as_rotvec()])
-    ends = np.unique(np.array(found) - [0, 1])
-    even = np.column_stack([np.interp(frames, ends, column) for column in off[ends].T])
-    moved, rolled = places + even[:, :3], Rotation.from_rotvec(even[:, 3:]) * own
-    ease = np.minimum(max(round(_EASE * rate), 1), 0.5 * (back + ahead - 1.0)) + 1.0
-    share = np.minimum(np.minimum(back, ahead) / ease, 1.0)[:, None]
-    near = 1.0 - share**2 * (3.0 - 2.0 * share)  # with no speed at either end
-    eased = Rotation.from_rotvec(near * (turn * rolled.inv()).as_rotvec()) * rolled
-    return moved + near * (goal - moved), eased.as_matrix()
+        found.append(_Stand(start, stop, goal, turn))
+    return found
+
+
+def _part(stands: Mapping[str, list[_Stand]], feet: Mapping[str, Foot]) -> None:
+    """Soles that stand at a time are apart: the later one is moved aside, as little as that needs."""
+    soles = {
+        name: coal.Box(2.0 * foot.half_size[0], 2.0 * foot.half_size[1], 1.0)
+        for name, foot in feet.items()
+        if foot.half_size
+    }
+    made = sorted(((one.start, name, one) for name in soles for one in stands[name]), key=lambda each: each[:2])
+    for i, (start, name, late) in enumerate(made):
+        for _, other, early in made[:i]:
+            if name != other and early.stop > start:
+                found, poses = coal.DistanceResult(), []
+                for foot, (_, _, goal, turn) in ((feet[other], early), (feet[name], late)):
+                    poses.append(coal.Transform3s(turn.as_matrix(), goal + turn.apply(foot.origin)))
+                coal.distance(soles[other], poses[0], soles[name], poses[1], coal.DistanceRequest(), found)
+                late.goal[:2] += max(0.0, _APART - found.min_distance) * found.normal[:2]
+
+
+def _anchored(places: Mat, turned: Vec, stands: Sequence[_Stand], rate: float) -> tuple[Mat, Vec]:
+    """The same motion with the pose of each time of holding meanwhile.
+
+    Between two of them the motion is moved evenly from the one's pose to the next one's, and eased out of the first and
+    into the second by cubics, with which it has no velocity where a contact begins or ends.
+    """
+    if not stands:
+        return places, turned
+    frames, own = np.arange(len(places)), Rotation.from_matrix(turned)
+    around = own[np.minimum(frames + 1, frames[-1])] * own[np.maximum(frames - 1, 0)].inv()
+    speed = np.hstack([np.gradient(places, axis=0), 0.5 * around.as_rotvec()])
+    off, held, ease = np.zeros((len(places), 6)), np.zeros(len(places), dtype=bool), max(_EASE * rate, 1.0)
+    for start, stop, goal, turn in stands:
+        off[start:stop] = np.hstack([goal - places[start:stop], (turn * own[start:stop].inv()).as_rotvec()])
+        held[start:stop] = True
+    first, last = stands[0].start, stands[-1].stop - 1
+    knots = {first - ease: (off[first], np.zeros(6)), last + ease: (off[last], np.zeros(6))}
+    knots |= {end: (off[end], -speed[end]) for one in stands for end in (one.start, one.stop - 1)}
+    for a, b in ((one.stop - 1, other.start) for one, other in pairwise(stands)):
+        even, e = (off[b] - off[a]) / (b - a), min(ease, 0.4 * (b - a))
+        knots |= {a + e: (off[a] + e * even, even), b - e: (off[b] - e * even, even)}
+    at = np.array(sorted(knots))
+    values, slopes = (np.array([knots[x][i] for x in at]) for i in (0, 1))
+    swing = CubicHermiteSpline(at, values, slopes)(frames.clip(at[0], at[-1]))
+    off = np.where(held[:, None], off, swing)
+    return places + off[:, :3], (Rotation.from_rotvec(off[:, 3:]) * own).as_matrix()

@@ -9,17 +9,17 @@ is off its place, the median of its places while it holds. Forces are looked for
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
-import pinocchio
 
 from wbc import checks
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import Flags, spans
-from wbc.motion.forces import lacking, without_contact
+from wbc.motion.body import spans
+from wbc.motion.clip import Flags
+from wbc.motion.forces import lacking
+from wbc.motion.kinematics import lowest, placed, velocities
 from wbc.motion.verdict import KINDS, Fault, Verdict
 from wbc.stack.contact import Contact
 from wbc.tasks import CollisionAvoidance
@@ -46,85 +46,54 @@ class Witness:
     def judge(
         self, q: Mat, rate: float, holds: Mapping[str, Flags], progress: Any = lambda done: None
     ) -> list[Verdict]:
-        """A verdict for each frame of configurations q (N, nq) at ``rate`` [1/s], with what holds when.
+        """A verdict for each frame of configurations q (N, nq) at ``rate`` [1/s]; ``holds`` {part: (N,)}.
 
         Raises:
-            InvalidInput: q of another size, or not finite.
+            InvalidInput: q or a part's flags of another size, or not finite; no flags for a contact.
         """
         q = checks.array("q", q, (None, self._robot.nq))
+        holds = {part: checks.array(f"holds[{part}]", holds.get(part), (len(q),)) > 0.5 for part in self._contacts}
         found: list[list[Fault]] = [[] for _ in q]
         v, a, steps = velocities(self._robot, q, rate)
-        self._joints(found, q, steps[:, 6:], rate)
-        for part, corners in self._places(q).items():
-            _contact(found, self._contacts[part].frame, corners, holds[part])
+        self._joints(found, q, np.abs(steps[:, 6:]), rate)
+        frames = {part: contact.frame for part, contact in self._contacts.items()}
+        for part, (positions, rotations) in placed(self._robot, q, frames).items():
+            _contact(found, frames[part], lowest(self._robot, frames[part], positions, rotations), holds[part])
         for k, faults in enumerate(found):
             self._state.update(0.0, q[k], v[k])
-            faults += self._collision()
+            for one, other, distance in self._apart.closest(self._state)[:1] if self._apart is not None else ():
+                if distance < -_DEPTH:
+                    faults.append(Fault("collision", f"{one} and {other}", -1e3 * distance))
             if not faults:
                 held = [contact for part, contact in self._contacts.items() if holds[part][k]]
-                forces = lacking(self._robot, self._state, a[k], held)[0] if held else None
-                faults += without_contact(self._robot, self._state, a[k]) if forces is None else forces
+                faults += lacking(self._robot, self._state, a[k], held)[0]
             progress((k + 1) / len(found))
         return [Verdict(tuple(sorted(faults, key=lambda fault: KINDS.index(fault.kind)))) for faults in found]
 
     def _joints(self, found: list[list[Fault]], q: Mat, steps: Mat, rate: float) -> None:
         limits, names, joints = self._robot.limits, self._robot.joint_names, q[:, 7:]
-        beyond = np.maximum(limits.q_min - joints, joints - limits.q_max)
-        for k, j in np.argwhere(beyond > _POSITION):
-            found[k].append(Fault("position", names[j], float(beyond[k, j])))
-        alone = _alone(np.abs(steps))
-        for k, j in np.argwhere(alone > _JUMP):
-            found[k + 1].append(Fault("jump", names[j], float(np.rad2deg(alone[k, j]))))
-        fast = np.where(alone > _JUMP, 0.0, np.abs(steps) * rate - limits.v_max)
-        for k, j in np.argwhere(fast > _SPEED):
-            found[k + 1].append(Fault("speed", names[j], float(fast[k, j])))
-
-    def _places(self, q: Mat) -> dict[str, Vec]:
-        """Corners (N, k, 3) of every contact."""
-        poses = placed(self._robot, q, {part: contact.frame for part, contact in self._contacts.items()})
-        corners = {part: _corners(contact) for part, contact in self._contacts.items()}
-        return {part: at[:, None] + corners[part] @ R.transpose(0, 2, 1) for part, (at, R) in poses.items()}
-
-    def _collision(self) -> list[Fault]:
-        nearest = self._apart.closest(self._state)[:1] if self._apart is not None else []
-        return [
-            Fault("collision", f"{one} and {other}", -1e3 * distance)
-            for one, other, distance in nearest
-            if distance < -_DEPTH
-        ]
+        alone, first = _alone(steps), np.zeros((1, len(names)))
+        fast = np.where(alone > _JUMP, 0.0, steps * rate - limits.v_max)
+        _tell(found, "position", names, np.maximum(limits.q_min - joints, joints - limits.q_max), _POSITION)
+        _tell(found, "jump", names, np.rad2deg(np.vstack([first, alone])), np.rad2deg(_JUMP))
+        _tell(found, "speed", names, np.vstack([first, fast]), _SPEED)
 
 
-def placed(robot: PinocchioModel, q: Mat, frames: Mapping[str, str]) -> dict[str, tuple[Mat, Vec]]:
-    """Positions (N, 3) [m] and rotations (N, 3, 3) of ``frames`` {name: frame} in configurations (N, nq), by name."""
-    state, rest = robot.state(), np.zeros(robot.nv)
-    found = {name: (np.empty((len(q), 3)), np.empty((len(q), 3, 3))) for name in frames}
-    for k, row in enumerate(q):
-        state.update(0.0, row, rest)
-        for name, (positions, rotations) in found.items():
-            frame = state.frame(frames[name])
-            positions[k], rotations[k] = frame.position, frame.rotation
-    return found
+def _tell(found: list[list[Fault]], kind: str, parts: Sequence[str], amounts: Mat, most: float) -> None:
+    """Amounts (N, parts) of a fault beyond what is none yet."""
+    for k, j in np.argwhere(amounts > most):
+        found[k].append(Fault(kind, parts[j], float(amounts[k, j])))
 
 
-def velocities(robot: PinocchioModel, q: Mat, rate: float) -> tuple[Mat, Mat, Mat]:
-    """Velocities and accelerations (N, nv) of configurations (N, nq), and the steps q_{k+1} ⊖ q_k (N − 1, nv)."""
-    steps = np.array([pinocchio.difference(robot.pinocchio, one, other) for one, other in pairwise(q)])
-    v = np.vstack([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]]) * rate
-    a = np.diff(steps, axis=0) * rate**2
-    return v, np.vstack([a[:1], a, a[-1:]]), steps
-
-
-def _contact(found: list[list[Fault]], frame: str, corners: Vec, held: Flags) -> None:
+def _contact(found: list[list[Fault]], frame: str, points: Vec, held: Flags) -> None:
     """Depth always; slip and height while the contact holds."""
-    low, high, middle = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1), corners.mean(axis=1)[:, :2]
-    for k in np.flatnonzero(-low > _DEPTH):
-        found[k].append(Fault("penetration", frame, -1e3 * float(low[k])))
+    low, high, middle = points[:, :, 2].min(axis=1), points[:, :, 2].max(axis=1), points.mean(axis=1)[:, :2]
+    off = np.zeros(len(points))
     for start, stop in spans(held):
-        off = np.linalg.norm(middle[start:stop] - np.median(middle[start:stop], axis=0), axis=1)
-        for k in np.flatnonzero(off > _SLIP):
-            found[start + k].append(Fault("slip", frame, 1e3 * float(off[k])))
-        for k in start + np.flatnonzero(high[start:stop] > _GAP):
-            found[k].append(Fault("gap", frame, 1e3 * float(high[k])))
+        off[start:stop] = np.linalg.norm(middle[start:stop] - np.median(middle[start:stop], axis=0), axis=1)
+    of_kind = {"penetration": (-low, _DEPTH), "slip": (off, _SLIP), "gap": (np.where(held, high, 0.0), _GAP)}
+    for kind, (amounts, most) in of_kind.items():
+        _tell(found, kind, [frame], 1e3 * amounts[:, None], 1e3 * most)
 
 
 def _alone(size: Mat) -> Mat:
@@ -135,12 +104,3 @@ def _alone(size: Mat) -> Mat:
     once = near[1] < _ALONE * size
     back = (near[0] < _ALONE * size) & (far < _ALONE * size)
     return np.where(once | back, size - near[0], 0.0)
-
-
-def _corners(contact: Contact) -> Mat:
-    """Corners (k, 3) of a contact in its frame."""
-    half = getattr(contact, "half_size", None)
-    if half is None:
-        return np.zeros((1, 3))
-    signs = np.array([(1, 1, 0), (1, -1, 0), (-1, -1, 0), (-1, 1, 0)], dtype=np.float64)
-    return np.asarray(getattr(contact, "origin", np.zeros(3)) + signs * np.append(half, 0.0))

@@ -191,6 +191,22 @@ class Contact(Member):
     def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
         """Write J, drift and e for this state. Pure."""
 
+    def rows(self, state: RobotState, anchor: Anchor | None = None) -> ContactRows:
+        """What ``fill`` writes, in memory of its own; ``anchor`` None: made where it is in this state.
+
+        Example:
+            >>> import numpy as np, wbc
+            >>> from wbc.tasks import feet
+            >>> robot = wbc.load("humanoid", base="floating")
+            >>> rows = feet(robot)[0].rows(robot.state())
+            >>> rows.J.shape, np.abs(rows.e).max() < 1e-12
+            ((6, 36), np.True_)
+        """
+        out = ContactRows()
+        out.J, (out.drift, out.e) = np.zeros((self.dim, state.model.nv)), np.zeros((2, self.dim))
+        self.fill(state, self.anchor(state) if anchor is None else anchor, out)
+        return out
+
     @abstractmethod
     def cone(self) -> Mat:
         """K (k, dim) with K f <= 0 exactly the wrenches the surface can give."""
