@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
@@ -38,6 +39,19 @@ def _block(writer: Any, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+#: Code in a cell of a table, and the places where a long name may break: after a separator, before a capital letter.
+CELL = re.compile(r"<t[dh]\b.*?</t[dh]>", re.DOTALL)
+CODE = re.compile(r'(<span class="pre">)([^<]+)(?=</span>)')
+BREAKS = re.compile(r"(?<=[/_.,(=\[])(?=[\w.({\[])|(?<=[a-z])(?=[A-Z])")
+
+
+def _breakable(app: Any, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+    """Let code in tables break between the words of a name, not within one."""
+    if body := context.get("body"):
+        context["body"] = CELL.sub(lambda c: CODE.sub(lambda m: m[1] + BREAKS.sub("<wbr>", m[2]), c[0]), body)
+
+
 def setup(app: Any) -> None:
     """Typeset mathematics as MathML, which browsers draw by themselves: no script, no font, no network."""
+    app.connect("html-page-context", _breakable)
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))

@@ -15,13 +15,13 @@ DOCS = Path(__file__).resolve().parent
 MODULES: Mapping[str, str] = {
     "wbc": "Robots, stacks, controllers, quadratic programs: the names of everyday use.",
     "wbc.types": "The symbol table, and the status of a solution.",
-    "wbc.errors": "What is raised.",
+    "wbc.errors": "Errors of the library.",
     "wbc.models.feet": "The feet of a robot.",
-    "wbc.methods": "Closed forms beside quadratic programs.",
+    "wbc.methods": "Control methods, as closed forms and as quadratic programs.",
     "wbc.qp": "Quadratic programs with named rows.",
     "wbc.qp.solvers": "Solvers, by name and with their settings.",
     "wbc.sim.simulate": "A controller and a plant in a loop.",
-    "wbc.sim.plant": "What commands act on.",
+    "wbc.sim.plant": "Plants: simulated robots.",
     "wbc.sim.mujoco_": "Physics by MuJoCo.",
     "wbc.sim.drives": "Drives that follow positions.",
     "wbc.sim.disturbance": "Pushes, loads and noise.",
@@ -222,12 +222,13 @@ def own(value: type) -> list[tuple[str, Any]]:
 
 #: Sections of the catalogue: title, where these members go, and whether they are of a base class; the first that is.
 KINDS: Mapping[str, tuple[str, str, str]] = {
-    "Task": ("Kinematic tasks", "task", "In `tasks`. In `subject_to`, `task.exactly()` is an equality and "
-             "`task.within(…)` an interval; in `contacts`, `task.with_reaction()` is a part of the mechanism."),
-    "LinearTask": ("Tasks on torques and forces", "task on torques or forces", "In `tasks`."),
-    "Constraint": ("Limits", "limit", "In `subject_to`; `constraint.softly()` is a task."),
-    "Contact": ("Contacts", "contact", "In `contacts`; `wbc.tasks.feet(robot)` makes those of a robot's own feet."),
-    "Component": ("Components", "component", "In `components`: they remember between ticks."),
+    "Task": ("Kinematic tasks", "task", "Argument `tasks` of a stack. In `subject_to`, `task.exactly()` is an equality "
+             "and `task.within(…)` an interval; in `contacts`, `task.with_reaction()` is a part of the mechanism."),
+    "LinearTask": ("Tasks on torques and forces", "task on torques or forces", "Argument `tasks` of a stack."),
+    "Constraint": ("Limits", "limit", "Argument `subject_to` of a stack; `constraint.softly()` is a task."),
+    "Contact": ("Contacts", "contact", "Argument `contacts` of a stack; `wbc.tasks.feet(robot)` makes those of a "
+                "robot's own feet."),
+    "Component": ("Components", "component", "Argument `components` of a stack: they have memory between ticks."),
 }  # fmt: skip
 
 

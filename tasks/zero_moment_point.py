@@ -19,7 +19,7 @@ from .trajectories import Sinusoid
 class ZeroMomentPoint(Tracking, KernelLinearTask):
     """The centre of pressure of the whole robot is at ``target`` (2,) [m] on the ground of height ``ground``: two rows.
 
-    What the environment gives a robot is a force F = m (c̈ − g) and, about the target o, a moment N = k̇ + (c − o) × F,
+    The environment acts on a robot with a force F = m (c̈ − g) and, about the target o, a moment N = k̇ + (c − o) × F,
     without a horizontal part where o is the zero moment point. Both are linear in a, so no contact force is needed, on
     one foot or on many. The rows are (−N_y, N_x) / (m |g|): metres by which the point misses the target, as long as the
     robot carries its own weight.

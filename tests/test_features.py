@@ -27,7 +27,7 @@ PEERS = {"tsid": "TSID", "pink": "Pink", "mink": "mink", "placo": "PlaCo", "open
 #: Columns of levels: what a member serves is found by compiling it in a stack.
 LEVELS = {"velocity level": "v", "acceleration level": "a", "inverse dynamics": "τ"}
 ANSWERS = ("yes", "partly", "no")
-INTRODUCTION = """# What there is, beside other libraries
+INTRODUCTION = """# Features, beside other libraries
 
 Every task, limit, contact, component and hierarchy there is here, with the levels it serves (v velocities, a
 accelerations, τ torques and forces), beside what five other libraries have. This page is written by

@@ -61,7 +61,7 @@ class Status(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the answer may be used as it is."""
+        """True if the solution may be used as it is."""
         return self is Status.SOLVED
 
     def __str__(self) -> str:

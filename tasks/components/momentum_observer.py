@@ -45,7 +45,7 @@ class MomentumObserver(Component):
         gain: K [1/s], scalar or (nj,).
         threshold: [N m, N], scalar or (nj,); may be assigned. The alarm of joint i is raised once |r_i| > threshold_i
             for ``persistence`` ticks in a row and falls when |r_i| <= ``release`` threshold_i.
-        wrenches: what sensors say of the last interval at the feet or hands: a function giving {frame: wrench (6,)},
+        wrenches: measured wrenches of the last interval at feet or hands: a function giving {frame: wrench (6,)},
             force before moment about the frame's origin, world axes, its frames always the same; may be assigned. A
             stack with contacts needs it: without the contacts' wrenches left and right hips cannot be told apart.
         base_gain: K of the base's rows [1/s], default as the smallest of ``gain``.

@@ -140,7 +140,7 @@ class Command:
 
     @property
     def levels(self) -> tuple[Outcome, ...]:
-        """How each level came out; none where nothing is ranked, or no solver of the hierarchy had part in this."""
+        """The result of each level; empty under ``Weighted``, or if no hierarchy solver made this command."""
         if not isinstance(self._levels, tuple):
             self._levels = self._levels()
         return self._levels

@@ -45,17 +45,17 @@ _NUMBERS = np.dtype(np.float64)
 
 @final
 class Controller(Solving):
-    """Runs a stack on a robot.
+    """Decides the command of each tick for a robot and a stack.
 
     Args:
         robot: from :func:`wbc.load`.
-        stack: what to do.
+        stack: the tasks, contacts, constraints and components.
         level: ``VelocityLevel()``, ``AccelerationLevel()`` or ``InverseDynamics()``.
-        hierarchy: ``Weighted()``, the default, ``Strict()`` or ``Scaled()``: what the levels of the stack mean.
+        hierarchy: ``Weighted()``, the default, ``Strict()`` or ``Scaled()``: how conflicts are resolved.
         solver: a solver's name or its settings.
         dt: time between ticks [s].
-        recovery: what to do in ticks without an answer.
-        watchdog: what is a stale state, a late or a long tick; ``watch`` counts them.
+        recovery: settings of the fallback sequence for ticks without a certified solution.
+        watchdog: settings for stale states and for late and long ticks; ``watch`` counts them.
 
     Raises:
         NotSupported: several robots, a member the level cannot carry, or a solver that cannot keep limits at this rate.
@@ -141,7 +141,7 @@ class Controller(Solving):
         return partial(Controller, **settings), (self.model, self.stack)
 
     def replace(self, stack: Stack) -> None:
-        """Decide with another stack from the next tick on; to be called between ticks.
+        """Replace the stack from the next tick on; call it between ticks.
 
         The stack is compiled here: some milliseconds on a humanoid, so call it where there is time. What both stacks
         have goes on: components that are the same objects keep what they remember, contacts of the same name and frame
@@ -261,7 +261,7 @@ class Controller(Solving):
         return t, q, v
 
     def implausible(self, t: float, q: Vec, v: Vec) -> str:
-        """What is wrong with a state, or nothing. A quaternion that is nearly of norm 1 is normalised in place."""
+        """The reason why a state is impossible, or "". A quaternion of nearly norm 1 is normalised in place."""
         if not -_HUGE < ddot(q, q) + ddot(v, v) + t < _HUGE:  # ddot: in silence where the squares overflow
             if not -_HUGE < t < _HUGE:
                 return f"t is {t:g}"
@@ -396,7 +396,7 @@ class Controller(Solving):
     def explain(self, *, save: str | Path | None = None) -> str:
         """The last tick in words and units: tasks with residual and share of the cost, active rows with multipliers.
 
-        After a tick without an answer: the rows that cannot hold together and how much each must give. ``save`` is a
+        After an infeasible tick: the rows that cannot hold together, and how far each would have to move. ``save`` is a
         file for the QP of that tick; ``wbc explain FILE`` says the same of it.
 
         Raises:

@@ -147,7 +147,7 @@ class Rate:
 
     @property
     def lateness(self) -> Times | None:
-        """How late periods began; None before the first."""
+        """Statistics of the delays with which periods began; None before the first period."""
         return times(self._lateness)
 
     @property

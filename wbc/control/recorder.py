@@ -384,7 +384,7 @@ class Recorder:
 
     @property
     def grown(self) -> int:
-        """How often memory for ``capacity`` rows more was set aside."""
+        """The number of times that memory for ``capacity`` more rows was added."""
         return len(self._full)
 
 

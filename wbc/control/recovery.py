@@ -63,7 +63,7 @@ _OF_RELAXED = ("pdas", "clarabel")
 @final
 @dataclass(frozen=True, kw_only=True)
 class Recovery:
-    """How a controller recovers from ticks without an answer.
+    """Settings of the fallback sequence: what a controller does in a tick without a certified solution.
 
     Args:
         hold_ticks: how many failed ticks in a row may be answered by a closed form or the last certified command

@@ -130,7 +130,7 @@ class ContactEstimate(Method):
         return self._explained(found.x)
 
     def difference(self, result: Explained, reference: Explained) -> Mapping[str, float]:
-        """What the forces differ by in what joints feel, relative to the residual."""
+        """The difference of the joint torques of two forces, relative to the residual."""
         apart = result.force - reference.force
         size = float(self.residual @ self.weight @ self.residual) ** 0.5 or 1.0
         return {"force": max(float(apart @ self._curvature @ apart), 0.0) ** 0.5 / size}

@@ -357,7 +357,7 @@ class WeightedTorque(Method):
     def difference(self, result: Torque, reference: Torque) -> Mapping[str, float]:
         """tau and cost relative to tau − tau_0 in the weighted norm, rows relative to their terms, scale in [0, 1].
 
-        Where the task is scaled, tau is as sensitive as the limits are degenerate, and judged by its rows and its cost.
+        A scaled solution is judged by its rows and its cost, because tau may depend strongly on degenerate limits.
         """
         if np.isnan(result.scale) or np.isnan(reference.scale):
             return {"feasible": 0.0 if np.isnan(result.scale) and np.isnan(reference.scale) else np.inf}

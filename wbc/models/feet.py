@@ -9,7 +9,7 @@ from wbc.models.geometry import Triple
 
 
 class Guessed(UserWarning):
-    """What a file does not say, and what was taken instead: feet, their friction, how a robot stands."""
+    """Warning: a file does not say something that was guessed: feet, their friction, a standing posture."""
 
 
 @final

@@ -65,7 +65,7 @@ _NONE: Mapping[str, float] = MappingProxyType({})
 
 @final
 class Certificate(NamedTuple):
-    """How far an answer is from what it should be; see :mod:`wbc.qp.certificate` for the proof.
+    """The error of a solution in numbers that prove its accuracy; see :mod:`wbc.qp.certificate` for the proof.
 
     ``primal`` is the largest violation [unit of the worst row], ``dual`` and ``gap`` the stationarity and
     complementarity residuals [unit of the cost] with the scales they are compared to. ``bounds`` says for each task
@@ -105,7 +105,7 @@ class Certificate(NamedTuple):
         return max(self.primal, _share(self.dual, self.scale_dual), _share(self.gap, self.scale_gap))
 
     def within(self, tolerance: float) -> bool:
-        """Whether the certificate holds at this tolerance; NaN never does."""
+        """True if the certificate holds at this tolerance; a certificate with NaN never does."""
         return (
             self.primal <= tolerance
             and self.dual <= tolerance * self.scale_dual

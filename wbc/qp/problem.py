@@ -25,7 +25,7 @@ HUGE = 1e100  # no number that means something is larger, and squares of smaller
 
 
 class Row(NamedTuple):
-    """Who a row belongs to, what it says, and the unit of its bounds."""
+    """The name of a row: its member, its label, and the unit of its bounds."""
 
     owner: str
     label: str = ""
@@ -194,7 +194,7 @@ class QP:
 
     # ---- the gate every solver stands behind
     def check(self) -> None:
-        """Refuse what no back end may see. Costs a few microseconds, so every solve begins with it.
+        """Check shapes, finite numbers and bounds. It takes a few microseconds, and every solve begins with it.
 
         Raises:
             InvalidProblem: NaN or inf in H, g, A, b or C; NaN in a bound; crossed bounds; H not symmetric.
@@ -259,7 +259,7 @@ class QP:
                 ) from None
 
     def name_tasks(self, tasks: Sequence[Objective]) -> None:
-        """What the cost is made of now, for those who write the problem's memory; not checked."""
+        """Assign the tasks of the cost without checks, for code that writes into the memory of the problem."""
         self._set(tasks=tuple(tasks))
 
     def copy(self) -> QP:

@@ -167,7 +167,7 @@ class Solver(ABC):
         return self.session(self, shape)
 
     def available(self) -> bool:
-        """Whether the back end is installed; nothing is imported to find out."""
+        """True if the back end is installed; this imports nothing."""
         return all(find_spec(module) is not None for module in self.requires)
 
     def require(self) -> None:

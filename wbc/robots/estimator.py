@@ -201,7 +201,7 @@ class BaseEstimator:
     # ---- what is known
     @property
     def contacts(self) -> Mapping[str, bool]:
-        """Which contacts touch."""
+        """True for each foot that touches the ground, by name."""
         return MappingProxyType(dict(zip(self._names, self._touching.tolist(), strict=True)))
 
     @property

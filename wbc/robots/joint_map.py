@@ -157,7 +157,7 @@ class JointMap:
 
     @property
     def size(self) -> int:
-        """How many slots the device has."""
+        """The number of slots of the device."""
         return len(self.device)
 
     def position_to_device(self, q: Any, *, rest: float = 0.0) -> Vec:

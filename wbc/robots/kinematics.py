@@ -93,8 +93,8 @@ class RobotKinematics:
     ) -> Vec:
         """Joints in degrees at which the frame has a pose (4, 4), the nearest from where the joints are.
 
-        Where position and orientation cannot both be met, the weights of their squares, in m² and rad², decide; 0
-        leaves one out. Numbers behind those of the joints, such as a gripper's, come back as they were.
+        If position and orientation cannot both be met, the weights of their squared errors (m², rad²) set the
+        trade-off; 0 leaves one out. Numbers behind those of the joints, such as a gripper's, come back as they were.
 
         Raises:
             InvalidInput: another shape, a matrix that is no pose, a negative weight, or both 0.

@@ -29,11 +29,11 @@ class Effect:
         """Called before the step that starts at time t [s]."""
 
     def measure(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
-        """What the sensors say of the true q (nq,), v (nv,)."""
+        """The measured state for the true q (nq,), v (nv,)."""
         return q, v
 
     def deliver(self, command: Drive) -> Drive:
-        """What the actuators get of a command."""
+        """The command that reaches the actuators."""
         return command
 
 

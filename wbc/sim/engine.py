@@ -28,7 +28,7 @@ def mujoco() -> Any:
 @final
 @dataclass(frozen=True, kw_only=True)
 class PhysicsSettings:
-    """How the engine is set; everything that is not said here is MuJoCo's default. The friction cone is elliptic.
+    """Settings of the physics engine; every other setting is MuJoCo's default. The friction cone is elliptic.
 
     ``solref`` (time constant [s], damping ratio) and ``solimp`` shape how soft contacts and joint stops are: with the
     default a 90 kg robot sinks a third of a millimetre. ``impratio`` makes friction stiffer than the normal direction:

@@ -120,7 +120,7 @@ class MujocoPlant(Plant):
     # ---- where the robot is
     @property
     def fallen(self) -> bool:
-        """Whether the base leans by more than 45° against the start, or has lost more than 40 % of its height."""
+        """True if the base leans by more than 45° against the start, or has lost more than 40 % of its height."""
         if not self.model.nb:
             return False
         height = self._q[2] - self.floor

@@ -16,7 +16,7 @@ from wbc.types import Vec
 
 
 class Drive(Protocol):
-    """What a plant reads of a command. Arrays are the command's own and stay valid: it may be delivered late."""
+    """The part of a command that a plant reads. It keeps its arrays, so a command may be delivered late."""
 
     @property
     def tau(self) -> Vec:
@@ -75,7 +75,7 @@ class Plant(ABC):
 
     @property
     def fallen(self) -> bool:
-        """Whether a floating-base robot lies, or is about to; always False where nothing can fall."""
+        """True if a floating-base robot has fallen or is falling; always False for a fixed base."""
         return False
 
     def reset(self, q: Vec, v: Vec | None = None, *, t: float = 0.0) -> None:
@@ -126,7 +126,7 @@ class Plant(ABC):
         raise NotSupported(f"{type(self).__name__} cannot change its masses, so none can be put on {frame!r}")
 
     def truth(self) -> Mapping[str, Vec | float]:
-        """What only the plant knows about the step just made, by column name."""
+        """Truths about the last step that no sensor measures, by column name."""
         return {}
 
     def settings(self) -> dict[str, Any]:

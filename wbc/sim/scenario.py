@@ -87,7 +87,7 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        """Whether it holds; a value that is not a number holds nothing."""
+        """True if the demand is met; a value that is not a number never meets it."""
         return bool(RELATIONS[self.relation](self.value, self.bound))
 
     @property
@@ -104,7 +104,7 @@ def failed_first(checks: Iterable[Check]) -> list[Check]:
 @final
 @dataclass(frozen=True, eq=False)
 class ScenarioResult:
-    """What a scenario hands back: the recorded run and its judgement.
+    """The result of a scenario: the recorded run and its verdict.
 
     ``violations`` {kind: (worst, unit)}, 0 when nothing was broken; ``tracking`` {task: {"rms", "max"}} in the
     task's own unit (:mod:`wbc.report.measure` reads both from a run); ``figures`` whatever else the scenario
@@ -191,7 +191,7 @@ class Scenario(ABC):
 
     @abstractmethod
     def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
-        """What came of the runs. Each is simulated when it is taken from ``trials``, in the order of the cases."""
+        """Judge the runs. Each is simulated when it is taken from ``trials``, in the order of the cases."""
 
     @final
     def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
@@ -305,7 +305,7 @@ def find(text: str) -> Scenario:
 
 
 def member(text: str, kind: type[T], called: str) -> T:
-    """What is registered by that name and of ``kind``, ``called`` so; or ``module:name``, or ``file.py:name``.
+    """The object of ``kind`` with a registered name, or of ``module:name`` or ``file.py:name``; errors say ``called``.
 
     Raises:
         UnknownScenario: no such name.

@@ -54,7 +54,7 @@ def simulate(
 
     Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP.
 
-    Who has joined (:mod:`wbc.sim.joining`) looks on and may bring disturbances along.
+    Observers that joined (:mod:`wbc.sim.joining`) see the run and may add disturbances.
 
     The run ends early when the robot has fallen, or when the plant diverges or is given a command that is not finite:
     ``run.meta["ended"]`` says which ("complete" otherwise).

@@ -14,7 +14,7 @@ from wbc.types import Vec
 
 
 class Component(ABC):
-    """A member with state between ticks: an observer, an adaptive law, a schedule.
+    """A member with state between ticks: an observer, an adaptive controller, a schedule.
 
     In each tick ``before`` returns its changes as an :class:`~wbc.stack.overrides.Overrides`, or None. ``after`` gets
     the command; the recorder writes ``signals``. A :class:`Schedule` selects the active contacts. If a component raises
@@ -55,7 +55,7 @@ class Component(ABC):
         """Called in each tick with the command just decided."""
 
     def signals(self) -> Mapping[str, Vec | float]:
-        """What to record each tick, by name; sizes do not change."""
+        """Arrays for the record of each tick, by name; their sizes do not change."""
         return {}
 
     def __repr__(self) -> str:

@@ -43,7 +43,7 @@ class Constraint(Member):
         return str(row) if getattr(self, "dim", 1) > 1 else ""
 
     def softly(self, *, weight: Any = 1.0, name: str | None = None) -> Softly:
-        """The same constraint as an objective, to stand among the tasks of a stack: it may be broken, at a cost."""
+        """The same constraint as an objective for the tasks of a stack: it may be violated at a cost."""
         return Softly(self, weight=weight, name=name)
 
 
@@ -124,9 +124,9 @@ class Barrier(Constraint):
     Velocity level:      ḣ >= −γ h              ḣ = J v + ∂h/∂t
     Acceleration level:  ḧ >= −2 γ ḣ − γ² h     ḧ = J a + drift   (relative degree 2, both poles at γ)
 
-    Where h < 0 they ask for the way back, at the rate γ. That may be more than torques and contacts can give, so with a
-    ``slack`` weight the rows have a slack: s is taken off the right side, in 1/s or 1/s² of h's unit, at the cost
-    ½ slack s². It stands above every level and task; ``slack=None`` makes the rows exact.
+    Outside the set (h < 0) the same rows lead back at the rate γ. That may be more than torques and contacts can give,
+    so with a ``slack`` weight the rows have a slack: s is taken off the right side, in 1/s or 1/s² of h's unit, at the
+    cost ½ slack s². It stands above every level and task; ``slack=None`` makes the rows exact.
 
     Subclasses set ``dim`` and ``units`` and write ``fill``. Source: Ames et al., ECC 2019; Nguyen, Sreenath, ACC 2016.
     """
@@ -150,7 +150,7 @@ class Barrier(Constraint):
         """Write h, J and drift (and rate) for this state. Pure."""
 
     def about(self, row: int) -> str:
-        """What one row is about in the state that was filled last; for most its label, always."""
+        """The subject of a row, in the state of the last fill; for most members it is always the label."""
         return self.label(row)
 
 

@@ -112,7 +112,7 @@ class Contact(Member):
 
     @property
     def target(self) -> Anchor | None:
-        """Where the contact is to be held, read when it is made; None: where the frame is then."""
+        """The pose at which the contact is held, read when it is made; None: the pose of the frame at that time."""
         return self._target
 
     @target.setter
@@ -156,7 +156,7 @@ class Contact(Member):
 
     @property
     def wrench_axes(self) -> tuple[int, ...]:
-        """Which of a wrench's (fx, fy, fz, mx, my, mz) the contact gives, (dim,); of its motion the same six."""
+        """Indices (dim,) of the entries of (fx, fy, fz, mx, my, mz) that the contact transmits, and of held motions."""
         return tuple(range(self.dim))
 
     def gains(self) -> tuple[Any, Any, Any]:
@@ -164,7 +164,7 @@ class Contact(Member):
         return self.kp, self.kd, self.kp / self.kd if self.kd > 0.0 else 0.0
 
     def motion_labels(self) -> Sequence[str]:
-        """What each motion row is called."""
+        """The name of each motion row."""
         return [_AXES[axis] for axis in self.wrench_axes]
 
     def force_labels(self) -> list[tuple[str, str]]:
@@ -185,7 +185,7 @@ class Contact(Member):
 
     @abstractmethod
     def anchor(self, state: RobotState) -> Anchor:
-        """Where the contact is in this state."""
+        """The pose of the contact in this state."""
 
     @abstractmethod
     def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:

@@ -125,7 +125,7 @@ class QpSolvers(Solver):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the back end is told."""
+        """The settings of the back end."""
         backend = BACKENDS[self.name]
         return dict.fromkeys(backend.tolerances, self.accuracy) | dict(backend.others)
 

@@ -70,7 +70,7 @@ class QpRecorder:
         return any(start <= tick < start + length for start in starts)
 
     def problems(self, name: str, source: str = "recorded") -> ProblemSet:
-        """What was kept.
+        """The recorded QPs.
 
         Raises:
             InvalidInput: nothing was.
