@@ -56,7 +56,7 @@ class CoreSolver(RowSolver):
             given=p.weights, reach=reach, push=self.push, z=self.z, left=self.left, proof=proof, unit=p.units,
             numbers=np.array([1.0, p.regularisation, 0.0, 0.0]),
         )  # fmt: skip
-        self._memory, self._side = Memory(*self.memory), self.memory.side
+        self._memory, self._side, self._sizes = Memory(*self.memory), self.memory.side, sizes
         self.address = self._memory.address
         self.kernel = place_of(answer), self.address
         # Where each item stands in ``value``.
@@ -85,7 +85,7 @@ class CoreSolver(RowSolver):
     @property
     def work(self) -> tuple[int, int]:
         """Guesses of the last answer, and steps of the finite method after them."""
-        return self.memory.sizes.item(7), self.memory.sizes.item(8)
+        return self._sizes.item(7), self._sizes.item(8)
 
     def reset(self) -> None:
         self._side.fill(0.0)

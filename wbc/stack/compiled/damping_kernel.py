@@ -57,18 +57,19 @@ def observe(at: int) -> int:
             left = min(left, abs(e[i]))
             square += weights[i] * left * left
             fastest, damps = max(fastest, gain[i]), damps + kd[i]
+            row, weight = G[i][column:], weights[i]
             for j in range(nj):
-                lever[j] += weights[i] * G[i, column + j] ** 2
+                lever[j] += weight * row[j] ** 2
         for j in range(nj):
             lever[j] = sqrt(lever[j])
-        factor = max(numbers[1] * fastest, numbers[0])
+        factor, damps = max(numbers[1] * fastest, numbers[0]), damps / (first[t + 1] - first[t])
         _asked(factor, possible, lever, asked[t])
         for j in range(nj):
             most[j] += asked[t, j]
         _asked(factor, square, lever, asked[t])
         for j in range(nj):
             needed[j] += asked[t, j]
-            rate[j] += asked[t, j] * damps / (first[t + 1] - first[t])
+            rate[j] += asked[t, j] * damps
             finite = finite and abs(needed[j]) < inf
     if not finite:
         for j in range(nj):

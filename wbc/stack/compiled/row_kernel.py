@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from wbc.compiled import call_at, carray, floats, integers, kernel, small_kernel
-from wbc.stack.compiled.geometry import cross, three
+from wbc.stack.compiled.geometry import cross, plus, three
 from wbc.types import Index, Mat, Vec
 
 #: What a thing is.
@@ -91,23 +91,23 @@ def _see_frame(thing: Index, placement: Vec, second: bool, place: Vec, motion: V
 
 
 @kernel
-def _write_columns(C: Mat, thing: Index, place: Vec, nv: int, adds: bool, J: Mat) -> None:
-    """C times what each velocity makes of one thing, in J or added to it. Columns that do not move it stay."""
-    frame, width = thing[0] == FRAME, 3 if thing[0] == CENTRE else 6
-    columns = carray(floats(thing[6]), (nv, width))
-    px, py, pz = place[9], place[10], place[11]
-    for k in range(thing[1]):
-        c = thing[THING + k]
-        column = columns[c]
-        u0, u1, u2, w0, w1, w2 = column[0], column[1], column[2], 0.0, 0.0, 0.0
-        if width == 6:
-            w0, w1, w2 = column[3], column[4], column[5]
-        if frame:  # Pinocchio's columns are about the world's origin
-            u0, u1, u2 = u0 + w1 * pz - w2 * py, u1 + w2 * px - w0 * pz, u2 + w0 * py - w1 * px
-        for r in range(len(J)):
-            row = C[r]
-            x = row[0] * u0 + row[1] * u1 + row[2] * u2 + row[3] * w0 + row[4] * w1 + row[5] * w2
-            J[r, c] = J[r, c] + x if adds else x
+def _write_columns(C: Mat, first: int, thing: Index, place: Vec, nv: int, adds: bool, J: Mat) -> None:
+    """Six columns of C times what each velocity makes of one thing, in J or added to it. Those that do not move it
+    stay."""
+    width = 3 if thing[0] == CENTRE else 6
+    columns, moving = carray(floats(thing[6]), (nv, width)), thing[THING:]
+    for r in range(len(J)):
+        row, out = C[r][first:], J[r]
+        a, b = three(row, 0), three(row, 3)
+        if thing[0] == FRAME:  # Pinocchio's columns are about the world's origin
+            b = plus(b, 1.0, cross(three(place, 9), a))
+        for k in range(thing[1]):
+            c = moving[k]
+            column = columns[c]
+            x = a[0] * column[0] + a[1] * column[1] + a[2] * column[2]
+            if width == 6:
+                x += b[0] * column[3] + b[1] * column[4] + b[2] * column[5]
+            out[c] = out[c] + x if adds else x
 
 
 @kernel
@@ -160,7 +160,7 @@ def write(at: int) -> int:
         for c in range(nv):
             J[r, c] = 0.0
     for k in range(n):
-        _write_columns(C[:, 6 * k : 6 * k + 6], things[k], places[k], nv, n > 1, J)
+        _write_columns(C, 6 * k, things[k], places[k], nv, n > 1, J)
     if second:
         for r in range(dim):
             drift[r] = bent[r]

@@ -50,7 +50,7 @@ from wbc.qp.lexicographic.compiled.space import (
     triangular,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduced
-from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products
+from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, times
 from wbc.qp.rows.compiled.work import place_of, views
 from wbc.tolerances import CANCELS, NOISE, ROUNDING, SHARP
 
@@ -171,7 +171,7 @@ def settle(at: int, rank: int, d: int) -> None:
     for i in range(k):
         w.missing[i] = 0.0
     for i in range(k if k <= rest else 0):
-        products(w.A[:, rank:], i, 0, rest, w.K[i])
+        times(w.A[:, rank:], w.A[i, rank:], 0, i + 1, rest, w.K[i])
         w.K[i, i] += 1.0
     factor(w.K, 0, k if k <= rest else 0, 0.0)
     for i in range(rest if k > rest else 0):

@@ -21,7 +21,7 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.compiled import part, small_kernel
-from wbc.qp.rows.compiled.linear import add, add_four, backward, dot, factor, forward, products
+from wbc.qp.rows.compiled.linear import add_rows, backward, dot, factor, forward, times
 from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views, weighed
 from wbc.tolerances import MET, NOISE, ROUNDING
 from wbc.types import Vec
@@ -43,17 +43,17 @@ def reduce_base(at: int) -> bool:
     if factor(s.B, 0, nu, 0.0):
         return False
     for i in range(nu):
+        x, row, pivot = s.X[i], s.G[i][nu:], s.B[i, i]
         for c in range(ny + 1):
-            s.X[i, c] = s.G[i, nu + c]
-        for j in range(i):
-            add(-s.B[i, j], s.X[j], ny + 1, s.X[i])
+            x[c] = row[c]
+        add_rows(-1.0, s.B[i], s.X, 0, i, ny + 1, x)
         for c in range(ny + 1):
-            s.X[i, c] *= s.B[i, i]
+            x[c] *= pivot
     for i in range(nu - 1, -1, -1):
-        for j in range(i + 1, nu):
-            add(-s.B[j, i], s.X[j], ny + 1, s.X[i])
+        x, pivot = s.X[i], s.B[i, i]
+        add_rows(-1.0, s.B[:, i], s.X, i + 1, nu, ny + 1, x)
         for c in range(ny + 1):
-            s.X[i, c] *= s.B[i, i]
+            x[c] *= pivot
     return True
 
 
@@ -61,16 +61,10 @@ def reduce_base(at: int) -> bool:
 def reduced(s: Work, row: Vec, out: Vec) -> None:
     """A row of G in y alone."""
     nu, ny = s.sizes[0], s.sizes[1]
+    own = row[nu:]
     for c in range(ny + 1):
-        out[c] = row[nu + c]
-    j = 0
-    while j + 3 < nu:
-        add_four(s.X, j, (-row[j], -row[j + 1], -row[j + 2], -row[j + 3]), 0, ny + 1, out)
-        j += 4
-    while j < nu:
-        if row[j] != 0.0:
-            add(-row[j], s.X[j], ny + 1, out)
-        j += 1
+        out[c] = own[c]
+    add_rows(-1.0, row, s.X, 0, nu, ny + 1, out)
 
 
 @small_kernel
@@ -82,11 +76,12 @@ def drop_rounding(s: Work, row: Vec) -> None:
     changes it by less says nothing of where the unknown should be, however the entries compare with one another.
     """
     nu, ny = s.sizes[0], s.sizes[1]
-    rounding = NOISE * (1.0 + abs(row[ny]))
+    lower, upper, rounding, small = s.lower[nu:], s.upper[nu:], NOISE * (1.0 + abs(row[ny])), 0
     for c in range(ny):
-        low, high = s.lower[nu + c], s.upper[nu + c]
-        if row[c] != 0.0 and abs(row[c]) * min(high - low + MET, 1.0) <= rounding:
-            row[ny] += row[c] * min(max(s.centre[c], low), high)
+        small += int(row[c] != 0.0) & int(abs(row[c]) * min(upper[c] - lower[c] + MET, 1.0) <= rounding)
+    for c in range(ny if small else 0):
+        if row[c] != 0.0 and abs(row[c]) * min(upper[c] - lower[c] + MET, 1.0) <= rounding:
+            row[ny] += row[c] * min(max(s.centre[c], lower[c]), upper[c])
             row[c] = 0.0
 
 
@@ -121,7 +116,7 @@ def factor_metric(at: int) -> bool:
         for c in range(ny):
             columns[c, k] = root * s.E[k, c] * s.free[c]
     for i in range(ny):
-        products(columns, i, 0, ns, s.H[i])
+        times(columns, columns[i], 0, i + 1, ns, s.H[i])
         s.H[i, i] += s.metric[i] if s.free[i] != 0.0 else 1.0
     return bool(factor(s.H, 0, ny, _SINGULAR) == 0)
 
@@ -193,7 +188,7 @@ def hold_guess(at: int) -> bool:
         return False
     for i in range(first, m):
         half(s, s.E[i], s.F[i])
-        products(s.F, i, first, ny, s.K[i])
+        times(s.F, s.F[i], first, i + 1, ny, s.K[i])
         if i < ns:
             s.K[i, i] += compliance(s, i)
         s.length[i] = s.K[i, i]
@@ -205,20 +200,21 @@ def hold_guess(at: int) -> bool:
 def step(at: int, is_first: bool) -> None:
     """One Newton step on (y, λ) from where they are. ``is_first``: nothing pushes yet and y is the centre."""
     s = views(at)
-    nu, ny, ns, m, first = s.sizes[0], s.sizes[1], weighed(s), s.sizes[6], first_row(s)
+    nu, ny, m, first = s.sizes[0], s.sizes[1], s.sizes[6], first_row(s)
     y = s.value[nu:]
-    for i in range(ns, m) if first else range(m):
-        s.rho[i] = -(dot(s.E[i], y, ny) + s.E[i, ny] + compliance(s, i) * s.lam[i])
+    times(s.E, y, 0, m, ny, s.a)
+    for i in range(m):
+        s.a[i] += s.E[i, ny]
+        s.rho[i] = -(s.a[i] + compliance(s, i) * s.lam[i])
+        s.a[i] = -s.weights[i] * s.a[i] if i < first else s.lam[i]
     if first > 0 or s.sizes[5] == VARIABLES or not is_first:
         for c in range(ny):
             s.r[c] = -s.metric[c] * (y[c] - s.centre[c])
-        for i in range(m):
-            share = -s.weights[i] * (dot(s.E[i], y, ny) + s.E[i, ny]) if i < first else s.lam[i]
-            if share != 0.0:
-                add(share, s.E[i], ny, s.r)
+        add_rows(1.0, s.a, s.E, 0, m, ny, s.r)
         half(s, s.r, s.t)
+        times(s.F, s.t, first, m, ny, s.a)
         for i in range(first, m):
-            s.rho[i] -= dot(s.F[i], s.t, ny)
+            s.rho[i] -= s.a[i]
     else:
         for c in range(ny):
             s.t[c] = 0.0
@@ -226,7 +222,7 @@ def step(at: int, is_first: bool) -> None:
     backward(s.K, first, m, s.rho)
     for i in range(first, m):
         s.lam[i] += s.rho[i]
-        add(s.rho[i], s.F[i], ny, s.t)
+    add_rows(1.0, s.rho, s.F, first, m, ny, s.t)
     back(s, s.t)
     for c in range(ny):
         y[c] += s.t[c]
@@ -237,7 +233,7 @@ def evaluate(at: int) -> None:
     """u from y, and every row."""
     s = views(at)
     nu, ny = s.sizes[0], s.sizes[1]
+    y, x1, rows = s.value[nu:], s.value, s.value[nu + ny + 1 :]
     for j in range(nu):
-        s.value[j] = -(dot(s.X[j], s.value[nu:], ny) + s.X[j, ny])
-    for i in range(len(s.G)):
-        s.value[nu + ny + 1 + i] = dot(s.G[i], s.value, nu + ny + 1)
+        x1[j] = -(dot(s.X[j], y, ny) + s.X[j, ny])
+    times(s.G, x1, 0, len(s.G), nu + ny + 1, rows)

@@ -27,7 +27,7 @@ from wbc.qp.rows.compiled.equality import (
     step,
     write_row,
 )  # fmt: skip
-from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, products, remove
+from wbc.qp.rows.compiled.linear import add, add_rows, backward, dot, factor, forward, remove, times
 from wbc.qp.rows.compiled.verify import beyond, disproved, largest_push
 from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, is_fixed, place_of, views, weighed
 from wbc.tolerances import ROUNDING, SAME
@@ -54,15 +54,16 @@ def direction(at: int, item: int) -> float:
         s.K[m, i] = s.rho[i] = 0.0
     room = s.length[m]
     for _ in range(3):
+        times(s.F, s.t, first, m, ny, s.a)
         for i in range(first, m):
-            s.a[i] = dot(s.F[i], s.t, ny) - compliance(s, i) * s.rho[i]
+            s.a[i] -= compliance(s, i) * s.rho[i]
         forward(s.K, first, m, s.a)
         for i in range(first, m):
             s.K[m, i] += s.a[i]
         backward(s.K, first, m, s.a)
         for i in range(first, m):
             s.rho[i] += s.a[i]
-            add(-s.a[i], s.F[i], ny, s.t)
+        add_rows(-1.0, s.a, s.F, first, m, ny, s.t)
         before, room = room, dot(s.t, s.t, ny)
         for i in range(first, min(m, ns)):
             room += compliance(s, i) * s.rho[i] ** 2
@@ -111,7 +112,7 @@ def start(at: int) -> bool:
         return False
     for i in range(first, ns):
         half(s, s.E[i], s.F[i])
-        products(s.F, i, first, ny, s.K[i])
+        times(s.F, s.F[i], first, i + 1, ny, s.K[i])
         s.K[i, i] += compliance(s, i)
         s.length[i] = s.K[i, i]
     if factor(s.K, first, ns, 0.0):

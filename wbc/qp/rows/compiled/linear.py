@@ -1,4 +1,8 @@
-"""Linear algebra of the kernels: small dense systems, where a call of LAPACK would cost more than its work."""
+"""Linear algebra of the kernels: small dense systems, where a call of LAPACK would cost more than its work.
+
+Long loops run from 0, over slices. An index that may be negative counts from the end, and a loop that has to look at
+its sign is not vectorised.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +29,10 @@ def add(share: float, a: Vec, n: int, out: Vec) -> None:
 
 
 @small_kernel
-def products(F: Mat, i: int, first: int, n: int, out: Vec) -> None:
-    """out[j] = F[i] · F[j] for first ≤ j ≤ i, four at a time."""
-    row, j = F[i], first
-    while j + 3 <= i:
+def times(F: Mat, row: Vec, first: int, last: int, n: int, out: Vec) -> None:
+    """out[j] = row · F[j] for first ≤ j < last, the first n entries, four at a time."""
+    j = first
+    while j + 3 < last:
         p, q, r, s = F[j], F[j + 1], F[j + 2], F[j + 3]
         a = b = c = d = 0.0
         for k in range(n):
@@ -39,30 +43,34 @@ def products(F: Mat, i: int, first: int, n: int, out: Vec) -> None:
             d += v * s[k]
         out[j], out[j + 1], out[j + 2], out[j + 3] = a, b, c, d
         j += 4
-    while j <= i:
+    while j < last:
         out[j] = dot(row, F[j], n)
         j += 1
 
 
 @small_kernel
-def add_four(A: Mat, k: int, shares: tuple[float, float, float, float], first: int, last: int, out: Vec) -> None:
-    """out += Σ shares · rows k to k + 3 of A, entries first to last − 1."""
-    p, q, r, s = A[k], A[k + 1], A[k + 2], A[k + 3]
-    a, b, c, d = shares
-    if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
-        for i in range(first, last):
-            out[i] += a * p[i] + b * q[i] + c * r[i] + d * s[i]
+def add_rows(sign: float, shares: Vec, A: Mat, first: int, last: int, n: int, out: Vec) -> None:
+    """out += sign · Σ shares[k] A[k] for first ≤ k < last, the first n entries, four at a time."""
+    k = first
+    while k + 3 < last:
+        a, b, c, d = sign * shares[k], sign * shares[k + 1], sign * shares[k + 2], sign * shares[k + 3]
+        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+            p, q, r, s = A[k], A[k + 1], A[k + 2], A[k + 3]
+            for i in range(n):
+                out[i] += a * p[i] + b * q[i] + c * r[i] + d * s[i]
+        k += 4
+    while k < last:
+        if shares[k] != 0.0:
+            add(sign * shares[k], A[k], n, out)
+        k += 1
 
 
 @small_kernel
-def take_from_two(A: Mat, k: int, i: int, first: int) -> None:
-    """Rows i and i + 1 of A lose their shares, in columns k to k + 3, of rows k to k + 3: entries from ``first`` on."""
-    p, q, r, s, x, y = A[k], A[k + 1], A[k + 2], A[k + 3], A[i], A[i + 1]
-    a, b, c, d = x[k], x[k + 1], x[k + 2], x[k + 3]
-    e, f, g, h = y[k], y[k + 1], y[k + 2], y[k + 3]
-    for j in range(first, i + 2):
-        x[j] -= a * p[j] + b * q[j] + c * r[j] + d * s[j]
-        y[j] -= e * p[j] + f * q[j] + g * r[j] + h * s[j]
+def inverse_pivot(row: Vec, j: int, first: int, tolerance: float) -> float:
+    """1 / √ of the pivot in column j, 0 where it is at most ``tolerance`` of what the diagonal entry was."""
+    left = row[first:]
+    size = row[j] + dot(left, left, j - first)
+    return 1.0 / sqrt(row[j]) if row[j] > tolerance * size else 0.0
 
 
 @kernel
@@ -70,59 +78,68 @@ def factor(A: Mat, first: int, last: int, tolerance: float) -> int:
     """Lower Cholesky factor of A[first:last, first:last] in place, with the *inverse* of its diagonal.
 
     A row whose pivot is at most ``tolerance`` of its diagonal entry depends on those above it and is left out: its
-    inverse pivot is 0. Returns how many are. Four columns are finished at a time; the upper triangle, whose entries
-    may be anything, keeps them as rows meanwhile, and holds the transpose of the factor in the end.
+    inverse pivot is 0. Returns how many are. Four columns are finished at a time. Their entries become rows of the
+    upper triangle, whose entries may be anything before, so that what they take from the rest runs along rows.
     """
     left_out, k = 0, first
-    while k < last:
-        end = min(k + 4, last)
-        for j in range(k, end):
-            row = A[j]
-            for c in range(j + 1, last):
-                row[c] = A[c, j]
-            for above in range(k, j):
-                share = -A[above, j]
-                for c in range(j, last):
-                    row[c] += share * A[above, c]
-            pivot = row[j]
-            size = pivot + dot(row[first:], row[first:], j - first)
-            if pivot > tolerance * size:
-                row[j] = 1.0 / sqrt(pivot)
-            else:
-                row[j] = 0.0
-                left_out += 1
-            for c in range(j + 1, last):
-                row[c] *= row[j]
-                A[c, j] = row[c]
-        for i in range(k + 4, last - 1, 2):
-            take_from_two(A, k, i, end)
-        if k + 4 < last and (last - k) % 2:
-            i = last - 1
-            add_four(A, k, (-A[i, k], -A[i, k + 1], -A[i, k + 2], -A[i, k + 3]), end, last, A[i])
-        k = end
+    while k + 4 <= last:
+        p, q, r, s = A[k], A[k + 1], A[k + 2], A[k + 3]
+        i0 = inverse_pivot(p, k, first, tolerance)
+        q0, r0, s0 = q[k] * i0, r[k] * i0, s[k] * i0
+        q[k], r[k], s[k] = q0, r0, s0
+        q[k + 1] -= q0 * q0
+        i1 = inverse_pivot(q, k + 1, first, tolerance)
+        r1, s1 = (r[k + 1] - r0 * q0) * i1, (s[k + 1] - s0 * q0) * i1
+        r[k + 1], s[k + 1] = r1, s1
+        r[k + 2] -= r0 * r0 + r1 * r1
+        i2 = inverse_pivot(r, k + 2, first, tolerance)
+        s2 = (s[k + 2] - s0 * r0 - s1 * r1) * i2
+        s[k + 2] = s2
+        s[k + 3] -= s0 * s0 + s1 * s1 + s2 * s2
+        i3 = inverse_pivot(s, k + 3, first, tolerance)
+        p[k], q[k + 1], r[k + 2], s[k + 3] = i0, i1, i2, i3
+        left_out += int(i0 == 0.0) + int(i1 == 0.0) + int(i2 == 0.0) + int(i3 == 0.0)
+        k += 4
+        p, q, r, s = p[k:last], q[k:last], r[k:last], s[k:last]
+        for i in range(last - k):
+            x = A[k + i][k - 4 :]
+            a = x[0] * i0
+            b = (x[1] - q0 * a) * i1
+            c = (x[2] - r0 * a - r1 * b) * i2
+            d = (x[3] - s0 * a - s1 * b - s2 * c) * i3
+            x[0], x[1], x[2], x[3] = a, b, c, d
+            p[i], q[i], r[i], s[i] = a, b, c, d
+        for i in range(last - k):
+            x, a, b, c, d = A[k + i][k:], p[i], q[i], r[i], s[i]
+            for j in range(i + 1):
+                x[j] -= a * p[j] + b * q[j] + c * r[j] + d * s[j]
+    for j in range(k, last):
+        A[j, j] = inverse_pivot(A[j], j, first, tolerance)
+        left_out += int(A[j, j] == 0.0)
+        for i in range(j + 1, last):
+            A[i, j] *= A[j, j]
+            for c in range(j + 1, i + 1):
+                A[i, c] -= A[i, j] * A[c, j]
     return left_out
 
 
 @kernel
 def forward(L: Mat, first: int, last: int, b: Vec) -> None:
     """b := L⁻¹ b; what was left out is 0."""
-    for i in range(first, last):
-        row = L[i]
-        value = b[i]
-        for c in range(first, i):
-            value -= row[c] * b[c]
-        b[i] = value * row[i]
+    x = b[first:]
+    for i in range(last - first):
+        row = L[first + i][first:]
+        x[i] = (x[i] - dot(row, x, i)) * row[i]
 
 
 @kernel
 def backward(L: Mat, first: int, last: int, b: Vec) -> None:
     """b := L⁻ᵀ b; what was left out is 0."""
-    for i in range(last - 1, first - 1, -1):
-        row = L[i]
-        value = b[i] * row[i]
-        b[i] = value
-        for c in range(first, i):
-            b[c] -= value * row[c]
+    x = b[first:]
+    for i in range(last - first - 1, -1, -1):
+        row = L[first + i][first:]
+        x[i] *= row[i]
+        add(-x[i], row, i, x)
 
 
 @kernel

@@ -16,8 +16,9 @@ from wbc.compiled import part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
 from wbc.qp.rows.compiled.verify import certified, exchange, verify, weigh
-from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, Work, place_of, views
+from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, Work, views
 from wbc.tolerances import SHARP
+from wbc.types import Vec
 
 #: Working sets that are guessed before the finite method is asked.
 _GUESSES = 5
@@ -27,10 +28,22 @@ _CHANCES = 1
 _REFINED = 4
 
 
+@small_kernel
+def allow(lower: Vec, upper: Vec, side: Vec) -> int:
+    """Free what bounds do not hold, and hold what they fix; how many of them are intervals."""
+    sound = 0
+    for i in range(len(side)):
+        low, high, held = lower[i], upper[i], side[i]
+        sound += int(low <= high)
+        may = int(abs(held) <= 1.0) & int(held <= 0.0 or high < inf) & int(held >= 0.0 or low > -inf)
+        side[i] = 1.0 if low == high else held if may else 0.0
+    return sound
+
+
 @part
 def prepare(at: int) -> bool:
     """Soft rows in y, and the guess as the bounds allow it. False: a number that no problem can have."""
-    s = views(at)
+    s, nothing = views(at), 0.0
     nu, ny, nr, ns = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
     s.sizes[6], s.sizes[7], s.sizes[8] = ns + nu, 0, 0
     s.value[nu + ny] = 1.0
@@ -44,19 +57,12 @@ def prepare(at: int) -> bool:
             s.E[ns + j, c] = s.X[j, c]
         s.item[ns + j] = -1
     for c in range(ny):
-        if not abs(s.centre[c]) < inf:
-            return False
-    for item in range(len(s.side)):
-        low, high = s.lower[place_of(s, item)], s.upper[place_of(s, item)]
-        if not low <= high:
-            return False
-        if not abs(s.side[item]) <= 1.0:
-            s.side[item] = 0.0
-        if low == high:
-            s.side[item] = 1.0
-        elif (s.side[item] > 0.0 and high == inf) or (s.side[item] < 0.0 and low == -inf):
-            s.side[item] = 0.0
-    return True
+        nothing += 0.0 * s.centre[c]
+    first_range, first_equal = 2 * nu + ny + 1, 2 * nu + ny + 1 + nr + ns
+    sound = allow(s.lower[nu:], s.upper[nu:], s.side[:ny])
+    sound += allow(s.lower[first_range:], s.upper[first_range:], s.side[ny : ny + nr])
+    sound += allow(s.lower[first_equal:], s.upper[first_equal:], s.side[ny + nr :])
+    return bool(nothing == 0.0 and sound == len(s.side))  # NaN is not zero
 
 
 @part

@@ -24,7 +24,7 @@ from math import inf, sqrt
 
 from wbc.compiled import entry, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import first_row, reduce_base, reduced
-from wbc.qp.rows.compiled.linear import add, backward, forward
+from wbc.qp.rows.compiled.linear import add, add_rows, backward, forward
 from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
 from wbc.tolerances import DISTANCE, MET, ROUNDING
 
@@ -44,7 +44,8 @@ _WORTHLESS = 1e-3
 @small_kernel
 def weigh(s: Work) -> bool:
     """Weights over the unit, what they are the inverse of, and what a unit of distance is. False: no weights at all."""
-    nu, ny, ns, unit = s.sizes[0], s.sizes[1], s.sizes[3], s.unit[0]
+    nu, ny, ns, unit, sound = s.sizes[0], s.sizes[1], s.sizes[3], s.unit[0], 0
+    scale, reach = s.scale[nu:], s.reach[ns:]
     s.numbers[0] = unit
     for k in range(ns + nu):
         given = s.given[k] if k < ns else s.numbers[1]
@@ -55,10 +56,9 @@ def weigh(s: Work) -> bool:
         if k < ns:
             s.reach[k] = 1.0 / sqrt(given) if given > 0.0 else 0.0
     for c in range(ny):
-        if not 0.0 < s.metric[c] < inf:
-            return False
-        s.reach[ns + c] = s.scale[nu + c] / sqrt(unit * s.metric[c])
-    return True
+        sound += int(0.0 < s.metric[c]) & int(s.metric[c] < inf)
+        reach[c] = scale[c] / sqrt(unit * s.metric[c])
+    return bool(sound == ny)
 
 
 @small_kernel
@@ -130,21 +130,20 @@ def certify(at: int) -> bool:
     for _ in range(2):
         for c in range(n_u):
             s.base[c] = regular * value[c]
-        for i in range(rows):
-            if push[i] != 0.0:
-                add(push[i], s.G[i], n_u, s.base)
+        add_rows(1.0, push, s.G, 0, rows if n_u else 0, n_u, s.base)
         forward(s.B, 0, n_u, s.base)
         backward(s.B, 0, n_u, s.base)
         for c in range(n_u):
             push[c] -= s.base[c]
-    for c in range(n_u, n):
+    for c in range(n):
         z[c] = 0.0
+    add_rows(1.0, push, s.G, 0, rows, n, z)
+    for c in range(n_u):
+        z[c] = 0.0
+    of_rows = value[items:]
     for i in range(rows):
-        share = push[i]
-        largest = max(largest, abs(share))
-        cost += abs(share) * (1.0 + abs(value[items + i]))
-        if share != 0.0:
-            add(share, s.G[i][n_u:], n_y, z[n_u:])
+        largest = max(largest, abs(push[i]))
+        cost += abs(push[i]) * (1.0 + abs(of_rows[i]))
     square, dual, distance, alone, bent = 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(n_y):
         c = n_u + j
