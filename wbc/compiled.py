@@ -108,15 +108,16 @@ def place_of(made: Callable[[int], int]) -> int:
 
 
 def entry(function: _F) -> _F:
-    """A kernel that Python calls with one address; compiled here and now, or read from disk, and not in a tick.
+    """A kernel of numbers that Python calls; compiled here and now, or read from disk, and not in a tick.
 
     Under ``NUMBA_DISABLE_JIT=1`` kernels stay Python, for a debugger.
     """
     made = _made(function)
     if _numba.config.DISABLE_JIT:
         return function
-    made.compile("int64(int64)")
-    return cast(_F, made)
+    made.compile((_types.int64,) * function.__code__.co_argcount)
+    (compiled,) = made.overloads.values()
+    return cast(_F, compiled.entry_point)  # no look at the types of its arguments, which numba takes at each call
 
 
 #: For a debugger: callees by what stands for their address.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 #: A certificate, or what makes it when it is read.
 Proof = Certificate | Callable[[], Certificate]
 
-_WITHOUT_LEVELS = ("relaxed", "closed form", "hold", "damped")
+_WITHOUT_LEVELS = frozenset(("relaxed", "closed form", "hold", "damped"))
 
 
 @final

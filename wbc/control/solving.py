@@ -134,13 +134,13 @@ class Solving:
         """The command that the answer in the plan's memory means."""
         plan, proof = self.plan, self.answering.proof if proof is None else proof
         parts, value = plan.layout, plan.problem.value.copy()
-        value.setflags(write=False)
+        value.setflags(False)  # type: ignore[call-arg]  # a keyword takes twice as long as all else
         motion = value[parts.motion_items]
         if self._level.order == 1:
             return Command(self, status, rung, proof, q, v, motion)
         if not self._level.dynamics:
             return Command(self, status, rung, proof, q, v, None, motion)
-        tau = plan.actuators.command(value[parts.torque_items])
+        tau = plan.applied.actuators.command(value[parts.torque_items])
         forces = self.mode.all_forces, value, plan.force_scale
         return Command(self, status, rung, proof, q, v, None, motion, tau, forces)
 

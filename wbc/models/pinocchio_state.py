@@ -17,7 +17,7 @@ from typing import Any, Self, final
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg.blas import dgemv
+from scipy.linalg.blas import dcopy, dgemv
 
 from wbc import checks
 from wbc.errors import InvalidInput
@@ -160,8 +160,8 @@ class PinocchioState(RobotState):
         if not fits:
             self._refuse(q, v)
         self.__dict__["t"] = t  # no assignment: this runs every tick
-        self._q[:] = q
-        self._v[:] = v
+        dcopy(q, self._q)
+        dcopy(v, self._v)
         for call in self._calls:
             call()
 

@@ -278,13 +278,11 @@ class Plan(Filled):
 
     def _run(self, stages: int) -> int:
         """Compiled stages of a tick."""
-        self._call[fill_kernel.ASKED] = stages
-        return fill_kernel.tick(self._called)
+        return fill_kernel.tick(self._called, stages)
 
     def observe(self) -> None:
         """Before a fill: damp the joints by what the answer to the one before left of the kinematic tasks."""
-        self._run(OBSERVE)
-        if self._call[fill_kernel.LEFT] & SLOW:
+        if self._run(OBSERVE):
             self._slow()
 
     def _slow(self) -> None:
@@ -312,7 +310,8 @@ class Plan(Filled):
             MemberFailed: as :meth:`fill`.
             InvalidInput: a row is not finite.
         """
-        self.binding.refresh()
+        if self.binding.is_behind:
+            self.binding.refresh()
         if observes and self.binding.stamp != self._stamp:  # with the weights that the answer was found with
             self.observe()
             observes = False
@@ -320,9 +319,9 @@ class Plan(Filled):
         left = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER
         if self._failure is None and not (self._refusal or self.damping.follows):
             code = self._run(left)
-            left = self._call.item(fill_kernel.LEFT)
-            if not left:
+            if code >= 0:
                 return solver.concluded(code)
+            left = -code
         if left & OBSERVE:
             self.observe()
         if left & SLOW:

@@ -105,18 +105,18 @@ def spoilt(at: int) -> int:
 
 #: The stages of a tick, to be asked for one by one or together; and that a level is damped, which slows those below it.
 OBSERVE, FILL, LOOK, ANSWER, SLOW = 1, 2, 4, 8, 16
-#: What :func:`tick` reads: the stages that are asked for; addresses of what ``fill`` reads, of the dampings, how many
-#: there are, of what ``share`` and ``spoilt`` read; place and argument of the solver's code. What it writes: the stages
-#: that are left, since what comes before them is not compiled, and what ``spoilt`` found.
-ASKED, FILLS, DAMPINGS, N_DAMPINGS, SHARES, LOOKS, PLACE, SOLVER, LEFT, SPOILT, NUMBER = range(11)
+#: What :func:`tick` reads: addresses of what ``fill`` reads, of the dampings, how many there are, of what ``share`` and
+#: ``spoilt`` read; place and argument of the solver's code. What it writes: what ``spoilt`` found.
+FILLS, DAMPINGS, N_DAMPINGS, SHARES, LOOKS, PLACE, SOLVER, SPOILT, NUMBER = range(9)
 
 
 @entry
-def tick(at: int) -> int:
-    """The stages of a tick that are asked for; the answer of the solver's code, where it was called."""
+def tick(at: int, asked: int) -> int:
+    """The stages of a tick that are asked for; the answer of the solver's code, 0 where it was not called.
+
+    Less than zero: minus the stages that are left, since what comes before them is not compiled.
+    """
     m = carray(integers(at), NUMBER)
-    asked = m[ASKED]
-    m[LEFT] = 0
     if asked & OBSERVE:
         dampings = carray(integers(m[DAMPINGS]), m[N_DAMPINGS])
         found, slows = UNCHANGED, False
@@ -126,13 +126,11 @@ def tick(at: int) -> int:
         if found == CHANGED:
             share(m[SHARES])
         if slows:
-            m[LEFT] = asked & ~OBSERVE | SLOW
-            return 0
+            return int(-(asked & ~OBSERVE | SLOW))
     if asked & FILL:
         fill(m[FILLS])
     if asked & LOOK:
         m[SPOILT] = spoilt(m[LOOKS])
         if m[SPOILT]:
-            m[LEFT] = asked & ANSWER
-            return 0
+            return int(-(asked & ANSWER))
     return int(call_at(m[PLACE], m[SOLVER])) if asked & ANSWER else 0
