@@ -11,7 +11,7 @@ It is exact: J x of a stage is the same for all its minimisers, so holding it at
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
@@ -60,7 +60,7 @@ class LexicographicSolver(RowSolver):
         self.reset()
 
     def reset(self) -> None:
-        self._said: Callable[[], tuple[Outcome, ...]] = nothing
+        self.report = nothing
         self._weighed = False
         self.levels.reset()
         if self._leave is not None:
@@ -79,7 +79,7 @@ class LexicographicSolver(RowSolver):
             self.staged.hope(levels.began)
             return self._weigh(status)
         ended = levels.ended
-        self._said = report = levels.report()
+        self.report = report = levels.report()
         self.iterations = levels.iterations
         self.proof = report.certificate
         if ended < last:
@@ -95,7 +95,7 @@ class LexicographicSolver(RowSolver):
     @np.errstate(all="ignore")
     def _weigh(self, status: Status) -> Status:
         """The exit: one QP in which the weights speak. It is not what was asked."""
-        self._weighed, self._said = True, self._not_ranked
+        self._weighed, self.report = True, self._not_ranked
         self.certificate = Certificate.none()
         if self._leave is None:  # no level was decided, so that there is no answer that could be inaccurate
             return Status.FAILED if status is Status.INACCURATE else status
@@ -105,10 +105,6 @@ class LexicographicSolver(RowSolver):
         return Status.MAX_ITERATIONS if status.ok else status
 
     # ---- what others read
-    @property
-    def report(self) -> Callable[[], tuple[Outcome, ...]]:
-        return self._said
-
     def _not_ranked(self) -> tuple[Outcome, ...]:
         names = (tuple(str(part) for part in stage) for stage in self.staged.stages)
         return tuple(Outcome(each, WEIGHTED, np.nan, Certificate.none()) for each in names)

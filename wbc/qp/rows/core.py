@@ -7,7 +7,6 @@ What it computes is told in four pages: :mod:`~wbc.qp.rows.compiled.equality` (t
 
 from __future__ import annotations
 
-from functools import partial
 from typing import final
 
 import numpy as np
@@ -71,12 +70,13 @@ class CoreSolver(RowSolver):
         return self.concluded(answer(self.address))
 
     def concluded(self, code: int) -> Status:
-        guesses, steps = self.work
+        guesses, steps = self._sizes.item(7), self._sizes.item(8)
         self.iterations = guesses + steps
         self.counts.add(guesses, steps)
         status = _ANSWERED.get(code)
         if status is not None:
-            self.proof = partial(proven, self._report.copy(), self._owners)
+            numbers, owners = self._report.copy(), self._owners
+            self.proof = lambda: proven(numbers, owners)
             return status
         self.reset()
         self.certificate = Certificate.none()

@@ -36,6 +36,8 @@ class RowSolver(ABC):
         self.iterations = 0
         #: Says what is proven of the last answer, also later.
         self.proof: Callable[[], Certificate] = partial(Certificate, float("nan"), float("nan"), float("nan"))
+        #: Says how what was ranked came out in the last answer, also later; nothing where nothing is ranked.
+        self.report: Callable[[], tuple[Outcome, ...]] = nothing
 
     @property
     def certificate(self) -> Certificate:
@@ -45,11 +47,6 @@ class RowSolver(ABC):
     @certificate.setter
     def certificate(self, known: Certificate) -> None:
         self.proof = lambda: known
-
-    @property
-    def report(self) -> Callable[[], tuple[Outcome, ...]]:
-        """Says how what was ranked came out in the last answer, also later; nothing where nothing is ranked."""
-        return nothing
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:

@@ -76,13 +76,13 @@ def drop_rounding(s: Work, row: Vec) -> None:
     changes it by less says nothing of where the unknown should be, however the entries compare with one another.
     """
     nu, ny = s.sizes[0], s.sizes[1]
-    lower, upper, rounding, small = s.lower[nu:], s.upper[nu:], NOISE * (1.0 + abs(row[ny])), 0
+    lower, upper, constant = s.lower[nu:], s.upper[nu:], row[ny]
+    rounding = NOISE * (1.0 + abs(constant))
     for c in range(ny):
-        small += int(row[c] != 0.0) & int(abs(row[c]) * min(upper[c] - lower[c] + MET, 1.0) <= rounding)
-    for c in range(ny if small else 0):
-        if row[c] != 0.0 and abs(row[c]) * min(upper[c] - lower[c] + MET, 1.0) <= rounding:
-            row[ny] += row[c] * min(max(s.centre[c], lower[c]), upper[c])
-            row[c] = 0.0
+        drops = abs(row[c]) * min(upper[c] - lower[c] + MET, 1.0) <= rounding
+        constant += row[c] * min(max(s.centre[c], lower[c]), upper[c]) if drops else 0.0
+        row[c] = 0.0 if drops else row[c]
+    row[ny] = constant
 
 
 @small_kernel
