@@ -141,6 +141,7 @@ def main() -> None:
     said.add_argument("--robots", nargs="+", default=["humanoid", "g1", "talos"])
     said.add_argument("--motions", nargs="+", default=[*MOTIONS])
     said.add_argument("--seeds", nargs="+", type=int, default=[0])
+    said.add_argument("--judge-only", action="store_true", help="without physics")
     given = said.parse_args()
     for robot in given.robots:
         sums: dict[str, list[tuple[float, ...]]] = {"before": [], "after": []}
@@ -152,13 +153,14 @@ def main() -> None:
             for word, one in runs.items():
                 far = one.distances()
                 off = 1e3 * np.median([np.median(far[p]) for p in ("pelvis", "left_wrist", "right_wrist")])
-                stood, seconds, com = played(one)
+                stood, seconds, com = Played(False, 0.0, 0.0) if given.judge_only else played(one)
+                ended = "not played" if given.judge_only else "stood" if stood else f"fell at {seconds:.2f} s"
                 row = len(one.q), round(one.certified * len(one.q)), 1e3 * slip(one), off, stood
                 sums["before"] += [row] * (word != "repaired")
                 sums["after"] += [row] * (word != "before repair")
                 print(
                     f"{robot} {name} {seed} {word}: {100 * one.certified:.1f} % of {len(one.q)} frames certified, "
-                    f"{one.added:.2f} s added, {'stood' if stood else f'fell at {seconds:.2f} s'}, "
+                    f"{one.added:.2f} s added, {ended}, "
                     f"com off {1e3 * com:.1f} mm, slip {row[2]:.3f} mm, {off:.1f} mm from the person; "
                     f"{', '.join(one.faults()) or 'no fault'}; {spent:.0f} s of processor time",
                     flush=True,

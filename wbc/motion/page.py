@@ -15,7 +15,7 @@ from wbc.motion.body import spans
 from wbc.motion.clip import BONES, Flags, Motion
 from wbc.motion.judged import Judged
 from wbc.motion.verdict import KINDS, UNITS
-from wbc.report import document
+from wbc.report import document as doc
 from wbc.report.build import require_extras
 from wbc.report.document import Cell, Report, Scene, Section
 from wbc.report.folder import HTML, replaced, write
@@ -53,69 +53,67 @@ def save_page(found: Judged, folder: Path) -> Path:
 def page(found: Judged) -> Report:
     """Everything worth saying about a retargeted motion."""
     rate, good = found.rate, found.certified == 1.0
-    flags = {kind: spans(_flags(found, kind)) for kind in KINDS}
-    events = [
-        document.Event(a / rate, b / rate, kind, "failed", _STRIPS) for kind, runs in flags.items() for a, b in runs
-    ][:100]
-    tiles = [document.Tile("frames certified", document.percent(found.certified), "good" if good else "bad")]
+    told = [(kind, a / rate, b / rate) for kind, flags in _flags(found).items() for a, b in spans(flags)]
+    events = [doc.Event(a, b, kind, "failed", _STRIPS) for kind, a, b in told if kind in KINDS][:100]
+    tiles = [doc.Tile("frames certified", doc.percent(found.certified), "good" if good else "bad")]
     if found.before is not None:
-        tiles += [
-            document.Tile("before repair", document.percent(found.before.certified)),
-            document.Tile("time added", f"{found.added:.2f} s"),
-        ]
-    tiles += [document.Tile("frames", str(len(found.q))), document.Tile("robot over person", f"{found.scale:.3f}")]
-    said = f"{document.percent(found.certified)} of {len(found.q)} frames of {found.motion.name} are certified"
+        tiles.append(doc.Tile("before repair", doc.percent(found.before.certified)))
+        tiles.append(doc.Tile("time added", f"{found.added:.2f} s"))
+    tiles += [doc.Tile("frames", str(len(found.q))), doc.Tile("robot over person", f"{found.scale:.3f}")]
+    said = f"{doc.percent(found.certified)} of {len(found.q)} frames of {found.motion.name} are certified"
     if not good:
         k, worst = next((k, one.faults[0]) for k, one in enumerate(found.verdicts) if not one.certified)
         said += f"; first impossible: {worst} at {k / rate:.2f} s"
     runs = {"": found} if found.before is None else {"repaired": found, "before repair": found.before}
-    clock = document.Clock(float(found.times[-1]), 1.0 / rate, events)
+    clock = doc.Clock(float(found.times[-1]), 1.0 / rate, events)
     sections = [_verdicts(found), _impossible(runs), _distances(runs)]
     return Report(f"{found.motion.name} · {found.robot.name}", f"{said}.", good, sections, tiles, clock, _scene(runs))
 
 
-def _flags(found: Judged, kind: str) -> Flags:
-    return np.array([any(fault.kind == kind for fault in verdict.faults) for verdict in found.verdicts])
+def _flags(found: Judged) -> dict[str, Flags]:
+    """Which frames are certified, and which have a fault of each kind."""
+    kinds = [{fault.kind for fault in verdict.faults} or {"certified"} for verdict in found.verdicts]
+    return {kind: np.array([kind in of_frame for of_frame in kinds]) for kind in ("certified", *KINDS)}
 
 
 def _verdicts(found: Judged) -> Section:
     rows: list[list[Cell]] = [
-        [kind, frames, amount, UNITS[kind], part, document.Link(f"{k / found.rate:.2f} s", _STRIPS, k / found.rate)]
+        [kind, frames, amount, UNITS[kind], part, doc.Link(f"{k / found.rate:.2f} s", _STRIPS, k / found.rate)]
         for kind, (frames, k, amount, part) in found.faults().items()
     ]
-    told = document.Table(("impossible", "frames", "worst", "unit", "part", "where"), rows)
-    certified = document.Text("Forces and torques within all limits exist for every frame, with proof.")
+    told = doc.Table(("impossible", "frames", "worst", "unit", "part", "where"), rows)
+    certified = doc.Text("Forces and torques within all limits exist for every frame, with proof.")
     return Section("Verdict", [told] if rows else [certified])
 
 
 def _impossible(runs: dict[str, Judged]) -> Section:
     strips, times = [], next(iter(runs.values())).times
     for k, (name, found) in enumerate(runs.items()):
-        flags = {kind: _flags(found, kind) for kind in KINDS}
+        flags = _flags(found)
         flags |= {f"{found.contacts[part].frame} holds": held for part, held in found.holds.items() if k == 0}
         for what, one in flags.items():
             if one.any():
                 label = f"{what}, {name}" if name else what
                 moments = [(a / found.rate, b / found.rate) for a, b in spans(one)]
-                strips.append(document.Strip(label, moments, k if name else None))
-    plot = document.Plot(_STRIPS, "What is impossible, and what holds", "", times, strips=strips, wide=True)
+                strips.append(doc.Strip(label, moments, k if name else None))
+    title = "What is certified, what is impossible, and what holds"
+    plot = doc.Plot(_STRIPS, title, "", times, strips=strips, wide=True)
     return Section("Over time", [plot])
 
 
 def _distances(runs: dict[str, Judged]) -> Section:
     far = [{part: 1e3 * d for part, d in found.distances().items() if "knee" not in part} for found in runs.values()]
     curves = [
-        document.Curve(name or "farthest", np.max([*d.values()], axis=0), run=k if name else None, x=found.times)
+        doc.Curve(name or "farthest", np.max([*d.values()], axis=0), run=k if name else None, x=found.times)
         for k, ((name, found), d) in enumerate(zip(runs.items(), far, strict=True))
     ]
-    plot = document.Plot(
-        _DISTANCE, "The part that is farthest", "mm", next(iter(runs.values())).times, curves, zero=True
-    )
+    title, times = "Of the farthest part to where the person's is, at the robot's size", next(iter(runs.values())).times
+    plot = doc.Plot(_DISTANCE, title, "mm", times, curves, zero=True)
     rows: list[list[Cell]] = [
         [part.replace("_", " "), *(round(float(x), 2) for x in (np.median(d), d.max()))] for part, d in far[0].items()
     ]
-    told = document.Table(("part", "median", "largest"), rows, "Of each part [mm]")
-    return Section("Distance to where the person's parts are, at the robot's size", [plot, told])
+    told = doc.Table(("part", "median", "largest"), rows, "Of each part [mm]")
+    return Section("Distance to the person", [plot, told])
 
 
 def _scene(runs: dict[str, Judged]) -> Scene | None:

@@ -29,6 +29,7 @@ from wbc.stack.contact import Anchor, Contact
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.overrides import Overrides
 from wbc.stack.stack import Stack
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
 #: A step is a tick of this length [s] in which tasks are asked for all of their error.
@@ -40,6 +41,7 @@ _STAY, _NEAR = 1e-4, 3e-4
 #: Friction of a hand that holds, and how far shapes are kept apart [m].
 HAND_FRICTION = 0.6
 _MARGIN = 0.005
+_NOTHING = Overrides()
 
 
 @final
@@ -48,7 +50,7 @@ class _Frames(Schedule):
 
     def __init__(self, names: Iterable[str], sets: Sequence[frozenset[str]]) -> None:
         super().__init__(name="frames of the motion")
-        self.names, self._sets, self.bounds = tuple(names), frozenset(sets), Overrides()
+        self.names, self._sets, self.bounds = tuple(names), frozenset(sets), _NOTHING
         self.held = sets[0]
 
     def contact_sets(self) -> Iterable[Iterable[str]]:
@@ -118,23 +120,36 @@ class Retargeting:
         return found
 
     def frame(self, k: int, q: Vec) -> Vec:
-        """The configuration (nq,) of frame k, from that of the frame before; of frame 0 from any."""
+        """The configuration (nq,) of frame k, from that of the frame before; of frame 0 from any.
+
+        Most frames keep the limits of speed and acceleration by themselves; those that do not are found once more,
+        with joint positions within what the limits leave: bounds that change cost as much as the rest of a tick.
+        """
         for part, contact in self.contacts.items():
             held = self._targets.contacts[part]
             if held[k] and (k == 0 or not held[k - 1]):
                 contact.target = anchor(contact, self._targets, part, k)
-        self._schedule.held = self._held[k]
-        self._schedule.bounds = Overrides(position=self._within_reach(q[7:]) if k else None)
-        found = q
+        self._schedule.held, self._schedule.bounds = self._held[k], _NOTHING
+        found, ok = self._converged(k, q)
+        T, most = self._period, self._robot.limits.v_max
+        v = (found[7:] - q[7:]) / T
+        if k and max((np.abs(v) - most).max(), np.abs(v - self._v).max() - self._acceleration * T) > SAME / T:
+            self._schedule.bounds = Overrides(position=self._within_reach(q[7:]))
+            found, ok = self._converged(k, q)
+            v = (found[7:] - q[7:]) / T
+        if not ok:
+            self.unsolved.append(k)
+        self._v = v if k else self._v
+        return found
+
+    def _converged(self, k: int, q: Vec) -> tuple[Vec, bool]:
+        """Where steps from q (nq,) end, and whether the last one was solved."""
         for _ in range(_STEPS if k else 10 * _STEPS):
-            command = self._controller.tick(k * self._period, found, self._still)
-            found, self.steps = command.q, self.steps + 1
+            command = self._controller.tick(k * self._period, q, self._still)
+            q, self.steps = command.q, self.steps + 1
             if float(np.abs(command.v).max()) * _DT < _SHORT:
                 break
-        if not command.status.ok:
-            self.unsolved.append(k)
-        self._v = (found[7:] - q[7:]) / self._period if k else self._v
-        return found
+        return q, command.status.ok
 
     def _within_reach(self, joints: Vec) -> tuple[Vec, Vec]:
         """Joint positions (nj,) between which the next frame is."""
