@@ -13,7 +13,7 @@ from tests.motion.test_retarget import retargeted, soles
 from wbc.motion import Witness, made
 from wbc.motion.body import spans
 from wbc.motion.kinematics import velocities
-from wbc.motion.repair import repaired
+from wbc.motion.repair import _pieces, repaired
 
 
 @pytest.mark.slow
@@ -50,6 +50,16 @@ def test_a_body_beside_its_feet_moves_back_over_them_without_other_timing(monkey
     moved = np.abs(found.q - leaning.q).max(axis=1)
     assert 0.0 < moved.max() < 0.3
     assert (moved == 0.0).mean() > 0.1  # frames far from the fault are as they were
+
+
+@pytest.mark.parametrize("shifted", [False, True])
+@pytest.mark.parametrize(("start", "stop"), [(0, 1), (7, 607), (0, 601), (3, 4000)])
+def test_long_windows_come_in_pieces_that_meet(start: int, stop: int, shifted: bool):
+    pieces = list(_pieces(start, stop, shifted=shifted))
+    assert [a for a, _ in pieces] == [start, *(b for _, b in pieces[:-1])] and pieces[-1][1] == stop
+    assert all(0 < b - a <= 601 for a, b in pieces)
+    others = {b for _, b in _pieces(start, stop, shifted=not shifted)} - {stop}
+    assert not others & {b for _, b in pieces[:-1]}  # frames at an edge move in the other turn
 
 
 def test_what_is_certified_is_left_alone():

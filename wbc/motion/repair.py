@@ -18,8 +18,9 @@ Source: the derivatives are those of Carpentier, Mansard, RSS 2018; the scheme i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, TypeVar, final
 
 import numpy as np
@@ -37,8 +38,8 @@ from wbc.motion.retargeting import anchor
 from wbc.motion.witness import Witness
 from wbc.types import Mat, Vec
 
-#: Frames around those that are mended [s], and how often the program is solved.
-_AROUND, _ROUNDS = 0.7, 4
+#: Frames around those that are mended [s], how often the program is solved, and frames of a window at most.
+_AROUND, _ROUNDS, _LONGEST = 0.7, 4, 600
 #: W of the base's place [1/m²] and turn, of legs, and of waist and arms [1/rad²]; of feet that swing, and of δ̈.
 _BASE, _TURN, _LEGS, _OTHERS, _SWING, _SMOOTH = 1.0, 10.0, 0.1, 10.0, 30.0, 3e-5
 #: The margins: shares of cone and torque limit that are used, and the share of the limit from which a torque counts.
@@ -74,12 +75,20 @@ def repaired(found: _J, witness: Witness, progress: Callable[[float, str], None]
             first, now = first.at(when), judged(now.at(when))
         else:
             moved = now.q.copy()
-            for start, stop in spans(binary_dilation(bad, iterations=round(_AROUND * found.rate))):
-                moved[start:stop] = program.moved(first, now.q, start, stop)
+            for span in spans(binary_dilation(bad, iterations=round(_AROUND * found.rate))):
+                for start, stop in _pieces(*span, shifted=turn // 2 % 2 == 1):
+                    moved[start:stop] = program.moved(first, now.q, start, stop)
             now = judged(replace(now, q=moved))
         progress((turn + 1) / (2 * _ROUNDS), "repairing")
         best = max(best, now, key=lambda one: one.certified)
     return best
+
+
+def _pieces(start: int, stop: int, *, shifted: bool) -> Iterable[tuple[int, int]]:
+    """Windows of a bounded length; ``shifted`` by half of one or not, as the frames at their edges stay."""
+    edges = np.linspace(start, stop, -(-(stop - start) // _LONGEST) + 1).astype(int).tolist()
+    middles = [(a + b) // 2 for a, b in pairwise(edges)]
+    return pairwise([start, *middles, stop] if shifted and len(middles) > 1 else edges)
 
 
 @final
