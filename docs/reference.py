@@ -156,7 +156,11 @@ def signature(name: str, value: Any) -> str:
     bare = [p.replace(annotation=p.empty) for p in given.parameters.values() if p.name not in ("self", "cls")]
     words = str(given.replace(parameters=bare, return_annotation=given.empty))[1:-1]
     line = f"{name}({words})"
-    return line if len(line) < 90 else f"{name}(\n    " + words.replace(", ", ",\n    ") + ",\n)"
+    entries = [str(p) for p in bare]
+    first = next((i for i, p in enumerate(bare) if p.kind is p.KEYWORD_ONLY), None)
+    if first is not None and not any(p.kind is p.VAR_POSITIONAL for p in bare):
+        entries.insert(first, "*")
+    return line if len(line) < 90 else "\n".join([f"{name}(", *(f"    {entry}," for entry in entries), ")"])
 
 
 def member(name: str, value: type, kind: str, serves: str) -> str:

@@ -1,4 +1,4 @@
-"""A humanoid is told to reach a metre too far, in physics: balance ranks above the hand, and it stands."""
+"""A humanoid reaches for a target a metre too far, in physics: its balance is in a higher level, and it stands."""
 
 import numpy as np
 

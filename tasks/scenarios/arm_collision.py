@@ -1,4 +1,4 @@
-"""Something pushes an arm: it is felt without any sensor, the link is named, and the arm yields."""
+"""An arm is pushed; MomentumObserver finds the link without force sensors, and the arm yields."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class ArmCollision(Scenario):
     name: ClassVar[str] = "arm-collision"
     group: ClassVar[str] = "arms"
     takes = 90.0
-    summary: ClassVar[str] = "an arm is pushed: felt without sensors, the link named, the arm yields"
+    summary: ClassVar[str] = "an arm is pushed: the link is found without force sensors, and the arm yields"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "link": "auto", "force": 30.0}
     plants = ("mujoco",)
     duration = 3.0

@@ -1,4 +1,4 @@
-"""An arm picks up a load it was not told of; the same controller with and without adaptation."""
+"""An arm picks up an unknown load; the same controller with and without adaptation."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class ArmPayload(Scenario):
     name: ClassVar[str] = "arm-payload"
     group: ClassVar[str] = "arms"
     takes = 80.0
-    summary: ClassVar[str] = "an arm picks up a load it was not told of, with and without adaptation"
+    summary: ClassVar[str] = "an arm picks up an unknown load, with and without adaptation"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "mass": 2.0, "rough": True}
     robots, knows = DAMPING, "the gains of these"
     plants = ("mujoco",)

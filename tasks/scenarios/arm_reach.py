@@ -1,4 +1,4 @@
-"""An arm follows a pose that moves, and steps further than its joints can go in a tick."""
+"""An arm follows a moving pose whose target jumps farther than its joints can move in a tick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An arm is told to reach through a post and past a swinging ball, with and without collision avoidance."""
+"""An arm reaches through a post and past a swinging ball, with and without collision avoidance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with an arm: faults of motors, pushes and loads are drawn, and what each is taken for is counted."""
+"""Statistics of diagnoses: faults of motors, pushes and loads of an arm are drawn and diagnosed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A standing humanoid holds a rigid bar in both hands, moves it about, and squeezes it as hard as it is told."""
+"""A standing humanoid holds a rigid bar in both hands, moves it, and squeezes it with a given force."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every joint of every leg of a standing robot fails, at moments all over its sway: which losses it survives."""
+"""Every leg joint of a standing robot fails at moments all over its sway."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How sure a diagnosis is: many short faults of an arm's motors, under noise and wrong masses, and none for long."""
+"""Statistics of detection: many short faults of an arm's motors, with noise and wrong masses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Four sliding masses that nobody knows: tracking to zero, and what of the masses is found out on the way."""
+"""Adaptive control of four sliding masses with unknown masses."""
 
 from __future__ import annotations
 

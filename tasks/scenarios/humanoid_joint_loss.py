@@ -1,4 +1,4 @@
-"""A humanoid that sways on its feet loses a motor of a leg: without an answer it falls, with one it stands on."""
+"""A humanoid that sways on its feet loses a leg motor, without and with a reaction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot whose drives follow positions: what each feedback makes of the same stack, beside torque control."""
+"""Position drives: the same stack with measured and commanded feedback, beside torque control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The PR robot loses actuators; an observer of its momentum says which one, and how much of it."""
+"""The PR robot loses actuators; a momentum observer finds which one, and how much of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A quadruped's knee has half its strength: without an answer the trunk leaves its place, with one it does not."""
+"""A quadruped's knee has half its strength, without and with a reaction."""
 
 from __future__ import annotations
 

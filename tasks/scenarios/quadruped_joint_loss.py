@@ -1,4 +1,4 @@
-"""A quadruped that sways on four feet loses a hip: without an answer it falls, with one it sways on."""
+"""A quadruped that sways on four feet loses a hip motor, without and with a reaction."""
 
 from __future__ import annotations
 

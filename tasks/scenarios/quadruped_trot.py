@@ -1,4 +1,4 @@
-"""A quadruped trots in place: two feet across from one another swing, then the other two."""
+"""A quadruped trots in place: two diagonal feet swing, then the other two."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A humanoid is asked to reach what it cannot: strictly ranked, its balance does not give."""
+"""A humanoid reaches for a target out of reach: strict levels keep its balance, weights do not."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ReachStrict(Scenario):
     name: ClassVar[str] = "reach-strict"
     group: ClassVar[str] = "legs"
     takes = 35.0
-    summary: ClassVar[str] = "a humanoid reaches for what is out of reach; ranked strictly, its balance does not give"
+    summary: ClassVar[str] = "a humanoid reaches for a target out of reach: strict levels keep its balance"
     parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "humanoid", "reach": 0.6}
     robots = STANCES
     plants = ("mujoco", "integrator")

@@ -1,4 +1,4 @@
-"""A robot on its feet is pushed from all sides and gets a load in either hand: which of these it stands."""
+"""A standing robot is pushed from all sides and gets a load in either hand."""
 
 from __future__ import annotations
 
