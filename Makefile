@@ -9,7 +9,7 @@ VENV_PYTHON := $(VENV)/bin/python
 INSTALL := $(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --editable
 # The one thing that pip does not bring: Pinocchio's wheel for Linux is linked against libgomp.
 # The solver is compiled once for this processor, and kept.
-COMPILE := $(VENV_PYTHON) -c "import wbc.stack.plan, wbc.stack.follower, wbc.models.near_pairs, wbc.qp.lexicographic.levels, wbc.qp.rows.core"
+COMPILE := $(VENV_PYTHON) -c "import wbc.stack.plan, wbc.stack.follower, wbc.models.near_pairs, wbc.qp.lexicographic.levels, wbc.qp.rows.core, wbc.robots.estimator"
 LOOK := $(VENV_PYTHON) -c "import pinocchio" || \
   { echo "If libgomp.so.1 is what is missing: apt install libgomp1 (Debian, Ubuntu) or dnf install libgomp (Fedora)" >&2; exit 1; }
 

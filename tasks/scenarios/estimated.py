@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.errors import UnknownName
 from wbc.robots import SENSORS, EstimatedBase
-from wbc.robots.estimator import rotation
+from wbc.robots.device import rotation
 from wbc.sim.disturbance import Disturbance
 from wbc.sim.scenario import Parameter, Trial
 
@@ -18,6 +18,8 @@ TRUTH = "truth"
 PARAMETERS: Mapping[str, Parameter] = {"sensors": TRUTH, "seed": 0}
 #: For how long the robot stands still, and is listened to, before the run [s].
 STILL = 1.0
+#: The floor of physics is a plane, but feet sink into it: heights of footholds differ by so much [m].
+FLOOR = 1e-4
 #: Of how many ticks the centre of mass and the rotation are looked at in one.
 _EVERY = 10
 
@@ -40,7 +42,7 @@ def sensing(parameters: Mapping[str, Any]) -> list[Disturbance]:
         return []
     if name not in SENSORS:
         raise UnknownSensors(name, [TRUTH, *SENSORS])
-    return [EstimatedBase(SENSORS[name], seed=parameters["seed"], still=STILL)]
+    return [EstimatedBase(SENSORS[name], seed=parameters["seed"], still=STILL, floor=FLOOR)]
 
 
 def off_estimate(trial: Trial, parameters: Mapping[str, Any]) -> dict[str, float]:

@@ -64,6 +64,14 @@ def test_nothing_is_found_where_nothing_is_wrong(kind: str, seed: int):
     assert found.figures["latency"] < 0.01
 
 
+@pytest.mark.parametrize(("kind", "period"), [("franka", 1e-3), ("go2", 2e-3)])
+@pytest.mark.parametrize("delay", [0.0, 2e-3, 5e-3])
+def test_how_late_orders_act_is_known_to_a_period(kind: str, period: float, delay: float):
+    found = checked(kind, 3, Seeded("", kind, "", "", board={"delay": delay}))
+    assert found.ok, found
+    assert abs(found.figures["latency"] - delay) <= period
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_weak_form_holds_for_any_motion_of_the_model(seed: int):
     # Random smooth motions, torques by inverse dynamics: T = G Q + M A to second order in the motion.

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from tests.robots.motions import GRAVITY, NAMES, POINTS, ROBOT, Motion, errors, standing, sums
 from tests.seeds import generator
 from wbc.robots import BaseEstimator, ImuNoise
-from wbc.robots.invariant_filter import InvariantFilter, exponentials
+from wbc.robots.compiled.filter_kernel import Filter, correct, exponentials, innovation, level, predict
+from wbc.robots.invariant_filter import made
 from wbc.types import Mat, Vec
 
 NO_NOISE = ImuNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -29,8 +30,8 @@ class State(NamedTuple):
     bias: Vec
 
 
-def of(one: InvariantFilter) -> State:
-    return State(one.R, one.v, one.p, one.d, np.concatenate([one.gyro_bias, one.accelerometer_bias]))
+def of(one: Filter) -> State:
+    return State(one.R.copy(), one.v.copy(), one.p.copy(), one.d.copy(), one.bias.copy())
 
 
 def true_of(estimate: State, xi: Vec) -> State:
@@ -63,21 +64,28 @@ def moved(state: State, dt: float, gyro: Vec, force: Vec) -> State:
     return State(state.R @ turn, state.v + dt * (state.R @ first @ a + GRAVITY), p, state.d, state.bias)
 
 
-def somewhere(rng: np.random.Generator) -> InvariantFilter:
+def somewhere(rng: np.random.Generator) -> Filter:
     """A filter of two points in any state."""
-    one = InvariantFilter(2, NO_NOISE, GRAVITY)
-    one.R = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
-    one.v, one.p, one.d = rng.normal(size=3), rng.normal(size=3), rng.normal(size=(2, 3))
-    one.gyro_bias, one.accelerometer_bias = 0.1 * rng.normal(size=3), rng.normal(size=3)
+    one = made(2, NO_NOISE, GRAVITY, np.zeros((3, 3)))
+    one.R[:] = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
+    one.v[:], one.p[:], one.d[:] = rng.normal(size=3), rng.normal(size=3), rng.normal(size=(2, 3))
+    one.bias[:] = [*0.1 * rng.normal(size=3), *rng.normal(size=3)]
     return one
+
+
+def see(one: Filter, point: int, y: Vec, N: Mat) -> None:
+    """The encoders see one point at y, with covariance N."""
+    one.sizes[1], one.chosen[0], one.y[0], one.N[:3, :3] = 1, point, y, N
+    innovation(one)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 9.9e-3, 1.01e-2, 0.7, 3.0])
 def test_the_sums_are_those_of_a_matrix_exponential(angle: float) -> None:
     axis = generator("axis", angle).normal(size=3)
     phi = angle * axis / np.linalg.norm(axis)
-    for got, wanted in zip(exponentials(phi), sums(phi), strict=True):
-        assert np.abs(got - wanted).max() < 1e-14
+    got = np.empty((9, 3))
+    exponentials(phi, got)
+    assert np.abs(got - np.vstack(sums(phi))).max() < 1e-14
 
 
 @pytest.mark.parametrize("case", range(5))
@@ -92,42 +100,66 @@ def test_errors_move_as_their_numerical_derivative(case: int) -> None:
     numerical = np.array([(after(h) - after(-h)) / 2e-5 for h in 1e-5 * np.eye(21)]).T
     for i in range(21):
         one = somewhere(generator("derivative", case))
-        one.P = np.outer(np.eye(21)[i], np.eye(21)[i])
-        one.predict(dt, gyro, force, np.zeros((3, 3)))
+        one.P[:] = np.outer(np.eye(21)[i], np.eye(21)[i])
+        one.gyro[:], one.force[:] = gyro, force
+        predict(one, dt)
         assert np.abs(one.P - np.outer(numerical[:, i], numerical[:, i])).max() < 2e-5
     assert np.abs(error_of(of(one), moved(before, dt, gyro, force))).max() < 1e-12
 
 
 def test_an_innovation_is_the_error_of_the_point_less_that_of_the_imu() -> None:
     one = somewhere(generator("innovation"))
-    estimate, points = of(one), np.array([1])
-    one.P = np.eye(21)
+    estimate = of(one)
+    one.P[:] = np.eye(21)
 
     def r(xi: Vec) -> Vec:
         true = true_of(estimate, xi)
-        y = estimate.R @ true.R.T @ (true.d[1] - true.p)  # what the encoders see, turned by the estimate
-        return one.innovation(points, y[None], np.zeros((3, 3)))[0]
+        see(one, 1, estimate.R @ true.R.T @ (true.d[1] - true.p), np.zeros((3, 3)))  # turned by the estimate
+        return one.r[:3].copy()
 
-    _, S, seen = one.innovation(points, np.zeros((1, 3)), np.zeros((3, 3)))
     numerical = np.array([(r(h) - r(-h)) / 2e-5 for h in 1e-5 * np.eye(21)]).T
-    assert np.abs(numerical - seen).max() < 1e-8
-    assert np.abs(S - numerical @ numerical.T).max() < 1e-8
+    assert np.abs(numerical - one.seen[:3]).max() < 1e-8
+    assert np.abs(one.S[:3, :3] - numerical @ numerical.T).max() < 1e-8
+
+
+def is_conditional_mean(one: Filter, before: State, P: Mat, H: Mat, r: Vec, N: Mat) -> None:
+    """The estimate and its covariance are those of a linear measurement r = H ξ + noise."""
+    gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + N)
+    assert np.abs(error_of(of(one), before) + gain @ r).max() < 1e-9
+    left = np.eye(21) - gain @ H
+    assert np.abs(one.P - (left @ P @ left.T + gain @ N @ gain.T)).max() < 1e-12
 
 
 def test_a_correction_is_the_conditional_mean_of_the_error() -> None:
     rng = generator("correction")
-    one = somewhere(rng)
+    one, N = somewhere(rng), 1e-6 * np.eye(3)
     root = 1e-3 * rng.normal(size=(21, 21))
-    one.P, before, N = root @ root.T, of(one), 1e-6 * np.eye(3)
-    P = one.P
-    H = np.hstack([np.zeros((3, 6)), -np.eye(3), np.zeros((3, 9)), np.eye(3)])
-    r = 1e-3 * rng.normal(size=3)
-    _, S, seen = one.innovation(np.array([1]), np.zeros((1, 3)), N)
-    one.correct(r, S, seen)
-    gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + N)
-    assert np.abs(error_of(of(one), before) + gain @ r).max() < 1e-9
-    joseph = (np.eye(21) - gain @ H) @ P @ (np.eye(21) - gain @ H).T + gain @ N @ gain.T
-    assert np.abs(one.P - joseph).max() < 1e-12
+    one.P[:], before = root @ root.T, of(one)
+    P, r = one.P.copy(), 1e-3 * rng.normal(size=3)
+    see(one, 1, one.d[1] - one.p - r, N)
+    assert correct(one, 0.0) == 0, "a gate that nothing passes"
+    assert np.array_equal(one.P, P)
+    see(one, 1, one.d[1] - one.p - r, N)
+    assert correct(one, np.inf) == 1
+    is_conditional_mean(one, before, P, np.hstack([np.zeros((3, 6)), -np.eye(3), np.zeros((3, 9)), np.eye(3)]), r, N)
+
+
+def test_a_height_is_the_conditional_mean_of_the_error() -> None:
+    rng = generator("height")
+    one, variance = somewhere(rng), 1e-8
+    root = 1e-4 * rng.normal(size=(21, 21))
+    one.P[:], before = root @ root.T, of(one)
+    P, up = one.P.copy(), np.array([0.0, 0.6, 0.8])
+    height = float(up @ one.d[1]) - 1e-4
+
+    def off(xi: Vec) -> float:
+        return float(up @ (before.d[1] - true_of(before, xi).d[1]))
+
+    H = np.array([[(off(h) - off(-h)) / 2e-5 for h in 1e-5 * np.eye(21)]])
+    assert not level(one, 1, up, height, variance, 0.0), "a gate that nothing passes"
+    assert np.array_equal(one.P, P)
+    assert level(one, 1, up, height, variance, np.inf)
+    is_conditional_mean(one, before, P, H, np.array([1e-4]), np.array([[variance]]))
 
 
 # ---- against a whole run at once
@@ -148,18 +180,21 @@ def seen(motion: Motion, k: int) -> tuple[Mat, Mat]:
 
 def whole_run(motion: Motion, start: State) -> tuple[Callable[[Vec], State], Callable[[Vec], Vec]]:
     """The last state and the whitened residuals, as functions of the unknowns: errors of the start (9), of biases (6),
-    places of the feet (12), and the noise of each sample (6 each)."""
+    places of the feet (12), and the noise of each sample (6 each). At the start it leans about the middle of its feet.
+    """
     n, dt = len(motion.t) - 1, float(motion.t[1])
     sizes = np.repeat([NOISE.gyro, NOISE.accelerometer], 3) / np.sqrt(dt)
     scale = np.array(
         [TILT, TILT, 1e-6, *[SPEED] * 3, *[1e-6] * 3, *[NOISE.gyro_bias] * 3, *[NOISE.accelerometer_bias] * 3]
     )
     legs = [seen(motion, k) for k in range(n + 1)]
+    hips = -start.R @ legs[0][0].mean(axis=0)
 
     def states(x: Vec) -> list[State]:
         off = scale * x[:15]
         turn = Rotation.from_rotvec(off[:3]).as_matrix()
-        found = [State(turn @ start.R, start.v + off[3:6], start.p + off[6:9], x[15:27].reshape(4, 3), off[9:15])]
+        p = start.p - hips + turn @ hips + off[6:9]
+        found = [State(turn @ start.R, start.v + off[3:6], p, x[15:27].reshape(4, 3), off[9:15])]
         for k in range(n):
             noise = sizes * x[27 + 6 * k : 33 + 6 * k]
             found.append(moved(found[-1], dt, motion.gyro[k + 1] - noise[:3], motion.force[k + 1] - noise[3:]))

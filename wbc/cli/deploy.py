@@ -64,9 +64,11 @@ def deploy(
             made.add_row("wrong", one.sentence)
         for text in found.unproven:
             made.add_row("not proven", text)
-        for name, unit in (("rate", "Hz"), ("latency", "s")):
-            if name in found.figures:
-                made.add_row(name, f"{found.figures[name]:.4g} {unit}")
+        if "rate" in found.figures:
+            made.add_row("rate", f"{found.figures['rate']:.4g} Hz")
+        if "latency" in found.figures:
+            late, period = 1e3 * found.figures["latency"], 1e3 / board.device.rate
+            made.add_row("latency", f"{late:.3g} ms, give or take {period:.3g} ms")
         say(made, "", "nothing wrong was found" if found.ok else f"{len(found.findings)} wrong")
     raise typer.Exit(0 if found.ok else NO)
 

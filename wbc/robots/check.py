@@ -17,12 +17,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, final
 
 import numpy as np
-import pinocchio
 
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots import imu_check
-from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.device import BadFrame, Device, Order, Reading, rotation
 from wbc.robots.hands import Hands
 from wbc.robots.joint_map import UNITS, JointMap
 from wbc.robots.port import Port
@@ -51,7 +50,8 @@ class Finding:
 @final
 @dataclass
 class Checked:
-    """What a check found. ``unproven``: what could not be looked at, and why; ``figures``: rate [Hz], latency [s]."""
+    """What a check found. ``unproven``: what could not be looked at, and why; ``figures``: rate [Hz]; latency [s] of
+    orders, to a period of the states."""
 
     findings: list[Finding] = field(default_factory=list)
     unproven: list[str] = field(default_factory=list)
@@ -258,10 +258,10 @@ class _Check:
             ratio = float(rate @ change / (change @ change))
             if not np.isnan(self._now().dq).any() and not 0.7 < ratio < 1.4:
                 slow[name] = ratio
-            lag = self._lag(seen, j)
+            lag, own = self._lag(seen, j)
             lags.append(lag * self.period)
             # A motor gives the torques that its own order asks for: others, where orders go astray.
-            astray = np.linalg.norm(weigh @ (seen.tau - self._asked(seen, lag)), axis=0) / drive
+            astray = np.linalg.norm(weigh @ (seen.tau - self._asked(seen, lag, own)), axis=0) / drive
             if self.device.has_torque and astray[j] > 0.4 and name not in slow:
                 others = [k for k in range(n) if k != j and astray[k] > 0.2]
                 moved = f"an order for {name} moves {names[others[0]]}" if others else f"{name} ignores its orders"
@@ -285,19 +285,27 @@ class _Check:
             add("latency", f"orders act {1e3 * latency:.0f} ms late")
         return Response(self.rest, self.weight, Q, V, A, T)
 
-    def _asked(self, seen: _Moved, lag: int) -> Mat:
-        """The torques (N, n) that were asked for, had orders acted so many periods late."""
-        late = np.roll(seen.wanted, lag, axis=0)
-        return late + (seen.felt if self.device.law == "impedance" else np.roll(seen.felt, lag, axis=0))
+    def _asked(self, seen: _Moved, lag: int, own: int) -> Mat:
+        """The torques (N, n) that were asked for, had orders acted so many periods late.
 
-    def _lag(self, seen: _Moved, j: int) -> int:
-        """How many periods torques, or positions where there are none, follow what was asked for."""
+        The law is about a state: on the robot that of so many periods before (``own``), in an order that which was read
+        before it was sent.
+        """
+        late = np.roll(seen.wanted, lag, axis=0)
+        return late + np.roll(seen.felt, own if self.device.law == "impedance" else lag + 1, axis=0)
+
+    def _lag(self, seen: _Moved, j: int) -> tuple[int, int]:
+        """How many periods torques, or positions where there are none, follow what was asked for; and ``own``.
+
+        A motor may report the torque of the state before: taken for that of the state now, it would hide a delay.
+        """
         most = min(len(seen.tau) // 2, round(0.1 / self.period))
         if not self.device.has_torque:
             q, wanted = (one[:, j] - one[:, j].mean() for one in (seen.q, seen.wanted))
-            return int(np.argmax([np.corrcoef(q[most:], np.roll(wanted, k)[most:])[0, 1] for k in range(most)]))
-        errors = [np.var((seen.tau - self._asked(seen, k))[most:, j]) for k in range(most)]
-        return int(np.argmin(errors))
+            return int(np.argmax([np.corrcoef(q[most:], np.roll(wanted, k)[most:])[0, 1] for k in range(most)])), 0
+        pairs = [(lag, own) for lag in range(most) for own in (0, 1)]
+        errors = [np.var((seen.tau - self._asked(seen, *pair))[most:, j]) for pair in pairs]
+        return pairs[int(np.argmin(errors))]
 
     # ---- what it was
     def explain(self, seen: Response) -> None:
@@ -428,9 +436,7 @@ class _Check:
                 self._watched(lambda count: hands.done() and count > 5)
             if wrong := imu_check.turned(rest, turns):
                 self.result.add("imu", wrong)
-        self.attitude = pinocchio.Quaternion(
-            rest[-1].quaternion / np.linalg.norm(rest[-1].quaternion)
-        ).toRotationMatrix()
+        self.attitude = rotation(rest[-1].quaternion)
         return self.result.ok
 
     def _watched(self, enough: Callable[[int], bool]) -> list[Reading]:

@@ -16,12 +16,13 @@ from functools import partial
 from typing import Any, ClassVar, final
 
 import numpy as np
+import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots.joint_map import JointMap
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 
 class BadFrame(InvalidInput):
@@ -174,3 +175,9 @@ class Device(ABC):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({len(self.motors)} motors)"
+
+
+def rotation(quaternion: Vec) -> Mat:
+    """The rotation (3, 3) of a quaternion x y z w of any length."""
+    R: Mat = pinocchio.Quaternion(quaternion / np.linalg.norm(quaternion)).toRotationMatrix()
+    return R

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pinocchio
 
-from wbc.robots.device import Reading
+from wbc.robots.device import Reading, rotation
 from wbc.types import Mat, Vec
 
 #: Hands are not exact: what differs by less than this from a map is that map.
@@ -68,7 +68,7 @@ def turned(rest: Sequence[Reading], turns: Sequence[Sequence[Reading]]) -> str:
         return "the gyroscope is in degrees per second"
     if not _is(rate, np.eye(3)):
         return _mounted("the gyroscope", rate)
-    predicted = np.array([_rotation(q).T @ [0.0, 0.0, _G] for q in (quaternion, *ends)]).T
+    predicted = np.array([rotation(q).T @ [0.0, 0.0, _G] for q in (quaternion, *ends)]).T
     measured = np.array([_mean(rest, "acceleration"), *(_mean(turn[-5:], "acceleration") for turn in turns)]).T
     force = measured @ np.linalg.pinv(predicted)
     return "" if _is(force, np.eye(3)) else _mounted("the accelerometer", force)
@@ -103,8 +103,8 @@ def _is(found: Mat, wanted: Mat) -> bool:
 
 
 def _vectors(start: Vec, ends: Sequence[Vec]) -> list[Vec]:
-    R = _rotation(start)
-    return [pinocchio.log3(R.T @ _rotation(end)) for end in ends]
+    R = rotation(start)
+    return [pinocchio.log3(R.T @ rotation(end)) for end in ends]
 
 
 def _turns(start: Vec, ends: Sequence[Vec]) -> Mat:
@@ -112,14 +112,9 @@ def _turns(start: Vec, ends: Sequence[Vec]) -> Mat:
     return np.array([vector / max(float(np.linalg.norm(vector)), 1e-9) for vector in _vectors(start, ends)]).T
 
 
-def _rotation(quaternion: Vec) -> Mat:
-    R: Mat = pinocchio.Quaternion(quaternion / np.linalg.norm(quaternion)).toRotationMatrix()
-    return R
-
-
 def _up(quaternion: Vec, force: Vec) -> float:
     """Cosine between what both say is up."""
-    return float(_rotation(quaternion)[2] @ force / np.linalg.norm(force))
+    return float(rotation(quaternion)[2] @ force / np.linalg.norm(force))
 
 
 def _mean(readings: Sequence[Reading], name: str) -> Vec:

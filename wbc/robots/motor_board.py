@@ -25,8 +25,7 @@ import pinocchio
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.robots.device import BadFrame, Device, Order, Reading
-from wbc.robots.estimator import rotation
+from wbc.robots.device import BadFrame, Device, Order, Reading, rotation
 from wbc.robots.joint_map import JointMap
 from wbc.robots.sensors import SENSORS, Errors, Sensors, felt
 from wbc.sim.disturbance import Disturbance

@@ -16,7 +16,8 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.robots.estimator import BaseEstimator, rotation
+from wbc.robots.device import rotation
+from wbc.robots.estimator import BaseEstimator
 from wbc.robots.invariant_filter import ImuNoise
 from wbc.sim.disturbance import Disturbance, Effect
 from wbc.sim.plant import Drive, Plant
@@ -126,10 +127,11 @@ class EstimatedBase(Disturbance):
 
     Before the run the robot has stood still for ``still`` [s] on all feet, and the estimator has listened. The rate and
     the specific force that the IMU gives are means over a step, from the plant's own states. The IMU sits at
-    ``imu_frame``; default: the base.
+    ``imu_frame``; default: the base. The robot is told where its feet stand, and not how it leans; ``floor`` as
+    :class:`BaseEstimator` takes it.
 
     Raises:
-        InvalidInput: a seed that is not a whole number >= 0, or a negative time.
+        InvalidInput: a seed that is not a whole number >= 0, a negative time or ``floor``.
 
     Example:
         >>> from wbc.robots import SENSORS, EstimatedBase
@@ -141,9 +143,11 @@ class EstimatedBase(Disturbance):
     seed: int = 0
     imu_frame: str = ""
     still: float = 0.0
+    floor: float | None = None
 
     def __post_init__(self) -> None:
         checks.number("still", self.still, low=0.0)
+        checks.number("floor", self.floor or 0.0, low=0.0)
         checks.seed("seed", self.seed)
 
     def begin(self, plant: Plant) -> Effect:
@@ -166,6 +170,7 @@ class Sensing(Effect):
         self.estimator = BaseEstimator(
             model, [*getattr(plant, "wrenches", dict)()] or None, imu_frame=settings.imu_frame, noise=sensors.imu,
             joint=sensors.joint_position, joint_rate=sensors.joint_velocity, tilt=max(sensors.tilt, 1e-4),
+            floor=settings.floor, late=sensors.delay,
         )  # fmt: skip
         if sensors.feet == "forces" and not hasattr(plant, "wrenches"):
             raise InvalidInput(f"{type(plant).__name__} has no force sensors; give Sensors(feet='torques')")
@@ -178,14 +183,24 @@ class Sensing(Effect):
     def measure(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
         if self._before is None:
             self._before = self._moves()
-            lean = np.concatenate([np.zeros(3), self._errors.lean, np.zeros(self._model.nj)])
-            self.estimator.reset(self._model.integrate(q, lean), v)
+            self.estimator.reset(self._leaning(q), v)
             steps, dt = round(self._settings.still / self._plant.dt), self._plant.dt
             for k in range(steps):
                 self.estimator.update(**self._sampled(q, 0.0 * v, self._plant.t + (k - steps) * dt))
         self._late.append({**self._sampled(q, v, self._plant.t), **self._pressing()})
         self.sample = self._late[0]
         return self.estimator.update(**self.sample)
+
+    def _leaning(self, q: Vec) -> Vec:
+        """What the robot is told of q (nq,): leaning otherwise about the middle of its feet."""
+        lean = np.concatenate([np.zeros(3), self._errors.lean, np.zeros(self._model.nj)])
+        told, state = self._model.integrate(q, lean), self._model.state()
+        middles = []
+        for one in (q, told):
+            state.update(0.0, one, np.zeros(self._model.nv))
+            middles.append(np.mean([state.frame(name).position for name in self.estimator.contacts], axis=0))
+        told[:3] += middles[0] - middles[1]
+        return told
 
     def deliver(self, command: Drive) -> Drive:
         self._tau = np.array(command.tau)
