@@ -110,14 +110,16 @@ def factor_metric(at: int) -> bool:
         s.root[c] = s.free[c] / sqrt(s.metric[c])
     if s.sizes[5] != VARIABLES:
         return True
-    columns = s.F[:ns].reshape((ny, ns))  # of w^½ S̄, in memory that F does not use in this form
-    for k in range(ns):
-        root = sqrt(w[k])
+    for k in range(ns):  # w^½ S̄, in memory that F does not use in this form
+        root, row, out = sqrt(w[k]), s.E[k], s.F[k]
         for c in range(ny):
-            columns[c, k] = root * s.E[k, c] * s.free[c]
+            out[c] = root * row[c] * s.free[c]
     for i in range(ny):
-        times(columns, columns[i], 0, i + 1, ns, s.H[i])
-        s.H[i, i] += s.metric[i] if s.free[i] != 0.0 else 1.0
+        out = s.H[i]
+        for c in range(i + 1):
+            out[c] = 0.0
+        add_rows(1.0, s.F[:, i], s.F, 0, ns, i + 1, out)
+        out[i] += s.metric[i] if s.free[i] != 0.0 else 1.0
     return bool(factor(s.H, 0, ny, _SINGULAR) == 0)
 
 

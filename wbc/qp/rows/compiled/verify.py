@@ -127,17 +127,18 @@ def certify(at: int) -> bool:
             if not slack >= -MET:
                 push[i] = 0.0
             gap += abs(push[i] * slack)
-    for _ in range(2):
+    for c in range(n):
+        z[c] = regular * value[c] if c < n_u else 0.0
+    add_rows(1.0, push, s.G, n_u, rows, n, z)
+    for _ in range(2 if n_u else 0):
         for c in range(n_u):
-            s.base[c] = regular * value[c]
-        add_rows(1.0, push, s.G, 0, rows if n_u else 0, n_u, s.base)
+            s.base[c] = z[c]
+        add_rows(1.0, push, s.G, 0, n_u, n_u, s.base)
         forward(s.B, 0, n_u, s.base)
         backward(s.B, 0, n_u, s.base)
         for c in range(n_u):
             push[c] -= s.base[c]
-    for c in range(n):
-        z[c] = 0.0
-    add_rows(1.0, push, s.G, 0, rows, n, z)
+    add_rows(1.0, push, s.G, 0, n_u, n, z)
     for c in range(n_u):
         z[c] = 0.0
     of_rows = value[items:]
@@ -256,7 +257,7 @@ def verify(at: int) -> int:
         for k in range(ns):
             s.lam[k] = -s.weights[k] * s.value[first_item + first_soft + k]
     largest, count = largest_push(s), 0
-    for i in range(nu, len(s.G)):
+    for i in range(len(s.G)):
         s.push[i] = 0.0
     for k in range(ns):
         s.push[first_soft + k] = -s.lam[k]
