@@ -107,7 +107,7 @@ def nearest(
         return None
     u = unit * (first + found.u @ free)
     x, terms_of_x = centre + root @ u, (np.abs(centre) + np.abs(root) @ np.abs(u)).max()
-    # Limits that contradict each other by little in the metric give way to each other; that may be much in x.
+    # Limits with a small contradiction in the metric are both violated a little; in x that may be much.
     beyond, little = np.maximum(matrix @ x - upper, lower - matrix @ x)[kept], np.linalg.norm(matrix[kept], axis=1)
     little = np.maximum(terms_of_x * little, TINY)
     if (beyond > np.maximum(SHARP * little, TINY)).any():

@@ -1,4 +1,4 @@
-"""Repair: a motion near by for which forces and torques exist. Timing gives way, then the base, legs, waist and arms.
+"""Repair: a motion near by for which forces and torques exist. It changes timing, then base, legs, waist, arms.
 
 In turn the motion is slower where that helps (:mod:`wbc.motion.pace`), and moved by quadratic programs over windows
 around frames without a certificate. δ_k moves the configuration of frame k, and the wrenches f_k are unknowns too:
@@ -11,7 +11,7 @@ around frames without a certificate. δ_k moves the configuration of frame k, an
 
 with δ̇ and δ̈ the central differences that the witness takes, and D_q the derivative at wrenches that are constant in the
 axes of their feet, so that moving the body over its feet moves the centre of pressure. It is solved a few times, each
-time about the motion that it gave. W declares what gives way: the base first, legs follow it, then waist and arms.
+time about the motion that it gave. The weights W let the base and the legs move first, then waist and arms.
 
 Source: the derivatives are those of Carpentier, Mansard, RSS 2018; the scheme is sequential quadratic programming.
 """

@@ -59,7 +59,7 @@ class Order:
     """What motors are sent: ``q``, ``dq``, ``tau``, ``kp``, ``kd`` (n,), each one for all or one for each motor.
 
     ``gravity`` (n,) [N m] is what gravity asks of the motors, for robots that add it themselves. ``weight`` in [0, 1]
-    is the share of the robot's own controller that gives way, for robots that have one.
+    is the share that our orders have against the robot's own controller, for robots that have one.
 
     Raises:
         InvalidInput: another size, not finite, a negative gain.

@@ -17,7 +17,7 @@ A round foot is one point, the centre of its ball. A flat one is three points of
 too. Covariance of where the encoders see the points, with Jacobian J (3m, nj) of all of them in the IMU's frame, the
 errors of encoders ``joint`` [rad, m] and of what is rigid ``flex`` [m]: N = joint² J Jᵀ + flex² I. A standing point
 wanders by ``creep`` [m/√s] along the ground, which is what a foot does that is neither fixed nor slips, and by ``sink``
-[m/√s] up and down, as soles and ground give way when weight shifts: a flat sole then holds the heading, not the lean.
+[m/√s] up and down, as soles and ground deform when weight shifts: a flat sole then holds the heading, not the lean.
 
 Rates come with white noise, which gains on velocities make torques. What is returned is what a stationary Kalman filter
 of rate and acceleration makes of them, which takes the change of accelerations for white, with densities ``agility``

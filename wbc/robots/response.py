@@ -74,7 +74,7 @@ class Mistake:
         return bool((self.order != other.order).any() or (np.sign(self.scale) != np.sign(other.scale)).any())
 
     def parts(self, other: Mistake, names: Sequence[str]) -> str:
-        """A joint that shows, moved by hand, which of two that differ it is."""
+        """A joint whose motion by hand distinguishes this mistake from another."""
         apart = (self.order != other.order) | (np.sign(self.scale) != np.sign(other.scale))
         return names[int(self.order[int(apart.argmax())])]
 

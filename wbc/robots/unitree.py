@@ -182,7 +182,7 @@ class Unitree(Device):
         return np.zeros(1, self.command)
 
     def _weigh(self, motors: Any, weight: float) -> None:
-        """Say how far the robot's own controller gives way, where it has one."""
+        """Set the share of our orders against the robot's own controller, if it has one."""
 
     def _fill(self, frame: Any, reading: Reading) -> None:
         """What a state frame has beside motors and IMU."""

@@ -17,7 +17,7 @@ LEVELS: tuple[Formulation, ...] = (VelocityLevel(), AccelerationLevel(), Inverse
 
 
 def stack_with(member: Any, contacts: Iterable[Contact] = ()) -> Stack:
-    """A stack of one member in its place, with joints that would rather not move beside it."""
+    """A stack of one member in its place, and a task that damps the joints."""
     places: dict[str, list[Any]] = {"tasks": [_Still()], "subject_to": [], "contacts": [*contacts], "components": []}
     kinds = ((Objective, "tasks"), (Contact, "contacts"), (Component, "components"))
     places[next((place for kind, place in kinds if isinstance(member, kind)), "subject_to")].append(member)
@@ -47,7 +47,7 @@ def levels_of(member: Any, model: RobotModel, *, contacts: Iterable[Contact] = (
 
 
 class _Still(Task):
-    """Joints that would rather not move, so that every problem has one answer."""
+    """Damping of all joints, so that every problem has a unique solution."""
 
     on_joints = True
 
