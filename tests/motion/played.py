@@ -170,7 +170,9 @@ def main() -> None:
             print(
                 f"{robot} {word} repair: {certified.sum()} of {frames.sum()} frames certified "
                 f"({100 * certified.sum() / frames.sum():.1f} %), slip up to {slips.max():.3f} mm, "
-                f"{np.median(off):.1f} mm from the person (median), {stood.sum()} of {len(rows)} stood",
+                f"{np.median(off):.1f} mm from the person (median)"
+                + f", {stood.sum()} of {len(rows)} stood"
+                * (not given.judge_only),
                 flush=True,
             )
 
