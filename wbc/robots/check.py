@@ -124,10 +124,8 @@ class _Check:
             if (steps == 0.0).all():
                 add("stale", "states are stale: their time stands still")
             elif (steps < 0.0).any():
-                add(
-                    "stale",
-                    f"states come out of order: {int((steps < 0).sum())} of {len(steps)} are older than the one before",
-                )
+                older = f"{int((steps < 0.0).sum())} of {len(steps)} are older than the one before"
+                add("stale", f"states come out of order: {older}")
             elif not 1.0 - DIFFERENT < passed < 1.0 + DIFFERENT:
                 add("rate", f"the robot's clock runs {passed:.3g} times as fast as ours")
         if not 1.0 - DIFFERENT < rate * self.period < 1.0 + DIFFERENT:
@@ -288,17 +286,14 @@ class _Check:
     def _asked(self, seen: _Moved, lag: int, own: int) -> Mat:
         """The torques (N, n) that were asked for, had orders acted so many periods late.
 
-        The law is about a state: on the robot that of so many periods before (``own``), in an order that which was read
-        before it was sent.
+        The law on the robot is about its state ``own`` periods before, an order about the one that was read before it.
         """
         late = np.roll(seen.wanted, lag, axis=0)
         return late + np.roll(seen.felt, own if self.device.law == "impedance" else lag + 1, axis=0)
 
     def _lag(self, seen: _Moved, j: int) -> tuple[int, int]:
-        """How many periods torques, or positions where there are none, follow what was asked for; and ``own``.
-
-        A motor may report the torque of the state before: taken for that of the state now, it would hide a delay.
-        """
+        """How many periods torques, or positions where there are none, follow what was asked for; and ``own``, without
+        which the torque of the state before would hide a delay."""
         most = min(len(seen.tau) // 2, round(0.1 / self.period))
         if not self.device.has_torque:
             q, wanted = (one[:, j] - one[:, j].mean() for one in (seen.q, seen.wanted))
@@ -378,9 +373,8 @@ class _Check:
             if any(name in moved for name in mistake.joints) and mistake.kind == "order":
                 joint = next(name for name in mistake.joints if name in moved)
             if self.hands is None:
-                self.result.unproven.append(
-                    f"not shown by torques, and nobody moves the robot: whether {mistake.sentence}"
-                )
+                text = f"not shown by torques, and nobody moves the robot: whether {mistake.sentence}"
+                self.result.unproven.append(text)
                 continue
             if joint not in moved:
                 moved[joint] = self._feel(joint)
