@@ -145,11 +145,9 @@ class UnknownSolver(UnknownName):
 
 
 class UnknownScenario(UnknownName):
-    """No such scenario, or what else commands find by name: ``kind`` says what."""
+    """No such scenario."""
 
-    def __init__(self, name: object, available: Iterable[str], hint: str = "", kind: str = "scenario") -> None:
-        self.kind = kind
-        super().__init__(name, available, hint)
+    kind = "scenario"
 
 
 def _text_of(cause: BaseException) -> str:

@@ -16,9 +16,9 @@ class BrokenPlugin(UserWarning):
 
 
 def registered(kind: type[T]) -> dict[str, T]:
-    """All registered members that are of ``kind``: scenarios, workloads, axes of growth curves, or subjects of soaks.
+    """All registered members that are of ``kind``, by name.
 
-    Each entry point is a mapping, or an iterable of named objects, of any of these kinds. One that raises, or calls
+    Each entry point is a mapping, or an iterable of named objects. One that raises, or calls
     ``sys.exit``, loses only its own members, with a :class:`BrokenPlugin` warning that names it.
 
     Example:

@@ -1,8 +1,10 @@
-"""What commands find by name. ``wbc run`` runs scenarios, one file each; ``wbc bench`` workloads, ``wbc soak`` the
-subjects of soaks, and ``wbc report scaling`` measures along axes."""
+"""The scenarios that commands find by name, those that are timed, soaked or measured as they grow among them."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+
+from wbc.sim.scenario import Scenario
 
 from ..workloads import WORKLOADS
 from ..workloads.scaling import AXES
@@ -31,7 +33,7 @@ from .reach_strict import ReachStrict
 from .soaks import SOAKS
 from .stand_family import StandFamily
 
-SCENARIOS: Mapping[str, Any] = {**WORKLOADS, **AXES, **SOAKS} | {
+SCENARIOS: Mapping[str, Scenario] = {**WORKLOADS, **AXES, **SOAKS} | {
     scenario.name: scenario
     for scenario in (
         HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak(), FaultFamily(), StandFamily(),

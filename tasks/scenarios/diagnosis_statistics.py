@@ -12,8 +12,7 @@ import wbc
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
-from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.disturbance import Disturbance, Payload, Push
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
@@ -24,20 +23,15 @@ from .. import (
     Derate,
     FaultReaction,
     JointPositionLimits,
-    MomentumObserver,
-    Posture,
     Release,
-    Sinusoid,
-    Thresholds,
-    TorqueLimits,
     When,
 )
 from ..components.diagnosis import ACTUATOR, Diagnosis
 from . import judge
 from .arm_collision import jacobian, moved_links
 from .arm_reach import TOOLS
+from .waving import NOISE, Waving
 
-GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: Seconds without a fault that thresholds come from; after a fault that are watched.
 LEARNING, WATCHED = 10.0, 2.0
 #: What has to be recognised misses this many thresholds of some joint.
@@ -45,7 +39,6 @@ CLEAR = 3.0
 TRUTHS = (*ACTUATOR, "push", "payload")
 #: What it may be taken for; "another motor" is a loss laid to the wrong joint.
 NAMED = (*ACTUATOR, "another motor", "external", "payload", "nothing")
-NOISE = {"position": 5e-5, "velocity": 0.01}
 
 
 @final
@@ -100,13 +93,13 @@ class DiagnosisStatistics(Scenario):
         count, masses = p.count("cases"), p.number("masses", low=0.0, high=0.5)
         waving = Waving(wbc.load(p["robot"]), masses, NOISE if p["noise"] else {}, p["seed"])
         p.settings.progress(0.0, "learning thresholds")
-        waving.learn(p.settings.solver)
+        waving.learn(LEARNING, p.settings.solver)
         truths = [TRUTHS[k % len(TRUTHS)] for k in range(count)]
-        return {f"{k + 1}: {truth}": {"draw": waving.drawn(truth)} for k, truth in enumerate(truths)}
+        return {f"{k + 1}: {truth}": {"draw": Draw.of(waving, truth)} for k, truth in enumerate(truths)}
 
     def build(self, p: Parameters) -> Setup:
         draw: Draw = p["draw"]
-        return draw.waving.setup(draw)
+        return draw.setup()
 
     def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
         cases = []
@@ -159,88 +152,64 @@ class Draw:
     missing: Vec
     seed: int
 
+    @classmethod
+    def of(cls, waving: Waving, truth: str) -> Draw:
+        """One trial of this kind."""
+        start = round(float(waving.random.uniform(0.5, 1.5)), 3)
+        joint = int(waving.random.integers(waving.robot.nj))
+        at = round(start / 1e-3)
+        drawn = _drawn(waving, truth, start, joint, waving.calm["plant.q"][at], waving.calm["tau"][at])
+        return cls(waving, truth, start, joint, *drawn, waving.seed())
 
-@final
-class Waving:
-    """The arm, what is drawn, and what is known of it: thresholds, and the run without a fault."""
-
-    def __init__(self, robot: PinocchioModel, masses: float, noise: Mapping[str, float], seed: int) -> None:
-        self.random, self.robot, self.noise = np.random.default_rng(seed), robot, noise
-        links = len(robot.pinocchio.inertias) - 1
-        self.believed = robot.with_masses(1.0 + self.random.uniform(-masses, masses, links)) if masses else robot
-        self.hand = TOOLS.get(robot.name.lower(), robot.frame_names[-1])
-        self.plant = MujocoPlant(robot)
-        self.threshold: Vec = np.full(robot.nj, np.inf)
-        self.noise_of_a_tick: Vec = np.zeros(robot.nj)
-
-    def setup(self, draw: Draw | None, seed: int = 0) -> Setup:
-        """The wave with what is drawn, with a new controller."""
-        robot = self.robot
-        observer = MomentumObserver(gain=GAIN, threshold=self.threshold, persistence=PERSISTENCE, release=0.5)
+    def setup(self) -> Setup:
+        """The wave with what is drawn, and an answer to it."""
+        waving = self.waving
+        observer = waving.observer()
         table = [
             When("total", [Release()]), When("partial", [Derate()]), When("bias", [Compensate()]),
             When("saturation", [Cap()]), When("payload", [Carry(observer)]),
         ]  # fmt: skip
-        reaction = FaultReaction(observer, table=table, noise=self.noise_of_a_tick, start=0.2, hands=[self.hand])
-        wave = Sinusoid(robot.q0, amplitude=0.3, frequency=np.linspace(0.3, 0.6, robot.nj))
-        stack = wbc.Stack(
-            [Posture(wave, kp=100), reaction.limits], subject_to=[TorqueLimits(), JointPositionLimits()],
-            components=[observer, reaction],
-        )  # fmt: skip
-        self.plant.reset(robot.q0)
-        sensors = [SensorNoise(**self.noise, seed=seed if draw is None else draw.seed)] if self.noise else []
-        return Setup(
-            stack=stack, plant=self.plant, robot=self.believed, about=(draw, reaction),
-            disturbances=[*([] if draw is None else [draw.disturbance]), *sensors],
-            duration=LEARNING if draw is None else draw.start + WATCHED,
-        )  # fmt: skip
-
-    def _seed(self) -> int:
-        return int(self.random.integers(2**31)) if self.noise else 0
-
-    def learn(self, solver: str) -> None:
-        """Thresholds, from a run without a fault."""
-        self.calm = self.setup(None, self._seed()).run(duration=LEARNING, solver=solver).run
-        known = Thresholds.learnt(self.calm["signal.MomentumObserver.residual"][300:], gain=GAIN, dt=1e-3, floor=FLOOR)
-        self.threshold = known.value
-        self.noise_of_a_tick = known.noise if self.noise else np.zeros(self.robot.nj)
-
-    def drawn(self, truth: str) -> Draw:
-        """One trial of this kind."""
-        start = round(float(self.random.uniform(0.5, 1.5)), 3)
-        joint = int(self.random.integers(self.robot.nj))
-        at = round(start / 1e-3)
-        disturbance, missing = self._drawn(truth, start, joint, self.calm["plant.q"][at], self.calm["tau"][at])
-        return Draw(self, truth, start, joint, disturbance, missing, self._seed())
-
-    def _drawn(self, truth: str, start: float, joint: int, q: Vec, tau: Vec) -> tuple[Disturbance, Vec]:
-        """What happens, and what it makes each joint miss at first (nj,) [N m]."""
-        random, robot = self.random, self.robot
-        if truth == "push":
-            link = moved_links(robot)[joint]
-            force = random.normal(size=3)
-            force *= float(random.uniform(5.0, 60.0)) / np.linalg.norm(force)
-            lasts = float(random.uniform(0.2, 1.5))
-            return Push(link, tuple(force), start, lasts), jacobian(robot, link, q).T @ force
-        if truth == "payload":
-            load = Payload(self.hand, mass=float(random.uniform(0.3, 3.0)), start=start)
-            state = robot.state()
-            state.update(0.0, q, np.zeros(robot.nv))
-            return load, load.mass * state.frame(self.hand).jacobian()[:3].T @ robot.gravity
-        left, bias, ceiling = 1.0, 0.0, np.inf
-        if truth == "bias":
-            most = min(20.0 * float(self.threshold[joint]), 0.5 * float(robot.limits.tau_max[joint]))
-            bias = float(random.uniform(0.3, 1.0) * random.choice([-1.0, 1.0])) * most
-        elif truth == "saturation":
-            ceiling = float(random.uniform(0.3, 0.8)) * abs(float(tau[joint]))
-        else:
-            left = 0.0 if truth == "total" else float(random.uniform(0.25, 0.75))
-        fault = ActuatorFault(
-            joint=robot.joint_names[joint], effectiveness=left, bias=bias, ceiling=ceiling, start=start
+        reaction = FaultReaction(
+            observer, table=table, noise=waving.noise_of_a_tick, start=0.2, hands=[_hand(waving.robot)]
         )
-        missing = np.zeros(robot.nj)
-        missing[joint] = fault.missing(start, float(tau[joint]))
-        return fault, missing
+        return waving.setup(
+            self.start + WATCHED, disturbances=[self.disturbance], components=[observer, reaction],
+            tasks=[reaction.limits], limits=[JointPositionLimits()], seed=self.seed, about=(self, reaction),
+        )  # fmt: skip
+
+
+def _hand(robot: PinocchioModel) -> str:
+    return TOOLS.get(robot.name.lower(), robot.frame_names[-1])
+
+
+def _drawn(  # noqa: PLR0917
+    waving: Waving, truth: str, start: float, joint: int, q: Vec, tau: Vec
+) -> tuple[Disturbance, Vec]:
+    """What happens, and what it makes each joint miss at first (nj,) [N m]."""
+    random, robot = waving.random, waving.robot
+    if truth == "push":
+        link = moved_links(robot)[joint]
+        force = random.normal(size=3)
+        force *= float(random.uniform(5.0, 60.0)) / np.linalg.norm(force)
+        lasts = float(random.uniform(0.2, 1.5))
+        return Push(link, tuple(force), start, lasts), jacobian(robot, link, q).T @ force
+    if truth == "payload":
+        load = Payload(_hand(robot), mass=float(random.uniform(0.3, 3.0)), start=start)
+        state = robot.state()
+        state.update(0.0, q, np.zeros(robot.nv))
+        return load, load.mass * state.frame(load.frame).jacobian()[:3].T @ robot.gravity
+    left, bias, ceiling = 1.0, 0.0, np.inf
+    if truth == "bias":
+        most = min(20.0 * float(waving.threshold[joint]), 0.5 * float(robot.limits.tau_max[joint]))
+        bias = float(random.uniform(0.3, 1.0) * random.choice([-1.0, 1.0])) * most
+    elif truth == "saturation":
+        ceiling = float(random.uniform(0.3, 0.8)) * abs(float(tau[joint]))
+    else:
+        left = 0.0 if truth == "total" else float(random.uniform(0.25, 0.75))
+    fault = ActuatorFault(joint=robot.joint_names[joint], effectiveness=left, bias=bias, ceiling=ceiling, start=start)
+    missing = np.zeros(robot.nj)
+    missing[joint] = fault.missing(start, float(tau[joint]))
+    return fault, missing
 
 
 def standing(events: Sequence[Diagnosis]) -> list[Diagnosis]:

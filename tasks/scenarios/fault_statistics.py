@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from time import perf_counter_ns
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -13,21 +12,22 @@ import wbc
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.disturbance import Effect, SensorNoise
-from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Trial
-from wbc.types import Status, Vec
+from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
+from wbc.types import Vec
 
-from .. import MomentumObserver, Posture, Sinusoid, Thresholds, TorqueLimits
+from . import judge
+from .waving import NOISE, Waving
 
-GAIN, PERSISTENCE, FLOOR = 100.0, 2, 0.1
 #: How long a fault lasts, and how long after it the robot is left alone before it counts as sound again [s].
 LASTS, RECOVERY = 0.06, 0.5
 #: Missing torque in units of its joint's threshold from which on a fault has to be found.
 CLEAR = 3.0
 KINDS = ("total", "partial", "bias")
 SCALES = np.geomspace(0.2, 3.0, 40)
-STATUSES = tuple(Status)
+#: So many faults are in one run.
+STRETCH = 50
+#: So long a run without one is [s].
+CALM = 60.0
 
 
 @final
@@ -51,7 +51,7 @@ class Fault:
 class FaultStatistics(Scenario):
     """An arm waves while, one after the other, ``faults`` motors drawn by ``seed`` fail for 60 ms: totally, partly, by
     a bias, at any moment; sensors have noise and the controller's masses are wrong by up to ``masses``. Nothing reacts.
-    Then it waves for ``nominal`` seconds more without a fault. How many are found, laid to the right joint, after how
+    Before that it waves for ``nominal`` seconds without a fault. How many are found, laid to the right joint, after how
     long, and how many alarms there are without one; at the default thresholds, and at others.
 
     ``robot``: panda (needs example-robot-data) or arm; ``learning``: seconds without a fault that thresholds come from.
@@ -67,100 +67,93 @@ class FaultStatistics(Scenario):
     plants = ("mujoco",)
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        return {}  # one loop that goes on over all faults, see Arm
-
-    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
         count, nominal = p.count("faults"), p.number("nominal", low=0.0)
         masses, learning = p.number("masses", low=0.0, high=0.5), p.number("learning", low=1.0)
-        progress = p.settings.progress
-        arm = Arm(wbc.load(p["robot"]), masses, p.settings.solver, p["seed"])
-        progress(0.0, "learning thresholds")
-        known = arm.learn(learning)
-        faults, windows = [], []
-        for k in range(count):
-            if k % max(count // 100, 1) == 0:
-                progress(k / (count + 1), f"fault {k + 1} of {count}")
-            fault, window = arm.fault(known)
-            faults.append(fault)
-            windows.append(window)
-        windows += [arm.sound(1.0, known) for _ in range(int(nominal))]
-        return _judged(arm, p, known, faults, windows)
+        waving = Waving(wbc.load(p["robot"]), masses, NOISE, p["seed"])
+        p.settings.progress(0.0, "learning thresholds")
+        waving.learn(learning, p.settings.solver)
+        some = [range(k, min(k + STRETCH, count)) for k in range(0, count, STRETCH)]
+        cases = {f"faults {s[0] + 1} to {s[-1] + 1}": {"stretch": Stretch.of(waving, len(s))} for s in some}
+        calm = {
+            f"no fault from {k:g} s": {"stretch": Stretch(waving, min(CALM, nominal - k), (), waving.seed())}
+            for k in np.arange(0.0, nominal, CALM)
+        }
+        return {**calm, **cases}
+
+    def build(self, p: Parameters) -> Setup:
+        stretch: Stretch = p["stretch"]
+        return stretch.setup()
+
+    def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
+        faults, windows = list[Fault](), list[tuple[int, float]]()
+        for trial in trials:  # a run is forgotten before the next one
+            stretch: Stretch = trial.about
+            faults += stretch.found(trial.run)
+            windows += stretch.sound(trial.run)
+        return _judged(trial, stretch.waving.threshold, faults, windows)
 
 
 @final
-class Arm:
-    """The arm, its controller, its observer and its sensors, tick by tick."""
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A wave of ``seconds`` with these faults: of each how many ticks without one are before it, its joint, its kind
+    and what fails."""
 
-    def __init__(self, robot: PinocchioModel, masses: float, solver: str, seed: int) -> None:
-        self.random = np.random.default_rng(seed)
-        links = len(robot.pinocchio.inertias) - 1
-        believed = robot.with_masses(1.0 + self.random.uniform(-masses, masses, links))
-        self.observer = MomentumObserver(gain=GAIN)
-        wave = Sinusoid(robot.q0, amplitude=0.3, frequency=np.linspace(0.3, 0.6, robot.nj))
-        stack = wbc.Stack([Posture(wave, kp=100)], subject_to=[TorqueLimits()], components=[self.observer])
-        self.controller = wbc.Controller(believed, stack, level=wbc.InverseDynamics(), solver=solver)
-        self.plant = MujocoPlant(robot)
-        self.plant.reset(robot.q0)
-        self.robot, self.ticks = robot, 0
-        self.noise = SensorNoise(position=5e-5, velocity=0.01, seed=seed).begin(self.plant)
-        self.rows: list[dict[str, Any]] = []
+    waving: Waving
+    seconds: float
+    faults: Sequence[tuple[int, int, str, ActuatorFault]]
+    seed: int
 
-    def step(self, effect: Effect | None = None) -> Vec:
-        """One tick; the residual (nj,)."""
-        plant = self.plant
-        measured, began = self.noise.measure(plant.q, plant.v), perf_counter_ns()
-        command: Any = self.controller.tick(plant.t, *measured)
-        took = 1e-3 * (perf_counter_ns() - began)
-        self.rows.append(
-            {
-                "t": plant.t,
-                "status": STATUSES.index(command.status),
-                "tick_us": took,
-                "q": plant.q,
-                "v": plant.v,
-                "tau": command.tau,
-            }
-        )
-        del self.rows[:-2000]
-        if effect is not None:
-            effect.push(plant.t)
-            command = effect.deliver(command)
-        plant.step(command)
-        self.ticks += 1
-        return self.observer.residual
+    @classmethod
+    def of(cls, waving: Waving, count: int) -> Stretch:
+        """So many faults of 60 ms, with time to recover behind each."""
+        random, robot, faults, tick = waving.random, waving.robot, [], round(RECOVERY * 1e3)
+        for _ in range(count):
+            before = round(float(random.uniform(0.1, 0.3)) * 1e3)
+            tick += before
+            joint, kind = int(random.integers(robot.nj)), KINDS[int(random.integers(3))]
+            left, bias = 1.0, 0.0
+            if kind == "bias":
+                bias = float(random.uniform(0.5, 8.0) * random.choice([-1.0, 1.0]) * waving.threshold[joint])
+            else:
+                left = 0.0 if kind == "total" else float(random.uniform(0.25, 0.75))
+            start = 1e-3 * tick
+            fault = ActuatorFault(
+                joint=robot.joint_names[joint], effectiveness=left, bias=bias, start=start, end=start + LASTS
+            )
+            faults.append((before, joint, kind, fault))
+            tick += round((LASTS + RECOVERY) * 1e3)
+        return cls(waving, 1e-3 * tick, faults, waving.seed())
 
-    def learn(self, seconds: float) -> Thresholds:
-        """Thresholds from a stretch without a fault."""
-        residual = np.array([self.step() for _ in range(round(seconds * 1e3))])
-        return Thresholds.learnt(residual[500:], gain=GAIN, dt=1e-3, floor=FLOOR)
+    def setup(self) -> Setup:
+        """The run."""
+        faults = [fault for *_, fault in self.faults]
+        return self.waving.setup(self.seconds, disturbances=faults, seed=self.seed, about=self)
 
-    def sound(self, seconds: float, known: Thresholds) -> tuple[int, float]:
-        """Ticks of a stretch without a fault, and the largest residual of any joint that lasted two ticks."""
-        ratios = np.array([np.abs(self.step()) / known.value for _ in range(round(seconds * 1e3))])
-        return len(ratios), float(_lasting(ratios).max(initial=0.0))
+    def ratios(self, run: wbc.Run) -> Vec:
+        """The residual of each tick in thresholds (N, nj)."""
+        return np.asarray(np.abs(run["signal.MomentumObserver.residual"]) / self.waving.threshold)
 
-    def fault(self, known: Thresholds) -> tuple[Fault, tuple[int, float]]:
-        """A stretch without a fault, then one of 60 ms, then time to recover."""
-        random = self.random
-        window = self.sound(float(random.uniform(0.1, 0.3)), known)
-        joint, kind = int(random.integers(self.robot.nj)), KINDS[int(random.integers(3))]
-        name, start = self.robot.joint_names[joint], self.plant.t - 0.5e-3
-        if kind == "bias":
-            size = float(random.uniform(0.5, 8.0) * random.choice([-1.0, 1.0]) * known.value[joint])
-            fault = ActuatorFault(joint=name, effectiveness=1.0, bias=size, start=start)
-        else:
-            left = 0.0 if kind == "total" else float(random.uniform(0.25, 0.75))
-            fault = ActuatorFault(joint=name, effectiveness=left, start=start)
-        effect = fault.begin(self.plant)
-        missing = abs(fault.missing(self.plant.t, float(self.rows[-1]["tau"][joint])))
-        seen = np.array([np.abs(self.step(effect)) / known.value for _ in range(round(LASTS * 1e3))])
-        lasting = _lasting(seen)
-        over = np.flatnonzero((lasting > 1.0).any(axis=1))
-        delay, found = (np.inf, -1) if not len(over) else (1e-3 * over[0], int(seen[over[0]].argmax()))
-        for _ in range(round(RECOVERY * 1e3)):
-            self.step()
-        size = missing / float(known.value[joint])
-        return Fault(joint, kind, size, float(lasting[:, joint].max()), float(delay), found), window
+    def sound(self, run: wbc.Run) -> list[tuple[int, float]]:
+        """Of each part without a fault how many ticks it has, and the largest residual that lasted two ticks."""
+        ratios, first = self.ratios(run), round(RECOVERY * 1e3)
+        spans = [(round(1e3 * f.start) - before, round(1e3 * f.start)) for before, *_, f in self.faults]
+        spans = spans or [(k, min(k + 1000, len(ratios))) for k in range(first, len(ratios), 1000)]
+        return [(end - k, float(_lasting(ratios[k:end]).max(initial=0.0))) for k, end in spans]
+
+    def found(self, run: wbc.Run) -> list[Fault]:
+        """What came of each fault."""
+        ratios, found = self.ratios(run), []
+        for _, joint, kind, fault in self.faults:
+            at = round(1e3 * fault.start)
+            missing = abs(fault.missing(fault.start, float(run["tau"][at - 1, joint])))
+            seen = ratios[at : at + round(LASTS * 1e3)]
+            lasting = _lasting(seen)
+            over = np.flatnonzero((lasting > 1.0).any(axis=1))
+            delay, who = (np.inf, -1) if not len(over) else (1e-3 * over[0], int(seen[over[0]].argmax()))
+            size = missing / float(self.waving.threshold[joint])
+            found.append(Fault(joint, kind, size, float(lasting[:, joint].max()), float(delay), who))
+        return found
 
 
 def _lasting(ratios: Vec) -> Vec:
@@ -170,10 +163,9 @@ def _lasting(ratios: Vec) -> Vec:
 
 
 def _judged(
-    arm: Arm, parameters: Mapping[str, Any], known: Thresholds, faults: Sequence[Fault],
-    windows: Sequence[tuple[int, float]],
-) -> ScenarioResult:  # fmt: skip
-    robot = arm.robot
+    trial: Trial, threshold: Vec, faults: Sequence[Fault], windows: Sequence[tuple[int, float]]
+) -> ScenarioResult:
+    robot = trial.robot
     clear = [t for t in faults if t.size >= CLEAR]
     detected = [t for t in clear if t.found >= 0]
     right = [t for t in detected if t.found == t.joint]
@@ -188,7 +180,7 @@ def _judged(
     }  # fmt: skip
     figures = {
         **rates, "faults": len(faults), "clear_faults": len(clear), "nominal_ticks": ticks, "false_alarms": alarms,
-        "clear_Nm": {n: CLEAR * float(v) for n, v in zip(robot.joint_names, known.value, strict=True)},
+        "clear_Nm": {n: CLEAR * float(v) for n, v in zip(robot.joint_names, threshold, strict=True)},
     }  # fmt: skip
     verdict = [
         Check(f"alarms without a fault, in {ticks} ticks", float(alarms), "<=", 1e-6 * ticks),
@@ -200,23 +192,12 @@ def _judged(
             Check("median delay", rates["delay_median_ms"], "<=", 20.0, "ms"),
             *verdict,
         ]  # fmt: skip
-    columns = {name: np.array([row[name] for row in arm.rows]) for name in arm.rows[0]}
-    meta = {
-        "scenario": FaultStatistics.name, "parameters": dict(parameters), "robot": robot.name, "dt": 1e-3,
-        "level": arm.controller.level.name, "hierarchy": str(arm.controller.hierarchy),
-        "solver": arm.controller.solver.name,
-        "joint_names": list(robot.joint_names), "joint_units": list(robot.joint_units),
-        "statuses": [status.name for status in STATUSES],
-        "limits": {k: getattr(robot.limits, k).tolist() for k in ("q_min", "q_max", "v_max", "tau_max")},
-    }  # fmt: skip
-    return ScenarioResult(
-        run=wbc.Run(columns, meta), ok=all(check.ok for check in verdict), verdict=verdict, violations={}, tracking={},
-        figures=figures, sections=[_section(faults, windows, robot, known)],
-    )  # fmt: skip
+    sections = [_section(faults, windows, robot, threshold)]
+    return judge.verdict(trial, verdict, violations={}, tracking={}, figures=figures, called="", sections=sections)
 
 
 def _section(
-    faults: Sequence[Fault], windows: Sequence[tuple[int, float]], robot: PinocchioModel, known: Thresholds
+    faults: Sequence[Fault], windows: Sequence[tuple[int, float]], robot: PinocchioModel, threshold: Vec
 ) -> Section:
     peaks, ticks = np.array([peak for _, peak in windows]), sum(n for n, _ in windows)
     false = np.array([1e6 * float((peaks > c).sum()) / ticks for c in SCALES])[::-1]
@@ -242,10 +223,10 @@ def _section(
         clear = [t for t in mine if t.size >= CLEAR]
         missed = [t.size for t in mine if t.found < 0]
         rows.append(
-            (name, float(known.value[i]), CLEAR * float(known.value[i]), len(mine), len(clear),
+            (name, float(threshold[i]), CLEAR * float(threshold[i]), len(mine), len(clear),
              float(np.mean([t.found >= 0 for t in clear])) if clear else None,
              float(np.mean([t.found == i for t in clear])) if clear else None,
-             float(max(missed)) * float(known.value[i]) if missed else 0.0)
+             float(max(missed)) * float(threshold[i]) if missed else 0.0)
         )  # fmt: skip
     columns = (
         "joint", "threshold [N m]", "has to be found from [N m]", "faults", "of these", "found", "rightly",
@@ -254,6 +235,6 @@ def _section(
     text = Text(
         "Noise of 0.01 rad/s on joint velocities and of 0.05 mrad on positions; masses of the controller wrong. A "
         "fault shows as missing torque alone: a dead motor that is asked for nothing is not seen, and harms nothing. "
-        "Times, torques and velocities in this report are those of the last two seconds alone."
+        "Times, torques and velocities in this report are those of the last stretch of faults alone."
     )
     return Section("Faults found and missed", [text, *plots, Table(columns, rows)])

@@ -14,7 +14,7 @@ from wbc.report import measure
 from wbc.report.document import Cell, Section, Table, Text
 from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
-from wbc.stack.hierarchy import Hierarchy
+from wbc.stack.hierarchy import HIERARCHIES
 
 from .. import CenterOfMass, MinimumJerk, Orientation, Position, Posture
 from . import judge
@@ -23,9 +23,6 @@ from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 
 #: The hand's target leaves at this time [s], and arrives this much later.
 START, WAY = 0.5, 1.5
-HIERARCHIES: Mapping[str, Hierarchy] = {
-    "strict": wbc.Strict(), "weighted": wbc.Weighted(), "scaled": wbc.Scaled()
-}  # fmt: skip
 
 
 @final
@@ -49,7 +46,7 @@ class ReachStrict(Scenario):
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
         asked = p.settings.hierarchy
-        return {name: {"hierarchy": name} for name in (asked, *(name for name in HIERARCHIES if name != asked))}
+        return {name: {"hierarchy": name} for name in (asked, *(name for name in self.hierarchies if name != asked))}
 
     def build(self, p: Parameters) -> Setup:
         stance = STANCES[p["robot"]]

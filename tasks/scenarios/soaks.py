@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
 import wbc
 from wbc.models import load
-from wbc.sim.soak import Subject
+from wbc.sim.plant import IntegratorPlant
+from wbc.sim.scenario import Parameters, Scenario, Setup
+from wbc.stack.formulation import Formulation
 
 from ..com import CenterOfMass
 from ..feet import feet
@@ -20,23 +22,23 @@ from ..limits.torque import TorqueLimits
 from ..orientation import Orientation
 from ..position import Position
 from ..posture import Posture
+from ..workloads.workload import Certified
 
 
-@final
-class ArmSoak(Subject):
+class ArmSoak(Certified):
     """The tool of an arm is sent to points in and out of reach."""
 
-    def __init__(self, name: str, level: Any) -> None:
-        self.name, self._level = name, level
-        self.summary = f"an arm at the {level.name}: points in and out of reach"
+    group: ClassVar[str] = "soaks"
+    level: ClassVar[Formulation]
 
-    def controller(self, solver: str) -> wbc.Controller:
+    def build(self, p: Parameters) -> Setup:
         robot = load("arm")
         limits: list[Any] = [JointPositionLimits(), JointVelocityLimits(2.0), JointAccelerationLimits(20.0)]
-        if self._level.dynamics:
+        if self.level.dynamics:
             limits.append(TorqueLimits())
         tasks = [Position("tool", target=[0.4, 0.2, 0.5], kp=100.0), Posture(robot.q0, kp=10.0, weight=1e-2)]
-        return wbc.Controller(robot, wbc.Stack(tasks, subject_to=limits), level=self._level, solver=solver)
+        plant = IntegratorPlant(robot, level="velocity" if self.level.order == 1 else "acceleration")
+        return Setup(stack=wbc.Stack(tasks, subject_to=limits), plant=plant, level=self.level)
 
     def stir(self, controller: wbc.Controller, rng: np.random.Generator) -> None:
         reach, posture = controller.stack.tasks
@@ -46,15 +48,39 @@ class ArmSoak(Subject):
 
 
 @final
-class LegSoak(Subject):
+class ArmVelocity(ArmSoak):
+    """At the velocity level."""
+
+    name: ClassVar[str] = "arm-velocity"
+    summary: ClassVar[str] = "an arm at the velocity level: points in and out of reach"
+    level = wbc.VelocityLevel()
+
+
+@final
+class ArmAcceleration(ArmSoak):
+    """At the acceleration level."""
+
+    name: ClassVar[str] = "arm-acceleration"
+    summary: ClassVar[str] = "an arm at the acceleration level: points in and out of reach"
+    level = wbc.AccelerationLevel()
+
+
+@final
+class ArmTorque(ArmSoak):
+    """By inverse dynamics."""
+
+    name: ClassVar[str] = "arm-torque"
+    summary: ClassVar[str] = "an arm, inverse dynamics: points in and out of reach"
+    level = wbc.InverseDynamics()
+
+
+class LegSoak(Certified):
     """The centre of mass of a robot that stands is sent about, now and then to the edge of its feet."""
 
-    def __init__(self, name: str, robot: str) -> None:
-        self.name, self._robot = name, robot
-        self.summary = f"a {robot} on its feet, inverse dynamics: sways, some of them wide"
+    group: ClassVar[str] = "soaks"
 
-    def controller(self, solver: str) -> wbc.Controller:
-        robot = load(self._robot)
+    def build(self, p: Parameters) -> Setup:
+        robot = load(self.name)
         limits = [JointPositionLimits(), JointVelocityLimits(), TorqueLimits()]
         tasks = [
             CenterOfMass(target=robot.state().com.copy(), kp=50.0),
@@ -62,7 +88,7 @@ class LegSoak(Subject):
             Posture(robot.q0, kp=20.0, weight=1e-1),
         ]
         stack = wbc.Stack(tasks, contacts=feet(robot), subject_to=limits)
-        return wbc.Controller(robot, stack, level=wbc.InverseDynamics(), solver=solver)
+        return Setup(stack=stack, plant=IntegratorPlant(robot))
 
     def stir(self, controller: wbc.Controller, rng: np.random.Generator) -> None:
         sway, _, posture = controller.stack.tasks
@@ -72,13 +98,22 @@ class LegSoak(Subject):
         posture.weight = 10.0 ** rng.uniform(-2, 0)
 
 
-SOAKS: Mapping[str, Subject] = {
-    subject.name: subject
-    for subject in (
-        ArmSoak("arm-velocity", wbc.VelocityLevel()),
-        ArmSoak("arm-acceleration", wbc.AccelerationLevel()),
-        ArmSoak("arm-torque", wbc.InverseDynamics()),
-        LegSoak("quadruped", "quadruped"),
-        LegSoak("humanoid", "humanoid"),
-    )
+@final
+class Quadruped(LegSoak):
+    """On its points."""
+
+    name: ClassVar[str] = "quadruped"
+    summary: ClassVar[str] = "a quadruped on its feet, inverse dynamics: sways, some of them wide"
+
+
+@final
+class Humanoid(LegSoak):
+    """On its soles."""
+
+    name: ClassVar[str] = "humanoid"
+    summary: ClassVar[str] = "a humanoid on its feet, inverse dynamics: sways, some of them wide"
+
+
+SOAKS: Mapping[str, Scenario] = {
+    soak.name: soak for soak in (ArmVelocity(), ArmAcceleration(), ArmTorque(), Quadruped(), Humanoid())
 }

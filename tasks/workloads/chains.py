@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from wbc.models import load
 from wbc.models.model import RobotModel
 from wbc.types import Vec
+
+from .robots import loaded
 
 #: Torque limit of every joint [N m], and its speed [rad/s].
 EFFORT, SPEED = 500.0, 8.0
@@ -36,8 +33,7 @@ def chain(joints: int, seed: int = 0) -> RobotModel:
     for i in range(joints):
         _link(robot, f"link{i + 1}", rng)
         _joint(robot, f"q{i + 1}", (f"link{i}", f"link{i + 1}"), rng.normal(size=3), (rng.uniform(0.05, 0.15), 0, 0))
-    with _loaded(robot, "fixed") as model:
-        return model
+    return loaded(robot, "fixed")
 
 
 @cache
@@ -64,8 +60,7 @@ def many_legs(legs: int, seed: int = 0) -> RobotModel:
         SubElement(sole, "parent", {"link": before})
         SubElement(sole, "child", {"link": f"foot{leg}"})
         SubElement(sole, "origin", {"xyz": "-0.1 0 -0.15"})
-    with _loaded(robot, "floating") as model:
-        return model
+    return loaded(robot, "floating")
 
 
 def _link(robot: Element, name: str, rng: np.random.Generator, *, mass: float | None = None) -> None:
@@ -84,11 +79,3 @@ def _joint(robot: Element, name: str, links: tuple[str, str], axis: Vec, origin:
     SubElement(joint, "axis", {"xyz": " ".join(repr(float(x)) for x in axis / np.linalg.norm(axis))})
     limits = {"lower": "-3", "upper": "3", "effort": repr(EFFORT), "velocity": repr(SPEED)}
     SubElement(joint, "limit", limits)
-
-
-@contextmanager
-def _loaded(robot: Element, base: str) -> Iterator[RobotModel]:
-    with TemporaryDirectory(prefix="wbc-chain-") as folder:
-        path = Path(folder) / "robot.urdf"
-        ElementTree.ElementTree(robot).write(path, encoding="utf-8")
-        yield load(path, base="floating" if base == "floating" else "fixed")

@@ -11,11 +11,10 @@ from wbc.stack.formulation import VelocityLevel
 from wbc.stack.stack import Stack
 
 from .. import CenterOfMass, Frame, JointPositionLimits, JointVelocityLimits, Posture, Samples
-from .measure import Workload
 from .quality import distance, tracking_of_velocities
 from .references import step, sway, times
 from .robots import G1, MadeRobot
-from .workload import Problem, Record
+from .workload import Problem, Record, Workload
 
 _FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 _HANDS = ("left_wrist_yaw_link", "right_wrist_yaw_link")
@@ -27,11 +26,11 @@ class HumanoidInverseKinematics(Workload):
     """Feet stay, the centre of mass sways, the hands circle; everything deadbeat, told apart by weights only."""
 
     name: ClassVar = "W2"
-    title: ClassVar = "humanoid-ik"
+    summary: ClassVar = "humanoid-ik: inverse kinematics of a humanoid whose speed limits bind as its hands step"
     recipe: ClassVar = G1
     level: ClassVar = VelocityLevel(regularisation=1e-8)
     dt: ClassVar = 2e-3
-    ticks: ClassVar = 3000
+    duration: ClassVar = 6.0
 
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
         t = times(ticks, self.dt)
@@ -76,4 +75,4 @@ class HumanoidInverseKinematics(Workload):
             names = ["hand_pos_m", "com_m", "foot_m"]
             return tracking_of_velocities(made, record, errors, names=names, dt=self.dt, step_time=_STEP_TIME)[0]
 
-        return Problem(stack, [*_FEET, *_HANDS], judge)
+        return Problem(stack, judge)

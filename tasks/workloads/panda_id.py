@@ -11,11 +11,10 @@ from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
 
 from .. import Frame, JointVelocityLimits, Posture, Samples, TorqueLimits
-from .measure import Workload
 from .quality import angle, distance, tracking_of_accelerations
 from .references import step, sway, times
 from .robots import PANDA, MadeRobot
-from .workload import Problem, Record
+from .workload import Problem, Record, Workload
 
 _TOOL = "panda_hand_tcp"
 
@@ -25,11 +24,11 @@ class PandaInverseDynamics(Workload):
     """The hand follows a path with constant orientation, with velocity and acceleration fed forward."""
 
     name: ClassVar = "W3"
-    title: ClassVar = "panda-id"
+    summary: ClassVar = "panda-id: inverse dynamics of an arm whose torque and speed limits bind after a step"
     recipe: ClassVar = PANDA
     level: ClassVar = InverseDynamics(regularisation=1e-8)
     dt: ClassVar = 1e-3
-    ticks: ClassVar = 4000
+    duration: ClassVar = 4.0
 
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
         t = times(ticks, self.dt)
@@ -54,4 +53,4 @@ class PandaInverseDynamics(Workload):
         def judge(record: Record) -> dict[str, Any]:
             return tracking_of_accelerations(made, record, [], errors)
 
-        return Problem(stack, [_TOOL], judge)
+        return Problem(stack, judge)

@@ -11,11 +11,10 @@ from wbc.stack.formulation import VelocityLevel
 from wbc.stack.stack import Stack
 
 from .. import Frame, JointPositionLimits, JointVelocityLimits, Posture, Samples
-from .measure import Workload
 from .quality import angle, distance, tracking_of_velocities
 from .references import ramp, step, sway, times
 from .robots import PANDA, MadeRobot
-from .workload import Problem, Record
+from .workload import Problem, Record, Workload
 
 _TOOL = "panda_hand_tcp"
 _STEP_TIME = 1.5
@@ -26,11 +25,11 @@ class PandaInverseKinematics(Workload):
     """The hand follows a path and turns about its own z axis; everything deadbeat, in one tick."""
 
     name: ClassVar = "W1"
-    title: ClassVar = "panda-ik"
+    summary: ClassVar = "panda-ik: inverse kinematics of an arm whose speed limits bind after a step"
     recipe: ClassVar = PANDA
     level: ClassVar = VelocityLevel(regularisation=1e-8)
     dt: ClassVar = 1e-3
-    ticks: ClassVar = 4000
+    duration: ClassVar = 4.0
 
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
         t = times(ticks, self.dt)
@@ -64,4 +63,4 @@ class PandaInverseKinematics(Workload):
             figures["ms_after_step_to_1cm"] = int(behind[0] * every * self.dt * 1e3) if len(behind) else None
             return figures
 
-        return Problem(stack, [_TOOL], judge)
+        return Problem(stack, judge)

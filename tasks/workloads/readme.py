@@ -17,10 +17,9 @@ from .. import (
     Sole,
     TorqueLimits,
 )
-from .measure import Workload
 from .quality import SoleSupport, angle, distance, tracking_of_accelerations
 from .robots import TALOS, MadeRobot
-from .workload import Problem, Record
+from .workload import Problem, Record, Workload
 
 _FEET = ("left_sole_link", "right_sole_link")
 _TORSO = "torso_2_link"
@@ -33,11 +32,11 @@ class ReadmeStack(Workload):
     """The centre of mass sways sideways by a ``Sinusoid``, the torso stays upright, the soles stand."""
 
     name: ClassVar = "W6"
-    title: ClassVar = "readme"
+    summary: ClassVar = "readme: inverse dynamics of a humanoid, the stack of the README"
     recipe: ClassVar = TALOS
     level: ClassVar = InverseDynamics()
     dt: ClassVar = 1e-3
-    ticks: ClassVar = 4000
+    duration: ClassVar = 4.0
 
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
         sway = Sinusoid(made.com(), amplitude=[0.0, 0.04, 0.0], frequency=0.4)
@@ -60,4 +59,4 @@ class ReadmeStack(Workload):
         def judge(record: Record) -> dict[str, Any]:
             return tracking_of_accelerations(made, record, supports, errors)
 
-        return Problem(stack, [_TORSO, *_FEET], judge)
+        return Problem(stack, judge)

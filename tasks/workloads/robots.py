@@ -8,9 +8,9 @@ speed limits decide something.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, final
@@ -32,7 +32,7 @@ _SHAPES = ("visual", "collision")
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RobotRecipe:
     """How to make one robot: a file of the robot data, what to change in it, and where it starts.
 
@@ -70,16 +70,12 @@ class RobotRecipe:
                     limit.set("velocity", repr(self.speed * float(limit.attrib["velocity"])))
         return robot
 
-    @contextmanager
-    def made(self) -> Iterator[MadeRobot]:
-        """The robot, its start and its file, which lives as long as the context."""
-        with TemporaryDirectory(prefix="wbc-workload-") as folder:
-            path = Path(folder) / f"{self.name}.urdf"
-            ElementTree.ElementTree(self.description()).write(path, encoding="utf-8")
-            robot = load(path, base=self.base)
-            yield MadeRobot(robot, self._start(robot), _reference(path, self.base))
+    def made(self) -> MadeRobot:
+        """The robot, and its start; made once."""
+        return _made(self)
 
-    def _start(self, robot: RobotModel) -> Vec:
+    def start_of(self, robot: RobotModel) -> Vec:
+        """The configuration that it starts from (nq,)."""
         if isinstance(self.start, Mapping):
             positions = self.start
         else:
@@ -117,10 +113,26 @@ class MadeRobot:
         return np.array(pin.centerOfMass(self.reference, self.reference.createData(), self.q0))
 
 
-def _reference(path: Path, base: str) -> Any:
+@cache
+def _made(recipe: RobotRecipe) -> MadeRobot:
+    description = recipe.description()
+    robot = loaded(description, recipe.base)
+    return MadeRobot(robot, recipe.start_of(robot), _reference(description, recipe.base))
+
+
+def loaded(description: Element, base: Literal["fixed", "floating"]) -> RobotModel:
+    """The robot of a URDF, which is a file meanwhile."""
+    with TemporaryDirectory(prefix="wbc-workload-") as folder:
+        path = Path(folder) / f"{description.attrib['name']}.urdf"
+        ElementTree.ElementTree(description).write(path, encoding="utf-8")
+        return load(path, base=base)
+
+
+def _reference(description: Element, base: str) -> Any:
+    text = ElementTree.tostring(description, encoding="unicode")
     if base == "floating":
-        return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
-    return pin.buildModelFromUrdf(str(path))
+        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    return pin.buildModelFromXML(text)
 
 
 def _remove(parent: Element, tags: Collection[str]) -> None:

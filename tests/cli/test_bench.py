@@ -5,31 +5,40 @@ from __future__ import annotations
 import json
 
 import pytest
+from wbc.tasks.workloads.workload import Certified
 
 
-class Counting:
-    """A workload that does nothing, quickly."""
+class Counting(Certified):
+    """A scenario that is never run."""
 
-    title = "counts to ten"
+    name, summary, group = "count", "counts to ten", "workloads"
 
-    def __call__(self, *, ticks, repeats, progress, solver, hierarchy, pause):
-        progress(1, 2)
-        times = {"median": 1.25, "mean": 1.5, "p99": 2.0, "max": 9.0}
-        return {
-            "workload": "count", "variant": solver, "ticks": ticks, "repeats": repeats, "total_us": times,
-            "solver_failures": 0,
-        }  # fmt: skip
+
+class Recounting(Counting):
+    """The same under another name."""
+
+    name = "recount"
+
+
+def row(scenario, ticks, repeats, *, solver, hierarchy, pause, progress):
+    progress(0.5)
+    times = {"median": 1.25, "mean": 1.5, "p99": 2.0, "max": 9.0}
+    return {
+        "workload": scenario.name, "variant": solver, "ticks": ticks, "repeats": repeats, "total_us": times,
+        "solver_failures": 0,
+    }  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
 def two_workloads(monkeypatch):
-    """Two registered workloads."""
+    """Two registered workloads, and a row of each without its run."""
 
     class Point:
         value = "some.package:WORKLOADS"
-        load = staticmethod(lambda: {"count": Counting(), "recount": Counting()})
+        load = staticmethod(lambda: {"count": Counting(), "recount": Recounting()})
 
     monkeypatch.setattr("wbc.plugins.entry_points", lambda group: [Point])
+    monkeypatch.setattr("wbc.cli.bench.timed", row)
 
 
 def test_a_table_has_one_line_for_each_workload(wbc):
@@ -53,10 +62,10 @@ def test_the_file_holds_every_row_whole(wbc, tmp_path):
 
 def test_an_unknown_workload_is_named_with_its_neighbours(wbc):
     answer = wbc("bench", "recuont")
-    assert answer.code == 2 and "there is no workload 'recuont'; did you mean 'recount'" in answer.err
+    assert answer.code == 2 and "there is no scenario 'recuont'; did you mean 'recount'" in answer.err
 
 
 def test_a_file_that_cannot_be_written_is_refused_before_any_work(wbc, monkeypatch):
-    monkeypatch.setattr(Counting, "__call__", lambda self, **settings: pytest.fail("it ran"))
+    monkeypatch.setattr("wbc.cli.bench.timed", lambda *words, **settings: pytest.fail("it ran"))
     answer = wbc("bench", "--json", "no/such/folder/rows.json")
     assert answer.code == 2 and "rows.json cannot be written" in answer.err

@@ -29,8 +29,8 @@ def test_where_nothing_is_registered_there_is_no_verdict(wbc, monkeypatch):
 
 def test_what_is_not_known_is_one_sentence(wbc):
     for words, said in (
-        (["soak", "arm-speed"], "there is no soak 'arm-speed'"),
-        (["soak", "tasks:Posture"], "not a wbc.sim.soak.Subject"),
+        (["soak", "arm-speed"], "there is no scenario 'arm-speed'"),
+        (["soak", "tasks:Posture"], "not a wbc.sim.scenario.Scenario"),
         (["soak", "arm-velocity", "--kind", "salt"], "valid, fuzz, starts"),
         (["soak", "arm-velocity", "--solver", "dapq"], "did you mean 'daqp'"),
     ):

@@ -18,18 +18,17 @@ from tests.seeds import generator
 from wbc.errors import InvalidInput, WbcError
 from wbc.qp import QP
 from wbc.qp.solvers import by_name
+from wbc.report.journal import Journal
 from wbc.report.solvers import compare, redraw
 from wbc.report.solvers import data as comparison_data
 from wbc.report.solvers import resume as resume_comparison
 from wbc.report.solvers.data import surroundings
-from wbc.report.solvers.journal import Journal
 from wbc.report.solvers.problems import ProblemSet, sequence
 from wbc.report.solvers.request import Request, ScenarioRequest
 from wbc.sweep import Choice, Range, Sweep, repeat
 from wbc.sweep import resume as resume_sweep
 from wbc.sweep.draw import RandomDelay, RandomNoise, RandomPayload, RandomPush, from_plain, to_plain
-from wbc.sweep.lines import Lines, write
-from wbc.sweep.run import plan_of
+from wbc.sweep.run import plan_of, read
 
 ROOT = Path(__file__).parents[2]
 FLIP = f"{ROOT / 'tests' / 'sweep' / 'flipping.py'}:flip"
@@ -76,8 +75,8 @@ def sweep_header(plan: Any) -> dict[str, Any]:
 
 def test_the_settings_of_a_sweep_survive_the_file(tmp_path: Path):
     plan = sweep_plan()
-    write(tmp_path / "results.jsonl", sweep_header(plan.to_json()), [])
-    again = plan_of(Lines(tmp_path / "results.jsonl"), FLIP)
+    Journal.begin(tmp_path / "results.jsonl", "run", sweep_header(plan.to_json()))
+    again = plan_of(read(tmp_path / "results.jsonl"), FLIP)
     assert again == plan and again.trial(2) == plan.trial(2)
 
 
@@ -97,7 +96,7 @@ def test_code_that_a_file_names_is_not_run_without_the_user_naming_it(tmp_path: 
     evil.write_text(f"from pathlib import Path\nPath({str(proof)!r}).touch()\n")
     plan = {**sweep_plan().to_json(), "scenario": f"{evil}:x"}
     (tmp_path / "s").mkdir()
-    write(tmp_path / "s" / "results.jsonl", sweep_header(plan), [])
+    Journal.begin(tmp_path / "s" / "results.jsonl", "run", sweep_header(plan))
     write_journal(tmp_path / "c.unfinished", scenarios=[ScenarioRequest(f"{evil}:x", "x", {}, {})])
     for attempt in (lambda: repeat(tmp_path / "s", 0), lambda: resume_comparison(tmp_path / "c")):
         with pytest.raises(InvalidInput, match="is the Python code"):
@@ -113,7 +112,7 @@ def write_journal(folder: Path, **settings: Any) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     request = Request([by_name("pdas"), by_name("proxqp")], loop=False, **settings)
     header = {"surroundings": surroundings("today"), "request": request.to_json(), "unread": {}}
-    Journal.begin(folder / "journal.jsonl", header)
+    Journal.begin(folder / "journal.jsonl", "key", header)
     return folder / "journal.jsonl"
 
 
@@ -130,9 +129,9 @@ class Evil:
 
 def readers(folder: Path) -> Iterator[tuple[str, Path, Callable[[], object]]]:
     """Kind, file, and what reads it."""
-    write(folder / "done" / "results.jsonl", sweep_header(sweep_plan().to_json()), [])
-    yield "a sweep", folder / "done" / "results.jsonl", lambda: plan_of(Lines(folder / "done" / "results.jsonl"), FLIP)
-    write(folder / "s.unfinished" / "results.jsonl", sweep_header(sweep_plan().to_json()), [])
+    Journal.begin(folder / "done" / "results.jsonl", "run", sweep_header(sweep_plan().to_json()))
+    yield "a sweep", folder / "done" / "results.jsonl", lambda: plan_of(read(folder / "done" / "results.jsonl"), FLIP)
+    Journal.begin(folder / "s.unfinished" / "results.jsonl", "run", sweep_header(sweep_plan().to_json()))
     yield "a sweep to resume", folder / "s.unfinished" / "results.jsonl", lambda: resume_sweep(folder / "s")
     journal = write_journal(folder / "c.unfinished")
     yield "a journal", journal, lambda: resume_comparison(folder / "c")

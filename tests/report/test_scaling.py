@@ -3,31 +3,36 @@
 from __future__ import annotations
 
 import json
+from types import MappingProxyType
 from typing import Any
 
 import pytest
 
 from tasks import Posture
 from tasks.workloads.chains import chain
+from tasks.workloads.scaling import Growing
 from tests.report.test_formats import Page
 from wbc.errors import InvalidInput
 from wbc.report.html import html
 from wbc.report.markdown import markdown
-from wbc.report.scaling import Axis, Problem, scaled
+from wbc.report.scaling import scaled
 from wbc.report.scaling.page import page
-from wbc.stack.formulation import InverseDynamics
 from wbc.stack.stack import Stack
 
 KEYS = {"axis", "size", "kind", "form", "tick_us", "p99_us", "variables", "equalities", "rows", "active", "guessed",
         "solved"}  # fmt: skip
 
 
-def posture(joints: int) -> Problem:
-    robot = chain(joints)
-    return Problem(robot, Stack([Posture(robot.q0)]), InverseDynamics())
+class Chain(Growing):
+    """A chain that keeps its posture."""
+
+    name, summary, parameters, sizes = "joints", "joints of a chain", MappingProxyType({"size": 2}), (2, 4, 8)
+
+    def problem(self, size: int) -> tuple[Any, Stack]:
+        return chain(size), Stack([Posture(chain(size).q0)])
 
 
-AXIS = Axis("joints", "joints of a chain", (2, 4, 8), posture)
+AXIS = Chain()
 
 
 def made(

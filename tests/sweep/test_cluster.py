@@ -18,7 +18,7 @@ pytest.importorskip("distributed", reason="the extra sweep is not installed")
 
 from wbc.errors import InvalidInput
 from wbc.sweep import Range, Sweep, cluster, repeat, resume, sweep
-from wbc.sweep.lines import Lines
+from wbc.sweep.run import in_order, read
 
 FLIP = f"{Path(__file__).with_name('flipping.py')}:flip"
 RUNS, FEWER = 1000, 300
@@ -26,7 +26,7 @@ TIMES = ("tick_us",)
 
 
 def results(folder: Path) -> list[dict[str, Any]]:
-    return [{k: v for k, v in line.items() if k not in TIMES} for line in Lines(folder / "results.jsonl").in_order()]
+    return [{k: v for k, v in line.items() if k not in TIMES} for line in in_order(read(folder / "results.jsonl"))]
 
 
 def plan(runs: int = RUNS, **fixed: Any) -> Sweep:

@@ -15,10 +15,11 @@ from tests.report.test_formats import Page
 from wbc.errors import InvalidInput
 from wbc.report.document import Address, Plot, Table, formatted
 from wbc.report.html import html
+from wbc.report.journal import Journal
 from wbc.report.markdown import markdown
 from wbc.sweep import Range, Sweep
 from wbc.sweep.draw import RandomNoise
-from wbc.sweep.lines import Lines, write
+from wbc.sweep.run import in_order, read
 from wbc.sweep.summary import figures, interval, summary
 from wbc.sweep.trial import done
 
@@ -34,7 +35,7 @@ def test_a_run_is_one_line_of_json_and_the_same_again():
     trial = Sweep(FLIP, runs=5, vary={"bias": Range(0, 1)}).trial(3)
     one = done(trial)
     assert json.loads(json.dumps(one, allow_nan=False)) == one == done(trial)
-    assert one["run"] == 3 and one["unsolved"] == 0 and set(one["tracking"]) == {"Height"}
+    assert one["run"] == 3 and one["solved"] == one["ticks"] and set(one["tracking"]) == {"Height"}
     assert [d["demand"] for d in one["demands"] if not d["ok"]] == ([] if one["ok"] else ["shows head"])
 
 
@@ -54,19 +55,20 @@ def test_a_bug_in_a_run_is_the_result_of_that_run():
 
 
 def test_results_are_read_back_and_no_run_counts_twice(tmp_path: Path):
-    lines = Lines.begin(tmp_path / "r", HEADER)
+    lines = Journal.begin(tmp_path / "r", "run", HEADER)
     for run in (4, 1, 4):
         lines.add({"run": run, "ok": True})
     with (tmp_path / "r").open("a") as file:
         file.write('{"run": 9, "o')
-    again = Lines(tmp_path / "r")
-    assert again.header == HEADER and again.in_order() == [{"run": 1, "ok": True}, {"run": 4, "ok": True}]
+    again = read(tmp_path / "r")
+    assert again.header == HEADER and in_order(again) == [{"run": 1, "ok": True}, {"run": 4, "ok": True}]
     again.add({"run": 2, "ok": False})
-    write(tmp_path / "w", HEADER, Lines(tmp_path / "r").in_order())
-    assert [r["run"] for r in Lines(tmp_path / "w").in_order()] == [1, 2, 4]
-    (tmp_path / "x").write_text("no json\n")
-    with pytest.raises(InvalidInput):
-        Lines(tmp_path / "x")
+    again.write(tmp_path / "w", in_order(read(tmp_path / "r")))
+    assert [r["run"] for r in in_order(read(tmp_path / "w"))] == [1, 2, 4]
+    for text in ("no json\n", '{"runs": 3}\n', "[]\n"):
+        (tmp_path / "x").write_text(text)
+        with pytest.raises(InvalidInput):
+            read(tmp_path / "x")
 
 
 @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))

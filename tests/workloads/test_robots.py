@@ -32,51 +32,51 @@ def test_only_links_and_joints_are_left(recipe: RobotRecipe):
 @each_robot
 def test_inertias_and_limits_are_those_of_the_robot_data(recipe: RobotRecipe):
     original = ElementTree.parse(example_robots() / "robots" / recipe.source).getroot()
-    with recipe.made() as made:
-        for joint in original.findall("joint"):
-            if joint.get("name") in made.robot.joint_names:
-                i, limit = made.robot.joint(joint.attrib["name"]), joint.find("limit")
-                assert limit is not None
-                assert made.robot.limits.tau_max[i] == float(limit.attrib["effort"])
-                assert made.robot.limits.v_max[i] == pytest.approx(recipe.speed * float(limit.attrib["velocity"]))
-        masses = [float(mass.attrib["value"]) for mass in original.iter("mass")]
-        assert sum(inertia.mass for inertia in made.reference.inertias) == pytest.approx(sum(masses))
+    made = recipe.made()
+    for joint in original.findall("joint"):
+        if joint.get("name") in made.robot.joint_names:
+            i, limit = made.robot.joint(joint.attrib["name"]), joint.find("limit")
+            assert limit is not None
+            assert made.robot.limits.tau_max[i] == float(limit.attrib["effort"])
+            assert made.robot.limits.v_max[i] == pytest.approx(recipe.speed * float(limit.attrib["velocity"]))
+    masses = [float(mass.attrib["value"]) for mass in original.iter("mass")]
+    assert sum(inertia.mass for inertia in made.reference.inertias) == pytest.approx(sum(masses))
 
 
 def test_the_panda_has_no_fingers_to_move():
-    with PANDA.made() as made:
-        assert made.robot.joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
+    made = PANDA.made()
+    assert made.robot.joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
 
 
 @pytest.mark.parametrize(("recipe", "soles"), SOLES, ids=("g1", "go2", "talos"))
 def test_feet_start_on_the_ground(recipe: RobotRecipe, soles: tuple[str, ...]):
-    with recipe.made() as made:
-        heights = [made.placement(sole).translation[2] for sole in soles]
-        assert heights == pytest.approx([0.0] * len(soles), abs=1e-6)
+    made = recipe.made()
+    heights = [made.placement(sole).translation[2] for sole in soles]
+    assert heights == pytest.approx([0.0] * len(soles), abs=1e-6)
 
 
 @each_robot
 def test_the_robot_starts_inside_its_limits(recipe: RobotRecipe):
-    with recipe.made() as made:
-        q, limits = made.q0[-made.robot.nj :], made.robot.limits
-        assert (limits.q_min <= q).all() and (q <= limits.q_max).all()
+    made = recipe.made()
+    q, limits = made.q0[-made.robot.nj :], made.robot.limits
+    assert (limits.q_min <= q).all() and (q <= limits.q_max).all()
 
 
 @each_robot
 def test_both_readers_of_the_file_see_the_same_joints(recipe: RobotRecipe):
-    with recipe.made() as made:
-        assert tuple(made.reference.names)[-made.robot.nj :] == made.robot.joint_names
-        assert made.reference.velocityLimit[-made.robot.nj :] == pytest.approx(made.robot.limits.v_max)
+    made = recipe.made()
+    assert tuple(made.reference.names)[-made.robot.nj :] == made.robot.joint_names
+    assert made.reference.velocityLimit[-made.robot.nj :] == pytest.approx(made.robot.limits.v_max)
 
 
 @pytest.mark.parametrize("workload", RECIPES)
 def test_starts_are_those_that_other_libraries_were_measured_from(workload: str, peers: Path):
     given = json.loads((peers / "models" / "init.json").read_text(encoding="utf-8"))[workload]
-    with RECIPES[workload].made() as made:
-        model = made.reference
-        q = pin.neutral(model)
-        if given["base"] is not None:
-            q[:7] = given["base"]
-        for joint, position in given["joints"].items():
-            q[model.joints[model.getJointId(joint)].idx_q] = position
-        assert np.abs(q - made.q0).max() == 0.0
+    made = RECIPES[workload].made()
+    model = made.reference
+    q = pin.neutral(model)
+    if given["base"] is not None:
+        q[:7] = given["base"]
+    for joint, position in given["joints"].items():
+        q[model.joints[model.getJointId(joint)].idx_q] = position
+    assert np.abs(q - made.q0).max() == 0.0

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from tasks.workloads import WORKLOADS
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, WbcError
+from wbc.sim.bench import bench
+from wbc.sim.scenario import find, scenarios
 
 LIMITS = ("tau_viol_max_Nm", "vel_viol_max", "pos_viol_max", "friction_viol_max_N")
 FIELDS = {
@@ -23,12 +25,12 @@ each_workload = pytest.mark.parametrize("name", WORKLOADS)
 
 @cache
 def short(name: str) -> dict[str, Any]:
-    return WORKLOADS[name](ticks=80, repeats=1)
+    return bench(WORKLOADS[name], ticks=80, repeats=1)
 
 
 @cache
 def full(name: str) -> dict[str, Any]:
-    return WORKLOADS[name](repeats=1)
+    return bench(WORKLOADS[name], repeats=1)
 
 
 @each_workload
@@ -72,45 +74,58 @@ def test_sizes_are_those_of_the_problems():
 
 @pytest.mark.parametrize("solver", ["daqp", "proxqp"])
 def test_any_solver_that_keeps_limits_can_be_asked(solver: str):
-    row = WORKLOADS["W4"](ticks=40, repeats=1, solver=solver)
+    row = bench(WORKLOADS["W4"], ticks=40, repeats=1, solver=solver)
     assert row["variant"] == f"inverse dynamics, weighted, {solver}, standard"
     assert row["certified"] == 1.0
-    ours, theirs = WORKLOADS["W4"](ticks=40, repeats=1)["quality"], row["quality"]
+    ours, theirs = bench(WORKLOADS["W4"], ticks=40, repeats=1)["quality"], row["quality"]
     assert theirs["pos_err_rms2ndhalf_m"] == pytest.approx(ours["pos_err_rms2ndhalf_m"], rel=0.01)
 
 
-def test_progress_ends_at_the_total():
-    seen: list[tuple[int, int]] = []
-    WORKLOADS["W1"](ticks=130, repeats=1, progress=lambda done, total: seen.append((done, total)))
-    assert [done for done, _ in seen] == sorted({done for done, _ in seen})
-    assert seen[-1] == (390, 390)
+def test_progress_goes_on_to_the_end():
+    seen: list[float] = []
+    bench(WORKLOADS["W1"], ticks=130, repeats=1, progress=lambda done, text="": seen.append(done))
+    assert seen == sorted(seen) and seen[-1] == 1.0 and len(seen) > 100
+
+
+def test_a_workload_is_a_scenario_with_a_verdict():
+    workload = WORKLOADS["W4"]
+    asked = workload.asked(duration=0.05)
+    result = workload.run(asked, asked.settings)
+    assert result.ok and result.figures["dyn_residual_max"] <= 1e-8
+    assert {name: WORKLOADS[name] for name in WORKLOADS} == scenarios("workloads")
+
+
+def test_any_scenario_can_be_timed():
+    row = bench(find("arm-torque"), ticks=30, repeats=2)
+    assert row["certified"] == 1.0 and row["ticks"] == 30 and row["quality"] == {}
+    assert set(row) == FIELDS
 
 
 @pytest.mark.parametrize("hierarchy", ["strict", "scaled"])
 @pytest.mark.parametrize("name", ["W4", "W5"])
 def test_ranked_stacks_are_certified_and_end_near_the_weighted_ones(name: str, hierarchy: str):
-    row = WORKLOADS[name](ticks=80, repeats=1, hierarchy=hierarchy)
+    row = bench(WORKLOADS[name], ticks=80, repeats=1, hierarchy=hierarchy)
     assert row["variant"] == f"inverse dynamics, {hierarchy}, pdas, levels" and row["certified"] == 1.0
     ours, weighted = row["quality"], short(name)["quality"]
     assert ours["pos_err_rms2ndhalf_m"] <= 1.02 * weighted["pos_err_rms2ndhalf_m"] + 1e-9
 
 
 def test_a_pause_is_told_and_changes_no_answer():
-    row = WORKLOADS["W1"](ticks=20, repeats=1, pause=1e-4)
+    row = bench(WORKLOADS["W1"], ticks=20, repeats=1, pause=1e-4)
     assert row["variant"].endswith("after 0.1 ms of sleep")
-    assert row["quality"] == WORKLOADS["W1"](ticks=20, repeats=1)["quality"]
+    assert row["quality"] == bench(WORKLOADS["W1"], ticks=20, repeats=1)["quality"]
 
 
 @pytest.mark.parametrize("argument", [{"hierarchy": "strikt"}, {"pause": -1.0}])
 def test_settings_that_make_no_sense_are_refused(argument: dict[str, Any]):
-    with pytest.raises(InvalidInput, match=next(iter(argument))):
-        WORKLOADS["W1"](ticks=20, repeats=1, **argument)
+    with pytest.raises(WbcError, match=next(iter(argument))):
+        bench(WORKLOADS["W1"], ticks=20, repeats=1, **argument)
 
 
 @pytest.mark.parametrize("argument", ["ticks", "repeats"])
 def test_nothing_to_run_is_refused(argument: str):
     with pytest.raises(InvalidInput, match=argument):
-        WORKLOADS["W1"](**{argument: 0})
+        bench(WORKLOADS["W1"], **{argument: 0})
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""``wbc bench``: time the registered workloads. What a workload is belongs to whoever registers it."""
+"""``wbc bench``: time scenarios, by default those that are workloads."""
 
 from __future__ import annotations
 
@@ -7,37 +7,26 @@ from collections.abc import Callable
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any
 
 import typer
 from rich.text import Text
 
-from wbc.cli.console import notes, one_sentence, progress, say, table, tell, whole_file
+from wbc.cli.console import one_sentence, say, table, whole_file, working
+from wbc.cli.options import JsonFile, SolverName
 from wbc.cli.peers import Peers
-from wbc.plugins import registered
-from wbc.sim.scenario import member
+from wbc.sim.bench import bench as timed
+from wbc.sim.scenario import find, scenarios, trials
 
 _ROUNDS = 2
 
 
-@runtime_checkable
-class Workload(Protocol):
-    """A closed loop that is timed tick by tick; ``progress(done, total)`` is called now and then."""
-
-    title: str
-
-    def __call__(
-        self, *, ticks: int | None, repeats: int, progress: Any, solver: str, hierarchy: str, pause: float
-    ) -> dict[str, Any]:
-        """Run it; one row of figures that json can write."""
-
-
 @one_sentence
 def bench(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[WORKLOAD]...", help="Default: all of them.")] = None,
-    solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
+    names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="Default: the workloads.")] = None,
+    solver: SolverName = "pdas",
     *,
-    ticks: Annotated[int | None, typer.Option(min=1, help="Ticks of a run; default: the workload's own.")] = None,
+    ticks: Annotated[int | None, typer.Option(min=1, help="Ticks of a run; default: the scenario's own.")] = None,
     hierarchy: Annotated[
         str, typer.Option(help="weighted, strict or scaled; other libraries run weighted.")
     ] = "weighted",
@@ -49,29 +38,19 @@ def bench(
     environments: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where their environments are: v, and vNAME for one library.")
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")] = None,
+    json_file: JsonFile = None,
 ) -> None:
-    """Time whole ticks of the controller on the registered workloads."""
-    chosen = {name: member(name, Workload, "workload") for name in names or registered(Workload)}
+    """Time whole ticks of the controller on workloads, or on any scenario."""
+    chosen = [find(name) for name in names] if names else [*scenarios("workloads").values()]
     found_peers = None if peers is None else Peers(peers, environments)
     rows: list[dict[str, Any]] = []
-    with whole_file(json_file) as write, notes() as found, progress("timing") as step:
-        for i, name in enumerate(chosen):
-
-            def one(done: int, total: int, i: int = i, name: str = name) -> None:
-                step((i + done / total) / len(chosen), f"timing {name}")
-
-            def run(name: str = name, one: Any = one) -> dict[str, Any]:
-                return chosen[name](
-                    ticks=ticks, repeats=repeats, progress=one, solver=solver, hierarchy=hierarchy, pause=pause
-                )
-
-            if found_peers is None:
-                rows.append(run())
-            else:
-                rows += _in_turns(found_peers, name, run, repeats, pause)
+    with whole_file(json_file) as write, working("timing") as step:
+        for scenario, one in trials(step, chosen):
+            run = partial(
+                timed, scenario, ticks, repeats, progress=one, solver=solver, hierarchy=hierarchy, pause=pause
+            )
+            rows += [run()] if found_peers is None else _in_turns(found_peers, scenario.name, run, repeats, pause)
         write("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
-    tell(found)
     _print(rows)
 
 
@@ -130,7 +109,11 @@ def _how_solved(rows: list[dict[str, Any]]) -> Any:
                  "finite method", "over bare model calls", numbers=True)  # fmt: skip
     for row in rows:
         counts = (str(row["counts"][how]) for how in ("first", "repaired", "fallback"))
-        made.add_row(row["workload"], *counts, f"{row['total_over_pinocchio']:.1f} times")
+        made.add_row(
+            row["workload"],
+            *counts,
+            f"{row['total_over_pinocchio']:.1f} times" if "total_over_pinocchio" in row else "",
+        )
     return made
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wbc.cli.console import notes, one_sentence, progress, reported, tell
+from wbc.cli.console import one_sentence, place, reported, working
+from wbc.cli.options import Out, RobotName, Show
 
 
 @one_sentence
@@ -24,11 +24,9 @@ def compare(
             "--name", help="What a run is called, once for each; default: as its scenario says, or its folder."
         ),
     ] = None,
-    robot: Annotated[
-        str | None, typer.Option(help="A name, or a URDF or MJCF file: who is drawn, where the runs' name is no help.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the page; default runs/compare-TIME.")] = None,
-    show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    robot: RobotName = None,
+    out: Out = None,
+    show: Show = False,
 ) -> None:
     """Compare recorded runs on one page: curves over each other, ghosts of the robots, what differs."""
     from wbc.control.recorder import Run
@@ -39,8 +37,8 @@ def compare(
     from wbc.report.record import CALLED, beside
 
     require_extras()
-    folder = out or Path("runs") / f"compare-{datetime.now():%Y%m%d-%H%M%S}"
-    with notes() as found, progress("drawing the runs") as step:
+    folder = place(out, "compare")
+    with working("drawing the runs") as step:
         model = None if robot is None else load(robot)
         loaded = [Run.load(run) for run in runs]
         called = [str(run.meta.get(CALLED) or "") for run in loaded]
@@ -54,7 +52,6 @@ def compare(
         if len(set(called)) < len(called):
             raise InvalidInput(f"two runs are called the same: {', '.join(called)}; give each a --name of its own")
         page = save_comparison(dict(zip(called, loaded, strict=True)), folder, robot=model, progress=step)
-    tell(found)
     reported(page, show=show)
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
+import re
 import sys
 import warnings
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from datetime import datetime
 from functools import partial
+from itertools import count
 from math import ceil
 from pathlib import Path
 from time import monotonic
@@ -145,19 +148,30 @@ def on_stderr() -> Iterator[None]:
 
 
 @contextmanager
-def notes() -> Iterator[list[str]]:
-    """Collects what libraries warn about, each sentence once, for the end of a verb that went well."""
-    found: list[str] = []
+def notes(*, told: bool = True) -> Iterator[None]:
+    """Collects what libraries warn about, each sentence once; ``told`` on stderr, one a line, if all goes well."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
-        yield found
-    found += dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
+        yield
+    for note in dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught):
+        if told:
+            print(f"note: {note}", file=sys.stderr)
 
 
-def tell(found: list[str]) -> None:
-    """Notes on stderr, one a line."""
-    for note in found:
-        print(f"note: {note}", file=sys.stderr)
+@contextmanager
+def working(title: str) -> Iterator[Report]:
+    """Long work: its progress meanwhile, and what libraries warn about behind it."""
+    with notes(), progress(title) as step:
+        yield step
+
+
+def place(out: Path | None, name: str) -> Path:
+    """The folder of results: ``out``, or a new one in ``runs`` that has the time in its name."""
+    if out is not None:
+        return out
+    stem = f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name).strip('-.') or 'run'}-{datetime.now():%Y%m%d-%H%M%S}"
+    folders = (Path("runs") / (f"{stem}-{k}" if k > 1 else stem) for k in count(1))
+    return next(folder for folder in folders if not folder.exists())
 
 
 def table(title: str, *columns: str, numbers: bool = False) -> Table:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.console import NO, one_sentence, progress, say, table
+from wbc.cli.options import AsJson
 
 if TYPE_CHECKING:
     from wbc.robots.device import Device
@@ -35,7 +36,7 @@ def deploy(
         bool, typer.Option("--ros2", help="An effort group of ros2_control instead of its device.")
     ] = False,
     seed: Annotated[int, typer.Option(help="Of the sensors' noise in the dry run.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Check a robot against a motor board in physics: a dry run of the check. Exit code 0: nothing found.
 

@@ -8,13 +8,14 @@ import time
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, requires, version
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import typer
 from rich.text import Text
 
 from wbc.cli.console import NO, on_stderr, one_sentence, progress, say, table
+from wbc.cli.options import AsJson
 from wbc.errors import WbcError
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
@@ -33,9 +34,7 @@ class Finding(NamedTuple):
 
 
 @one_sentence
-def doctor(
-    *, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
-) -> None:
+def doctor(*, as_json: AsJson = False) -> None:
     """Look at python, packages, solvers, extras, threads and robots. Exit code 1: something installed does not work."""
     bad, all_findings = 0, {}
     parts = (

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wbc.cli.console import notes, one_sentence, progress, say, tell
+from wbc.cli.console import notes, one_sentence, progress, say
+from wbc.cli.options import RobotName
 
 
 @one_sentence
@@ -28,9 +30,7 @@ def export(
         str | None,
         typer.Option(metavar="AZIMUTH,ELEVATION[,DISTANCE]", help="Where it looks in degrees, from how far in metres."),
     ] = None,
-    robot: Annotated[
-        str | None, typer.Option(help="A name, or a URDF or MJCF file: who is drawn, where the run's name is no help.")
-    ] = None,
+    robot: RobotName = None,
 ) -> None:
     """A recorded run for others: a moving picture drawn without a screen, or a log for other programs."""
     from wbc import checks
@@ -56,7 +56,7 @@ def export(
             raise InvalidInput(f"--camera {camera}: give azimuth and elevation, and perhaps a distance: 140,-15,3")
         looks = Camera(*numbers)
     run = Run.load(folder)
-    with notes() as found:
+    with notes():
         model = named(run) if robot is None else load(robot)
         if model is not None and not fits(model, run):
             raise InvalidInput(f"{model.name} has other joints or another base than the run's robot")
@@ -72,6 +72,5 @@ def export(
                 with progress(f"exporting {path.name}") as step:
                     write(run, path, robot=model, progress=step)
         if model is None:
-            found.append("the robot is not drawn: it cannot be loaded by the run's name; give --robot")
-    tell(found)
+            warnings.warn("the robot is not drawn: it cannot be loaded by the run's name; give --robot", stacklevel=1)
     say(*(f"{path}: {path.stat().st_size / 1e6:.2f} MB" for path in wanted))

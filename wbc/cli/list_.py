@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.bench import Workload
 from wbc.cli.console import one_sentence, remaining, say, table
-from wbc.plugins import registered
+from wbc.cli.options import AsJson
 
 if TYPE_CHECKING:
     from wbc.sim.scenario import Scenario
 
 
 @one_sentence
-def list_(
-    *, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False
-) -> None:
-    """List scenarios, solvers, robots and workloads."""
+def list_(*, as_json: AsJson = False) -> None:
+    """List scenarios, solvers and robots."""
     found = members()
     if as_json:
         print(json.dumps(found, ensure_ascii=False, allow_nan=False))
@@ -38,13 +34,13 @@ def members() -> dict[str, Any]:
     from wbc.sim.scenario import scenarios
 
     return {
-        "scenarios": described(scenarios()),
+        "scenarios": described(found := scenarios()),
         "solvers": {
             solver.name: {"usable": solver.available(), "package": solver.package, "offline": solver.offline}
             for solver in SOLVERS
         },
         "robots": {"own": list(OWN), "examples": list(EXAMPLES), "examples_installed": _has_examples()},
-        "workloads": {name: workload.title for name, workload in registered(Workload).items()},
+        "workloads": {name: one.summary for name, one in found.items() if one.group == "workloads"},
     }
 
 
@@ -86,10 +82,7 @@ def _tables(found: dict[str, Any]) -> list[Table]:
     robots.add_row(Text(", ".join(found["robots"]["own"])), "ours, always there")
     state = "in example-robot-data" if found["robots"]["examples_installed"] else "pip install example-robot-data"
     robots.add_row(Text(", ".join(found["robots"]["examples"])), state)
-    timed = table("Workloads (wbc bench NAME)", "name", "what is timed")
-    for name, title in found["workloads"].items():
-        timed.add_row(name, Text(title))
-    return [listed(found["scenarios"]), solvers, robots, timed]
+    return [listed(found["scenarios"]), solvers, robots]
 
 
 def _typed(value: Any) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from wbc.cli.console import kept, notes, one_sentence, progress, reported, say, tell
+from wbc.cli.console import kept, one_sentence, place, reported, say, working
+from wbc.cli.options import Out, RobotName, SetOptions, Show, SolverName
 from wbc.errors import InvalidInput
 
 report = typer.Typer(
@@ -33,11 +35,9 @@ def top(context: typer.Context) -> None:
 def run(
     folder: Annotated[Path, typer.Argument(help="Where run.npz and meta.json are.")],
     *,
-    robot: Annotated[
-        str | None, typer.Option(help="A name, or a URDF or MJCF file: who is drawn, where the run's name is no help.")
-    ] = None,
+    robot: RobotName = None,
     again: Annotated[bool, typer.Option("--again", help="Make the report anew though there is one.")] = False,
-    show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    show: Show = False,
 ) -> None:
     """The report of a recorded run: made if there is none, or --again, from the record alone."""
     from wbc.control.recorder import ARRAYS_FILE
@@ -48,12 +48,13 @@ def run(
         from wbc.models import load
         from wbc.report.record import report_again
 
-        with notes() as found, progress("drawing the report") as step:
+        with working("drawing the report") as step:
             model = None if robot is None else load(robot)
             page, drawn = report_again(folder, robot=model, progress=step)
-        if drawn is None:
-            found.append("the motion is not drawn: the run's robot cannot be loaded by its name; give --robot")
-        tell(found)
+            if drawn is None:
+                warnings.warn(
+                    "the motion is not drawn: the run's robot cannot be loaded by its name; give --robot", stacklevel=1
+                )
     reported(page, show=show)
 
 
@@ -66,22 +67,21 @@ def solvers(
     ] = None,
     *,
     every: Annotated[bool, typer.Option("--all", help=f"Add {', '.join(SCENARIOS)}, --torture and --growth.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/solvers-TIME.")] = None,
+    out: Out = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the comparison that --out began.")] = False,
     data: Annotated[
         Path | None, typer.Option("--from", metavar="DATA", help="Write the pages once more from a data.json.")
     ] = None,
     solver: Annotated[list[str] | None, typer.Option(help="A solver, again for more; default: all usable.")] = None,
-    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter.")] = None,
+    settings: SetOptions = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time of the scenarios in seconds.")] = None,
     ticks: Annotated[int, typer.Option(min=2, help="QPs to record of each scenario.")] = 200,
     rounds: Annotated[int, typer.Option(min=1, help="How often each solve is timed; the least counts.")] = 3,
     limit: Annotated[float, typer.Option(min=0.1, help="Seconds a solve may take.")] = 5.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the made problems.")] = 0,
     loop: Annotated[bool, typer.Option(help="Run the scenarios with each solver in the loop.")] = True,
     torture: Annotated[bool | None, typer.Option(help="Give the solvers malformed problems too.")] = None,
     growth: Annotated[bool | None, typer.Option(help="Measure how times grow with size.")] = None,
-    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    show: Show = False,
 ) -> None:
     """Which solver at which tolerance: replay QPs over every solver, each in its own process, and say what to use."""
     from wbc.report import solvers as comparing
@@ -90,7 +90,7 @@ def solvers(
     from wbc.report.solvers.page import page
 
     require_extras("jinja2")
-    folder = out or Path("runs") / f"solvers-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = place(out, "solvers")
     if data is not None:
         summary = comparing.redraw(data, folder).summary
     else:
@@ -98,19 +98,18 @@ def solvers(
             raise InvalidInput("--resume goes on with the comparison of a folder: give it as --out")
         options: dict[str, Any] = {
             "solvers": solver, "settings": settings or (), "duration": duration, "ticks": ticks, "rounds": rounds,
-            "limit": limit, "seed": seed, "loop": loop,
+            "limit": limit, "loop": loop,
             "torture": every if torture is None else torture, "growth": every if growth is None else growth,
         }  # fmt: skip
         wanted = [*(sources or ()), *(name for name in SCENARIOS if every and name not in (sources or ()))]
         if not wanted and not resume:
             raise InvalidInput("give a scenario, a folder of QPs, or --all")
         going_on = f"what was measured stays: wbc report solvers --resume --out {folder}"
-        with notes() as found, progress("comparing") as step, kept(going_on):
+        with working("comparing") as step, kept(going_on):
             if resume:
                 measured = comparing.resume(folder, trusted=wanted, progress=step)
             else:
                 measured = comparing.compare(wanted, out=folder, progress=step, **options)
-        tell(found)
         summary = page(measured).summary
     say(summary)
     reported(folder / HTML, show=show)
@@ -119,35 +118,35 @@ def solvers(
 @report.command("scaling")
 @one_sentence
 def scaling(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[AXIS]...", help="Default: all of them.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="With sizes; default: the growing ones.")
+    ] = None,
     *,
-    out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/scaling-TIME.")] = None,
-    solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
+    out: Out = None,
+    solver: SolverName = "pdas",
     ticks: Annotated[int, typer.Option(min=1, help="Ticks at each size.")] = 100,
     repeats: Annotated[int, typer.Option(min=1, help="How often; the least time of each tick counts.")] = 5,
-    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    show: Show = False,
 ) -> None:
     """How the time of a tick grows with joints, tasks, contacts and active rows, with exponents."""
     import json
 
-    from wbc.plugins import registered
     from wbc.report.build import require_extras
     from wbc.report.folder import HTML, replaced, write
-    from wbc.report.scaling import Axis, scaled
+    from wbc.report.scaling import scaled
     from wbc.report.scaling.page import page
     from wbc.report.solvers.data import surroundings
-    from wbc.sim.scenario import member
+    from wbc.sim.scenario import find, scenarios
 
     require_extras("jinja2")
-    chosen = [member(name, Axis, "axis") for name in names or registered(Axis)]
-    folder = out or Path("runs") / f"scaling-{datetime.now():%Y%m%d-%H%M%S}"
+    chosen = [find(name) for name in names] if names else [*scenarios("growth").values()]
+    folder = place(out, "scaling")
     where = surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}")
     with replaced(folder) as pending:
-        with notes() as found, progress("measuring") as step:
+        with working("measuring") as step:
             rows = scaled(chosen, ticks=ticks, repeats=repeats, solver=solver, progress=step)
-        tell(found)
         settings = {"ticks": ticks, "repeats": repeats, "solver": solver}
-        titles = {axis.name: axis.title for axis in chosen}
+        titles = {scenario.name: scenario.summary for scenario in chosen}
         made = page(data := {"surroundings": where, "settings": settings, "titles": titles, "rows": rows})
         (pending / "data.json").write_text(json.dumps(data, ensure_ascii=False, allow_nan=False), encoding="utf-8")
         write(made, pending)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wbc.cli.console import NO, notes, one_sentence, progress, reported, say, table, tell
+from wbc.cli.console import NO, one_sentence, place, reported, say, table, working
+from wbc.cli.options import Out, Show
 
 
 @one_sentence
@@ -20,8 +20,8 @@ def retarget(
     robot: Annotated[str, typer.Option(help="A name, or a URDF or MJCF file.")] = "humanoid",
     mapping: Annotated[Path | None, typer.Option(help="A TOML file: which frame follows which part.")] = None,
     repair: Annotated[bool, typer.Option("--repair", help="Look for the nearest motion that is possible.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder; default runs/retarget-MOTION-TIME.")] = None,
-    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    out: Out = None,
+    show: Show = False,
 ) -> None:
     """Retarget a motion to a robot and judge every frame. Exit code 0: all are certified, 1: some are not."""
     from wbc.models import load
@@ -32,13 +32,12 @@ def retarget(
 
     require_extras()
 
-    with notes() as found, progress("retargeting") as step:
+    with working("retargeting") as step:
         clip = made(motion) if motion in MOTIONS else Motion.read(motion)
         model = load(robot, base="floating")
-        folder = out or Path("runs") / f"retarget-{clip.name}-{datetime.now():%Y%m%d-%H%M%S}"
+        folder = place(out, f"retarget-{clip.name}")
         done = retarget(clip, model, mapping, repair=repair, progress=step)
         page = done.report(folder)
-    tell(found)
     made_table = table("", "impossible", "frames", "worst", "unit", "part", "at s")
     for kind, (frames, k, amount, part) in done.faults().items():
         made_table.add_row(kind, str(frames), f"{amount:.3g}", UNITS[kind], part, f"{k / done.rate:.2f}")

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,15 +19,16 @@ from wbc.cli.console import (
     notes,
     on_stderr,
     one_sentence,
+    place,
     progress,
     reported,
     say,
     table,
-    tell,
 )
+from wbc.cli.options import AsJson, Out, SetOptions, Show, SolverName
 
 if TYPE_CHECKING:
-    from wbc.sim.scenario import Scenario, ScenarioResult
+    from wbc.sim.scenario import ScenarioResult
     from wbc.sim.simulate import Interrupted
 
 
@@ -42,16 +41,16 @@ def run(
         ),
     ] = None,
     *,
-    solver: Annotated[str, typer.Option(help="QP solver.")] = "pdas",
+    solver: SolverName = "pdas",
     hierarchy: Annotated[str | None, typer.Option(help="What the stack's levels mean.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time in seconds.")] = None,
     plant: Annotated[str | None, typer.Option(help="What the commands act on.")] = None,
-    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the report; default runs/SCENARIO-TIME.")] = None,
+    settings: SetOptions = None,
+    out: Out = None,
     live: Annotated[bool, typer.Option("--live", help="Show it in the browser while it runs, with sliders.")] = False,
     port: Annotated[int, typer.Option(help="Of the address of --live.")] = 8080,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
-    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    as_json: AsJson = False,
+    show: Show = False,
 ) -> None:
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
     from wbc.cli.list_ import described, listed
@@ -74,10 +73,10 @@ def run(
     parameters = chosen.parse(settings or ())
     chosen_settings = chosen.choose(plant=plant, hierarchy=hierarchy, duration=duration)
     by_name(solver)
-    folder = out or _new_folder(chosen)
+    folder = place(out, chosen.name)
     require_extras()
     interrupted = False
-    with replaced(folder) as pending, notes() as found, on_stderr():
+    with replaced(folder) as pending, notes(told=not as_json), on_stderr():
         with progress(f"running {chosen.name}") as step, _shown(live, port):
             try:
                 result = chosen.run(parameters, Settings(**chosen_settings, solver=solver, progress=step))
@@ -88,7 +87,6 @@ def run(
     if as_json:
         print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))
     else:
-        tell(found)
         _print(report.summary, result, folder, show=show)
     if interrupted:
         complain(f"{result.run.meta['ended']}; the run so far is in {folder}")
@@ -145,15 +143,6 @@ def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:
         "report": str(folder),
         "figures": plain(result.figures),
     }
-
-
-def _new_folder(scenario: Scenario) -> Path:
-    name = re.sub(r"[^A-Za-z0-9._-]+", "-", scenario.name).strip("-.") or "run"
-    stem = Path("runs") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
-    folder, k = stem, 2
-    while folder.exists():
-        folder, k = stem.with_name(f"{stem.name}-{k}"), k + 1
-    return folder
 
 
 def _print(sentence: str, result: ScenarioResult, folder: Path, *, show: bool) -> None:

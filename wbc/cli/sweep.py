@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from wbc.cli.console import kept, notes, on_stderr, one_sentence, progress, reported, say, tell
+from wbc.cli.console import kept, notes, on_stderr, one_sentence, place, reported, say, working
+from wbc.cli.options import AsJson, Out, SetOptions, Show
 from wbc.errors import InvalidInput
 
 
@@ -23,7 +23,7 @@ def sweep(
     vary: Annotated[
         list[str] | None, typer.Option(metavar="KEY=LOW:HIGH", help="Draw a parameter: KEY=LOW:HIGH or KEY=a,b,c.")
     ] = None,
-    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter.")] = None,
+    settings: SetOptions = None,
     solver: Annotated[str, typer.Option(help="QP solvers to draw from, separated by commas.")] = "pdas",
     hierarchy: Annotated[str | None, typer.Option(help="Hierarchies to draw from, separated by commas.")] = None,
     push: Annotated[list[str] | None, typer.Option(metavar="FRAME=LOW:HIGH", help="A level push [N].")] = None,
@@ -35,34 +35,33 @@ def sweep(
     seed: Annotated[int, typer.Option(min=0, help="Another seed, other runs.")] = 0,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="A dask scheduler that runs.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes here; default: one for each core.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the results; default runs/sweep-TIME.")] = None,
+    out: Out = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the sweep that --out began.")] = False,
     repeat: Annotated[int | None, typer.Option(metavar="RUN", help="Do one run of --out again, make its page.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
-    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    as_json: AsJson = False,
+    show: Show = False,
 ) -> None:
     """Run a scenario many times with drawn parameters, disturbances, solvers, hierarchies; report how it spreads."""
     from wbc import sweep as sweeping
     from wbc.report.build import require_extras
     from wbc.report.folder import HTML
-    from wbc.sweep.lines import RESULTS, Lines
+    from wbc.sweep.run import RESULTS, in_order, read
     from wbc.sweep.summary import figures, reasons
 
     if (resume or repeat is not None) and out is None:
         raise InvalidInput("--resume and --repeat are about a sweep that was begun: give its folder as --out")
     require_extras("jinja2")
     if repeat is not None and out is not None:
-        with notes() as found, on_stderr():
+        with notes(), on_stderr():
             result, page = sweeping.replay(out, repeat, scenario=scenario)
-        tell(found)
         said = f"run {repeat} went well" if result["ok"] else f"run {repeat}: {'; '.join(reasons(result))}"
         _answer(as_json, said, result, page, show=show)
         return
-    folder = out or Path("runs") / f"sweep-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = place(out, "sweep")
     how: dict[str, Any] = {"scheduler": scheduler, "workers": workers}
     named = f"{scenario} " if scenario and ":" in scenario else ""
     going_on = f"finished runs are kept; continue with: wbc sweep {named}--resume --out {folder}"
-    with notes() as found, progress("sweeping") as step, kept(going_on):
+    with working("sweeping") as step, kept(going_on):
         if resume:
             report = sweeping.resume(folder, scenario=scenario, progress=step, **how)
         else:
@@ -75,9 +74,8 @@ def sweep(
                 plant=plant, duration=duration, seed=seed,
             )  # fmt: skip
             report = sweeping.sweep(plan, out=folder, progress=step, **how)
-    tell(found)
-    lines = Lines(folder / RESULTS)
-    _answer(as_json, report.summary, figures(lines.header, lines.in_order()), folder / HTML, show=show)
+    lines = read(folder / RESULTS)
+    _answer(as_json, report.summary, figures(lines.header, in_order(lines)), folder / HTML, show=show)
 
 
 def _answer(as_json: bool, sentence: str, found: dict[str, Any], page: Path | None, *, show: bool) -> None:

@@ -137,6 +137,23 @@ def demands(result: ScenarioResult) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
+def outline(result: ScenarioResult) -> dict[str, Any]:
+    """What came of one of many runs, in JSON's types: None for what its record does not tell."""
+    run = result.run
+    return {
+        "ok": bool(result.ok),
+        "error": None,
+        "ended": str(run.meta.get("ended", "complete")),
+        "seconds": plain(measure.seconds(run)) if "dt" in run.meta else None,
+        "ticks": run.rows,
+        "solved": measure.statuses(run).get("SOLVED", 0) if "statuses" in run.meta else None,
+        "late": measure.late(run) if "tick_us" in run and "dt" in run.meta else 0,
+        "tracking": {task: plain(float(value["rms"])) for task, value in result.tracking.items()},
+        "violations": {kind: [plain(float(worst)), unit] for kind, (worst, unit) in result.violations.items()},
+        "tick_us": [plain(x) for x in measure.tick_times(run)] if "tick_us" in run else [None] * 3,
+    }
+
+
 def judged(run: Run, robot: RobotModel | None) -> ScenarioResult:
     """A recorded run with what :func:`judgement` kept of it; measured from its columns where nothing was kept."""
     kept = run.meta.get(JUDGED)

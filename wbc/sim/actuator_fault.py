@@ -81,8 +81,11 @@ class _Failing(Effect):
         self._t = t + self._half_step
 
     def deliver(self, command: Drive) -> Drive:
+        missing = self._fault.missing(self._t, float(command.tau[self._joint]))
+        if missing == 0.0:
+            return command
         tau = command.tau.copy()
-        tau[self._joint] -= self._fault.missing(self._t, tau[self._joint])
+        tau[self._joint] -= missing
         return _Delivered(tau, command)
 
 

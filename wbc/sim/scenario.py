@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar, final
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, final
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName, UnknownRobot, UnknownScenario, WbcError
@@ -23,17 +23,18 @@ from wbc.plugins import one_line, registered
 from wbc.sim.trial import Parameters, Progress, Settings, Setup, Trial, silent, trials
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from wbc.control.controller import Controller
     from wbc.control.recorder import Run
     from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
 __all__ = [
     "RELATIONS", "Check", "Parameter", "Parameters", "Place", "Progress", "Scenario", "ScenarioResult", "Settings",
-    "Setup", "Trial", "failed_first", "find", "imported", "is_file", "member", "scenarios", "scenarios_of", "silent",
-    "trials",
+    "Setup", "Trial", "failed_first", "find", "imported", "is_file", "scenarios", "scenarios_of", "silent", "trials",
 ]  # fmt: skip
 
-T = TypeVar("T")
 Parameter = bool | int | float | str | tuple[float, ...]
 
 
@@ -141,6 +142,10 @@ class Scenario(ABC):
     ``robots`` names what the parameter ``robot`` may be, None for any, and ``knows`` what the scenario knows of them.
     ``wbc list`` shows scenarios by ``group``, with ``takes``, roughly how long a run and its report take [s].
 
+    Every scenario can be timed (``wbc bench``, by default those of the group "workloads") and soaked (``wbc soak``, by
+    default those of the group "soaks"). One with ``sizes`` has a parameter ``size`` that takes these values: along them
+    ``wbc report scaling`` measures how the time of a tick grows.
+
     Example:
         >>> import wbc
         >>> from wbc.sim.plant import IntegratorPlant
@@ -176,6 +181,7 @@ class Scenario(ABC):
     takes: ClassVar[float | None] = None
     robots: ClassVar[Collection[str] | None] = None
     knows: ClassVar[str] = "how these stand"
+    sizes: ClassVar[Sequence[int]] = ()
 
     def cases(self, p: Parameters) -> Mapping[str, Mapping[str, Any]]:
         """The runs by name, in the order in which they are done, each with what it adds to the parameters."""
@@ -188,6 +194,9 @@ class Scenario(ABC):
             WbcError: an unknown frame, or a parameter without meaning here.
         """
         raise InvalidInput(f"the scenario {self.name!r} has no build(p), and is asked to simulate a case")
+
+    def stir(self, controller: Controller, rng: np.random.Generator) -> None:
+        """Assign targets and weights that make sense, reachable or not: what a soak does now and then."""
 
     @abstractmethod
     def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
@@ -213,6 +222,30 @@ class Scenario(ABC):
             setup = self.build(Parameters({**p, **case}, p.settings))
             chosen = p.settings
             yield setup.run(name, duration=chosen.duration, solver=chosen.solver, progress=step, meta=meta)
+
+    @final
+    def asked(
+        self, parameters: Mapping[str, Any] | None = None, *, plant: str | None = None, hierarchy: str | None = None,
+        duration: float | None = None, solver: str = "pdas", progress: Progress = silent,
+    ) -> Parameters:  # fmt: skip
+        """Everything that decides a run: ``parameters`` and settings, the scenario's own where nothing is given.
+
+        Raises:
+            WbcError: what :meth:`choose` raises.
+        """
+        chosen = self.choose(plant=plant, hierarchy=hierarchy, duration=duration)
+        settings = Settings(**chosen, solver=solver, progress=progress)
+        return Parameters({**self.parameters, **(parameters or {})}, settings)
+
+    @final
+    def first(self, p: Parameters) -> Setup:
+        """The first of its cases, ready to be simulated.
+
+        Raises:
+            WbcError: what :meth:`build` raises.
+        """
+        case = next(iter(self.cases(p).values()), {})
+        return self.build(Parameters({**p, **case}, p.settings))
 
     @final
     def parse(self, settings: Iterable[str]) -> dict[str, Parameter]:
@@ -272,9 +305,11 @@ class UnknownHierarchy(UnknownName):
     kind = "hierarchy"
 
 
-def scenarios() -> dict[str, Scenario]:
-    """Every registered scenario by name; a plugin that cannot be loaded is left out with a warning."""
-    return registered(Scenario)
+def scenarios(group: str | None = None) -> dict[str, Scenario]:
+    """Every registered scenario by name, or those of a group; a plugin that cannot be loaded is left out with a
+    warning."""
+    found = registered(Scenario)
+    return {name: scenario for name, scenario in found.items() if group in (None, scenario.group)}
 
 
 def is_file(text: str) -> bool:
@@ -291,58 +326,51 @@ def scenarios_of(file: str) -> dict[str, Scenario]:
     module = imported(file)
     found = {
         f"{file}:{name}": scenario
-        for name in _members_in(module, Scenario)
-        if (scenario := _as(vars(module)[name], Scenario))
-    }
+        for name in _members_in(module) if (scenario := _scenario(vars(module)[name]))
+    }  # fmt: skip
     if not found:
         raise InvalidInput(f"{file!r} has no scenario: no subclass of wbc.sim.scenario.Scenario")
     return found
 
 
 def find(text: str) -> Scenario:
-    """The scenario of that name, or ``module:name``, or ``file.py:name``, as :func:`member` finds it."""
-    return member(text, Scenario, "scenario")
-
-
-def member(text: str, kind: type[T], called: str) -> T:
-    """The object of ``kind`` with a registered name, or of ``module:name`` or ``file.py:name``; errors say ``called``.
+    """The scenario that is registered by that name; or ``module:name``, or ``file.py:name``.
 
     Raises:
         UnknownScenario: no such name.
-        InvalidInput: the module or file cannot be imported, the name in it is none of ``kind``, or a file without a
-            name.
+        InvalidInput: the module or file cannot be imported, the name in it is no scenario, or a file without a name.
     """
     place, colon, name = text.rpartition(":")
     if is_file(text):
         raise InvalidInput(f"{text!r} is a file; name a scenario in it: {', '.join(scenarios_of(text))}")
     if not colon:
-        known = registered(kind)
+        known = scenarios()
         if text not in known:
-            raise UnknownScenario(text, known, "or give module:name or file.py:name", called)
+            raise UnknownScenario(text, known, "or give module:name or file.py:name")
         return known[text]
     module = imported(place)
     if not hasattr(module, name):
-        raise UnknownScenario(name, _members_in(module, kind), f"in {place}", called)
+        raise UnknownScenario(name, _members_in(module), f"in {place}")
     value = getattr(module, name)
-    found = _as(value, kind)
+    found = _scenario(value)
     if found is None:
-        raise InvalidInput(f"{text} is a {type(value).__name__}, not a {kind.__module__}.{kind.__name__}")
+        raise InvalidInput(f"{text} is a {type(value).__name__}, not a {Scenario.__module__}.{Scenario.__name__}")
     return found
 
 
-def _members_in(module: Any, kind: type[Any]) -> list[str]:
-    """Names of the members that a module defines; of a class and its instances the instances."""
+def _members_in(module: Any) -> list[str]:
+    """Names of the scenarios that a module defines; of a class and its instances the instances."""
     own = module.__name__
-    defined = {key: value for key, value in vars(module).items() if _as(value, kind) is not None}
+    defined = {key: value for key, value in vars(module).items() if _scenario(value) is not None}
     made = {type(value) for value in defined.values()}
     return [key for key, value in defined.items() if getattr(value, "__module__", own) == own and value not in made]
 
 
-def _as(value: Any, kind: type[T]) -> T | None:
-    """``value`` where it is a member of ``kind``; a scenario may be given as its class."""
+def _scenario(value: Any) -> Scenario | None:
+    """``value`` where it is a scenario, which may be given as its class."""
     if inspect.isclass(value):
         value = value() if issubclass(value, Scenario) and not inspect.isabstract(value) else None
-    return value if isinstance(value, kind) else None
+    return value if isinstance(value, Scenario) else None
 
 
 def imported(place: str) -> Any:

@@ -5,16 +5,14 @@
              component that gives nonsense or raises, and targets that are functions and do so
     starts   a new state in every tick, one in five of them outside the joint limits
 
-A controller and a way to stir it up (``stir(controller, rng)`` assigns targets and weights) make a :class:`Subject`.
+The controller is that of a scenario's first case, whose ``stir(controller, rng)`` assigns targets and weights.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, final
@@ -24,6 +22,7 @@ import numpy as np
 from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput, WbcError
+from wbc.sim.scenario import Progress, Scenario, silent
 from wbc.sim.spoiling import RUBBISH, SpoiltComponent, SpoiltTarget, spoilt
 from wbc.stack.constraint import JointInterval
 from wbc.types import Vec
@@ -33,21 +32,6 @@ KINDS = ("valid", "fuzz", "starts")
 TOLERANCE = 1e-6
 EVERY = 500
 _CERTIFIED = ("solved", "other solver", "relaxed")
-
-
-class Subject(ABC):
-    """What is put to soak."""
-
-    name: str
-    summary: str
-
-    @abstractmethod
-    def controller(self, solver: str) -> Controller:
-        """A new controller on this solver, its ticks compiled or not."""
-
-    @abstractmethod
-    def stir(self, controller: Controller, rng: np.random.Generator) -> None:
-        """Assign targets and weights that make sense, reachable or not."""
 
 
 @final
@@ -81,18 +65,18 @@ class Findings:
 
 
 def soak(
-    subject: Subject, *, solver: str = "pdas", ticks: int, kind: str = "valid", seed: int = 0,
-    progress: Callable[[float], None] = lambda done: None,
+    scenario: Scenario, *, solver: str = "pdas", ticks: int, kind: str = "valid", seed: int = 0,
+    progress: Progress = silent,
 ) -> Findings:  # fmt: skip
-    """Let a subject run for ``ticks`` ticks.
+    """Let the controller of a scenario run for ``ticks`` ticks.
 
     Raises:
         InvalidInput: another ``kind``, or no ticks.
     """
     if kind not in KINDS or ticks < 1:
         raise InvalidInput(f"a soak is of kind {', '.join(KINDS)} and has ticks, not {kind!r} and {ticks}")
-    control = subject.controller(solver)
-    run = _Run(subject, control, np.random.default_rng([seed, KINDS.index(kind)]), Findings(kind))
+    control = scenario.first(scenario.asked(solver=solver)).controller(solver)
+    run = _Run(scenario, control, np.random.default_rng([seed, KINDS.index(kind)]), Findings(kind))
     start, digest, memory = perf_counter(), hashlib.sha256(), 0
     for k in range(ticks):
         if k % EVERY == 0:
@@ -113,8 +97,8 @@ def soak(
 class _Run:
     """One soak between two ticks."""
 
-    def __init__(self, subject: Subject, control: Controller, rng: np.random.Generator, found: Findings) -> None:
-        self.subject, self.control, self.rng, self.found = subject, control, rng, found
+    def __init__(self, scenario: Scenario, control: Controller, rng: np.random.Generator, found: Findings) -> None:
+        self.scenario, self.control, self.rng, self.found = scenario, control, rng, found
         self.model, self.dt = control.model, control.dt
         self.t, self.failed = 0.0, 0
         self.q, self.v = np.array(self.model.q0), np.zeros(self.model.nv)
@@ -124,7 +108,7 @@ class _Run:
 
     def stir(self) -> None:
         """New targets; in a fuzz rubbish among them, which may be refused by a typed error and nothing else."""
-        self.subject.stir(self.control, self.rng)
+        self.scenario.stir(self.control, self.rng)
         if self.found.kind != "fuzz":
             return
         for task in self.control.stack.tasks:

@@ -138,9 +138,11 @@ class Setup:
 
     def run(
         self, name: str = "", *, duration: float, solver: str = "pdas", progress: Progress = silent,
-        meta: Mapping[str, Any] | None = None,
+        meta: Mapping[str, Any] | None = None, controller: Controller | None = None, recorder: bool = True,
     ) -> Trial:  # fmt: skip
         """Simulate it for its own ``duration``, or else this one [s]. It can be run once: the plant moves.
+
+        ``controller``: one of :meth:`controller` that is there already. ``recorder`` False: only times are kept.
 
         Raises:
             WbcError: what :func:`~wbc.sim.simulate.simulate` raises.
@@ -148,11 +150,11 @@ class Setup:
         from wbc.control.setpoint import Setpoint
         from wbc.sim.simulate import simulate
 
-        controller = self.controller(solver)
+        controller = self.controller(solver) if controller is None else controller
         run = simulate(
             Setpoint(controller, feedback=self.feedback) if self.feedback else controller, self.plant,
             duration=duration if self.duration is None else self.duration, disturbances=self.disturbances,
-            before_tick=self.before_tick, progress=progress, meta={**(meta or {}), **self.meta},
+            before_tick=self.before_tick, progress=progress, meta={**(meta or {}), **self.meta}, recorder=recorder,
         )  # fmt: skip
         return Trial(name, self, controller, run)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
@@ -161,3 +161,7 @@ def _keeping_directions(tasks: Sequence[RowTask]) -> Rank:
     directions = [Part(task, "direction") for task in tasks if task.scaled]
     parts = [Part(task, "share" if task.scaled else "whole") for task in tasks]
     return Rank((directions,) if directions else (), parts, ())
+
+
+#: What a scenario or a command names.
+HIERARCHIES: Mapping[str, Hierarchy] = {"weighted": Weighted(), "strict": Strict(), "scaled": Scaled()}

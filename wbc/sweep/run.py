@@ -10,16 +10,19 @@ from typing import Any
 
 from wbc.errors import InvalidInput
 from wbc.report.document import Report
-from wbc.report.folder import check_free, replaced
+from wbc.report.folder import replaced
 from wbc.report.folder import write as write_report
+from wbc.report.journal import Journal, fresh, made, taken_up, unfinished
 from wbc.report.record import missing, write_run
 from wbc.sim.provenance import machine, versions
 from wbc.sim.scenario import Progress, ScenarioResult, silent
 from wbc.sweep.cluster import do_all
-from wbc.sweep.lines import RESULTS, Lines, write
 from wbc.sweep.plan import Sweep
 from wbc.sweep.summary import page_of, summary
 from wbc.sweep.trial import done
+
+RESULTS = "results.jsonl"
+_HEADER = {"scenario", "sweep", "runs", "seed", "date", "machine", "versions", "plan"}
 
 
 def sweep(
@@ -46,14 +49,7 @@ def sweep(
         NotSupported: the extra ``sweep`` is not installed.
     """
     out = Path(out)
-    check_free(out)
-    folder = unfinished(out)
-    if (folder / RESULTS).exists():
-        raise InvalidInput(f"an unfinished sweep stands in {folder}; take it up with --resume, or remove it")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
+    folder = made(fresh(out, RESULTS, "sweep"))
     header = {
         "scenario": Path(plan.scenario).name,
         "sweep": str(plan),
@@ -64,7 +60,7 @@ def sweep(
         "versions": versions(),
         "plan": _plain(plan),
     }
-    lines = Lines.begin(folder / RESULTS, header)
+    lines = Journal.begin(folder / RESULTS, "run", header)
     return _finished(plan, lines, out, progress, scheduler=scheduler, workers=workers)
 
 
@@ -85,10 +81,7 @@ def resume(
         InvalidInput: no unfinished sweep there, settings that cannot be read, or code that ``scenario`` does not name.
     """
     out = Path(out)
-    folder = unfinished(out)
-    if not (folder / RESULTS).is_file():
-        raise InvalidInput(f"there is no unfinished sweep {folder}; start one without --resume")
-    lines = Lines(folder / RESULTS)
+    lines = read(taken_up(out, RESULTS, "sweep"))
     return _finished(plan_of(lines, scenario), lines, out, progress, scheduler=scheduler, workers=workers)
 
 
@@ -98,7 +91,7 @@ def repeat(folder: str | Path, run: int, *, scenario: str | None = None) -> dict
     Raises:
         InvalidInput: no sweep there, no such run, or code that ``scenario`` does not name.
     """
-    return done(plan_of(_begun(Path(folder)), scenario).trial(run))
+    return done(plan_of(_results(Path(folder)), scenario).trial(run))
 
 
 def replay(folder: str | Path, run: int, *, scenario: str | None = None) -> tuple[dict[str, Any], Path | None]:
@@ -107,7 +100,7 @@ def replay(folder: str | Path, run: int, *, scenario: str | None = None) -> tupl
     Gives the result and the path of the page, None where there is nothing to draw. Raises as :func:`repeat`.
     """
     out, kept = Path(folder), list[ScenarioResult]()
-    lines = _begun(out)
+    lines = _results(out)
     result = done(plan_of(lines, scenario).trial(run), kept.append)
     if not kept or missing(kept[0].run):
         return result, None
@@ -115,23 +108,35 @@ def replay(folder: str | Path, run: int, *, scenario: str | None = None) -> tupl
     with replaced(page.parent) as pending:
         write_run(kept[0], pending)
     if (out / RESULTS).is_file():
-        write_report(summary(lines.header, lines.in_order(), out), out)
+        write_report(summary(lines.header, in_order(lines), out), out)
     return result, page
 
 
-def _begun(folder: Path) -> Lines:
+def read(path: Path) -> Journal:
+    """The results in a file.
+
+    Raises:
+        InvalidInput: it holds something else.
+    """
+    lines = Journal(path, "run")
+    if not _HEADER <= set(lines.header):
+        raise InvalidInput(f"{path} does not hold the results of a sweep: its first line is not their header")
+    return lines
+
+
+def in_order(lines: Journal) -> list[dict[str, Any]]:
+    """All results by number of the run."""
+    return sorted(lines.findings.values(), key=lambda result: int(result["run"]))
+
+
+def _results(folder: Path) -> Journal:
     place = next((p / RESULTS for p in (folder, unfinished(folder)) if (p / RESULTS).is_file()), None)
     if place is None:
         raise InvalidInput(f"{folder} is not the folder of a sweep: it has no {RESULTS}")
-    return Lines(place)
+    return read(place)
 
 
-def unfinished(out: Path) -> Path:
-    """The folder beside ``out`` in which a sweep keeps its results until all are there."""
-    return out.with_name(f"{out.name}.unfinished")
-
-
-def plan_of(lines: Lines, scenario: str | None = None) -> Sweep:
+def plan_of(lines: Journal, scenario: str | None = None) -> Sweep:
     """The sweep whose results these are. The file is read as plain JSON.
 
     Raises:
@@ -152,21 +157,21 @@ def _plain(plan: Sweep) -> dict[str, Any] | None:
 
 
 def _finished(
-    plan: Sweep, lines: Lines, out: Path, progress: Progress, *, scheduler: str | None, workers: int | None
+    plan: Sweep, lines: Journal, out: Path, progress: Progress, *, scheduler: str | None, workers: int | None
 ) -> Report:
     def take(result: dict[str, Any]) -> None:
         lines.add(result)
-        count = len(lines.results)
+        count = len(lines.findings)
         progress(count / plan.runs, f"{count} of {plan.runs} runs")
 
-    progress(len(lines.results) / plan.runs)
-    undone = [run for run in range(plan.runs) if run not in lines.results]
+    progress(len(lines.findings) / plan.runs)
+    undone = [run for run in range(plan.runs) if run not in lines.findings]
     if undone:
         do_all(plan.trials(undone), take, scheduler=scheduler, workers=workers or os.cpu_count() or 1)
-    header, results = lines.header, lines.in_order()
-    report = summary(header, results, out)
+    results = in_order(lines)
+    report = summary(lines.header, results, out)
     with replaced(out) as pending:
-        write(pending / RESULTS, header, results)
+        lines.write(pending / RESULTS, results)
         write_report(report, pending)
     shutil.rmtree(unfinished(out))
     return report

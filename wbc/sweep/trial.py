@@ -9,7 +9,7 @@ from typing import Any
 
 from wbc.errors import WbcError
 from wbc.report import measure
-from wbc.report.record import demands, plain
+from wbc.report.record import demands, outline, plain
 from wbc.sim.joining import joined
 from wbc.sim.scenario import ScenarioResult, Settings, find
 from wbc.sweep.draw import axes
@@ -45,17 +45,10 @@ def done(trial: Trial, keep: Callable[[ScenarioResult], object] | None = None) -
     run = result.run
     return {
         **about,
-        "ok": bool(result.ok),
-        "error": None,
+        **outline(result),
         "demands": [{key: d[key] for key in _DEMAND} for d in plain(demands(result))],
-        "ended": str(run.meta.get("ended", "complete")),
-        "seconds": plain(measure.seconds(run)) if "dt" in run.meta else None,
-        "unsolved": run.rows - measure.statuses(run).get("SOLVED", 0) if "statuses" in run.meta else None,
-        "tracking": {task: plain(value["rms"]) for task, value in result.tracking.items()},
         "units": {task: next(iter(measure.errors(run, task)), "") for task in measure.tasks(run)},
-        "violations": {kind: [plain(worst), unit] for kind, (worst, unit) in result.violations.items()},
         "figures": {key: plain(x) for key, x in result.figures.items() if isinstance(x, bool | int | float | str)},
-        "tick_us": [plain(x) for x in measure.tick_times(run)] if "tick_us" in run else None,
     }
 
 

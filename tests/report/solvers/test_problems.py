@@ -11,8 +11,8 @@ from tests.qp.zoo import random_qp
 from wbc.errors import InvalidInput
 from wbc.qp import QP, solve
 from wbc.qp.problem import Objective
-from wbc.report.solvers.problems import GROWTH, ProblemSet, from_folder, growing, made_qp, read_qp, sequence
-from wbc.report.solvers.recording import record
+from wbc.report.solvers.problems import ProblemSet, from_folder, read_qp, sequence
+from wbc.report.solvers.recording import growing, record
 from wbc.sim.scenario import find
 
 REACH = f"{Path(__file__).with_name('reaching.py')}:reach"
@@ -82,18 +82,16 @@ def test_a_folder_without_problems_is_refused(tmp_path: Path):
         sequence("empty", [])
 
 
-@pytest.mark.parametrize("axis", GROWTH)
-def test_made_problems_have_the_active_rows_they_promise(axis: str):
-    for k, size in enumerate(GROWTH[axis]):
-        qp = made_qp(np.random.SeedSequence([0, k]), 2, **size)
-        answer = solve(qp, "daqp")
-        assert answer.certificate.within(1e-7) and int(np.sum(np.abs(answer.z) > 1e-7)) == size["active"]
-
-
-def test_made_problems_depend_on_the_seed_alone():
-    for one, same_seed, other in zip(growing(1), growing(1), growing(2), strict=True):
-        assert all(same(a, b) for a, b in zip(one.qps, same_seed.qps, strict=True))
-        assert not same(one.qps[0], other.qps[0])
+def test_a_problem_that_grows_is_recorded_at_each_size(tmp_path: Path):
+    scenario = find("contacts")
+    found = growing(scenario)
+    assert list(found.sizes) == list(scenario.sizes) and len(found.stretches) == len(scenario.sizes)
+    for size, (start, end) in zip(found.sizes, found.stretches, strict=True):
+        assert end - start == 6
+        assert {qp.n for qp in found.qps[start:end]} == {30 + 3 * size}, "each point adds a force"
+    assert all(same(a, b) for a, b in zip(found.qps, growing(scenario).qps, strict=True))
+    found.save(tmp_path / "set.npz")
+    assert ProblemSet.load(tmp_path / "set.npz").about() == {**found.about(), "sizes": list(scenario.sizes)}
 
 
 def test_a_scenario_is_recorded_in_stretches_of_consecutive_ticks():

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from wbc.errors import InvalidInput
+from wbc.report.journal import Journal
 from wbc.report.solvers import compare, resume
 from wbc.report.solvers.data import read
-from wbc.report.solvers.journal import Journal
 
 PROGRAM = """
 import sys
@@ -62,8 +62,8 @@ def test_killed_at_any_moment_and_taken_up_it_gives_the_same_data(tmp_path: Path
     assert not journal.exists()
     one, other = read(whole / "data.json"), read(broken / "data.json")
     assert without_times(one) == without_times(other)
-    first = next(json.loads(line) for line in kept if json.loads(line)[0][-1] == 0)
-    (_, _, solver, asked, mode, _, _), rows = first
+    first = next(found for found in map(json.loads, kept) if found["key"][-1] == 0)
+    (_, _, solver, asked, mode, _, _), rows = first["key"], first["finding"]
     again = next(
         m for m in other["measures"] if (m["solver"], m["class"], m["mode"]) == (solver, asked, mode)
     )  # fmt: skip
@@ -71,20 +71,21 @@ def test_killed_at_any_moment_and_taken_up_it_gives_the_same_data(tmp_path: Path
 
 
 def test_a_line_that_was_not_finished_is_cut_off(tmp_path: Path):
-    journal = Journal.begin(tmp_path / "j", {"x": 1})
-    journal.add(("solve", "a", 0), [1])
+    first, second = ({"key": ["solve", name, 0], "finding": [1]} for name in "ab")
+    journal = Journal.begin(tmp_path / "j", "key", {"x": 1})
+    journal.add(first)
     with (tmp_path / "j").open("a") as file:
-        file.write('[["solve", "b", 0], [2')
-    again = Journal(tmp_path / "j")
-    assert again.header == {"x": 1} and again.findings == {("solve", "a", 0): [1]}
-    again.add(("solve", "b", 0), [3])
-    assert Journal(tmp_path / "j").findings == {("solve", "a", 0): [1], ("solve", "b", 0): [3]}
+        file.write('{"key": ["solve", "b", 0], "find')
+    again = Journal(tmp_path / "j", "key")
+    assert again.header == {"x": 1} and again.findings == {("solve", "a", 0): first}
+    again.add(second)
+    assert Journal(tmp_path / "j", "key").findings == {("solve", "a", 0): first, ("solve", "b", 0): second}
 
 
 def test_what_is_unfinished_is_not_begun_anew_by_accident(tmp_path: Path):
     folder = tmp_path / "report.unfinished"
     folder.mkdir()
-    Journal.begin(folder / "journal.jsonl", {})
+    Journal.begin(folder / "journal.jsonl", "key", {})
     with pytest.raises(InvalidInput, match="--resume"):
         compare([], out=tmp_path / "report")
 
@@ -98,6 +99,6 @@ def test_other_versions_are_another_comparison(tmp_path: Path):
     folder = tmp_path / "report.unfinished"
     folder.mkdir()
     header = {"surroundings": {"versions": {"daqp": "0.0.1"}}, "request": {}}
-    Journal.begin(folder / "journal.jsonl", header)
+    Journal.begin(folder / "journal.jsonl", "key", header)
     with pytest.raises(InvalidInput, match="daqp"):
         resume(tmp_path / "report")

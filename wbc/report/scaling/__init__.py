@@ -2,6 +2,4 @@
 
 from __future__ import annotations
 
-from wbc.report.scaling.axis import Axis as Axis
-from wbc.report.scaling.axis import Problem as Problem
 from wbc.report.scaling.measure import scaled as scaled

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
-from time import perf_counter_ns
 from typing import Any, final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from wbc import checks
 from wbc.control.controller import Controller
+from wbc.errors import InvalidInput
 from wbc.qp.rows import RowProblem, RowSolver, RowTask
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
-from wbc.report.scaling.axis import Axis, Problem
-from wbc.sim.scenario import Progress, silent
+from wbc.sim.bench import least
+from wbc.sim.scenario import Progress, Scenario, Setup, silent
 from wbc.stack.hierarchy import Hierarchy, Pulls, Rank, Weighted
 from wbc.types import Vec
 
@@ -38,67 +37,56 @@ class InStandardForm(Hierarchy):
 
 
 def scaled(
-    chosen: Iterable[Axis], *, ticks: int = 100, repeats: int = 5, solver: str = "pdas", progress: Progress = silent
+    chosen: Iterable[Scenario], *, ticks: int = 100, repeats: int = 5, solver: str = "pdas", progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Measure the axes: one row for each size and form, in json's types.
+    """Measure scenarios along their ``sizes``: one row for each size and form, in json's types.
 
-    The same ``ticks`` states go through each controller ``repeats`` times, the controllers of a size in turns; the
-    least time of each tick counts, and the median over the ticks.
+    The plant of each ticks ``ticks`` times through each controller, ``repeats`` times, the controllers of a size in
+    turns; the least time of each tick counts, and the median over the ticks.
 
     Raises:
-        InvalidInput: ``ticks`` or ``repeats`` below 1.
+        InvalidInput: ``ticks`` or ``repeats`` below 1, or a scenario without sizes.
         UnknownSolver, SolverMissing, NotSupported: a solver that cannot do it.
     """
     checks.number("ticks", ticks, low=1)
     checks.number("repeats", repeats, low=1)
     chosen = list(chosen)
+    for scenario in chosen:
+        if not scenario.sizes:
+            raise InvalidInput(f"the scenario {scenario.name!r} has no sizes along which it grows")
+    sizes = [(scenario, size) for scenario in chosen for size in scenario.sizes]
     rows: list[dict[str, Any]] = []
-    total = 2 * sum(len(axis.sizes) for axis in chosen)
-    for axis in chosen:
-        for size in axis.sizes:
-            progress(len(rows) / total, f"ticks with {size} {axis.name}")
-            rows += [
-                {"axis": axis.name, "size": size, **row}
-                for row in _measured(axis.problem(size), ticks, repeats, solver)
-            ]
+    for k, (scenario, size) in enumerate(sizes):
+        progress(k / len(sizes), f"ticks with {size} {scenario.name}")
+        setup = scenario.first(scenario.asked({"size": size}, solver=solver))
+        rows += [{"axis": scenario.name, "size": size, **row} for row in _measured(setup, ticks, repeats, solver)]
     progress(1.0, "ticks measured")
     return rows
 
 
-def _measured(problem: Problem, ticks: int, repeats: int, solver: str) -> list[dict[str, Any]]:
-    states = list(problem.states(ticks + WARM_UP))
+def _measured(setup: Setup, ticks: int, repeats: int, solver: str) -> list[dict[str, Any]]:
     kinds: Mapping[str, Hierarchy] = {"chosen": Weighted(), "standard": InStandardForm()}
-    controllers = {
-        kind: Controller(problem.robot, problem.stack, level=problem.level, hierarchy=hierarchy, solver=solver)
-        for kind, hierarchy in kinds.items()
-    }
+    setups = {kind: replace(setup, hierarchy=hierarchy) for kind, hierarchy in kinds.items()}
+    controllers = {kind: one.controller(solver) for kind, one in setups.items()}
     times: dict[str, list[Vec]] = {kind: [] for kind in kinds}
-    with threadpool_limits(1):
-        for _ in range(repeats):
-            for kind, controller in controllers.items():
-                controller.reset()
-                times[kind].append(_once(controller, states))
+    plant, duration = setup.plant, (ticks + WARM_UP) * setup.plant.dt
+    q, v = plant.q, plant.v
+    for _ in range(repeats):
+        for kind, controller in controllers.items():
+            plant.reset(q, v)
+            trial = setups[kind].run(duration=duration, controller=controller, recorder=False)
+            times[kind].append(trial.run["tick_us"])
     return [_row(kind, controllers[kind], times[kind]) for kind in kinds]
 
 
-def _once(controller: Controller, states: list[tuple[float, Vec, Vec]]) -> Vec:
-    """Time of each tick [µs]."""
-    found = np.empty(len(states))
-    for k, (t, q, v) in enumerate(states):
-        start = perf_counter_ns()
-        controller.tick(t, q, v)
-        found[k] = perf_counter_ns() - start
-    return found / 1e3
-
-
 def _row(kind: str, controller: Controller, times: list[Vec]) -> dict[str, Any]:
-    least = np.min(times, axis=0)[WARM_UP:]
+    found = least(times, WARM_UP)
     qp = controller.qp
     return {
         "kind": kind,
         "form": controller.form,
-        "tick_us": _plain(float(np.median(least))),
-        "p99_us": _plain(float(np.percentile(least, 99))),
+        "tick_us": _plain(float(np.median(found))),
+        "p99_us": _plain(float(np.percentile(found, 99))),
         "variables": qp.shape.n,
         "equalities": qp.shape.n_eq,
         "rows": qp.shape.n_in,

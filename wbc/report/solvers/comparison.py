@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -16,18 +16,19 @@ from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name, usable
 from wbc.report.document import Report
-from wbc.report.folder import check_free, replaced
+from wbc.report.folder import replaced
 from wbc.report.folder import write as write_report
+from wbc.report.journal import Journal, fresh, made, taken_up
 from wbc.report.solvers import data as raw
 from wbc.report.solvers.appendix import FAILURES, failed, failure_file
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.engine import work
-from wbc.report.solvers.journal import Journal
 from wbc.report.solvers.page import page
-from wbc.report.solvers.problems import ProblemSet, from_folder, growing, sequence, slug
-from wbc.report.solvers.recording import QpRecorder, record
+from wbc.report.solvers.problems import ProblemSet, from_folder, sequence, slug
+from wbc.report.solvers.recording import QpRecorder, growing, record
 from wbc.report.solvers.request import Request, ScenarioRequest
 from wbc.sim.scenario import Progress, Scenario, find, silent
+from wbc.sim.scenario import scenarios as registered_scenarios
 
 DATA = "data.json"
 PROBLEMS = "problems"
@@ -57,7 +58,7 @@ def compare(
         settings: parameters of the scenarios, "key=value"; ``plant``, ``hierarchy``, ``duration`` likewise.
         progress: told how far it is.
         options: fields of :class:`~wbc.report.solvers.request.Request`: classes, rounds, limit, patience, ticks,
-            seed, loop, torture, growth.
+            loop, torture, growth.
 
     Returns:
         The raw data; :func:`wbc.report.solvers.page.page` makes the report of them.
@@ -79,15 +80,13 @@ def compare(
         raise InvalidInput("there is no solver to compare")
     choices = {"plant": plant, "hierarchy": hierarchy, "duration": duration}
     place = None if out is None else Path(out)
-    if place is not None:
-        check_free(place)
-        _refuse_unfinished(unfinished(place))
+    folder = None if place is None else fresh(place, _JOURNAL, "comparison")
     sources = _listed(run)
     _refuse_stray(settings, sources)
     collected = _collected(sources, settings, choices, Request(chosen, **options), progress)
-    with _workplace(place) as folder:
-        request = _begun(collected, Request(chosen, **options), folder)
-        return _finished(request, folder, place, progress)
+    with TemporaryDirectory(prefix="wbc-compare-") if folder is None else nullcontext(folder) as name:
+        work_in = made(Path(name))
+        return _finished(_begun(collected, Request(chosen, **options), work_in), work_in, place, progress)
 
 
 def resume(out: str | Path, *, trusted: Sequence[str | Solver] = (), progress: Progress = silent) -> Data:
@@ -100,11 +99,8 @@ def resume(out: str | Path, *, trusted: Sequence[str | Solver] = (), progress: P
         InvalidInput: no unfinished comparison there, other versions of the packages are installed now, or code that
             ``trusted`` does not name.
     """
-    folder = unfinished(Path(out))
-    journal = folder / _JOURNAL
-    if not journal.is_file():
-        raise InvalidInput(f"there is no unfinished comparison {folder}; start one without --resume")
-    header = Journal(journal).header
+    journal = taken_up(Path(out), _JOURNAL, "comparison")
+    header = Journal(journal, "key").header
     now = raw.surroundings("")["versions"]
     try:
         begun = dict(header["surroundings"]["versions"])
@@ -112,8 +108,8 @@ def resume(out: str | Path, *, trusted: Sequence[str | Solver] = (), progress: P
         raise InvalidInput(f"{journal} is not the journal of a comparison: {cause!r}") from cause
     changed = [name for name, version in begun.items() if now.get(name) != version]
     if changed:
-        raise InvalidInput(f"{folder} was begun with other versions of {', '.join(changed)}; start anew")
-    return _finished(Request.from_json(header.get("request"), trusted=trusted), folder, Path(out), progress)
+        raise InvalidInput(f"{journal.parent} was begun with other versions of {', '.join(changed)}; start anew")
+    return _finished(Request.from_json(header.get("request"), trusted=trusted), journal.parent, Path(out), progress)
 
 
 def redraw(source: Path, out: Path) -> Report:
@@ -133,31 +129,6 @@ def redraw(source: Path, out: Path) -> Report:
             raise InvalidInput(f"{file} does not hold the data of a comparison: {cause!r}") from cause
         (pending / DATA).write_bytes(text)
     return report
-
-
-def unfinished(out: Path) -> Path:
-    """The folder beside ``out`` in which a comparison works until it is done."""
-    return out.with_name(f"{out.name}.unfinished")
-
-
-@contextmanager
-def _workplace(out: Path | None) -> Iterator[Path]:
-    """A folder to work in: beside ``out`` where it stays after an interrupt, or a temporary one."""
-    if out is None:
-        with TemporaryDirectory(prefix="wbc-compare-") as name:
-            yield Path(name)
-        return
-    folder = unfinished(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
-    yield folder
-
-
-def _refuse_unfinished(folder: Path) -> None:
-    if (folder / _JOURNAL).exists():
-        raise InvalidInput(f"an unfinished comparison stands in {folder}; take it up with --resume, or remove it")
 
 
 def _listed(run: Any) -> list[Any]:
@@ -196,7 +167,7 @@ def _collected(
         else:
             sets.append(_given(source, f"problems {k + 1}" if len(sources) > 1 else "problems"))
     if request.growth:
-        sets += growing(request.seed)
+        sets += [growing(scenario) for scenario in registered_scenarios("growth").values()]
     names = [one.name for one in sets]
     if len(set(names)) < len(names):
         raise InvalidInput(f"two sets of problems have the same name: {', '.join(names)}")
@@ -215,7 +186,7 @@ def _begun(collected: _Collected, request: Request, folder: Path) -> Request:
         "request": request.to_json(),
         "unread": collected.unread,
     }
-    Journal.begin(folder / _JOURNAL, header)
+    Journal.begin(folder / _JOURNAL, "key", header)
     return request
 
 
@@ -259,7 +230,7 @@ def _given(source: Any, name: str) -> ProblemSet:
 
 def _finished(request: Request, folder: Path, out: Path | None, progress: Progress) -> Data:
     """Do what is left, and write everything down."""
-    journal = Journal(folder / _JOURNAL)
+    journal = Journal(folder / _JOURNAL, "key")
     work(request, folder, journal, progress)
     sets = {name: ProblemSet.load(folder / file) for name, file in request.files.items()}
     data = raw.gathered(request, sets, journal, journal.header["unread"])

@@ -11,7 +11,8 @@ from typing import Any
 
 from wbc.errors import InvalidInput
 from wbc.npz import read_json
-from wbc.report.solvers.journal import Journal, Key
+from wbc.report.journal import Journal
+from wbc.report.solvers.jobs import Key
 from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
 from wbc.sim.provenance import machine, versions
@@ -40,13 +41,13 @@ def load() -> list[float] | None:
 
 def gathered(request: Request, sets: Mapping[str, ProblemSet], journal: Journal, unread: Mapping[str, str]) -> Data:
     """Everything in the journal, in an order that does not depend on interruptions."""
-    findings = journal.findings
+    findings: dict[Key, Any] = {tuple(found["key"]): found["finding"] for found in journal.findings.values()}
     return {
         "format": FORMAT,
         "surroundings": {**journal.header["surroundings"], "load_after": load()},
         "settings": {
             "rounds": request.rounds, "limit_s": request.limit, "patience_s": request.patience,
-            "ticks": request.ticks, "seed": request.seed,
+            "ticks": request.ticks,
         },
         "solvers": [
             {

@@ -8,8 +8,8 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, final
 
-from wbc.report.solvers.jobs import TIMED_ONCE, Job, jobs
-from wbc.report.solvers.journal import Journal, Key
+from wbc.report.journal import Journal
+from wbc.report.solvers.jobs import TIMED_ONCE, Job, Key, jobs
 from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.process import Lost, SolverProcess
 from wbc.report.solvers.request import Request
@@ -31,10 +31,10 @@ def work(request: Request, folder: Path, journal: Journal, progress: Progress) -
                 start = monotonic()
                 process = processes[job.solver]
                 if job.items:
-                    journal.add(job.key, _solve(job, process, request.limit, journal))
+                    found: Any = _solve(job, process, request.limit, journal)
                 else:
-                    patience = request.limit if job.key[0] == "torture" else request.patience
-                    journal.add(job.key, _ask(job, process, patience))
+                    found = _ask(job, process, request.limit if job.key[0] == "torture" else request.patience)
+                journal.add({"key": list(job.key), "finding": found})
                 clock.took(job, monotonic() - start)
             clock.done(job)
     progress(1.0, "measured")
@@ -69,7 +69,7 @@ def _still_wanted(job: Job, journal: Journal) -> list[int]:
     *same, round_ = job.key
     if round_ == 0:
         return list(job.items)
-    first = journal.findings[(*same, 0)]
+    first = journal.findings[(*same, 0)]["finding"]
     if any(row["status"] == "LOST" for row in first):
         return []
     times = [row["us"][0] for row in first if "us" in row]

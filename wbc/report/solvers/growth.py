@@ -8,12 +8,9 @@ import numpy as np
 
 from wbc.report.document import Cell, Curve, Item, Plot, Section, Table, Text
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.problems import GROWTH, slug
+from wbc.report.solvers.problems import slug
 from wbc.report.solvers.statistics import TARGET, slope
 from wbc.types import Vec
-
-#: What grows along an axis, in the table's letters.
-_GROWS = {"variables": "n", "rows": "n_in", "active rows": "active"}
 
 
 def section(data: Data) -> Section:
@@ -22,7 +19,7 @@ def section(data: Data) -> Section:
     if not axes:
         return Section("Growth", [])
     text = (
-        "Generated problems with a known number of active rows, warm, at 1e-6. A point is the median of the solves "
+        "QPs of a controller whose problem grows, warm, at 1e-6. A point is the median of the solves "
         "that reached it. The exponent p of time ∝ sizeᵖ is fitted to all points, with Student's 95 % interval. "
         "Below some tens of microseconds fixed costs dominate."
     )
@@ -32,11 +29,9 @@ def section(data: Data) -> Section:
 
 def curve(data: Data, about: Data, solver: str) -> tuple[Vec, Vec]:
     """Sizes (k,) along the axis and the median warm time at each [µs], NaN where nothing was solved to 1e-6."""
-    axis = about["name"].partition("/")[2]
     (entry,) = (
         m for m in data["measures"] if (m["set"], m["solver"], m["mode"]) == (about["name"], solver, "warm")
     )  # fmt: skip
-    sizes = np.array([size[_GROWS[axis]] for size in GROWTH[axis]], dtype=np.float64)
     times = []
     for start, end in about["stretches"]:
         good = [
@@ -44,7 +39,7 @@ def curve(data: Data, about: Data, solver: str) -> tuple[Vec, Vec]:
             if entry["total_us"][i] is not None and _within(entry, i)
         ]  # fmt: skip
         times.append(float(np.median(good)) if good else np.nan)
-    return sizes, np.array(times)
+    return np.array(about["sizes"], dtype=np.float64), np.array(times)
 
 
 def _within(entry: Data, i: int) -> bool:
@@ -53,14 +48,14 @@ def _within(entry: Data, i: int) -> bool:
 
 
 def _plots(data: Data, axes: dict[str, Data]) -> Iterator[Plot]:
-    fixed = {"variables": "as many rows", "rows": "40 variables", "active rows": "60 variables"}
     for axis, about in axes.items():
         found = {solver["name"]: curve(data, about, solver["name"]) for solver in data["solvers"]}
         x = next(iter(found.values()))[0]
         curves = [Curve(name, times) for name, (_, times) in found.items()]
         log = "y" if x.min() <= 0.0 else "xy"
-        over = f"{axis} ({fixed[axis]})"
-        yield Plot(f"growth-{slug(axis)}", "time of a warm solve", "µs", x, curves, over=over, log=log, dots=True)
+        yield Plot(
+            f"growth-{slug(axis)}", "time of a warm solve", "µs", x, curves, over=about["source"], log=log, dots=True
+        )
 
 
 def _table(data: Data, axes: dict[str, Data]) -> Table:

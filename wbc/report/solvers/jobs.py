@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from wbc.report.solvers.journal import Key
 from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
 from wbc.report.solvers.torture import CASES
@@ -14,6 +13,9 @@ from wbc.report.solvers.torture import CASES
 TIMED_ONCE = {"stretch": 1e6, "problem": 2e4}
 #: The one class in which problems of growing size are solved.
 GROWTH_CLASS = "1e-6"
+
+
+Key = tuple[str | int | None, ...]
 
 
 class Job(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.errors import WbcError
 from wbc.qp.solver import Solver
-from wbc.report import measure
+from wbc.report.record import outline
 from wbc.report.smoothness import joints
 from wbc.report.solvers.measure import plain
 from wbc.sim.scenario import Settings, find
@@ -33,20 +33,7 @@ def closed_loop(
             result = find(scenario).run(parameters, Settings(**settings, solver=chosen))
     except WbcError as refusal:
         return {"error": str(refusal)}
-    run = result.run
-    tick = np.asarray(run["tick_us"], dtype=np.float64) if "tick_us" in run else np.full(max(run.rows, 1), np.nan)
-    return {
-        "error": None,
-        "ok": bool(result.ok),
-        "ended": str(run.meta.get("ended", "complete")),
-        "ticks": run.rows,
-        "solved": measure.statuses(run).get("SOLVED", 0) if "statuses" in run.meta else None,
-        "tracking": {task: plain(float(value["rms"])) for task, value in result.tracking.items()},
-        "violations": {kind: [plain(float(worst)), unit] for kind, (worst, unit) in result.violations.items()},
-        "tick_us": [plain(float(x)) for x in (np.median(tick), np.percentile(tick, 99), tick.max())],
-        "late": int((tick > 1e6 * float(run.meta.get("dt", np.inf))).sum()),
-        "jerk": jerk(run),
-    }
+    return outline(result) | {"jerk": jerk(result.run)}
 
 
 def jerk(run: Run) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
@@ -24,11 +24,11 @@ _PARTS = ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")
 @final
 @dataclass(frozen=True, eq=False)
 class ProblemSet:
-    """QPs under one name. ``kind``: "sequence" (ticks of a controller), "files" or "growth" (made, of growing size).
+    """QPs under one name. ``kind``: "sequence" (ticks of a controller), "files" or "growth" (of growing size).
 
     ``stretches`` are the runs [start, end) of problems that follow one another: a warm start goes from one to the
     next inside a stretch. Problems from files stand alone, each a stretch of its own. ``period`` is the time between
-    ticks [s].
+    ticks [s], ``sizes`` how large the problems of each stretch are, where they grow.
     """
 
     name: str
@@ -38,6 +38,7 @@ class ProblemSet:
     labels: Sequence[str]
     stretches: Sequence[tuple[int, int]]
     period: float | None = None
+    sizes: Sequence[int] = ()
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -53,6 +54,7 @@ class ProblemSet:
             "labels": list(self.labels),
             "stretches": [list(stretch) for stretch in self.stretches],
             "period": self.period,
+            "sizes": list(self.sizes),
             "shapes": [list(qp.shape) for qp in self.qps],
             "tasks": {task.name: task.unit for qp in self.qps for task in qp.tasks},
         }
@@ -89,7 +91,8 @@ class ProblemSet:
                 ]
                 qps.append(QP(part.pop("H"), part.pop("g"), rows=names, **part))
             stretches = [(start, end) for start, end in about["stretches"]]
-            return cls(about["name"], about["kind"], about["source"], qps, about["labels"], stretches, about["period"])
+            labels, period, sizes = (about[key] for key in ("labels", "period", "sizes"))
+            return cls(about["name"], about["kind"], about["source"], qps, labels, stretches, period, sizes)
         except (KeyError, ValueError, TypeError, IndexError) as cause:
             raise InvalidProblem(f"{path} is not a problem set saved by this library: {cause}") from cause
 
@@ -234,55 +237,3 @@ def _folded(names: list[list[list[str]]]) -> dict[str, Any]:
 
 def _unfolded(names: dict[str, Any]) -> list[Any]:
     return [names["lists"][k] for k in names["which"]]
-
-
-# ---- made problems
-#: What grows along each axis, and what stays.
-GROWTH: Mapping[str, Sequence[dict[str, int]]] = {
-    "variables": [dict(n=n, n_eq=n // 5, n_in=n, active=n // 5) for n in (7, 14, 28, 56, 100)],
-    "rows": [dict(n=40, n_eq=6, n_in=m, active=10) for m in (10, 30, 80, 160, 320)],
-    "active rows": [dict(n=60, n_eq=6, n_in=80, active=k) for k in (0, 5, 10, 20, 40)],
-}
-_TICKS = 6
-
-
-def growing(seed: int) -> Iterator[ProblemSet]:
-    """Strictly convex problems with a known number of active rows, one set for each axis of :data:`GROWTH`.
-
-    Each size is a stretch of six problems that change by 1 % from one to the next and keep their active rows.
-    """
-    for axis, sizes in GROWTH.items():
-        qps: list[QP] = []
-        labels: list[str] = []
-        stretches: list[tuple[int, int]] = []
-        for k, size in enumerate(sizes):
-            stretches.append((len(qps), len(qps) + _TICKS))
-            for tick in range(_TICKS):
-                qps.append(made_qp(np.random.SeedSequence([seed, k]), tick, **size))
-                labels.append(f"{axis} {list(size.values())}, {tick}")
-        yield ProblemSet(f"growth/{axis}", "growth", f"made from seed {seed}", qps, labels, stretches)
-
-
-def made_qp(seed: np.random.SeedSequence, tick: int, *, n: int, n_eq: int, n_in: int, active: int) -> QP:
-    """A QP built from its answer: x, and multipliers of ``active`` rows; g = −(H x + Aᵀy + Cᵀz).
-
-    Example:
-        >>> import numpy as np, wbc
-        >>> from wbc.report.solvers.problems import made_qp
-        >>> answer = wbc.solve(made_qp(np.random.SeedSequence(1), 0, n=9, n_eq=2, n_in=8, active=3))
-        >>> int(np.sum(answer.z != 0))
-        3
-    """
-    rng = np.random.default_rng(seed)
-    J, drift = rng.standard_normal((n, n)), rng.standard_normal((n, n))
-    H = (J + 0.01 * tick * drift) / np.sqrt(n)
-    H = H @ H.T + 0.1 * np.eye(n)
-    A, C = rng.standard_normal((n_eq, n)), rng.standard_normal((n_in, n))
-    x = rng.standard_normal(n) + 0.01 * tick * rng.standard_normal(n)
-    y, z = rng.standard_normal(n_eq), np.zeros(n_in)
-    z[:active] = (1.0 + rng.uniform(size=active)) * rng.choice([-1.0, 1.0], active)
-    room = 1.0 + rng.uniform(size=(2, n_in))
-    room[0, z < 0.0] = 0.0
-    room[1, z > 0.0] = 0.0
-    g = -(H @ x + A.T @ y + C.T @ z)
-    return QP(H, g, A=A, b=A @ x, C=C, cl=C @ x - room[0], cu=C @ x + room[1])

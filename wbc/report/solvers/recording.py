@@ -11,14 +11,15 @@ from wbc.errors import InvalidInput
 from wbc.qp.problem import QP
 from wbc.report.solvers.problems import ProblemSet
 from wbc.sim.joining import joined
-from wbc.sim.scenario import Progress, Settings, silent
+from wbc.sim.scenario import Progress, Scenario, Settings, silent
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
-    from wbc.sim.scenario import Scenario
 
 #: Consecutive ticks that are kept together.
 STRETCH = 40
+#: Ticks of each size of a problem that grows.
+GROWN = 6
 
 
 @final
@@ -103,3 +104,18 @@ def record(
         scenario.run(parameters, Settings(**settings, solver=solver, progress=progress))
     chosen = ", ".join(f"{key} = {value}" for key, value in {**parameters, **settings}.items())
     return recorder.problems(scenario.name, f"recorded from {scenario.name} ({chosen}) run by {solver}")
+
+
+def growing(scenario: Scenario) -> ProblemSet:
+    """A scenario along its ``sizes``: the QPs of :data:`GROWN` consecutive ticks at each."""
+    sets = []
+    for size in scenario.sizes:
+        setup, recorder = scenario.first(scenario.asked({"size": size})), QpRecorder(GROWN)
+        with joined(recorder):
+            setup.run(duration=GROWN * setup.plant.dt, recorder=False)
+        sets.append(recorder.problems(scenario.name))
+    return ProblemSet(
+        f"growth/{scenario.name}", "growth", scenario.summary, [qp for one in sets for qp in one.qps],
+        [f"size {size}, {label}" for size, one in zip(scenario.sizes, sets, strict=True) for label in one.labels],
+        [(GROWN * k, GROWN * (k + 1)) for k in range(len(sets))], sizes=scenario.sizes,
+    )  # fmt: skip

@@ -49,7 +49,6 @@ class Request:
     limit: float = 5.0
     patience: float = 600.0
     ticks: int = 200
-    seed: int = 0
     loop: bool = True
     torture: bool = False
     growth: bool = False
