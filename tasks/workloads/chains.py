@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from xml.etree.ElementTree import Element, SubElement
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
+from wbc.models import load
 from wbc.models.model import RobotModel
 from wbc.types import Vec
-
-from .robots import loaded
 
 #: Torque limit of every joint [N m], and its speed [rad/s].
 EFFORT, SPEED = 500.0, 8.0
@@ -27,13 +27,13 @@ def chain(joints: int, seed: int = 0) -> RobotModel:
         >>> chain(30).nj
         30
     """
-    rng = np.random.default_rng(seed)
-    robot = Element("robot", {"name": f"chain{joints}"})
-    _link(robot, "link0", rng)
-    for i in range(joints):
-        _link(robot, f"link{i + 1}", rng)
-        _joint(robot, f"q{i + 1}", (f"link{i}", f"link{i + 1}"), rng.normal(size=3), (rng.uniform(0.05, 0.15), 0, 0))
-    return loaded(robot, "fixed")
+    rng, model, parent = np.random.default_rng(seed), pin.Model(), 0
+    model.name = f"chain{joints}"
+    rng.uniform(0.2, 1.0)  # of a base that does not move
+    for i in range(1, joints + 1):
+        mass, axis = rng.uniform(0.2, 1.0), rng.normal(size=3)
+        parent = _link(model, parent, (f"q{i}", f"link{i}"), axis, (rng.uniform(0.05, 0.15), 0.0, 0.0), mass=mass)
+    return load(model)
 
 
 @cache
@@ -44,38 +44,35 @@ def many_legs(legs: int, seed: int = 0) -> RobotModel:
         >>> many_legs(8).nv
         30
     """
-    rng = np.random.default_rng(seed)
-    robot = Element("robot", {"name": f"legs{legs}"})
-    _link(robot, "body", rng, mass=10.0)
+    rng, model = np.random.default_rng(seed), pin.Model()
+    model.name = f"legs{legs}"
+    body = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+    _body(model, body, "body", 10.0)
     for leg in range(legs):
         angle = 2.0 * np.pi * leg / legs
-        before, place = "body", (0.3 * np.cos(angle), 0.3 * np.sin(angle), 0.0)
+        parent, place = body, (0.3 * np.cos(angle), 0.3 * np.sin(angle), 0.0)
         for joint, axis in enumerate(((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0))):
-            name = f"leg{leg}_{joint}"
-            _link(robot, name, rng)
-            _joint(robot, f"q{leg}_{joint}", (before, name), np.array(axis), place)
-            before, place = name, (0.1, 0.0, -0.15)
-        SubElement(robot, "link", {"name": f"foot{leg}"})
-        sole = SubElement(robot, "joint", {"name": f"sole{leg}", "type": "fixed"})
-        SubElement(sole, "parent", {"link": before})
-        SubElement(sole, "child", {"link": f"foot{leg}"})
-        SubElement(sole, "origin", {"xyz": "-0.1 0 -0.15"})
-    return loaded(robot, "floating")
+            names = f"q{leg}_{joint}", f"leg{leg}_{joint}"
+            parent = _link(model, parent, names, axis, place, mass=rng.uniform(0.2, 1.0))
+            place = (0.1, 0.0, -0.15)
+        foot = pin.SE3(np.eye(3), np.array([-0.1, 0.0, -0.15]))
+        model.addFrame(pin.Frame(f"foot{leg}", parent, 0, foot, pin.FrameType.BODY))
+    return load(model, feet=[])
 
 
-def _link(robot: Element, name: str, rng: np.random.Generator, *, mass: float | None = None) -> None:
-    inertial = SubElement(SubElement(robot, "link", {"name": name}), "inertial")
-    SubElement(inertial, "origin", {"xyz": "0.04 0 0"})
-    SubElement(inertial, "mass", {"value": repr(float(rng.uniform(0.2, 1.0)) if mass is None else mass)})
-    moments = dict.fromkeys(("ixx", "iyy", "izz"), "0.002") | dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    SubElement(inertial, "inertia", moments)
+def _link(
+    model: Any, parent: int, names: tuple[str, str], axis: Vec | Sequence[float], place: Sequence[float], *, mass: float
+) -> int:  # fmt: skip
+    """A joint of limits ±3 rad and the link behind it, by their names."""
+    joint, link = names
+    turning = pin.JointModelRevoluteUnaligned(np.asarray(axis) / np.linalg.norm(axis))
+    limits = (np.full(1, value) for value in (EFFORT, SPEED, -3.0, 3.0))
+    number = model.addJoint(parent, turning, pin.SE3(np.eye(3), np.array(place)), joint, *limits)
+    _body(model, number, link, mass)
+    return int(number)
 
 
-def _joint(robot: Element, name: str, links: tuple[str, str], axis: Vec, origin: Sequence[float]) -> None:
-    joint = SubElement(robot, "joint", {"name": name, "type": "revolute"})
-    SubElement(joint, "parent", {"link": links[0]})
-    SubElement(joint, "child", {"link": links[1]})
-    SubElement(joint, "origin", {"xyz": " ".join(repr(float(x)) for x in origin)})
-    SubElement(joint, "axis", {"xyz": " ".join(repr(float(x)) for x in axis / np.linalg.norm(axis))})
-    limits = {"lower": "-3", "upper": "3", "effort": repr(EFFORT), "velocity": repr(SPEED)}
-    SubElement(joint, "limit", limits)
+def _body(model: Any, joint: int, name: str, mass: float) -> None:
+    inertia = pin.Inertia(float(mass), np.array([0.04, 0.0, 0.0]), 0.002 * np.eye(3))
+    model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+    model.addFrame(pin.Frame(name, joint, 0, pin.SE3.Identity(), pin.FrameType.BODY))

@@ -9,10 +9,10 @@ from wbc.stack.stack import Stack
 from wbc.stack.task import Objective
 
 from .. import CenterOfMass, JointVelocityLimits, Orientation, Posture, Sole, TorqueLimits
-from .quality import SoleSupport, angle, distance, tracking_of_accelerations
+from .quality import SoleSupport, angle, distance
 from .references import sway, times
 from .robots import TALOS, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Workload
 
 _FEET = ("left_sole_link", "right_sole_link")
 _TORSO = "torso_2_link"
@@ -63,7 +63,4 @@ class HumanoidInverseDynamics(Workload):
         def errors(data: Any, k: int) -> tuple[float, float]:
             return distance(com.position[k], data.com[0]), angle(upright, data.oMf[torso].rotation)
 
-        def judge(record: Record) -> dict[str, Any]:
-            return tracking_of_accelerations(made, record, supports, errors)
-
-        return Problem(stack, judge)
+        return Problem(stack, errors, supports=supports)

@@ -9,10 +9,10 @@ from wbc.stack.stack import Stack
 from wbc.stack.task import Objective
 
 from .. import CenterOfMass, JointVelocityLimits, Orientation, Point, Posture, TorqueLimits
-from .quality import PointSupport, angle, distance, tracking_of_accelerations
+from .quality import PointSupport, angle, distance
 from .references import sway, times
 from .robots import GO2, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Workload
 
 _FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 _BASE = "base"
@@ -54,7 +54,4 @@ class QuadrupedInverseDynamics(Workload):
         def errors(data: Any, k: int) -> tuple[float, float]:
             return distance(com.position[k], data.com[0]), angle(upright, data.oMf[base].rotation)
 
-        def judge(record: Record) -> dict[str, Any]:
-            return tracking_of_accelerations(made, record, supports, errors)
-
-        return Problem(stack, judge)
+        return Problem(stack, errors, supports=supports)

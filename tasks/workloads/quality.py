@@ -13,10 +13,10 @@ from typing import Any, final
 import numpy as np
 import pinocchio as pin
 
+from wbc.sim.scenario import Trial
 from wbc.types import Mat, Vec
 
 from .robots import MadeRobot
-from .workload import Record
 
 #: Errors of one tick: gets Pinocchio's data, with frames and centre of mass up to date, and the tick.
 Errors = Callable[[Any, int], tuple[float, ...]]
@@ -69,23 +69,17 @@ class SoleSupport(Support):
 
 
 def tracking_of_velocities(
-    made: MadeRobot,
-    record: Record,
-    errors: Errors,
-    *,
-    names: Sequence[str],
-    dt: float,
-    step_time: float,
-    every: int = 10,
-) -> tuple[dict[str, Any], Vec]:
-    """Limits kept and errors left by commanded velocities, and the errors (samples, names) themselves.
+    made: MadeRobot, trial: Trial, errors: Errors, *, names: Sequence[str], step_time: float, every: int = 10
+) -> dict[str, Any]:
+    """Limits kept and errors left by commanded velocities.
 
     The state behind tick k should meet the target of tick k. The rms is over the two thirds of the time before
-    ``step_time`` [s] that lie behind the ramp.
+    ``step_time`` [s] that lie behind the ramp. ``ms_after_step_to_1cm``: from when on the first error is below 1 cm.
     """
-    model, nj = made.reference, made.robot.nj
-    speed, limit = np.abs(record.v[1:, -nj:]), model.velocityLimit[-nj:]
-    reached = record.q[1:, -nj:]
+    model, nj, dt, ticks = made.reference, made.robot.nj, trial.setup.plant.dt, trial.run.rows
+    q, v = _states(trial)
+    speed, limit = np.abs(v[1:, -nj:]), model.velocityLimit[-nj:]
+    reached = q[1:, -nj:]
     low, high = model.lowerPositionLimit[-nj:], model.upperPositionLimit[-nj:]
     figures: dict[str, Any] = {
         "vel_viol_max": _positive(speed - limit),
@@ -94,8 +88,8 @@ def tracking_of_velocities(
     }
     data = model.createData()
     samples = []
-    for k in _sampled(record.ticks, every):
-        pin.centerOfMass(model, data, record.q[k + 1])
+    for k in _sampled(ticks, every):
+        pin.centerOfMass(model, data, q[k + 1])
         pin.updateFramePlacements(model, data)
         samples.append(errors(data, k))
     found = np.array(samples)
@@ -103,44 +97,46 @@ def tracking_of_velocities(
     for name, error in zip(names, found.T, strict=True):
         figures[f"{name}_final"] = error[-1]
         figures[f"{name}_rms_before_step"] = _rms(error[until // 3 : until])
-    return _rounded(figures), found
+    near = np.flatnonzero(found[until:, 0] < 0.01)
+    return _rounded(figures) | {"ms_after_step_to_1cm": int(near[0] * every * dt * 1e3) if len(near) else None}
 
 
 def tracking_of_accelerations(
-    made: MadeRobot, record: Record, supports: Sequence[Support], errors: Errors, every: int = 20
+    made: MadeRobot, trial: Trial, supports: Sequence[Support], errors: Errors, every: int = 20
 ) -> dict[str, Any]:
     """Limits and cones kept, equations of motion, and errors (position, orientation) of inverse dynamics.
 
     The equations of motion M a + h = Sᵀ τ + Jᵀ f and the errors are looked at on every ``every``-th tick, everything
     else on all.
     """
-    model, nj, ticks = made.reference, made.robot.nj, record.ticks
+    model, nj, run = made.reference, made.robot.nj, trial.run
+    (q, v), tau, a = _states(trial), run["tau"], run["a"]
+    wrenches = [run[f"f.{contact.name}"] for contact in trial.setup.stack.contacts]
     tau_max, v_max = model.effortLimit[-nj:], model.velocityLimit[-nj:]
     figures: dict[str, Any] = {
-        "tau_viol_max_Nm": _positive(np.abs(record.tau) - tau_max),
-        "vel_viol_max": _positive(np.abs(record.v[1:, -nj:]) - v_max),
-        "tau_use_max": (np.abs(record.tau) / tau_max).max(),
-        "vel_use_max": (np.abs(record.v[:-1, -nj:]) / v_max).max(),
+        "tau_viol_max_Nm": _positive(np.abs(tau) - tau_max),
+        "vel_viol_max": _positive(np.abs(v[1:, -nj:]) - v_max),
+        "tau_use_max": (np.abs(tau) / tau_max).max(),
+        "vel_use_max": (np.abs(v[:-1, -nj:]) / v_max).max(),
     }
     data = model.createData()
     frames = [model.getFrameId(support.frame) for support in supports]
-    pin.framesForwardKinematics(model, data, record.q[0])
+    pin.framesForwardKinematics(model, data, q[0])
     anchors = [data.oMf[frame].translation.copy() for frame in frames]
     residual = drift = 0.0
     samples = []
-    for k in _sampled(ticks, every):
-        q, v = record.q[k], record.v[k]
-        pin.computeAllTerms(model, data, q, v)
+    for k in _sampled(run.rows, every):
+        pin.computeAllTerms(model, data, q[k], v[k])
         pin.updateFramePlacements(model, data)
-        missing = pin.crba(model, data, q, pin.Convention.WORLD) @ record.a[k] + data.nle
-        missing[-nj:] -= record.tau[k]
-        for support, frame, anchor, wrench in zip(supports, frames, anchors, record.forces[k], strict=True):
-            missing -= support.jacobian(model, data, frame).T @ wrench
+        missing = pin.crba(model, data, q[k], pin.Convention.WORLD) @ a[k] + data.nle
+        missing[-nj:] -= tau[k]
+        for support, frame, anchor, wrench in zip(supports, frames, anchors, wrenches, strict=True):
+            missing -= support.jacobian(model, data, frame).T @ wrench[k]
             drift = max(drift, float(np.linalg.norm(data.oMf[frame].translation - anchor)))
         residual = max(residual, float(np.abs(missing).max()))
         samples.append(errors(data, k))
     if supports:
-        worst = max(s.violation(f) for wrenches in record.forces for s, f in zip(supports, wrenches, strict=True))
+        worst = max(s.violation(f) for s, forces in zip(supports, wrenches, strict=True) for f in forces)
         figures["friction_viol_max_N"] = max(0.0, worst)
         figures["contact_drift_max_m"] = drift
     position, orientation = np.array(samples).T
@@ -153,6 +149,12 @@ def tracking_of_accelerations(
         "pos_err_max2ndhalf_m": half.max(),
     }
     return _rounded(figures)
+
+
+def _states(trial: Trial) -> tuple[Vec, Vec]:
+    """The states q (N + 1, nq) and v (N + 1, nv) of a run, the last one behind the last tick."""
+    run, plant = trial.run, trial.setup.plant
+    return np.vstack([run["q"], plant.q]), np.vstack([run["v"], plant.v])
 
 
 def distance(target: Vec, actual: Vec) -> float:

@@ -17,9 +17,9 @@ from .. import (
     Sole,
     TorqueLimits,
 )
-from .quality import SoleSupport, angle, distance, tracking_of_accelerations
+from .quality import SoleSupport, angle, distance
 from .robots import TALOS, MadeRobot
-from .workload import Problem, Record, Workload
+from .workload import Problem, Workload
 
 _FEET = ("left_sole_link", "right_sole_link")
 _TORSO = "torso_2_link"
@@ -56,7 +56,4 @@ class ReadmeStack(Workload):
         def errors(data: Any, k: int) -> tuple[float, float]:
             return distance(sway(k * self.dt)[0], data.com[0]), angle(upright, data.oMf[torso].rotation)
 
-        def judge(record: Record) -> dict[str, Any]:
-            return tracking_of_accelerations(made, record, supports, errors)
-
-        return Problem(stack, judge)
+        return Problem(stack, errors, supports=supports)

@@ -8,14 +8,10 @@ speed limits decide something.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal, final
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -24,11 +20,7 @@ from wbc.models import load
 from wbc.models.catalogue import example_robots
 from wbc.models.model import RobotModel
 from wbc.models.poses import read_poses
-from wbc.models.safe_xml import read_xml
 from wbc.types import Vec
-
-_KEPT = ("link", "joint")
-_SHAPES = ("visual", "collision")
 
 
 @final
@@ -44,35 +36,30 @@ class RobotRecipe:
     source: str
     base: Literal["fixed", "floating"]
     start: Mapping[str, float] | str
-    fixed_joints: Collection[str] = ()
+    fixed_joints: Sequence[str] = ()
     speed: float = 1.0
     poses: str = ""
     ground: str = ""
 
-    def description(self) -> Element:
-        """The URDF, reduced and changed.
+    def made(self) -> MadeRobot:
+        """The robot, and its start; made once.
 
         Raises:
             ModelError: the extra ``robots`` is not installed.
         """
-        source = read_xml(example_robots() / "robots" / self.source, "robot")
-        robot = Element("robot", {"name": self.name})
-        robot.extend(child for child in source if child.tag in _KEPT)
-        for link in robot.iter("link"):
-            _remove(link, _SHAPES)
-        for joint in robot.iter("joint"):
-            _remove(joint, ("mimic",))
-            if joint.get("name") in self.fixed_joints:
-                joint.set("type", "fixed")
-                _remove(joint, ("limit", "axis", "dynamics"))
-            for limit in joint.iter("limit"):
-                if limit.get("velocity"):
-                    limit.set("velocity", repr(self.speed * float(limit.attrib["velocity"])))
-        return robot
-
-    def made(self) -> MadeRobot:
-        """The robot, and its start; made once."""
         return _made(self)
+
+    def model(self) -> Any:
+        """The robot as Pinocchio reads it from the file, changed.
+
+        Raises:
+            ModelError: the extra ``robots`` is not installed.
+        """
+        free = [pin.JointModelFreeFlyer()] if self.base == "floating" else []
+        model = pin.buildModelFromUrdf(str(example_robots() / "robots" / self.source), *free)
+        model = pin.buildReducedModel(model, [model.getJointId(j) for j in self.fixed_joints], pin.neutral(model))
+        model.velocityLimit = self.speed * model.velocityLimit
+        return model
 
     def start_of(self, robot: RobotModel) -> Vec:
         """The configuration that it starts from (nq,)."""
@@ -95,8 +82,8 @@ class RobotRecipe:
 @final
 @dataclass(frozen=True)
 class MadeRobot:
-    """A robot of a workload: the model that is controlled, the configuration it starts from (nq,), and the same
-    robot as Pinocchio reads it from the file, which judges the result."""
+    """A robot of a workload: the model that is controlled, the configuration it starts from (nq,), and the same robot
+    in Pinocchio, which judges the result."""
 
     robot: RobotModel
     q0: Vec
@@ -115,29 +102,9 @@ class MadeRobot:
 
 @cache
 def _made(recipe: RobotRecipe) -> MadeRobot:
-    description = recipe.description()
-    robot = loaded(description, recipe.base)
-    return MadeRobot(robot, recipe.start_of(robot), _reference(description, recipe.base))
-
-
-def loaded(description: Element, base: Literal["fixed", "floating"]) -> RobotModel:
-    """The robot of a URDF, which is a file meanwhile."""
-    with TemporaryDirectory(prefix="wbc-workload-") as folder:
-        path = Path(folder) / f"{description.attrib['name']}.urdf"
-        ElementTree.ElementTree(description).write(path, encoding="utf-8")
-        return load(path, base=base)
-
-
-def _reference(description: Element, base: str) -> Any:
-    text = ElementTree.tostring(description, encoding="unicode")
-    if base == "floating":
-        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-    return pin.buildModelFromXML(text)
-
-
-def _remove(parent: Element, tags: Collection[str]) -> None:
-    for child in [child for child in parent if child.tag in tags]:
-        parent.remove(child)
+    model = recipe.model()
+    robot = load(model, feet=[])
+    return MadeRobot(robot, recipe.start_of(robot), model)
 
 
 PANDA = RobotRecipe(

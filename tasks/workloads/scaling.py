@@ -59,6 +59,7 @@ class Growing(Certified):
     """A problem of the ``size`` that is asked for; everything else of it stays."""
 
     group: ClassVar[str] = "growth"
+    takes = 5.0
     plants = ("moved",)
     duration = 0.1
     level: ClassVar[Formulation] = InverseDynamics()

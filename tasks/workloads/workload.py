@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
-
-import numpy as np
 
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.scenario import Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import HIERARCHIES
 from wbc.stack.stack import Stack
-from wbc.types import Vec
 
+from .quality import Errors, Support, tracking_of_accelerations, tracking_of_velocities
 from .robots import MadeRobot, RobotRecipe
 
 
 class Certified(Scenario):
     """Good where every tick is certified and no limit is broken."""
+
+    takes = 10.0
 
     def quality(self, trial: Trial) -> dict[str, Any]:
         """Figures of the run."""
@@ -35,54 +35,27 @@ class Certified(Scenario):
 
 @final
 @dataclass(frozen=True)
-class Record:
-    """What happened in one closed loop of N ticks.
-
-    q (N + 1, nq) and v (N + 1, nv) are the states, the last one behind the last tick; a (N, nv), tau (N, nj) and
-    forces (N, contacts, 3 or 6) the answers where the level has them.
-    """
-
-    q: Vec
-    v: Vec
-    a: Vec
-    tau: Vec
-    forces: Vec
-
-    @classmethod
-    def of(cls, trial: Trial) -> Record:
-        """The record of a trial on a plant that integrates."""
-        run, plant, contacts = trial.run, trial.setup.plant, trial.setup.stack.contacts
-        nothing = np.zeros((run.rows, 0))
-        forces = [run[f"f.{contact.name}"] for contact in contacts]
-        return cls(
-            q=np.vstack([run["q"], plant.q]), v=np.vstack([run["v"], plant.v]),
-            a=run["a"] if "a" in run else nothing, tau=run["tau"] if "tau" in run else nothing,
-            forces=np.stack(forces, axis=1) if forces else np.zeros((run.rows, 0, 0)),
-        )  # fmt: skip
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-        return len(self.a)
-
-
-@final
-@dataclass(frozen=True)
 class Problem:
-    """What a workload asks of a robot: the stack, and how its result is judged."""
+    """What a workload asks of a robot: the stack; the errors of one tick by the names that they have among the figures;
+    and what the contacts can give."""
 
     stack: Stack
-    judge: Callable[[Record], dict[str, Any]]
+    errors: Errors
+    names: Sequence[str] = ("pos", "ori")
+    supports: Sequence[Support] = ()
 
 
 class Workload(Certified):
     """A robot, the stack that it is given, at which level and how often it ticks; see ``docs/benchmark.md``."""
 
     group: ClassVar[str] = "workloads"
+    takes = 20.0
     hierarchies = tuple(HIERARCHIES)
     recipe: ClassVar[RobotRecipe]
     level: ClassVar[Formulation]
     dt: ClassVar[float]
+    #: When a target steps, where the errors before it are told from those after it [s].
+    step_time: ClassVar[float] = 0.0
 
     @abstractmethod
     def problem(self, made: MadeRobot, ticks: int) -> Problem:
@@ -97,9 +70,11 @@ class Workload(Certified):
         plant.reset(made.q0)
         return Setup(
             stack=problem.stack, plant=plant, level=self.level, hierarchy=HIERARCHIES[p.settings.hierarchy],
-            about=problem,
+            about=(made, problem),
         )  # fmt: skip
 
     def quality(self, trial: Trial) -> dict[str, Any]:
-        problem: Problem = trial.about
-        return problem.judge(Record.of(trial))
+        made, problem = trial.about
+        if self.level.dynamics:
+            return tracking_of_accelerations(made, trial, problem.supports, problem.errors)
+        return tracking_of_velocities(made, trial, problem.errors, names=problem.names, step_time=self.step_time)
