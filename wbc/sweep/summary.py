@@ -34,8 +34,6 @@ from wbc.types import Vec
 
 Result = dict[str, Any]
 
-#: Two-sided 95 % of a normal distribution.
-_Z = 1.959964
 _BINS, _BARS, _WORST = 6, 30, 10
 #: Figures that differ by less than this share of their size are the same, and demands that vary by less than that
 #: share of their bound are not drawn.
@@ -121,10 +119,10 @@ def interval(good: int, count: int) -> tuple[float, float]:
         >>> [round(x, 3) for x in interval(10, 10)]
         [0.722, 1.0]
     """
-    share, z2 = good / count, _Z**2
-    centre = (share + z2 / (2 * count)) / (1 + z2 / count)
-    half = _Z / (1 + z2 / count) * (share * (1 - share) / count + z2 / (4 * count**2)) ** 0.5
-    return centre - half if good else 0.0, centre + half if good < count else 1.0
+    from scipy.stats import binomtest
+
+    found = binomtest(good, count).proportion_ci(method="wilson")
+    return max(float(found.low), 0.0), min(float(found.high), 1.0)
 
 
 def reasons(result: Result) -> list[str]:

@@ -11,6 +11,8 @@ from wbc.report.solvers.torture import CASES
 
 #: Sequences whose first round took longer than this are not timed again, neither is a problem of a file [µs].
 TIMED_ONCE = {"stretch": 1e6, "problem": 2e4}
+#: Of a scenario in a loop.
+TICKS_A_SECOND = 1000.0
 #: The one class in which problems of growing size are solved.
 GROWTH_CLASS = "1e-6"
 
@@ -19,17 +21,13 @@ Key = tuple[str | int | None, ...]
 
 
 class Job(NamedTuple):
-    """One order to one solver. ``key`` names it in the journal; ``sort`` groups jobs that take about as long."""
+    """One order to one solver. ``key`` names it in the journal; ``weight`` is about how many solves it takes."""
 
     solver: str
     key: Key
     order: dict[str, Any]
     items: Sequence[int] = ()
-
-    @property
-    def sort(self) -> Key:
-        """Jobs with the same are expected to take the same time: kind, set, solver, class and mode."""
-        return self.key[:5]
+    weight: float = 1.0
 
 
 def jobs(request: Request, sets: Mapping[str, ProblemSet]) -> Iterator[Job]:
@@ -43,19 +41,21 @@ def jobs(request: Request, sets: Mapping[str, ProblemSet]) -> Iterator[Job]:
         for name, tolerance in request.classes.items():
             for solver in request.solvers:
                 order = {"do": "loop", "tolerance": tolerance, **about}
-                yield Job(solver.name, ("loop", scenario.name, solver.name, name, k), order)
+                ticks = TICKS_A_SECOND * float(scenario.settings["duration"])
+                yield Job(solver.name, ("loop", scenario.name, solver.name, name, k), order, weight=ticks)
 
 
 def _solves(request: Request, found: ProblemSet) -> Iterator[Job]:
     classes = {GROWTH_CLASS: 1e-6} if found.kind == "growth" else request.classes
     for round_ in range(request.rounds):
         for c, (start, end) in enumerate(found.stretches):
+            items = range(start, end)
             for mode in found.modes:
                 for name, tolerance in classes.items():
                     for solver in request.solvers:
                         order = {"do": "solve", "file": request.files[found.name], "warm": mode == "warm"}
                         key = ("solve", found.name, solver.name, name, mode, c, round_)
-                        yield Job(solver.name, key, order | {"tolerance": tolerance}, range(start, end))
+                        yield Job(solver.name, key, order | {"tolerance": tolerance}, items, len(items))
 
 
 def _torture(request: Request) -> Iterator[Job]:
