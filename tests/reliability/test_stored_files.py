@@ -22,9 +22,9 @@ from wbc.report.journal import Journal
 from wbc.report.solvers import compare, redraw
 from wbc.report.solvers import data as comparison_data
 from wbc.report.solvers import resume as resume_comparison
-from wbc.report.solvers.data import surroundings
 from wbc.report.solvers.problems import ProblemSet, sequence
 from wbc.report.solvers.request import Request, ScenarioRequest
+from wbc.sim.provenance import surroundings
 from wbc.sweep import Choice, Range, Sweep, repeat
 from wbc.sweep import resume as resume_sweep
 from wbc.sweep.draw import RandomDelay, RandomNoise, RandomPayload, RandomPush, from_plain, to_plain
@@ -111,7 +111,7 @@ def test_code_that_a_file_names_is_not_run_without_the_user_naming_it(tmp_path: 
 def write_journal(folder: Path, **settings: Any) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     request = Request([by_name("pdas"), by_name("proxqp")], loop=False, **settings)
-    header = {"surroundings": surroundings("today"), "request": request.to_json(), "unread": {}}
+    header = {"surroundings": surroundings(), "request": request.to_json(), "unread": {}}
     Journal.begin(folder / "journal.jsonl", "key", header)
     return folder / "journal.jsonl"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -135,13 +134,13 @@ def scaling(
     from wbc.report.folder import HTML, replaced, write
     from wbc.report.scaling import scaled
     from wbc.report.scaling.page import page
-    from wbc.report.solvers.data import surroundings
+    from wbc.sim.provenance import surroundings
     from wbc.sim.scenario import find, scenarios
 
     require_extras("jinja2")
     chosen = [find(name) for name in names] if names else [*scenarios("growth").values()]
     folder = place(out, "scaling")
-    where = surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}")
+    where = surroundings()
     with replaced(folder) as pending:
         with working("measuring") as step:
             rows = scaled(chosen, ticks=ticks, repeats=repeats, solver=solver, progress=step)

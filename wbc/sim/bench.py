@@ -24,7 +24,7 @@ from wbc.qp.problem import QP
 from wbc.sim.joining import joined
 from wbc.sim.scenario import Parameters, Progress, Scenario, ScenarioResult, Settings, Setup, Trial, silent, trials
 from wbc.stack.plan import Plan
-from wbc.types import Status, Vec
+from wbc.types import Mat, Status, Vec
 
 #: The first ticks find cold memory, and no active set.
 WARM_UP = 100
@@ -52,12 +52,12 @@ def bench(
     pause = checks.number("pause", pause, low=0.0)
     p = scenario.asked(hierarchy=hierarchy, solver=solver)
     if ticks is not None:
-        duration = checks.number("ticks", ticks, low=1) * scenario.first(p).plant.dt
+        duration = checks.number("ticks", ticks, low=1) * scenario.first_setup(p).plant.dt
         p = Parameters(p, replace(p.settings, duration=duration))
     steps = iter(trials(progress, range(2 * repeats + 2)))
     with threadpool_limits(1):
-        timed = [_closed(_paused(scenario.first(p), pause), p, next(steps)[1]) for _ in range(repeats)]
-        split = [_split(_paused(scenario.first(p), pause), p, next(steps)[1]) for _ in range(repeats)]
+        timed = [_closed(_paused(scenario.first_setup(p), pause), p, next(steps)[1]) for _ in range(repeats)]
+        split = [_split(_paused(scenario.first_setup(p), pause), p, next(steps)[1]) for _ in range(repeats)]
         judged = scenario.run(p, replace(p.settings, progress=next(steps)[1]))
         bare = _bare_pinocchio(timed[-1], judged, repeats)
     progress(1.0)
@@ -209,9 +209,9 @@ def _sizes(qp: QP) -> dict[str, int]:
     return {"nvar": qp.shape.n, "neq": qp.shape.n_eq, "nin_two_sided": qp.shape.n_in + int(bounded.sum())}
 
 
-def least(runs: Sequence[Vec], warm_up: int) -> Vec:
+def least(runs: Sequence[Vec] | Mat, warm_up: int) -> Vec:
     """The least time of each tick over the runs, without the first ``warm_up`` ticks where there are more."""
-    found = np.min(np.stack(runs), axis=0)
+    found = np.min(runs, axis=0)
     return np.asarray(found[warm_up:] if len(found) > warm_up else found)
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import platform
 import sys
+from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 #: Distributions whose version decides numbers or times.
 PACKAGES = (
@@ -33,6 +35,23 @@ def machine() -> dict[str, str | int]:
         "cores": len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1,
         "system": f"{platform.system()} {platform.machine()}",
     }
+
+
+def surroundings() -> dict[str, Any]:
+    """When and where something is measured: date, machine, load, clock governor, versions."""
+    governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
+    return {
+        "date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
+        "machine": machine(),
+        "load": load(),
+        "governor": governor.read_text(encoding="utf-8").strip() if governor.is_file() else "not told by the system",
+        "versions": versions(),
+    }
+
+
+def load() -> list[float] | None:
+    """How many processes wanted to run in the last 1, 5 and 15 minutes, where the system tells."""
+    return [round(x, 2) for x in os.getloadavg()] if hasattr(os, "getloadavg") else None
 
 
 def _processor() -> str:

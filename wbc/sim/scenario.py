@@ -238,7 +238,7 @@ class Scenario(ABC):
         return Parameters({**self.parameters, **(parameters or {})}, settings)
 
     @final
-    def first(self, p: Parameters) -> Setup:
+    def first_setup(self, p: Parameters) -> Setup:
         """The first of its cases, ready to be simulated.
 
         Raises:

@@ -75,7 +75,7 @@ def soak(
     """
     if kind not in KINDS or ticks < 1:
         raise InvalidInput(f"a soak is of kind {', '.join(KINDS)} and has ticks, not {kind!r} and {ticks}")
-    control = scenario.first(scenario.asked(solver=solver)).controller(solver)
+    control = scenario.first_setup(scenario.asked(solver=solver)).controller(solver)
     run = _Run(scenario, control, np.random.default_rng([seed, KINDS.index(kind)]), Findings(kind))
     start, digest, memory = perf_counter(), hashlib.sha256(), 0
     for k in range(ticks):

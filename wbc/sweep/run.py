@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from wbc.report.folder import replaced
 from wbc.report.folder import write as write_report
 from wbc.report.journal import Journal, fresh, made, taken_up, unfinished
 from wbc.report.record import missing, write_run
-from wbc.sim.provenance import machine, versions
+from wbc.sim.provenance import surroundings
 from wbc.sim.scenario import Progress, ScenarioResult, silent
 from wbc.sweep.cluster import do_all
 from wbc.sweep.plan import Sweep
@@ -55,9 +54,7 @@ def sweep(
         "sweep": str(plan),
         "runs": plan.runs,
         "seed": plan.seed,
-        "date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
-        "machine": machine(),
-        "versions": versions(),
+        **{key: value for key, value in surroundings().items() if key in _HEADER},
         "plan": _plain(plan),
     }
     lines = Journal.begin(folder / RESULTS, "run", header)

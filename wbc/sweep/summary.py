@@ -27,7 +27,7 @@ from wbc.report.document import (
     percent,
 )
 from wbc.report.folder import HTML
-from wbc.report.sections.settings import figure_name
+from wbc.report.sections.settings import figure_name, measured
 from wbc.sim.scenario import RELATIONS, Check
 from wbc.sweep.plan import SEED
 from wbc.types import Vec
@@ -376,10 +376,8 @@ def _told(result: Result, drawn: Sequence[str]) -> str:
 
 
 def _settings(header: dict[str, Any]) -> Table:
-    rows: list[list[Cell]] = [[key, str(header[key])] for key in ("scenario", "sweep", "runs", "seed", "date")]
-    rows += [[key, str(value)] for key, value in header["machine"].items()]
-    rows += [[key, str(value)] for key, value in header["versions"].items()]
-    return Table(("", "value"), rows, "What was run, and where it was begun.", folded=True)
+    asked = {key: header[key] for key in ("scenario", "sweep", "runs", "seed", "date")}
+    return measured(asked, header["machine"], header["versions"], caption="What was run, and where it was begun.")
 
 
 def _limits(header: dict[str, Any], results: Sequence[Result]) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc.report.document import Cell, Curve, Plot, Report, Section, Table, Text, percent
+from wbc.report.sections.settings import measured
 from wbc.report.solvers.statistics import Slope, slope
 from wbc.types import Vec
 
@@ -123,10 +124,9 @@ def _table(rows: Sequence[Row]) -> Table:
 
 def _settings(data: dict[str, Any]) -> Table:
     where = data["surroundings"]
-    cells: list[list[Cell]] = [[key, str(value)] for key, value in data["settings"].items()]
-    cells += [["date", where["date"]], ["load", str(where["load"])], ["clock governor", where["governor"]]]
-    cells += [[key, str(value)] for key, value in (where["machine"] | where["versions"]).items()]
-    return Table(("", "value"), cells, "Where and how it was measured", folded=True)
+    measuring = {"date": where["date"], "load": where["load"], "clock governor": where["governor"]}
+    settings = (data["settings"], measuring, where["machine"], where["versions"])
+    return measured(*settings, caption="Where and how it was measured")
 
 
 def _limits(data: dict[str, Any]) -> list[str]:

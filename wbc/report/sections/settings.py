@@ -45,6 +45,12 @@ def section(result: ScenarioResult) -> Section:
     return Section("Settings", items)
 
 
+def measured(*settings: Mapping[str, Any], caption: str, folded: bool = True) -> Table:
+    """Where and how something was measured: what each of ``settings`` says, in their order."""
+    rows = [(name, shown(value)) for one in settings for name, value in flat(one)]
+    return Table(("", "value"), rows, caption, folded=folded)
+
+
 def shown(value: Any) -> str:
     """A setting as text: lists in brackets."""
     if isinstance(value, (list, tuple)):

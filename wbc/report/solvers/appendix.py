@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wbc.report.document import Cell, Item, Section, Table, Text
+from wbc.report.sections.settings import measured
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.problems import slug
 
@@ -49,17 +50,14 @@ def settings(data: Data) -> Section:
     """The exact call of each solver in each class; machine, load, versions, seed."""
     calls: list[list[Cell]] = [[s["name"], name, text] for s in data["solvers"] for name, text in s["calls"].items()]
     where = data["surroundings"]
-    about: list[list[Cell]] = [["date", where["date"]]]
-    about += [[key, str(value)] for key, value in where["machine"].items()]
-    for when, loads in (("start", where["load"]), ("end", where["load_after"])):
-        about += [[f"load at the {when} (1, 5, 15 min)", ", ".join(map(str, loads or ["unknown"]))]]
-    about += [["clock governor", where["governor"]]]
-    about += [[key.replace("_s", " [s]"), str(value)] for key, value in data["settings"].items()]
-    versions: list[list[Cell]] = [[name, version] for name, version in where["versions"].items()]
+    loads = {f"load at the {when} (1, 5, 15 min)": where[key] or "unknown" for when, key in
+             (("start", "load"), ("end", "load_after"))}  # fmt: skip
+    asked = {key.replace("_s", " [s]"): value for key, value in data["settings"].items()}
+    about = ({"date": where["date"]}, where["machine"], loads, {"clock governor": where["governor"]}, asked)
     items: list[Item] = [
-        Table(("", "value"), about, "Where and how it was measured."),
+        measured(*about, caption="Where and how it was measured.", folded=False),
         Table(("solver", "requested", "settings"), calls, "Exact settings", folded=True),
-        Table(("package", "version"), versions, "Versions", folded=True),
+        measured(where["versions"], caption="Versions"),
     ]
     return Section("Settings", items)
 

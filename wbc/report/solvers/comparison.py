@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -27,6 +26,7 @@ from wbc.report.solvers.page import page
 from wbc.report.solvers.problems import ProblemSet, from_folder, sequence, slug
 from wbc.report.solvers.recording import QpRecorder, growing, record
 from wbc.report.solvers.request import Request, ScenarioRequest
+from wbc.sim.provenance import surroundings, versions
 from wbc.sim.scenario import Progress, Scenario, find, silent
 from wbc.sim.scenario import scenarios as registered_scenarios
 
@@ -101,7 +101,7 @@ def resume(out: str | Path, *, trusted: Sequence[str | Solver] = (), progress: P
     """
     journal = taken_up(Path(out), _JOURNAL, "comparison")
     header = Journal(journal, "key").header
-    now = raw.surroundings("")["versions"]
+    now = versions()
     try:
         begun = dict(header["surroundings"]["versions"])
     except (KeyError, TypeError, ValueError) as cause:
@@ -182,7 +182,7 @@ def _begun(collected: _Collected, request: Request, folder: Path) -> Request:
         found.save(folder / files[found.name])
     request = replace(request, scenarios=collected.scenarios, files=files)
     header = {
-        "surroundings": raw.surroundings(f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}"),
+        "surroundings": surroundings(),
         "request": request.to_json(),
         "unread": collected.unread,
     }

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,28 +13,10 @@ from wbc.report.journal import Journal
 from wbc.report.solvers.jobs import Key
 from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
-from wbc.sim.provenance import machine, versions
+from wbc.sim.provenance import load
 
 FORMAT = 3
 Data = dict[str, Any]
-
-
-def surroundings(date: str) -> Data:
-    """Where and when it is measured: machine, load, clock governor, versions."""
-    governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
-    return {
-        "date": date,
-        "machine": machine(),
-        "load": load(),
-        "governor": governor.read_text(encoding="utf-8").strip() if governor.is_file() else "not told by the system",
-        "versions": versions(),
-        "python": sys.version.split()[0],
-    }
-
-
-def load() -> list[float] | None:
-    """How many processes wanted to run in the last 1, 5 and 15 minutes, where the system tells."""
-    return [round(x, 2) for x in os.getloadavg()] if hasattr(os, "getloadavg") else None
 
 
 def gathered(request: Request, sets: Mapping[str, ProblemSet], journal: Journal, unread: Mapping[str, str]) -> Data:
