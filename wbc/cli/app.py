@@ -33,20 +33,10 @@ app = typer.Typer(
     rich_markup_mode="markdown",  # in "rich" mode the units in brackets would be read as styles and vanish
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("run")(run)
-app.command("compare")(compare)
-app.command("list")(list_)
-app.command("doctor")(doctor)
-app.command("bench")(bench)
-app.command("derive")(derive)
+for verb in (run, compare, list_, doctor, bench, derive, export, retarget, sweep, explain, soak, deploy):
+    app.command(verb.__name__.rstrip("_"))(verb)
 report.command("index")(index)
 app.add_typer(report)
-app.command("export")(export)
-app.command("retarget")(retarget)
-app.command("sweep")(sweep)
-app.command("explain")(explain)
-app.command("soak")(soak)
-app.command("deploy")(deploy)
 
 
 @app.callback(invoke_without_command=True)
