@@ -20,7 +20,7 @@ from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Sphere
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.planar import JointLimits, PlanarRobot
-from wbc.report.meshes import Faces, Surface, read_mesh
+from wbc.report.meshes import Faces, Rgb, read_mesh
 from wbc.types import Mat, Vec
 
 Color = tuple[int, int, int]
@@ -77,13 +77,12 @@ def planar(robot: PlanarRobot) -> list[Part]:
     for i, joint in enumerate(robot.chain.joints, start=1):
         axis = np.array([0.0, 1.0, 0.0] if joint == "Py" else [1.0, 0.0, 0.0])
         if joint == "R":
-            rod = capsule(radius, robot.parameters[f"l{i}"])
-            middle = 0.5 * robot.parameters[f"l{i}"] * axis
-            found.append(Part(f"link{i}", rod.vertices @ _turn_z_to(axis).T + middle, rod.faces, LIGHT))
+            length = robot.parameters[f"l{i}"]
+            found.append(_part(f"link{i}", LIGHT, _along(axis, 0.5 * length * axis, capsule(radius, length))))
             continue
         rail, block = capsule(0.3 * radius, 4.0 * size), _box((4.0 * radius, 4.0 * radius, 3.0 * radius))
-        found.append(Part(f"link{i - 1}" if i > 1 else "base", rail.vertices @ _turn_z_to(axis).T, rail.faces, DARK))
-        found.append(Part(f"link{i}", block.vertices, block.faces, LIGHT))
+        found.append(_part(f"link{i - 1}" if i > 1 else "base", DARK, _along(axis, np.zeros(3), rail)))
+        found.append(_part(f"link{i}", LIGHT, block))
     return found
 
 
@@ -119,13 +118,13 @@ def skeleton(robot: PinocchioModel) -> list[Part]:
         along = np.array(joint.origin.xyz)
         length = float(np.linalg.norm(along))
         if length > 0.5 * radius:
-            bone = capsule(radius, length)
-            placed = bone.vertices @ _turn_z_to(along / length).T + along / 2
-            bones.append(Part(joint.parent, placed, bone.faces, LIGHT))
+            bone = _along(along / length, along / 2, capsule(radius, length))
+            bones.append(_part(joint.parent, LIGHT, bone))
     for frame, foot in robot.feet.items():
         if foot.half_size is not None:
             sole = _box((2 * foot.half_size[0], 2 * foot.half_size[1], 0.02))
-            bones.append(Part(frame, sole.vertices + np.array(foot.origin) + [0.0, 0.0, 0.01], sole.faces, DARK))
+            sole.apply_translation(np.array(foot.origin) + np.array([0.0, 0.0, 0.01]))
+            bones.append(_part(frame, DARK, sole))
     return bones
 
 
@@ -135,68 +134,67 @@ def view(robot: RobotModel) -> tuple[float, float, float]:
 
 
 # ---- primitives, centred at the origin, round ones along z
-def _box(size: tuple[float, float, float]) -> Surface:
+def _box(size: tuple[float, float, float]) -> Any:
     from trimesh.creation import box
 
-    return _surface(box(extents=size))
+    return box(extents=size)
 
 
-def capsule(radius: float, length: float) -> Surface:
-    """A capsule; ``length`` is between the centres of its ends."""
+def capsule(radius: float, length: float) -> Any:
+    """A capsule, a mesh of trimesh; ``length`` is between the centres of its ends."""
     from trimesh import creation
 
-    return _surface(creation.capsule(height=length, radius=radius, count=(12, 24)))
+    return creation.capsule(height=length, radius=radius, count=(12, 24))
 
 
-def _surface(mesh: Any) -> Surface:
-    return Surface(np.array(mesh.vertices), np.array(mesh.faces))
+def _along(direction: Vec, middle: Vec, mesh: Any) -> Any:
+    """The mesh, turned from z to a unit vector and moved to ``middle``."""
+    from trimesh.geometry import align_vectors
+
+    transform = align_vectors([0.0, 0.0, 1.0], direction)
+    transform[:3, 3] = middle
+    return mesh.apply_transform(transform)
+
+
+def _part(link: str, color: Color, *meshes: Any) -> Part:
+    from trimesh.util import concatenate
+
+    whole = concatenate(list(meshes))
+    return Part(link, np.array(whole.vertices), np.array(whole.faces), color)
 
 
 # ---- shapes of a model, colours, thinning
 def _read_all(geometries: Sequence[Geometry]) -> list[Part]:
-    grouped: dict[tuple[str, Color], list[tuple[Mat, Faces]]] = defaultdict(list)
+    grouped: dict[tuple[str, Color], list[Any]] = defaultdict(list)
     for geometry in geometries:
-        for surface in _surfaces(geometry):
-            piece = _moved(surface.vertices, surface.faces, geometry.origin.matrix)
-            grouped[geometry.link, _color(surface, geometry)].append(piece)
-    return [Part(link, *_joined(pieces), color) for (link, color), pieces in grouped.items()]
+        for mesh, color in _meshes(geometry):
+            grouped[geometry.link, _color(color, geometry)].append(mesh.apply_transform(geometry.origin.matrix))
+    return [_part(link, color, *meshes) for (link, color), meshes in grouped.items()]
 
 
-def _surfaces(geometry: Geometry) -> list[Surface]:
-    from trimesh.creation import cylinder, icosphere
+def _meshes(geometry: Geometry) -> list[tuple[Any, Rgb | None]]:
+    """Meshes of trimesh in the axes of the geometry, each with its own colour, if it has one."""
+    from trimesh import Trimesh, creation
 
     match geometry.shape:
         case Box(size):
-            return [_box(size)]
+            return [(_box(size), None)]
         case Sphere(radius):
-            return [_surface(icosphere(subdivisions=2, radius=radius))]
+            return [(creation.icosphere(subdivisions=2, radius=radius), None)]
         case Cylinder(radius, length):
-            return [_surface(cylinder(radius=radius, height=length, sections=24))]
+            return [(creation.cylinder(radius=radius, height=length, sections=24), None)]
         case Mesh(path, scale):
-            flipped = np.prod(scale) < 0
-            return [
-                Surface(s.vertices * scale, s.faces[:, ::-1] if flipped else s.faces, s.color) for s in read_mesh(path)
-            ]
+            read = [(Trimesh(s.vertices, s.faces, process=False), s.color) for s in read_mesh(path)]
+            return [(mesh.apply_transform(np.diag([*scale, 1.0])), color) for mesh, color in read]
 
 
-def _color(surface: Surface, geometry: Geometry) -> Color:
+def _color(own: Rgb | None, geometry: Geometry) -> Color:
     """What the mesh says, else what the robot's description says, else a light grey."""
-    said = surface.color or geometry.color
+    said = own or geometry.color
     if said is None:
         return LIGHT
     red, green, blue = (round(255 * min(max(float(c), 0.0), 1.0)) for c in said[:3])
     return red, green, blue
-
-
-def _moved(vertices: Mat, faces: Faces, transform: Mat) -> tuple[Mat, Faces]:
-    mirrored = np.linalg.det(transform[:3, :3]) < 0
-    return vertices @ transform[:3, :3].T + transform[:3, 3], faces[:, ::-1] if mirrored else faces
-
-
-def _joined(pieces: list[tuple[Mat, Faces]]) -> tuple[Mat, Faces]:
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
-    faces = [faces + start for (_, faces), start in zip(pieces, starts[:-1], strict=True)]
-    return np.vstack([vertices for vertices, _ in pieces]), np.vstack(faces)
 
 
 def clustered(vertices: Mat, faces: Faces, cell: float) -> tuple[Mat, Faces]:
@@ -213,11 +211,3 @@ def clustered(vertices: Mat, faces: Faces, cell: float) -> tuple[Mat, Faces]:
     _, side = np.unique(low * len(means) + middle, return_inverse=True)
     _, first = np.unique(side * len(means) + last, return_index=True)
     return means, merged[np.sort(first)]
-
-
-def _turn_z_to(direction: Mat) -> Mat:
-    """A rotation (3, 3) that takes z to the unit vector ``direction``."""
-    from scipy.spatial.transform import Rotation
-
-    turn: Any = Rotation.align_vectors  # scipy carries no types
-    return np.asarray(turn([direction], [[0.0, 0.0, 1.0]])[0].as_matrix())
