@@ -17,6 +17,7 @@ from wbc.report.html import html
 from wbc.report.markdown import markdown
 from wbc.report.scaling import scaled
 from wbc.report.scaling.page import page
+from wbc.sim.scenario import find
 from wbc.stack.stack import Stack
 
 KEYS = {"axis", "size", "kind", "form", "tick_us", "p99_us", "variables", "equalities", "rows", "active", "guessed",
@@ -65,6 +66,8 @@ def test_counts_that_make_no_sense_are_refused():
     for wrong in ({"ticks": 0}, {"repeats": 0}):
         with pytest.raises(InvalidInput):
             scaled([AXIS], **wrong)
+    with pytest.raises(InvalidInput, match="no sizes"):
+        scaled([find("arm-torque")])
 
 
 def test_the_exponent_is_that_of_the_larger_half():

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "RELATIONS", "Check", "Parameter", "Parameters", "Place", "Progress", "Scenario", "ScenarioResult", "Settings",
-    "Setup", "Trial", "failed_first", "find", "imported", "is_file", "scenarios", "scenarios_of", "silent", "trials",
+    "Setup", "Trial", "absolute", "check_consent", "failed_first", "find", "imported", "is_file", "scenarios",
+    "scenarios_of", "silent", "trials",
 ]  # fmt: skip
 
 Parameter = bool | int | float | str | tuple[float, ...]
@@ -356,6 +357,24 @@ def find(text: str) -> Scenario:
     if found is None:
         raise InvalidInput(f"{text} is a {type(value).__name__}, not a {Scenario.__module__}.{Scenario.__name__}")
     return found
+
+
+def check_consent(stored: str, given: Iterable[object]) -> None:
+    """Refuse to execute code that a file names, unless the user names it too.
+
+    Raises:
+        InvalidInput: ``stored`` is ``file.py:name`` or ``module:name``, and none of ``given``.
+    """
+    if ":" in stored and absolute(stored) not in [absolute(str(one)) for one in given]:
+        raise InvalidInput(
+            f"the file says that its scenario is the Python code {stored}; name that scenario in the command to run it"
+        )
+
+
+def absolute(text: str) -> str:
+    """``file.py:name`` with the whole path of the file, for those who stand in another folder; others as they are."""
+    place, colon, name = text.rpartition(":")
+    return f"{Path(place).resolve()}:{name}" if colon and place.endswith(".py") else text
 
 
 def _members_in(module: Any) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from pathlib import Path
 from typing import Any, Self, final
 
 import numpy as np
@@ -14,7 +13,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.qp.solvers import by_name
 from wbc.sim.disturbance import Disturbance
-from wbc.sim.scenario import Scenario, UnknownParameter, find
+from wbc.sim.scenario import Scenario, UnknownParameter, absolute, check_consent, find
 from wbc.sweep.draw import Choice, Drawn, DrawnDisturbance, Range, from_plain, to_plain
 
 #: A scenario's parameter of this name gets a number of its own in every run.
@@ -72,7 +71,7 @@ class Sweep:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scenario", _absolute(self.scenario))  # workers run in other folders
+        object.__setattr__(self, "scenario", absolute(self.scenario))  # workers run in other folders
         checks.number("runs", self.runs, low=1)
         checks.number("seed", self.seed, low=0)
         for name, value in self.vary.items():
@@ -137,7 +136,7 @@ class Sweep:
         names = {one.name for one in fields(cls)}
         if not isinstance(data, Mapping) or not set(data) <= names or not isinstance(data.get("scenario"), str):
             raise InvalidInput("the file does not hold the settings of a sweep")
-        check_consent(data["scenario"], scenario)
+        check_consent(data["scenario"], [] if scenario is None else [scenario])
         try:
             return cls(**{name: from_plain(value) for name, value in data.items()})
         except (TypeError, AttributeError) as cause:
@@ -152,23 +151,6 @@ class Sweep:
         words += [f"plant {self.plant}"] if self.plant else []
         words += [f"{self.duration:g} s"] if self.duration else []
         return ", ".join(words)
-
-
-def check_consent(stored: str, given: str | None) -> None:
-    """Refuse to execute code that a file names, unless the user names it too.
-
-    Raises:
-        InvalidInput: ``stored`` is ``file.py:name`` or ``module:name``, and ``given`` is something else.
-    """
-    if ":" in stored and _absolute(given or "") != _absolute(stored):
-        raise InvalidInput(
-            f"the file says that its scenario is the Python code {stored}; name that scenario in the command to run it"
-        )
-
-
-def _absolute(scenario: str) -> str:
-    place, colon, name = scenario.rpartition(":")
-    return f"{Path(place).resolve()}:{name}" if colon and place.endswith(".py") else scenario
 
 
 def read_variations(scenario: Scenario, texts: Iterable[str]) -> dict[str, Drawn]:

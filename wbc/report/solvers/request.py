@@ -11,6 +11,7 @@ from typing import Any, final
 from wbc.errors import InvalidInput
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import SOLVERS, Guarded
+from wbc.sim.scenario import check_consent
 
 _NOT_SENT = (
     "solver {!r} cannot be sent to a process of its own ({}); make it a dataclass with plain settings, in a module "
@@ -84,11 +85,7 @@ class Request:
         except (TypeError, KeyError, AttributeError, ValueError) as cause:
             raise InvalidInput(f"the file does not hold the request of a comparison: {cause}") from cause
         for scenario in request.scenarios:
-            if ":" in scenario.text and scenario.text not in trusted:
-                raise InvalidInput(
-                    f"the file says that a scenario is the Python code {scenario.text}; name that scenario in the "
-                    "command to run it"
-                )
+            check_consent(scenario.text, trusted)
         return request
 
 
