@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wbc.report.scaling.slope import slope
 from wbc.report.solvers.statistics import (
     Measure,
     best_classes,
@@ -16,7 +17,6 @@ from wbc.report.solvers.statistics import (
     profile,
     ratio,
     ratio_of_rounds,
-    slope,
     wins,
 )
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from wbc.report.document import Cell, Curve, Plot, Report, Section, Table, Text, percent
+from wbc.report.scaling.slope import Slope, slope
 from wbc.report.sections.settings import measured
-from wbc.report.solvers.statistics import Slope, slope
 from wbc.types import Vec
 
 Row = dict[str, Any]
@@ -24,7 +25,7 @@ def page(data: dict[str, Any]) -> Report:
     rows: list[Row] = data["rows"]
     names = list(dict.fromkeys(row["axis"] for row in rows))
     sections = [
-        Section("Curves", [*_plots(rows, names, data["titles"]), _exponents(rows, names)]),
+        Section("Curves", [*plots(rows, data["titles"], KINDS), exponents(rows, KINDS)]),
         Section("Gain of the chosen form", [Text(_payoff(rows, name)) for name in names]),
         Section("Numbers", [_table(rows)]),
         Section("Settings", [_settings(data)]),
@@ -64,26 +65,28 @@ def _summary(rows: Sequence[Row], names: Sequence[str]) -> str:
     return "Median tick of a controller. " + "; ".join(parts) + "."
 
 
-def _plots(rows: Sequence[Row], names: Sequence[str], titles: dict[str, str]) -> Iterator[Plot]:
-    """The median tick of both forms along each axis, logarithmic where sizes begin above zero."""
-    for name in names:
-        found = {label: curve(rows, name, kind) for kind, label in KINDS.items()}
+def plots(
+    rows: Sequence[Row], titles: Mapping[str, str], kinds: Mapping[str, str], title: str = "median time of a tick"
+) -> Iterator[Plot]:
+    """The times of every kind, by its label, along each axis in ``titles``; logarithmic where no size is zero."""
+    for name, over in titles.items():
+        found = {label: curve(rows, name, kind) for kind, label in kinds.items()}
         x = max((sizes for sizes, _ in found.values()), key=len)
         curves = [Curve(label, times) for label, (_, times) in found.items()]
-        yield Plot(f"scaling-{name}", "median time of a tick", "µs", x, curves, over=titles[name],
-                   log="xy" if x.min() > 0 else "", zero=bool(x.min() <= 0), dots=True)  # fmt: skip
+        yield Plot(f"scaling-{name}", title, "µs", x, curves, over=over, log="xy" if x.min() > 0 else "",
+                   zero=bool(x.min() <= 0), dots=True)  # fmt: skip
 
 
-def _exponents(rows: Sequence[Row], names: Sequence[str]) -> Table:
+def exponents(rows: Sequence[Row], kinds: Mapping[str, str]) -> Table:
+    """How the times of every kind grow along each axis."""
     found: list[list[Cell]] = []
-    for name in names:
-        for kind, label in KINDS.items():
-            x, y = curve(rows, name, kind)
-            finite = y[np.isfinite(y)]
-            ends = [float(finite[0]), float(finite[-1])] if finite.size else [None, None]
-            fitted = [None if fit is None else str(fit) for fit in (exponent(x, y), slope(x, y))]
-            found.append([name, label, *fitted, *ends])
-    columns = ("axis", "form", "exponent, larger half", "exponent, all", "smallest [µs]", "largest [µs]")
+    for name, (kind, label) in product(dict.fromkeys(row["axis"] for row in rows), kinds.items()):
+        x, y = curve(rows, name, kind)
+        finite = y[np.isfinite(y)]
+        ends = [float(finite[0]), float(finite[-1])] if finite.size else [None, None]
+        fitted = [None if fit is None else str(fit) for fit in (exponent(x, y), slope(x, y))]
+        found.append([name, label, *fitted, *ends])
+    columns = ("axis", "", "exponent, larger half", "exponent, all", "smallest [µs]", "largest [µs]")
     note = "Exponent p of time ∝ sizeᵖ by least squares on logarithms, with Student's 95 % interval; without size zero."
     return Table(columns, found, note)
 

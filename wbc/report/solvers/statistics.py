@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 import numpy as np
 
@@ -197,32 +197,3 @@ def ratio_of_rounds(one: Measure, other: Measure, tolerance: float = TARGET) -> 
     both &= np.isfinite(one.rounds).all(axis=0) & np.isfinite(other.rounds).all(axis=0)
     found = [ratio(a[both], b[both])[0] for a, b in zip(one.rounds, other.rounds, strict=True)]
     return [value for value in found if value is not None]
-
-
-class Slope(NamedTuple):
-    """The exponent p of y ≈ c xᵖ, and half of its 95 % interval."""
-
-    exponent: float
-    half: float
-
-    def __str__(self) -> str:
-        places = 1 if self.half >= 0.1 else 2
-        return f"{self.exponent:.{places}f} ± {max(self.half, 0.1**places):.{places}f}"
-
-
-def slope(x: Vec, y: Vec) -> Slope | None:
-    """The exponent p of y ≈ c xᵖ by least squares on logarithms, with Student's interval; None below three points.
-
-    Example:
-        >>> import numpy as np
-        >>> from wbc.report.solvers.statistics import slope
-        >>> print(slope(np.array([1.0, 2.0, 4.0, 8.0]), np.array([3.0, 13.0, 46.0, 192.0])))
-        2.0 ± 0.2
-    """
-    from scipy.stats import linregress, t
-
-    good = np.isfinite(x) & np.isfinite(y) & (x > 0) & (y > 0)
-    if good.sum() < 3:
-        return None
-    found = linregress(np.log(x[good]), np.log(y[good]))
-    return Slope(float(found.slope), float(found.stderr * t.ppf(0.975, good.sum() - 2)))
