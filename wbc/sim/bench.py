@@ -16,8 +16,7 @@ import numpy as np
 import pinocchio as pin
 from threadpoolctl import threadpool_limits
 
-import wbc
-from wbc import checks
+from wbc import __version__, checks
 from wbc.control.controller import Controller
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.qp.problem import QP
@@ -146,7 +145,7 @@ def _row(
     found = {part: _rounded(np.median(parts[:, i])) for i, part in enumerate(_PARTS)}
     return {
         "peer": "wbc",
-        "version": f"{wbc.__version__}/pin{pin.__version__}",
+        "version": f"{__version__}/pin{pin.__version__}",
         "variant": f"{controller.level.name}, {p.settings.hierarchy}, {controller.solver.name}, {controller.form}",
         "workload": scenario.name,
         "ticks": len(runs[0]),
