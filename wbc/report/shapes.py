@@ -151,7 +151,8 @@ def _along(direction: Vec, middle: Vec, mesh: Any) -> Any:
     """The mesh, turned from z to a unit vector and moved to ``middle``."""
     from trimesh.geometry import align_vectors
 
-    transform = align_vectors([0.0, 0.0, 1.0], direction)
+    turned: Any = align_vectors  # trimesh carries no types for it
+    transform = turned([0.0, 0.0, 1.0], direction)
     transform[:3, 3] = middle
     return mesh.apply_transform(transform)
 
@@ -159,7 +160,7 @@ def _along(direction: Vec, middle: Vec, mesh: Any) -> Any:
 def _part(link: str, color: Color, *meshes: Any) -> Part:
     from trimesh.util import concatenate
 
-    whole = concatenate(list(meshes))
+    whole: Any = concatenate(list(meshes))
     return Part(link, np.array(whole.vertices), np.array(whole.faces), color)
 
 
