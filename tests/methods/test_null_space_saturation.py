@@ -16,6 +16,7 @@ from wbc.models import PlanarPR
 from wbc.qp.solvers import usable
 from wbc.testing import check_method
 from wbc.testing.strategies import jacobians, magnitudes, vectors
+from wbc.tolerances import SHARP
 
 INF = np.inf
 ANY = scaled_tasks()
@@ -429,7 +430,7 @@ def test_a_start_on_a_limit_that_the_task_leaves_outwards_asks_for_scale_zero(so
     except SolverFailed:  # one that iterates may not get near enough to a limit so near to the task, and is named
         assert solver not in ("pdas", "daqp", "quadprog") and slope <= 1e-5
         return
-    known = 1e-14 if solver in ("pdas", "daqp", "quadprog") else 1e-11  # of x₂: a vertex, or a point that is certified
+    known = 1e-14 if solver in ("pdas", "daqp", "quadprog") else SHARP  # of x₂: a vertex, or within the accuracy asked
     assert on.feasible and on.scale <= known / slope
     np.testing.assert_allclose(on.x, start, rtol=0, atol=10.0 * known / slope)
     assert not beyond.feasible

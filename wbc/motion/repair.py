@@ -128,7 +128,7 @@ class _Window:
         rest, same = np.concatenate(self._cost), low == high
         upper, lower = np.isfinite(high) & ~same, np.isfinite(low) & ~same
         answer: Vec | None = qpsolvers.solve_qp(
-            sparse.block_diag([H, sparse.diags(rest)], format="csc"), np.append(gradient, 0.0 * rest),
+            sparse.csc_matrix(sparse.block_diag([H, sparse.diags_array(rest)])), np.append(gradient, 0.0 * rest),
             sparse.vstack([A[upper], -A[lower]], format="csc"), np.concatenate([high[upper], -low[lower]]),
             A[same], low[same], solver="clarabel",
         )  # fmt: skip
@@ -172,9 +172,11 @@ class _Program:
         for k in range(start, stop - 1):
             step, here, after = steps[k, 6:], window.at[k], window.at[k + 1]
             window.add(-most - step, most - step, (here, -self._joints), (after, self._joints))
-        second = sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(count, count)) * rate**2
-        smooth = sparse.kron(second.T @ second, sparse.eye(nv)) * _SMOOTH
-        answer = window.solved(sparse.block_diag(costs) + smooth, np.concatenate(gradient))
+        second = sparse.diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=(count, count)) * rate**2
+        smooth = sparse.kron(second.T @ second, sparse.eye_array(nv)) * _SMOOTH
+        answer = window.solved(
+            sparse.block_diag([sparse.coo_array(cost) for cost in costs]) + smooth, np.concatenate(gradient)
+        )
         if answer is None:
             return q[start:stop]
         moves = answer[: nv * count].reshape(count, nv)
