@@ -46,6 +46,18 @@ def test_another_solver_answers_what_the_one_asked_for_does_not(level: Any, faul
     np.testing.assert_allclose(decided, before, atol=1e-4)
 
 
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+def test_a_tick_without_an_answer_leaves_the_problem_as_it_was_asked(level: Any):
+    """``explain`` reads it afterwards: bounds of another state would show a conflict that there is not, or hide one."""
+    control = wbc.Controller(ARM, limited(ARM, level), level=level, recovery=wbc.Recovery(hold_ticks=1))
+    control.tick(0.0, ARM.q0, np.full(ARM.nv, 0.3))
+    asked = control.plan.problem.lb.copy(), control.plan.problem.ub.copy()
+    for k in range(1, 5):
+        command = control.tick(1e-3 * k, np.full(ARM.nq, np.nan), STILL)
+    assert command.rung == "damped"
+    np.testing.assert_array_equal((control.plan.problem.lb, control.plan.problem.ub), asked)
+
+
 def test_what_a_back_end_raises_is_said():
     control, script = sabotaged(ARM, wbc.VelocityLevel(), other=False)
     script.fault = "raises"

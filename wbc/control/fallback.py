@@ -86,6 +86,9 @@ class Fallback:
         qp.H[:] = np.diag(np.where(np.arange(qp.n) < nv, 1.0, _EPSILON))
         qp.g[:] = 0.0
         qp.g[:nv] = state.v / self._slowly
+        bounds = plan.joint_bounds(state)
+        if bounds is not None:
+            qp.lb[nb:nv], qp.ub[nb:nv] = np.multiply(bounds, p.scale[nb:nv])
         try:
             solution = by_name("pdas").solve(qp)
         except InvalidProblem:

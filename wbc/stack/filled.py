@@ -97,14 +97,14 @@ class Filled(PlanView):
     def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
 
-        They are the problem's from now on. None where the stack limits neither.
+        The problem keeps its own. None where the stack limits neither.
         """
         if self.intervals is None:
             return None
-        lower, upper = self.joint_bound_rows
+        lower, upper = np.array(self.joint_bound_rows)
         write = self.intervals.velocity if self.level.order == 1 else self.intervals.acceleration
         write(state.q_joints, state.v_joints, lower, upper)
-        return lower.copy(), upper.copy()
+        return lower, upper
 
     def bound_owner(self, unknown: int, *, upper: bool) -> str:
         """Which constraint gives an unknown the bound it has now."""
