@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.cli.test_bench import Counting
+from tests.cli.test_bench import Counting, row
 from wbc.cli import bench
 from wbc.cli.peers import Peers
 from wbc.errors import InvalidInput
@@ -46,16 +46,14 @@ def test_libraries_are_asked_only_for_what_they_have(folder):
 
 
 def test_the_table_shows_ratios_of_one_sitting(wbc, monkeypatch, folder, tmp_path):
-    class Timed(Counting):
-        def __call__(self, **settings):
-            split = dict.fromkeys(("update", "fill", "solve", "decode", "rest"), 1.0)
-            counts = {"first": 7, "repaired": 0, "fallback": 0}
-            return super().__call__(**settings) | {
-                "peer": "wbc", "split_us": split, "counts": counts, "total_over_pinocchio": 2.0,
-            }  # fmt: skip
+    def timed(*given, **settings):
+        split = dict.fromkeys(("update", "fill", "solve", "decode", "rest"), 1.0)
+        counts = {"first": 7, "repaired": 0, "fallback": 0}
+        more = {"peer": "wbc", "split_us": split, "counts": counts, "total_over_pinocchio": 2.0}
+        return row(*given, **settings) | more
 
-    monkeypatch.setattr(bench, "registered", lambda kind: {"count": Timed()})
-    monkeypatch.setattr(bench, "member", lambda name, kind, called: Timed())
+    monkeypatch.setattr(bench, "scenarios", lambda group: {"count": Counting()})
+    monkeypatch.setattr(bench, "timed", timed)
     scripts, environments = folder
     answer = wbc("bench", "--peers", scripts, "--environments", environments, "--json", "rows.json")
     assert answer.code == 0 and "placo 0.25" in answer.out

@@ -147,7 +147,8 @@ class EstimatedBase(Disturbance):
 
     def __post_init__(self) -> None:
         checks.number("still", self.still, low=0.0)
-        checks.number("floor", self.floor or 0.0, low=0.0)
+        if self.floor is not None:
+            checks.number("floor", self.floor, low=0.0)
         checks.seed("seed", self.seed)
 
     def begin(self, plant: Plant) -> Effect:
