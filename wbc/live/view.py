@@ -258,7 +258,8 @@ class View:
                 self._speed, self._began = max(float(speed), 1e-3), None
             case "push", (frame, force, seconds):
                 now = self.controller.state.t if self.controller.ticks else 0.0
-                self._acting[frame] = np.array(force, dtype=np.float64), now + float(seconds)
+                until = now + float(seconds) - 0.5 * self.controller.dt  # so that rounding adds no tick
+                self._acting[frame] = np.array(force, dtype=np.float64), until
                 if np.linalg.norm(force) > LEAST_PUSH:
                     self._note(f"push of ({', '.join(f'{x:.3g}' for x in force)}) N at {frame!r}")
             case "set", (number, value):
