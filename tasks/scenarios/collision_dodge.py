@@ -15,7 +15,7 @@ from wbc.models.collision import Distances
 from wbc.models.geometry import Cylinder, Sphere
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
-from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
+from wbc.sim.scenario import Check, Parameter, Parameters, Place, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
 from .. import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
@@ -53,6 +53,11 @@ class Clearance:
     def closest(self) -> str:
         """The pair that came nearest."""
         return " and ".join(self.pairs[int(np.argmin(self.distances))])
+
+    @property
+    def place(self) -> Place:
+        """When they came nearest, and the plot that shows it."""
+        return Place(float(self.times[int(np.argmin(self.distances))]), self.closest, "distance")
 
 
 @final
@@ -98,12 +103,13 @@ class CollisionDodge(Scenario):
             "tool_error_at_the_end_m": float(done[0].error("Position")[-1]),
         }
         checks = [
-            Check("smallest distance", kept.smallest, ">", 0.0, "m"),
-            Check("smallest distance minus the margin", kept.smallest - margin, ">", -1e-3, "m"),
+            Check("smallest distance", kept.smallest, ">", 0.0, "m", kept.place),
+            Check("smallest distance minus the margin", kept.smallest - margin, ">", -1e-3, "m", kept.place),
             *judge.common_checks(run),
         ]
         if len(kept.times) * EVERY * float(run.meta["dt"]) > 0.5 * PERIOD:
-            checks.insert(2, Check("smallest distance without the limit", free.smallest, "<", 0.0, "m"))
+            without = Check("smallest distance without the limit", free.smallest, "<", 0.0, "m", free.place)
+            checks.insert(2, without)
         shown = [_section(done, clearances, margin)]
         return judge.verdict(done, checks, figures=figures, obstacles=around, sections=shown)
 

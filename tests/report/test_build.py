@@ -128,6 +128,18 @@ def test_the_verdict_names_the_side_and_puts_what_failed_first(standing: Scenari
     ]  # fmt: skip
 
 
+def test_the_rows_of_one_constraint_in_conflict_stand_in_one_line(standing: ScenarioResult):
+    conflict = ("3 rows cannot hold together:", "  left: x 2 m lower", "  left: y 3 m lower", "  right: x 1 m higher")
+    why = "\n".join(["tick 3 at t = 0.002 s: infeasible", *conflict])
+    standing.run.meta["failure"] = {"t": 0.002, "why": why}
+    section = verdict.section(standing)
+    (told,) = (item for item in section.items if isinstance(item, Table) and "first tick" in item.columns[0])
+    assert list(told.rows) == [
+        ("tick 3 at t = 0.002 s", "infeasible"), ("3 rows cannot hold together", ""),
+        ("left", "x 2 m lower, y 3 m lower"), ("right", "x 1 m higher"),
+    ]  # fmt: skip
+
+
 def test_the_verdict_tells_what_led_to_the_first_failure(standing: ScenarioResult):
     slipped = Check("slip", 3.0, "<", 1.0, "mm", Place(0.45, "left_foot", "slip"))
     standing.run.meta["disturbances"] = ["push of (0, 60, 0) N at 'pelvis' from 0.3 s for 0.2 s"]

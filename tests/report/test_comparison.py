@@ -68,7 +68,7 @@ def test_of_many_curves_those_that_were_largest_in_any_run_are_seen(changed: Cal
 
 def test_what_differs_is_said_and_nothing_else(results: dict[str, ScenarioResult]):
     (table,) = was_set({name: result.run for name, result in results.items()})
-    assert isinstance(table, Table) and list(table.rows) == [["parameters.push", None, "120"]]
+    assert isinstance(table, Table) and list(table.rows) == [["parameter push", None, "120"]]
     figures, same = came_out(results)
     assert isinstance(figures, Table) and isinstance(same, Table)
     rows = {str(row[0]): row[1:] for row in figures.rows}

@@ -26,6 +26,8 @@ def test_fifty_ticks_are_certified_and_have_a_report():
     result = run(0.05)
     assert not failed(result) and result.run.rows == 50
     assert {obstacle.name for obstacle in result.obstacles} == {"post", "ball"}
+    where = result.verdict[0].place
+    assert where.plot == "distance" and " and " in where.part and where.at is not None and 0.0 <= where.at < 0.05
     assert "Distances" in [section.title for section in run_report(result).sections]
 
 

@@ -21,6 +21,7 @@ from wbc.report.document import Cell, Report, Scene, Section
 from wbc.report.folder import HTML, replaced, write
 from wbc.report.record import judgement
 from wbc.report.replay import replay, together
+from wbc.report.sections import motion
 from wbc.report.shapes import Part, capsule, parts
 from wbc.sim.scenario import Check, ScenarioResult
 from wbc.types import Mat
@@ -59,14 +60,15 @@ def page(found: Judged) -> Report:
     if found.before is not None:
         tiles.append(doc.Tile("before repair", doc.percent(found.before.certified)))
         tiles.append(doc.Tile("time added", f"{found.added:.2f} s"))
-    tiles += [doc.Tile("frames", str(len(found.q))), doc.Tile("robot over person", f"{found.scale:.3f}")]
+    tiles += [doc.Tile("frames", str(len(found.q))), doc.Tile("scale of the person", f"{found.scale:.3f}")]
     said = f"{doc.percent(found.certified)} of {len(found.q)} frames of {found.motion.name} are certified"
     if not good:
         k, worst = next((k, one.faults[0]) for k, one in enumerate(found.verdicts) if not one.certified)
         said += f"; first impossible: {worst} at {k / rate:.2f} s"
     runs = {"": found} if found.before is None else {"repaired": found, "before repair": found.before}
     clock = doc.Clock(float(found.times[-1]), 1.0 / rate, events)
-    sections = [_verdicts(found), _impossible(runs), _distances(runs)]
+    moments = motion.section(ScenarioResult(found.run, good, {}, {}, (), robot=found.robot))
+    sections = [_verdicts(found), *([moments] if moments else []), _impossible(runs), _distances(runs)]
     return Report(f"{found.motion.name} · {found.robot.name}", f"{said}.", good, sections, tiles, clock, _scene(runs))
 
 
@@ -96,7 +98,7 @@ def _impossible(runs: dict[str, Judged]) -> Section:
                 label = f"{what}, {name}" if name else what
                 moments = [(a / found.rate, b / found.rate) for a, b in spans(one)]
                 strips.append(doc.Strip(label, moments, k if name else None))
-    title = "What is certified, what is impossible, and what holds"
+    title = "Certified frames, impossible frames, and contacts"
     plot = doc.Plot(_STRIPS, title, "", times, strips=strips, wide=True)
     return Section("Over time", [plot])
 
@@ -107,12 +109,12 @@ def _distances(runs: dict[str, Judged]) -> Section:
         doc.Curve(name or "farthest", np.max([*d.values()], axis=0), run=k if name else None, x=found.times)
         for k, ((name, found), d) in enumerate(zip(runs.items(), far, strict=True))
     ]
-    title, times = "Of the farthest part to where the person's is, at the robot's size", next(iter(runs.values())).times
+    title, times = "Largest distance of a part from the scaled person", next(iter(runs.values())).times
     plot = doc.Plot(_DISTANCE, title, "mm", times, curves, zero=True)
     rows: list[list[Cell]] = [
         [part.replace("_", " "), *(round(float(x), 2) for x in (np.median(d), d.max()))] for part, d in far[0].items()
     ]
-    told = doc.Table(("part", "median", "largest"), rows, "Of each part [mm]")
+    told = doc.Table(("part", "median", "largest"), rows, "Distance of each part from the scaled person [mm].")
     return Section("Distance to the person", [plot, told])
 
 

@@ -181,7 +181,9 @@ def was_set(runs: Mapping[str, Run]) -> list[Item]:
         | {part.strip(): value.strip() for part, _, value in _stack(run)}
         for run in runs.values()
     ]  # fmt: skip
-    differing, _ = _differing([{key: settings.shown(value) for key, value in one.items()} for one in flat])
+    differing, _ = _differing(
+        [{settings.setting_name(k): settings.shown(value) for k, value in one.items()} for one in flat]
+    )
     if not differing:
         return [Text("Every setting is the same in all runs.")]
     caption = "The settings that differ. A dash: the run has no such setting."

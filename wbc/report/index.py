@@ -87,7 +87,13 @@ def index(folder: Path) -> Report:
         page = (place / HTML).relative_to(folder).as_posix()
         link = Address(name, page) if (place / HTML).is_file() else name
         rows.append([_thumbnail(place), link, *_fate(meta), *(flat[place].get(key) for key in differing)])
-    columns = ("", "run", "verdict", "not met", *(key.removeprefix(PARAMETER) for key in differing))
+    columns = (
+        "",
+        "run",
+        "verdict",
+        "not met",
+        *(settings.setting_name(key.removeprefix(PARAMETER)) for key in differing),
+    )
     same = [(key, next(iter(flat.values()))[key]) for key in keys if len({one.get(key) for one in flat.values()}) == 1]
     items = [
         Table(

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.report.coded import Codec
 from wbc.sim.disturbance import Delay, Disturbance, Payload, Push, SensorNoise
 
 
@@ -138,8 +139,7 @@ class RandomPayload(DrawnDisturbance):
 @final
 @dataclass(frozen=True)
 class RandomNoise(DrawnDisturbance):
-    """White noise on measured joint velocities, standard deviation from ``velocity`` [rad/s], with a "
-    "seed of its own."""
+    """White noise on measured joint velocities of standard deviation ``velocity`` [rad/s], with a seed of its own."""
 
     velocity: Range
 
@@ -210,51 +210,5 @@ def axes(disturbances: Sequence[Disturbance]) -> dict[str, float]:
     return found
 
 
-#: The classes that a file of results may name.
-_KINDS = {kind.__name__: kind for kind in (Range, Choice, RandomPush, RandomPayload, RandomNoise, RandomDelay)}
-
-
-def to_plain(value: Any) -> Any:
-    """``value`` as JSON has it; objects of this module become {"kind": class name, field: value, ...}.
-
-    Raises:
-        InvalidInput: something that :func:`from_plain` could not read back.
-
-    Example:
-        >>> from wbc.sweep.draw import Range, from_plain, to_plain
-        >>> to_plain(Range(0.0, 1.0))
-        {'kind': 'Range', 'low': 0.0, 'high': 1.0, 'whole': False}
-        >>> from_plain(to_plain((Range(0.0, 1.0), 2)))
-        (Range(low=0.0, high=1.0, whole=False), 2)
-    """
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and np.isfinite(value)):
-        return value
-    if isinstance(value, tuple | list):
-        return [to_plain(item) for item in value]
-    if isinstance(value, Mapping) and "kind" not in value and all(isinstance(key, str) for key in value):
-        return {key: to_plain(item) for key, item in value.items()}
-    if _KINDS.get(type(value).__name__) is type(value):
-        return {"kind": type(value).__name__} | {one.name: to_plain(getattr(value, one.name)) for one in fields(value)}
-    raise InvalidInput(f"{value!r} has no form in JSON that a sweep can read back")
-
-
-def from_plain(value: Any) -> Any:
-    """What :func:`to_plain` was given; lists become tuples.
-
-    Raises:
-        InvalidInput: a kind that is not one of this module's, or fields that it does not have.
-    """
-    if isinstance(value, list):
-        return tuple(from_plain(item) for item in value)
-    if not isinstance(value, dict):
-        return value
-    settings = {key: from_plain(item) for key, item in value.items() if key != "kind"}
-    if "kind" not in value:
-        return settings
-    kind = _KINDS.get(value["kind"]) if isinstance(value["kind"], str) else None
-    if kind is None or set(settings) != {one.name for one in fields(kind)}:
-        raise InvalidInput(f"{value['kind']!r} is nothing that a sweep can draw")
-    made: Any = kind(**settings)
-    return made
+#: How settings stand in a file of results, which may name these classes.
+CODEC = Codec((Range, Choice, RandomPush, RandomPayload, RandomNoise, RandomDelay))

@@ -14,7 +14,7 @@ from wbc.errors import InvalidInput
 from wbc.qp.solvers import by_name
 from wbc.sim.disturbance import Disturbance
 from wbc.sim.scenario import Scenario, UnknownParameter, absolute, check_consent, find
-from wbc.sweep.draw import Choice, Drawn, DrawnDisturbance, Range, from_plain, to_plain
+from wbc.sweep.draw import CODEC, Choice, Drawn, DrawnDisturbance, Range
 
 #: A scenario's parameter of this name gets a number of its own in every run.
 SEED = "seed"
@@ -122,7 +122,7 @@ class Sweep:
         Raises:
             InvalidInput: a value or a class of one's own that JSON cannot name.
         """
-        return {one.name: to_plain(getattr(self, one.name)) for one in fields(self)}
+        return {one.name: CODEC.plain(getattr(self, one.name)) for one in fields(self)}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], *, scenario: str | None = None) -> Self:
@@ -138,7 +138,7 @@ class Sweep:
             raise InvalidInput("the file does not hold the settings of a sweep")
         check_consent(data["scenario"], [] if scenario is None else [scenario])
         try:
-            return cls(**{name: from_plain(value) for name, value in data.items()})
+            return cls(**{name: CODEC.whole(value) for name, value in data.items()})
         except (TypeError, AttributeError) as cause:
             raise InvalidInput(f"the file does not hold the settings of a sweep: {cause}") from cause
 

@@ -12,15 +12,17 @@ from wbc.sim.scenario import ScenarioResult
 UNITS = {"us": "µs", "deg": "°", "Nm": "N m"} | {
     unit: unit for unit in ("m", "mm", "s", "ms", "rad", "N", "kg", "W", "J")
 }
+SECONDS = ("dt", "duration")
 CONTROLLER = ("scenario", "robot", "level", "hierarchy", "solver", "feedback", "dt", "duration", "seed")
 
 
 def section(result: ScenarioResult) -> Section:
     """Tables of the settings, disturbances, contacts, plant, versions and machine."""
     meta = result.run.meta
-    settings = [(key, shown(meta[key])) for key in CONTROLLER if key in meta]
-    settings += [(f"parameter {key}", shown(value)) for key, value in meta.get("parameters", {}).items()]
-    items: list[Item] = [Table(("setting", "value"), settings, "dt and duration in s.")]
+    settings = [(setting_name(key), shown(meta[key])) for key in CONTROLLER if key in meta]
+    parameters = flat({"parameters": meta.get("parameters", {})})
+    settings += [(setting_name(key), shown(value)) for key, value in parameters]
+    items: list[Item] = [Table(("setting", "value"), settings)]
     robot = result.robot
     if robot is not None:
         rows = [
@@ -56,6 +58,11 @@ def shown(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in value) + "]"
     return formatted(value) if value is None or isinstance(value, (str, bool, int, float)) else str(value)
+
+
+def setting_name(key: str) -> str:
+    """The name of a setting in words, with its unit: ``parameters.push`` is "parameter push"."""
+    return f"{key} [s]" if key in SECONDS else key.replace("parameters.", "parameter ", 1)
 
 
 def figure_name(key: str) -> str:

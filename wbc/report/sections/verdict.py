@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 import numpy as np
 
 from wbc.report.document import Bar, Event, Item, Link, Section, Table, number, percent
@@ -29,8 +31,8 @@ def section(result: ScenarioResult) -> Section:
         items.append(Table(("from", "until", "event"), happened, "The events that led to the first failure."))
     failure = result.run.meta.get("failure")
     if failure:
-        lines = [(line.strip(),) for line in str(failure["why"]).splitlines()]
-        items.append(Table(("first tick without a certified solution",), lines, "The text of Controller.explain()."))
+        caption = "The text of Controller.explain(), the rows of one constraint together."
+        items.append(Table(("first tick without a certified solution", ""), _explained(str(failure["why"])), caption))
     if result.violations:
         rows_broken = [(kind, worst, unit) for kind, (worst, unit) in result.violations.items()]
         caption = "Largest violation of each limit"
@@ -45,6 +47,13 @@ def section(result: ScenarioResult) -> Section:
 def bound(check: Check) -> str:
     """What is demanded: the relation, the bound and its unit."""
     return f"{check.sign} {number(check.bound)} {check.unit}".rstrip()
+
+
+def _explained(why: str) -> list[tuple[str, str]]:
+    """The lines of an explanation, those of one constraint in one row: what it is about, and what is said of it."""
+    parted = [line.strip().partition(": ") for line in why.splitlines()]
+    owners = groupby(parted, key=lambda parts: parts[0])
+    return [(owner.rstrip(":"), ", ".join(said for _, _, said in lines if said)) for owner, lines in owners]
 
 
 def _since(event: Event) -> Link:
