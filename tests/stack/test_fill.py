@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pinocchio
@@ -37,7 +36,6 @@ from tasks.motions import pose_motion, swing
 from tests.stack.conftest import Saying
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.errors import InvalidInput
-from wbc.models import Planar4P, RobotModel
 
 ARM, HUMANOID, QUADRUPED = wbc.load("arm"), wbc.load("humanoid"), wbc.load("quadruped")
 PATH = Sinusoid([0.4, 0.1, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9])
@@ -409,32 +407,6 @@ def test_inertia_that_a_component_no_longer_adds_is_gone():
     np.testing.assert_allclose(with_it.tau - before, with_it.a, rtol=0, atol=1e-9 * (1.0 + np.abs(with_it.a).max()))
     saying.now = wbc.Overrides()
     np.testing.assert_allclose(controller.tick(2e-3, ARM.q0, v).tau, before, rtol=0, atol=1e-9)
-
-
-@RobotModel.register
-class Foreign:
-    """A robot, or its state, of another library: its arrays are new each time."""
-
-    def __init__(self, own: Any) -> None:
-        self._own = own
-
-    def state(self, *, drifts: bool = True) -> Any:
-        return Foreign(self._own.state(drifts=drifts))
-
-    def __getattr__(self, name: str) -> Any:
-        value = getattr(self._own, name)
-        return value.copy() if isinstance(value, np.ndarray) else value
-
-
-def test_a_robot_without_pinocchios_memory_has_its_tasks_called():
-    robot = Foreign(Planar4P())
-    stack = Stack([Position("end_effector", target=[0.5, 0.2], axes="xy"), Posture(robot.q0, weight=1e-2)])
-    q, v = np.array([0.1, -0.2, 0.3, 0.1]), np.array([0.3, 0.1, -0.2, 0.4])
-    controller = Controller(robot, stack, level=InverseDynamics())
-    controller.tick(0.0, 2.0 * q, v)
-    command, state = controller.tick(1e-3, q, v), robot.state()
-    state.update(1e-3, q, v)
-    np.testing.assert_allclose(command.tau, state.M @ command.a + state.h, rtol=0, atol=1e-9)
 
 
 def test_another_solver_gets_the_same_rows():

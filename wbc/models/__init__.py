@@ -10,15 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 from wbc.models.chain import Chain
 from wbc.models.loading import load
-from wbc.models.model import FrameState, Limits, Pose, RobotModel, RobotState
 
 if TYPE_CHECKING:
+    from wbc.models.limits import Limits
+    from wbc.models.model import FrameState, Pose, RobotModel, RobotState
     from wbc.models.planar_4p import Planar4P
     from wbc.models.planar_pr import PlanarPR
 
 __all__ = ["Chain", "FrameState", "Limits", "Planar4P", "PlanarPR", "Pose", "RobotModel", "RobotState", "load"]
 
-_HOME = {"Planar4P": "wbc.models.planar_4p", "PlanarPR": "wbc.models.planar_pr"}
+_HOME = {
+    "FrameState": "wbc.models.model",
+    "Limits": "wbc.models.limits",
+    "Planar4P": "wbc.models.planar_4p",
+    "PlanarPR": "wbc.models.planar_pr",
+    "Pose": "wbc.models.model",
+    "RobotModel": "wbc.models.model",
+    "RobotState": "wbc.models.model",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.errors import InvalidInput, ModelError
 from wbc.models.geometry import Box, Cylinder, Mesh, Shape, Sphere
-from wbc.models.pinocchio_state import Shared
+from wbc.models.views import Shared
 from wbc.types import Mat
 
 #: The largest mesh file that is read [bytes].

@@ -20,7 +20,6 @@ from wbc.models.coal_ import coal_shape, memory_of
 from wbc.models.geometry import Geometry, Shape
 from wbc.models.model import RobotModel, RobotState
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.models.pinocchio_state import PinocchioState
 from wbc.models.separation import always_apart
 from wbc.types import Index, Vec
 
@@ -286,7 +285,6 @@ class Distances:
     # ---- the tick
     def read(self, state: RobotState) -> None:
         """Measure the pairs of this state."""
-        assert isinstance(state, PinocchioState)
         J = state.joint_columns  # and with them the placements of the joints
         near = self._near
         pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, near.data)
@@ -360,7 +358,7 @@ class Distances:
                     rates[row] += sign * float(line[1:4] @ velocity)
         return rates
 
-    def _drifts(self, lines: Index, d: Vec, speed: Vec, state: PinocchioState) -> Vec:
+    def _drifts(self, lines: Index, d: Vec, speed: Vec, state: RobotState) -> Vec:
         """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
         model, geometry, beside = self.model.pinocchio, self._geometry, self._near.beside
         there = []
@@ -380,7 +378,7 @@ class Distances:
         drift[np.abs(drift) > _MOST_CURVATURE * self._speed_squared(state)] = 0.0
         return drift
 
-    def _speed_squared(self, state: PinocchioState) -> float:
+    def _speed_squared(self, state: RobotState) -> float:
         """The largest entry of v, and of a velocity of each moving obstacle, squared."""
         speed = float(np.abs(state.v).max())
         for obstacle, _ in self._moving.values():

@@ -1,35 +1,37 @@
-"""Interfaces of a robot: RobotModel (names, sizes, limits), RobotState (one instant), FrameState (a frame in it).
+"""A robot (RobotModel), one instant of it (RobotState) and a frame in that (FrameState), through Pinocchio.
 
-Nothing here knows any rigid-body library; :mod:`wbc.models.pinocchio_` and the planar robots implement it.
+Everything in a ``pinocchio.Data`` is a live view: it is taken once and follows the computation. What an ``update``
+calls is learnt: a quantity that is read for the first time is added to the calls of this and of every later update,
+so that a velocity controller never computes an inertia matrix.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from functools import cache
-from inspect import get_annotations
-from typing import TYPE_CHECKING, Any, Protocol, final
+import copy
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
+from types import SimpleNamespace
+from typing import Any, Protocol, Self, final
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.blas import dcopy, dgemv
 
-from wbc.errors import UnknownAttribute, UnknownFrame, UnknownJoint
+from wbc import checks
+from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
+from wbc.models.limits import Limits, finite_interval
+from wbc.models.views import JointMemory, Known, frozen, matrix, view
 from wbc.types import Mat, Vec
 
+_LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
-@final
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """Limits of each joint, (nj,) each: position [rad, m], speed [rad/s, m/s], torque [N m, N]; ±inf: none.
-
-    The numbers are the model's own, even where they make no sense (a speed limit of 0 in a URDF):
-    the limit that uses them refuses them by joint name.
-    """
-
-    q_min: Vec
-    q_max: Vec
-    v_max: Vec
-    tau_max: Vec
+#: What a state without drifts says of them.
+_NO_DRIFT = np.full(6, np.nan)
+_NO_DRIFT.flags.writeable = False
+_NO_MOTION = SimpleNamespace(vector=_NO_DRIFT, linear=_NO_DRIFT[:3], angular=_NO_DRIFT[3:])
+#: Frames that Pinocchio adds and no description has.
+_INTERNAL = {"universe", "root_joint"}
 
 
 class Pose(Protocol):
@@ -41,151 +43,12 @@ class Pose(Protocol):
     def translation(self) -> Any: ...
 
 
-class FrameState(ABC):
-    """One frame of a state. Arrays are views that follow the state: copy what you keep.
-
-    Jacobians are (6, nv), linear rows first, at the frame's origin. ``jacobian`` and ``drift`` are
-    in world axes, so that ``jacobian() @ v`` is the velocity of the origin and the angular velocity
-    and ``jacobian() @ a + drift()`` their time derivatives (classical acceleration). The ``local``
-    ones are in the frame's own axes and spatial: the derivative of the body twist.
-    """
-
-    name: str
-    placement: Any
-    position: Vec
-    rotation: Mat
-
-    @abstractmethod
-    def jacobian(self) -> Mat:
-        """(6, nv), world axes."""
-
-    @abstractmethod
-    def drift(self) -> Vec:
-        """(6,) J̇ v, world axes, classical."""
-
-    def linear_drift(self) -> Vec:
-        """(3,) the acceleration of the origin when a = 0: the first half of ``drift``."""
-        return self.drift()[:3]
-
-    def angular_drift(self) -> Vec:
-        """(3,) the angular acceleration when a = 0: the second half of ``drift``."""
-        return self.drift()[3:]
-
-    @abstractmethod
-    def jacobian_local(self) -> Mat:
-        """(6, nv), the frame's axes."""
-
-    @abstractmethod
-    def drift_local(self) -> Vec:
-        """(6,) J̇ v, the frame's axes, spatial."""
-
-
-@cache
-def _attributes(kind: type[Any]) -> frozenset[str]:
-    """What objects of a class have."""
-    return frozenset(dir(kind)).union(*(get_annotations(base) for base in kind.__mro__))
-
-
-class _Known:
-    """What has the attributes that its class declares, and no others."""
-
-    if not TYPE_CHECKING:  # else any attribute could be assigned
-
-        def __setattr__(self, name: str, value: Any) -> None:
-            if name[0] != "_" and name not in _attributes(type(self)):
-                known = [one for one in _attributes(type(self)) if one[0] != "_"]
-                raise UnknownAttribute(name, known, f"a {type(self).__name__} has none")
-            object.__setattr__(self, name, value)
-
-
-class RobotState(_Known, ABC):
-    """A moment of a robot: everything read from it is consistent with (t, q, v).
-
-    M a + h = Sᵀ τ + Jᵀ f. Arrays are read-only views that the next ``update`` overwrites. Quantities
-    that nobody reads are not computed.
-    """
-
-    model: RobotModel
-    #: False where nobody needs drifts (velocities are decided): they may be NaN then, and a task may leave them out.
-    drifts: bool = True
-    t: float
-    q: Vec
-    v: Vec
-    q_joints: Vec
-    v_joints: Vec
-
-    @abstractmethod
-    def update(self, t: float, q: Vec, v: Vec) -> None:
-        """Move to time t [s], configuration q (nq,), velocity v (nv,)."""
-
-    @abstractmethod
-    def frame(self, name: str) -> FrameState:
-        """The frame called ``name`` in this state; cheap after the first call.
-
-        Raises:
-            UnknownFrame: with the names that are near.
-        """
-
-    def pose(self, name: str) -> Any:
-        """Where the frame called ``name`` is in this state; no view, so that later updates need not compute it.
-
-        Raises:
-            UnknownFrame: with the names that are near.
-        """
-        return self.frame(name).placement
-
-    @property
-    @abstractmethod
-    def M(self) -> Mat:
-        """Inertia matrix (nv, nv) [kg, kg m²]."""
-
-    @property
-    @abstractmethod
-    def h(self) -> Vec:
-        """Bias C v + g (nv,) [N, N m]."""
-
-    @property
-    @abstractmethod
-    def g(self) -> Vec:
-        """Gravity torques (nv,) [N, N m]."""
-
-    @property
-    @abstractmethod
-    def coriolis(self) -> Mat:
-        """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ: p = M v changes by ṗ = Sᵀ τ + Jᵀ f + Cᵀ v − g."""
-
-    @property
-    @abstractmethod
-    def com(self) -> Vec:
-        """Centre of mass in the world (3,) [m]."""
-
-    @property
-    @abstractmethod
-    def com_jacobian(self) -> Mat:
-        """Jacobian of the centre of mass (3, nv)."""
-
-    @property
-    @abstractmethod
-    def com_drift(self) -> Vec:
-        """Acceleration of the centre of mass when a = 0 (3,) [m/s²]."""
-
-    @property
-    @abstractmethod
-    def centroidal_map(self) -> Mat:
-        """A_G (6, nv): A_G v is the linear momentum [kg m/s], then the angular momentum about the centre of mass
-        [kg m²/s], world axes. Source: Orin, Goswami, Lee, Autonomous Robots 2013."""
-
-    @property
-    @abstractmethod
-    def centroidal_drift(self) -> Vec:
-        """Ȧ_G v (6,) [N, N m]: the rate of that momentum when a = 0."""
-
-
-class RobotModel(_Known, ABC):
+class RobotModel(Known):
     """A robot: names, sizes, limits, and the integrator of its configuration space.
 
-    ``nb`` floating-base velocities (0 or 6), ``nj`` joints; ``q0`` is the reference configuration
-    (a stance where the robot has one); ``mass`` in kg; ``gravity`` (3,) [m/s²], world.
+    ``nb`` floating-base velocities (0 or 6), ``nj`` joints of one position each; ``q0`` is the reference configuration
+    (a stance where the robot has one); ``mass`` in kg; ``gravity`` (3,) [m/s²], world; ``pinocchio``, the model of that
+    library (to be read only: states keep copies), and ``frames``, the index of each frame in it.
     """
 
     name: str
@@ -200,27 +63,70 @@ class RobotModel(_Known, ABC):
     mass: float
     gravity: Vec
     q0: Vec
+    pinocchio: Any
+    frames: Mapping[str, int]
 
-    @property
-    def weightless(self) -> str:
-        """What can move, or one of several that can move together, while nothing of any mass does; "" for nothing."""
-        return ""
+    def _take(self, model: Any, nb: int) -> None:
+        """What the model says: sizes, names, mass, gravity."""
+        self.pinocchio = model
+        self.nq, self.nv, self.nb, self.nj = model.nq, model.nv, nb, model.nv - nb
+        self.joint_names = tuple(model.names)[-self.nj :]
+        self.mass = float(pin.computeTotalMass(model))
+        self.gravity = frozen(model.gravity.linear.copy())
+        self.frames = _frames(model)
+        self.frame_names = tuple(self.frames)
+        self.q0 = frozen(pin.neutral(model))
 
-    @abstractmethod
     def state(self, *, drifts: bool = True) -> RobotState:
-        """A new state at q0, at rest. Without ``drifts`` it may leave them NaN: a velocity is decided without them."""
+        """A new state at q0, at rest; without ``drifts`` those of frames and of the centre of mass are NaN."""
+        return RobotState(self, drifts=drifts)
 
-    @abstractmethod
     def integrate(self, q: Vec, dq: Vec) -> Vec:
         """q ⊕ dq: the configuration reached by the tangent step dq (nv,)."""
+        return np.asarray(pin.integrate(self.pinocchio, q, dq), dtype=np.float64)
 
-    @abstractmethod
     def difference(self, q_from: Vec, q_to: Vec) -> Vec:
         """The step (nv,) with q_from ⊕ step = q_to."""
+        return np.asarray(pin.difference(self.pinocchio, q_from, q_to), dtype=np.float64)
 
-    @abstractmethod
+    @cached_property
+    def weightless(self) -> str:
+        """What can move, or one of several that can move together, while nothing of any mass does; "" for nothing."""
+        M = self.state().M
+        scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
+        values, directions = np.linalg.eigh(M / np.outer(scale, scale))
+        if values[0] > 1e-10:
+            return ""
+        i = int(np.abs(directions[:, 0]).argmax()) - self.nb
+        return "the base" if i < 0 else f"joint {self.joint_names[i]!r}"
+
     def random_configuration(self, rng: np.random.Generator) -> Vec:
-        """A configuration inside the joint limits (floating base: any orientation, position within 1 m)."""
+        """A configuration inside the joint limits (±π or ±1 m where there are none); floating base: any orientation,
+        position within 1 m."""
+        low, high = finite_interval(self.limits, np.array([np.pi if u == "rad" else 1.0 for u in self.joint_units]))
+        q = np.concatenate([np.zeros(self.nq - self.nj), rng.uniform(low, high)])
+        if self.nb:
+            quaternion = rng.normal(size=4)
+            q[:3] = rng.uniform(-1.0, 1.0, 3) / 3**0.5
+            q[3:7] = quaternion / np.linalg.norm(quaternion)
+        return q
+
+    def replace(self, *, q0: ArrayLike | None = None, limits: Limits | None = None) -> Self:
+        """The same robot with another reference configuration (nq,) or other limits.
+
+        Raises:
+            InvalidInput: a wrong size, NaN in ``q0``.
+        """
+        other = copy.copy(self)
+        if q0 is not None:
+            other.q0 = frozen(checks.array("q0", q0, (self.nq,)))
+            other.__dict__.pop("weightless", None)
+        if limits is not None:
+            given = ((key, getattr(limits, key)) for key in ("q_min", "q_max", "v_max", "tau_max"))
+            other.limits = Limits(
+                *(frozen(checks.array(f"limits.{key}", value, (self.nj,), finite=False)) for key, value in given)
+            )
+        return other
 
     def joint(self, name: str) -> int:
         """Index of a joint in (nj,) arrays.
@@ -241,3 +147,352 @@ class RobotModel(_Known, ABC):
         """
         if name not in self.frame_names:
             raise UnknownFrame(name, self.frame_names)
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self  # a value: all parts of a program may share it
+
+
+@final
+class RobotState(Known):
+    """A moment of a robot: everything read from it is consistent with (t, q, v). For one thread at a time.
+
+    M a + h = Sᵀ τ + Jᵀ f. Arrays are read-only views that the next ``update`` overwrites. Quantities that nobody reads
+    are not computed: ``calls`` says what an update computes. Without ``drifts`` those are NaN: where velocities are
+    decided nobody needs them. A copy or a pickle is a new state at the same (t, q, v), with memory of its own.
+
+    Example:
+        >>> from wbc.models import load
+        >>> state = load("arm").state()
+        >>> J = state.frame("tool").jacobian()
+        >>> state.calls
+        ('computeJointJacobians', 'updateFramePlacement[tool]')
+    """
+
+    model: RobotModel
+    drifts: bool
+    t: float
+    q: Vec
+    v: Vec
+    q_joints: Vec
+    v_joints: Vec
+
+    def __init__(self, model: RobotModel, *, drifts: bool = True) -> None:
+        self.model = model
+        self.drifts = drifts
+        self.t = 0.0
+        self._q, self._v = np.array(model.q0), np.zeros(model.nv)
+        self._q_shape, self._v_shape = self._q.shape, self._v.shape
+        self.q, self.v = view(self._q, self._q), view(self._v, self._v)
+        self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
+        self._zero, self._gravity = np.zeros(model.nv), np.concatenate([model.gravity, np.zeros(3)])
+        self._data = model.pinocchio.createData()
+        self._needs: set[str] = set()
+        self._frames: dict[str, FrameState] = {}
+        self._calls: list[Callable[[], object]] = []
+
+    @property
+    def calls(self) -> tuple[str, ...]:
+        """What an update computes, by the names of Pinocchio's functions: what has been read so far needs it.
+
+        Beside them "gravity" completes h, and "accelerations" takes those at a = 0 from what nonLinearEffects found.
+        """
+        return tuple(name for name, _ in self._plan())
+
+    def update(self, t: float, q: Vec, v: Vec) -> None:
+        """Move to time t [s], configuration q (nq,), velocity v (nv,).
+
+        Raises:
+            InvalidInput: q or v has another shape; the state stays as it was.
+        """
+        # Assignment would stretch a scalar. Attributes, not np.shape: this runs every tick.
+        try:
+            fits = q.shape == self._q_shape and v.shape == self._v_shape
+        except AttributeError:
+            fits = False
+        if not fits:
+            self._refuse(q, v)
+        self.__dict__["t"] = t  # no assignment: this runs every tick
+        dcopy(q, self._q)
+        dcopy(v, self._v)
+        for call in self._calls:
+            call()
+
+    def frame(self, name: str) -> FrameState:
+        """The frame called ``name`` in this state; cheap after the first call.
+
+        Raises:
+            UnknownFrame: with the names that are near.
+        """
+        try:
+            return self._frames[name]
+        except KeyError:
+            pass
+        self._frames[name] = found = FrameState(self, name)
+        self._learn("kinematics")
+        return found
+
+    def pose(self, name: str) -> Any:
+        """Where the frame called ``name`` is in this state; no view, so that later updates need not compute it.
+
+        Raises:
+            UnknownFrame: with the names that are near.
+        """
+        joint, placement = self._carrier(name)
+        return self._data.oMi[joint] * placement
+
+    @property
+    def data(self) -> Any:
+        """The ``pinocchio.Data``; what is in it depends on what has been read from the state."""
+        return self._data
+
+    @cached_property
+    def joint_columns(self) -> Mat:
+        """Spatial velocity (6, nv) about the world's origin that each velocity gives what its joint moves; with it the
+        joints are placed, ``data.oMi``."""
+        return self._learnt("kinematics", self._data.J, 6, self.model.nv)
+
+    @cached_property
+    def M(self) -> Mat:
+        """Inertia matrix (nv, nv) [kg, kg m²]."""
+        return self._learnt("M", self._data.M, self.model.nv, self.model.nv)
+
+    @cached_property
+    def h(self) -> Vec:
+        """Bias C v + g (nv,) [N, N m]."""
+        return self._learnt("h", self._data.nle, self.model.nv)
+
+    @cached_property
+    def g(self) -> Vec:
+        """Gravity torques (nv,) [N, N m]."""
+        return self._learnt("g", self._data.g, self.model.nv)
+
+    @cached_property
+    def coriolis(self) -> Mat:
+        """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ: p = M v changes by ṗ = Sᵀ τ + Jᵀ f + Cᵀ v − g."""
+        return self._learnt("coriolis", self._data.C, self.model.nv, self.model.nv)
+
+    @cached_property
+    def com(self) -> Vec:
+        """Centre of mass in the world (3,) [m]."""
+        return self._learnt("com", self._data.com[0])
+
+    @cached_property
+    def com_jacobian(self) -> Mat:
+        """Jacobian of the centre of mass (3, nv)."""
+        return self._learnt("com", self._data.Jcom, 3, self.model.nv)
+
+    @cached_property
+    def com_drift(self) -> Vec:
+        """Acceleration of the centre of mass when a = 0 (3,) [m/s²]."""
+        if not self.drifts:
+            return _NO_DRIFT[:3]
+        return self._learnt("com_drift", self._data.acom[0])
+
+    @cached_property
+    def centroidal_map(self) -> Mat:
+        """A_G (6, nv): A_G v is the linear momentum [kg m/s], then the angular momentum about the centre of mass
+        [kg m²/s], world axes. Source: Orin, Goswami, Lee, Autonomous Robots 2013."""
+        return self._learnt("centroidal_map", self._data.Ag, 6, self.model.nv)
+
+    @cached_property
+    def centroidal_drift(self) -> Vec:
+        """Ȧ_G v (6,) [N, N m]: the rate of the centroidal momentum when a = 0."""
+        if not self.drifts:
+            return _NO_DRIFT
+        return self._learnt("centroidal_drift", self._data.dhg.vector)
+
+    def joint_memory(self, frame: str) -> JointMemory:
+        """The memory of the joint that carries a frame, for compiled code."""
+        joint, placement = self._carrier(frame)
+        if self.drifts and "drift" not in self._needs:
+            self._learn("drift")
+        model, data = self.model.pinocchio, self._data
+        columns = [
+            column
+            for carrier in model.supports[joint]
+            for column in range(model.joints[carrier].idx_v, model.joints[carrier].idx_v + model.joints[carrier].nv)
+            if carrier
+        ]
+        where = data.oMi[joint]
+        arrays = (where.rotation, where.translation, data.v[joint].np, data.a[joint].np)
+        place = np.concatenate([placement.rotation.ravel(), placement.translation])
+        return JointMemory(place, columns, arrays, (data, where))
+
+    def _learnt(self, need: str, array: NDArray[np.float64], *shape: int) -> NDArray[np.float64]:
+        """A view of what is computed from now on."""
+        self._learn(need)
+        return view(array, self._data, *shape)
+
+    @cached_property
+    def _weightless(self) -> Any:
+        """The robot without gravity. What holds it at a = 0 gives C v, by the accelerations that are the drifts: one
+        pass for both. Gravity is then added by the map of the linear momentum, h = C v − A_Gᵀ [γ, 0]."""
+        model = self.model.pinocchio.copy()
+        model.gravity = pin.Motion.Zero()
+        return model
+
+    @cached_property
+    def _add_gravity(self) -> Callable[[], object]:
+        momentum_map = self._data.Ag.reshape(6, -1)
+        return partial(dgemv, -1.0, momentum_map, self._gravity, 1.0, self._data.nle, 0, 1, 0, 1, 1, 1)
+
+    def _carrier(self, frame: str) -> tuple[int, Any]:
+        """The joint that carries a frame, placed from now on, and where the frame is in it."""
+        self.model.check_frame(frame)
+        if "kinematics" not in self._needs:
+            self._learn("kinematics")
+        found = self.model.pinocchio.frames[self.model.frames[frame]]
+        return found.parentJoint, found.placement
+
+    def _learn(self, need: str) -> None:
+        """Compute one thing more, now and in every later update.
+
+        All calls run again, in their fixed order: functions share memory (several write the centre of mass), and so
+        the bits that a state gives do not depend on the order in which it is read.
+        """
+        self._needs.add(need)
+        self._calls = [call for _, call in self._plan()]
+        for call in self._calls:
+            call()
+
+    def _plan(self) -> list[tuple[str, Callable[[], object]]]:
+        """The cheapest calls that give what is needed, by name."""
+        model, data, q, v, zero = self.model.pinocchio, self._data, self._q, self._v, self._zero
+        needs = self._needs
+        plan: list[tuple[str, Callable[[], object]]] = []
+
+        def add(name: str, *arguments: object, of: Any = model) -> None:
+            plan.append((name, partial(getattr(pin, name), of, data, *arguments)))
+
+        placed = with_jacobians = False
+        if "coriolis" in needs:
+            add("computeCoriolisMatrix", q, v)
+        if "centroidal_map" in needs:
+            add("ccrba", q, v)
+        if {"M", "h"} & needs:
+            add("crba", q, pin.Convention.WORLD)  # placements, joint Jacobians and A_G come with it
+            placed = with_jacobians = True
+        if "h" in needs:
+            add("nonLinearEffects", q, v, of=self._weightless)
+            plan.append(("gravity", self._add_gravity))
+        if {"drift", "com_drift", "centroidal_drift"} & needs:
+            if "h" in needs:
+                plan.append(("accelerations", partial(setattr, data, "a", data.a_gf)))
+            else:
+                add("forwardKinematics", q, v, zero)
+            placed = True
+        if "com_drift" in needs:
+            add("centerOfMass", pin.KinematicLevel.ACCELERATION, False)
+        if "centroidal_drift" in needs:
+            add("computeCentroidalMomentumTimeVariation")
+        if "com" in needs:
+            add("jacobianCenterOfMass", *(() if placed else (q,)), False)
+        elif "kinematics" in needs and not with_jacobians:
+            add("computeJointJacobians", *(() if placed else (q,)))
+        if "g" in needs:
+            add("computeGeneralizedGravity", q)
+        for name in self._frames:
+            add("updateFramePlacement", self.model.frames[name])
+            plan[-1] = (f"updateFramePlacement[{name}]", plan[-1][1])
+        return plan
+
+    def _refuse(self, q: object, v: object) -> None:
+        for name, value, own in (("q", q, self._q), ("v", v, self._v)):
+            if not isinstance(value, np.ndarray):
+                raise InvalidInput(f"{name} must be an array, not {type(value).__name__}")
+            if value.shape != own.shape:
+                raise InvalidInput(f"{name} must have shape {own.shape}, not {value.shape}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Views belong to one Data: a copy makes its own.
+        return _restore, (self.model, self.t, np.array(self._q), np.array(self._v), self.drifts)
+
+    def __repr__(self) -> str:
+        return f"{self.model.name} at t = {self.t:g} s"
+
+
+@final
+class FrameState:
+    """One frame of a state. Arrays are views that follow the state: copy what you keep.
+
+    Jacobians are (6, nv), linear rows first, at the frame's origin. ``jacobian`` and ``drift`` are in world axes, so
+    that ``jacobian() @ v`` is the velocity of the origin and the angular velocity and ``jacobian() @ a + drift()``
+    their time derivatives (classical acceleration). The ``local`` ones are in the frame's own axes and spatial: the
+    derivative of the body twist.
+    """
+
+    def __init__(self, state: RobotState, name: str) -> None:
+        state.model.check_frame(name)
+        index = state.model.frames[name]
+        model, data = state.model.pinocchio, state._data
+        self.name = name
+        self._state, self._index = state, index
+        self.placement = data.oMf[index]
+        self.position = view(self.placement.translation, data)
+        self.rotation = view(self.placement.rotation, data)
+        columns = state.model.nv
+        self._jacobian = matrix(partial(pin.getFrameJacobian, model, data, index, _WORLD_AXES), columns)
+        self._jacobian_local = matrix(partial(pin.getFrameJacobian, model, data, index, _LOCAL), columns)
+
+    def jacobian(self) -> Mat:
+        """(6, nv), world axes."""
+        return self._jacobian()
+
+    def drift(self) -> Vec:
+        """(6,) J̇ v, world axes, classical."""
+        return self._classical().vector  # type: ignore[no-any-return]
+
+    def linear_drift(self) -> Vec:
+        """(3,) the acceleration of the origin when a = 0."""
+        return self._classical().linear  # type: ignore[no-any-return]
+
+    def angular_drift(self) -> Vec:
+        """(3,) the angular acceleration when a = 0."""
+        return self._classical().angular  # type: ignore[no-any-return]
+
+    def jacobian_local(self) -> Mat:
+        """(6, nv), the frame's axes."""
+        return self._jacobian_local()
+
+    def drift_local(self) -> Vec:
+        """(6,) J̇ v, the frame's axes, spatial."""
+        return self._spatial().vector  # type: ignore[no-any-return]
+
+    @cached_property
+    def _classical(self) -> Callable[[], Any]:
+        return self._drifting(pin.getFrameClassicalAcceleration, _WORLD_AXES)
+
+    @cached_property
+    def _spatial(self) -> Callable[[], Any]:
+        return self._drifting(pin.getFrameAcceleration, _LOCAL)
+
+    def _drifting(self, acceleration: Callable[..., Any], axes: Any) -> Callable[[], Any]:
+        """An acceleration of the frame: with a = 0 in the kinematics, which the state learns to compute, the drift."""
+        state = self._state
+        if not state.drifts:
+            return lambda: _NO_MOTION
+        state._learn("drift")
+        return partial(acceleration, state.model.pinocchio, state._data, self._index, axes)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return RobotState.frame, (self._state, self.name)
+
+    def __repr__(self) -> str:
+        return f"{self.name} of {self._state!r}"
+
+
+def _restore(model: RobotModel, t: float, q: Vec, v: Vec, drifts: bool) -> RobotState:
+    state = RobotState(model, drifts=drifts)
+    state.update(t, q, v)
+    return state
+
+
+def _frames(model: Any) -> dict[str, int]:
+    """Index of each frame by name: links, then joints that no link is called like."""
+    found: dict[str, int] = {}
+    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
+    for kind in kinds:
+        for index, frame in enumerate(model.frames):
+            if frame.type == kind and frame.name not in _INTERNAL:
+                found.setdefault(frame.name, index)
+    return found

@@ -1,4 +1,4 @@
-"""Robots through Pinocchio: what does not change. Their moments are in :mod:`wbc.models.pinocchio_state`."""
+"""Robots through Pinocchio: what does not change. Their moments are in :mod:`wbc.models.model`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from wbc import checks
 from wbc.errors import ModelError
 from wbc.models.feet import Foot
 from wbc.models.geometry import Geometry
-from wbc.models.model import Limits
-from wbc.models.pinocchio_state import PinocchioRobot, finite_interval, frozen
+from wbc.models.limits import Limits, finite_interval
+from wbc.models.model import RobotModel
 from wbc.models.urdf import Joint, Urdf
+from wbc.models.views import frozen
 from wbc.types import Vec
 
 Base = Literal["fixed", "floating", "planar"]
@@ -24,7 +25,7 @@ BASES = ("fixed", "floating", "planar")
 
 
 @final
-class PinocchioModel(PinocchioRobot):
+class PinocchioModel(RobotModel):
     """A robot from a URDF or MJCF file. Made by :func:`wbc.models.load`; it does not change once made.
 
     Beside what every :class:`~wbc.models.model.RobotModel` has: ``base`` "fixed", "floating" or "planar"; ``urdf``, the

@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.chain import Chain
-from wbc.models.model import Limits
-from wbc.models.pinocchio_state import PinocchioRobot, PinocchioState, frozen
+from wbc.models.limits import Limits
+from wbc.models.model import RobotModel, RobotState
+from wbc.models.views import frozen
 from wbc.types import Mat, Vec
 
 _JOINTS = {"R": pin.JointModelRZ, "Px": pin.JointModelPX, "Py": pin.JointModelPY}
@@ -34,7 +35,7 @@ class JointLimits(TypedDict, total=False):
     tau_max: ArrayLike
 
 
-class PlanarRobot(PinocchioRobot):
+class PlanarRobot(RobotModel):
     """A planar chain on a fixed base. All motion is in the world's x-y plane, z = 0; gravity is along −y.
 
         M(q) q̈ + c(q, q̇) + g(q) = τ        c = S(q, q̇) q̇,  Ṁ − 2S skew-symmetric
@@ -167,7 +168,7 @@ class PlanarRobot(PinocchioRobot):
         if self.weightless:
             raise InvalidInput(f"the inertia matrix of {self.name} is singular: {self.weightless} moves no inertia")
 
-    def _at(self, q: ArrayLike, v: ArrayLike | None = None) -> PinocchioState:
+    def _at(self, q: ArrayLike, v: ArrayLike | None = None) -> RobotState:
         state = self.state()
         state.update(0.0, self.vector("q", q), state.v if v is None else self.vector("v", v))
         return state

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.models.model import RobotModel
 from wbc.types import Vec
 
 if TYPE_CHECKING:
+    from wbc.models.model import RobotModel
     from wbc.models.pinocchio_ import PinocchioModel
 
 #: By how much of the largest principal moment it may exceed the sum of the others: files round to two or three digits.

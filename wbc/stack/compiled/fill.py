@@ -8,7 +8,6 @@ from typing import Any, final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.models.pinocchio_state import PinocchioState
 from wbc.stack.block import Block
 from wbc.stack.compiled.row_memory import KernelItems
 from wbc.stack.filled import Filled
@@ -22,8 +21,7 @@ class CompiledFill:
 
     Blocks whose members say their rows by a kernel are asked once, here; all others are called in every tick: those of
     motion rows here, ``others``, when all these are written, by the plan. ``failed`` is told which of them raised, and
-    what. A robot that is not Pinocchio's has no memory to read rows from: its members are all called, and the rest is
-    compiled.
+    what.
 
     ``is_complete`` is false where a member raised here: then it is called, which says why, until it is asked again.
     """
@@ -33,7 +31,7 @@ class CompiledFill:
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
         self._applied, self._binding, self._motion = plan.applied, plan.binding, motion
         self._inertia: Mat | None = None
-        own_memory, second = isinstance(state, PinocchioState), plan.level.order == 2
+        second = plan.level.order == 2
         self._now, self._version = np.zeros(1), -1
         self._tasks, self._others = (KernelItems(state, self._now, second=second, failed=failed) for _ in range(2))
         #: Those of the two with targets that users write.
@@ -42,7 +40,7 @@ class CompiledFill:
 
         def takes(items: KernelItems, block: Block) -> bool:
             """Whether compiled code writes the rows of a block."""
-            if not own_memory or kernel_rows_of(block.says) is None:
+            if kernel_rows_of(block.says) is None:
                 return False
             try:
                 items.add(block)
@@ -61,15 +59,12 @@ class CompiledFill:
         )  # fmt: skip
         scale = p.scale[model.nv : model.nv + layout.nf]
         self._more_inertia = np.zeros((model.nv, model.nv))
-        read = [state.v, state.q_joints, *([state.M, state.h] if dynamics else [])]
-        #: Of a robot that may answer with new arrays each time: what is read of it, and where the kernel finds it.
-        self._copies = [] if own_memory else [np.array(value) for value in read]
-        v, q_joints, *of_dynamics = self._copies or read
-        of_dynamics = [*of_dynamics, plan.extra_bias, scale, self._more_inertia] if dynamics else [v] * 5
+        v = state.v
+        of_dynamics = [state.M, state.h, plan.extra_bias, scale, self._more_inertia] if dynamics else [v] * 5
         intervals = () if plan.intervals is None else plan.intervals.memory
         self._memory = Memory(
-            self._sizes, p.G, motion.numbers, plan.shares, p.centre, v, *of_dynamics, *plan.joint_bound_rows, q_joints,
-            *intervals,
+            self._sizes, p.G, motion.numbers, plan.shares, p.centre, v, *of_dynamics, *plan.joint_bound_rows,
+            state.q_joints, *intervals,
         )  # fmt: skip
         #: For the kernel that fills.
         self.address = self._memory.address
@@ -97,10 +92,6 @@ class CompiledFill:
         else:
             for items in self._moving:
                 items.follow(t)
-        if self._copies:
-            dynamics = (state.M, state.h) if len(self._copies) > 2 else ()
-            for copy, value in zip(self._copies, (state.v, state.q_joints, *dynamics), strict=True):
-                copy[:] = value
         if self._applied.inertia is not self._inertia:
             self._inertia = more = self._applied.inertia
             self._sizes[12] = more is not None

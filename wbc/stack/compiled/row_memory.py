@@ -11,7 +11,7 @@ import numpy as np
 from wbc.compiled import Memory, callee
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
-from wbc.models.pinocchio_state import JointMemory, PinocchioState
+from wbc.models.views import JointMemory
 from wbc.stack.block import Block
 from wbc.stack.compiled import row_kernel
 from wbc.stack.contact import Anchor
@@ -67,7 +67,7 @@ class KernelItems:
     """The members of a plan whose rows kernels write from one state of Pinocchio: all of them in one call."""
 
     def __init__(
-        self, state: PinocchioState, now: Vec, *, second: bool, failed: Callable[[str, Exception], None]
+        self, state: RobotState, now: Vec, *, second: bool, failed: Callable[[str, Exception], None]
     ) -> None:  # fmt: skip
         self._state, self._now, self._second, self._failed = state, now, second, failed
         self._items: list[tuple[Block, _Item]] = []
@@ -146,7 +146,6 @@ class _Item:
         self.C, self.bent = np.zeros((dim, 6 * n)) if A is None else A, np.zeros(dim)
         things, owners = np.zeros((n, row_kernel.THING + model.nv), dtype=np.int64), []
         if second is not None:
-            assert isinstance(state, PinocchioState)
             owners = [_placed(things[k], placements[k], thing, state) for k, thing in enumerate(said.of)]
         J: Mat | None = getattr(rows, "J", None)
         if J is not None and said.of and second is not None:
@@ -166,7 +165,7 @@ class _Item:
         self._kept = owners, anchor
 
 
-def _placed(thing: Any, placement: Vec, name: str, state: PinocchioState) -> Any:
+def _placed(thing: Any, placement: Vec, name: str, state: RobotState) -> Any:
     """Write where compiled code finds a thing; what owns that memory."""
     columns, zero = list(range(state.model.nv)), np.zeros(1)
     data = state.data

@@ -1,0 +1,33 @@
+"""Limits: what the joints of a robot can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from wbc.types import Vec
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits of each joint, (nj,) each: position [rad, m], speed [rad/s, m/s], torque [N m, N]; ±inf: none.
+
+    The numbers are the model's own, even where they make no sense (a speed limit of 0 in a URDF):
+    the limit that uses them refuses them by joint name.
+    """
+
+    q_min: Vec
+    q_max: Vec
+    v_max: Vec
+    tau_max: Vec
+
+
+def finite_interval(limits: Limits, span: Vec) -> tuple[Vec, Vec]:
+    """Position limits, up to 2 span wide where one of them is infinite; ±span where they make no sense."""
+    low, high, sane = limits.q_min, limits.q_max, limits.q_min < limits.q_max
+    low = np.where(np.isfinite(low), low, np.minimum(-span, high - 2 * span))
+    high = np.where(np.isfinite(high), high, np.maximum(span, low + 2 * span))
+    return np.where(sane, low, -span), np.where(sane, high, span)
