@@ -26,19 +26,19 @@ SAGGED = 0.5
 ERROR = 5e-3
 
 
-class Way(NamedTuple):
-    """How a robot may be driven: which state the controller decides from, what the drives are sent."""
+class DriveMode(NamedTuple):
+    """The state that the controller decides from (measured or commanded), and the drives; None for torques."""
 
     feedback: str
     drives: PositionDrives | None
 
 
 #: The first is the one that is recorded and judged.
-WAYS: Mapping[str, Way] = {
-    "commanded, with torques": Way("commanded", PositionDrives()),
-    "commanded, positions alone": Way("commanded", PositionDrives(feed_forward=False)),
-    "measured, with torques": Way("measured", PositionDrives()),
-    "torques alone": Way("measured", None),
+DRIVE_MODES: Mapping[str, DriveMode] = {
+    "commanded, with torques": DriveMode("commanded", PositionDrives()),
+    "commanded, positions alone": DriveMode("commanded", PositionDrives(feed_forward=False)),
+    "measured, with torques": DriveMode("measured", PositionDrives()),
+    "torques alone": DriveMode("measured", None),
 }
 
 
@@ -62,21 +62,21 @@ class PositionControl(Scenario):
     duration = 4.0
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        return {name: {"way": way} for name, way in WAYS.items()}
+        return {name: {"mode": mode} for name, mode in DRIVE_MODES.items()}
 
     def build(self, p: Parameters) -> Setup:
-        name, way = p["robot"], p["way"]
+        name, mode = p["robot"], p["mode"]
         if name in STANCES:
             stance = STANCES[name]
             robot = stance.robot(name)
             stack, path = standing_stack(robot, stance), sway(robot.state(), stance)
-            plant: Plant = standing_plant(robot, stance, stack.contacts, drives=way.drives)
+            plant: Plant = standing_plant(robot, stance, stack.contacts, drives=mode.drives)
         else:
             robot = wbc.load(name, base="fixed")
             stack, path = arm_reach.following(robot), arm_reach.way(robot)
-            plant = MujocoPlant(robot, drives=way.drives)
+            plant = MujocoPlant(robot, drives=mode.drives)
             plant.reset(robot.q0)
-        return Setup(stack=stack, plant=plant, feedback=way.feedback, about=path)
+        return Setup(stack=stack, plant=plant, feedback=mode.feedback, about=path)
 
     def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
         done, rms, largest = list(trials), dict[str, float](), dict[str, float]()

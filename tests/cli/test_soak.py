@@ -10,7 +10,7 @@ def test_a_soak_prints_its_figures_and_writes_them(wbc, tmp_path):
     assert answer.code == 0
     assert "arm-velocity" in answer.out and "100.000 %" in answer.out
     (row,) = json.loads((tmp_path / "rows.json").read_text())
-    assert row["ok"] and row["ticks"] == 600 and row["rungs"] == {"solved": 600} and not row["exceptions"]
+    assert row["ok"] and row["ticks"] == 600 and row["fallback_levels"] == {"solved": 600} and not row["exceptions"]
 
 
 def test_the_same_seed_gives_the_same_bits(wbc, tmp_path):

@@ -86,7 +86,7 @@ def walk(robot: RobotModel, controller: wbc.Controller, q: Vec, v: Vec, ticks: i
         command = controller.tick(k * dt, q, v)
         a = pinocchio.aba(robot.pinocchio, data, q, v, np.array(command.tau))
         q, v = q + v * dt + 0.5 * a * dt**2, v + a * dt
-        kind = f"{command.status.name}/{command.rung}"
+        kind = f"{command.status.name}/{command.fallback_level}"
         excess = float(np.maximum(low - q, q - high).max())
         found["ticks"] += 1
         found[kind] += 1

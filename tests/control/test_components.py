@@ -110,7 +110,7 @@ def test_bounds_it_writes_hold_for_a_command_that_is_repeated(arm: Any) -> None:
     assert abs(control.tick(0.0, q, v).tau[2]) > 0.1
     control.stack.tasks[0].target = lambda t: np.full(3, 0.4 if t == 0.0 else np.nan)
     held = control.tick(1.0, q, v)
-    assert held.rung == "hold"
+    assert held.fallback_level == "hold"
     assert held.tau[2] == 0.0
 
 

@@ -117,21 +117,21 @@ def test_a_state_that_is_not_finite_gives_the_last_command_then_brakes(arm: Any,
     broken[2] = bad
     for k in range(2):
         held = control.tick(k * 1e-3, broken, v)
-        assert (held.status, held.rung) == (Status.INVALID_STATE, "hold")
+        assert (held.status, held.fallback_level) == (Status.INVALID_STATE, "hold")
         np.testing.assert_array_equal(held.tau, good.tau)
         np.testing.assert_array_equal(*((c.v if level.order == 1 else c.a) for c in (held, good)))
     damped = control.tick(3e-3, broken, v)
-    assert damped.rung == "damped"
+    assert damped.fallback_level == "damped"
     decided = damped.tau if level.dynamics else damped.v
     assert np.isfinite(decided).all()
     assert not damped.certificate.ok
     again = control.tick(4e-3, q, v)
-    assert (again.status, again.rung) == (Status.SOLVED, "solved")
+    assert (again.status, again.fallback_level) == (Status.SOLVED, "solved")
 
 
 def test_a_bad_first_state_brakes_within_the_torque_limits(arm: Any) -> None:
     command = reaching(arm).tick(0.0, np.full(7, np.nan), np.zeros(7))
-    assert command.rung == "damped"
+    assert command.fallback_level == "damped"
     assert (np.abs(command.tau) <= arm.limits.tau_max).all()
 
 
@@ -147,7 +147,7 @@ def test_a_target_that_becomes_nan_is_never_followed(arm: Any) -> None:
         good = control.tick(0.0, arm.q0, np.zeros(7))
         command = control.tick(1.0, arm.q0, np.zeros(7))
         assert not command.status.ok
-        assert command.rung == "hold"
+        assert command.fallback_level == "hold"
         decided = [c.tau if level.dynamics else c.v for c in (command, good)]
         np.testing.assert_array_equal(*decided)
         assert "Position[tool]" in control.explain(), "what is not a number is named"
@@ -157,12 +157,12 @@ def test_a_target_that_becomes_nan_is_never_followed(arm: Any) -> None:
 def test_an_infeasible_stack_is_said_and_survived(arm: Any) -> None:
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e6, name="up")
     stack = wbc.Stack([Posture(arm.q0)], subject_to=[up.exactly(), TorqueLimits(1.0)])
-    for relax, rung in ((("constraints",), "relaxed"), ((), "closed form")):
+    for relax, level in ((("constraints",), "relaxed"), ((), "closed form")):
         control = wbc.Controller(arm, stack, level=wbc.InverseDynamics(), recovery=wbc.Recovery(relax=relax))
         command = control.tick(0.0, arm.q0, np.zeros(7))
         assert command.status is Status.INFEASIBLE
-        assert command.rung == rung
-        assert command.certificate.ok == (rung == "relaxed"), "of the relaxed problem"
+        assert command.fallback_level == level
+        assert command.certificate.ok == (level == "relaxed"), "of the relaxed problem"
         assert (np.abs(command.tau) <= 1.0).all()
         text = control.explain()
         assert "infeasible" in text

@@ -124,11 +124,11 @@ def test_torque_limits_stand_above_the_interval_of_a_joint():
     )
     controller = Controller(ARM, Stack([Posture(ARM.q0)], subject_to=[everything]), level=InverseDynamics())
     command = controller.tick(0.0, q, np.zeros(ARM.nv))
-    assert (command.status, command.rung) == (Status.INFEASIBLE, "relaxed")
+    assert (command.status, command.fallback_level) == (Status.INFEASIBLE, "relaxed")
     assert np.abs(command.tau).max() <= 1.0 + 1e-8
     assert command.certificate.ok
     what = r"relaxed: JointLimits.position shoulder_pitch by [\d.]+ rad/s²"
-    assert re.match(what, controller.why) and re.match(what, controller.ladder.log[-1].why)
+    assert re.match(what, controller.why) and re.match(what, controller.fallbacks.log[-1].why)
 
 
 def test_only_levels_that_decide_torques_limit_them():

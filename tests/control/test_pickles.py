@@ -105,7 +105,11 @@ def test_a_command_is_its_values(way: str) -> None:
             same = WAYS[way](command)
             for what in ("tau", "a", "v", "q"):
                 np.testing.assert_array_equal(getattr(same, what), getattr(command, what))
-            assert (same.status, same.rung, same.certificate) == (command.status, command.rung, command.certificate)
+            assert (same.status, same.fallback_level, same.certificate) == (
+                command.status,
+                command.fallback_level,
+                command.certificate,
+            )
             assert list(same.f) == list(command.f) and repr(same) == repr(command)
             for name, wrench in command.f.items():
                 np.testing.assert_array_equal(same.f[name], wrench)

@@ -1,4 +1,4 @@
-"""A tick without an answer is answered in the same tick, within the limits, by the first rung that holds."""
+"""A tick that is not solved gets a command in the same tick, within limits: that of the first fallback level."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ def test_another_solver_answers_what_the_one_asked_for_does_not(level: Any, faul
     script.fault = fault
     command = control.tick(1e-3, ARM.q0, STILL)
     assert command.status is Status.SOLVED and command.certificate.ok
-    assert command.rung == ("solved" if fault == "late" else "other solver")
+    assert command.fallback_level == ("solved" if fault == "late" else "other solver")
     decided, before = ((c.v if level.order == 1 else c.a) for c in (command, good))
     np.testing.assert_allclose(decided, before, atol=1e-4)
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)
-def test_a_tick_without_an_answer_leaves_the_problem_as_it_was_asked(level: Any):
+def test_a_tick_without_an_answer_leaves_its_problem_as_it_was(level: Any):
     """``explain`` reads it afterwards: bounds of another state would show a conflict that there is not, or hide one."""
     control = wbc.Controller(ARM, limited(ARM, level), level=level, recovery=wbc.Recovery(hold_ticks=1))
     control.tick(0.0, ARM.q0, np.full(ARM.nv, 0.3))
     asked = control.plan.problem.lb.copy(), control.plan.problem.ub.copy()
     for k in range(1, 5):
         command = control.tick(1e-3 * k, np.full(ARM.nq, np.nan), STILL)
-    assert command.rung == "damped"
+    assert command.fallback_level == "damped"
     np.testing.assert_array_equal((control.plan.problem.lb, control.plan.problem.ub), asked)
 
 
@@ -66,18 +66,20 @@ def test_what_a_back_end_raises_is_said():
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)
-def test_rungs_follow_one_another_down_to_a_stop_and_back(level: Any):
+def test_fallback_levels_follow_one_another_down_to_a_stop_and_back(level: Any):
     control, script = sabotaged(ARM, level, other=False, recovery=wbc.Recovery(hold_ticks=3, resume_after=2))
     control.tick(0.0, ARM.q0, STILL)
     script.fault = "iterations"
-    rungs = [control.tick(1e-3 * k, ARM.q0, STILL).rung for k in range(1, 6)]
-    assert rungs == ["closed form"] * 3 + ["damped"] * 2
+    levels = [control.tick(1e-3 * k, ARM.q0, STILL).fallback_level for k in range(1, 6)]
+    assert levels == ["closed form"] * 3 + ["damped"] * 2
     script.fault = ""
-    rungs = [control.tick(1e-3 * k, ARM.q0, STILL).rung for k in range(6, 9)]
-    assert rungs == ["damped", "solved", "solved"]
-    assert [event.rung for event in control.ladder.log] == ["closed form"] * 3 + ["damped"] * 3 + ["solved"]
-    assert control.ladder.log[-1].why == "solved again after 5 failures"
-    assert control.ladder.rungs["damped"] == 3
+    levels = [control.tick(1e-3 * k, ARM.q0, STILL).fallback_level for k in range(6, 9)]
+    assert levels == ["damped", "solved", "solved"]
+    assert [event.fallback_level for event in control.fallbacks.log] == ["closed form"] * 3 + ["damped"] * 3 + [
+        "solved"
+    ]
+    assert control.fallbacks.log[-1].why == "solved again after 5 failures"
+    assert control.fallbacks.counts["damped"] == 3
 
 
 def test_a_row_that_is_not_a_number_is_held_not_solved():
@@ -85,19 +87,19 @@ def test_a_row_that_is_not_a_number_is_held_not_solved():
     stack = wbc.Stack([aim, Posture(ARM.q0, weight=1e-2)], subject_to=[JointVelocityLimits()])
     control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), recovery=wbc.Recovery(hold_ticks=1))
     control.tick(0.0, ARM.q0, STILL)
-    assert [control.tick(1.0, ARM.q0, STILL).rung for _ in range(2)] == ["hold", "damped"]
-    assert "Position[tool]" in control.ladder.log[-1].why
+    assert [control.tick(1.0, ARM.q0, STILL).fallback_level for _ in range(2)] == ["hold", "damped"]
+    assert "Position[tool]" in control.fallbacks.log[-1].why
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)
 def test_what_gives_way_is_declared(level: Any):
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, level, extra=(up,))
-    for relax, rung in ((("constraints",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
+    for relax, level in ((("constraints",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
         control = wbc.Controller(ARM, stack, level=level, recovery=wbc.Recovery(relax=relax))
         command = control.tick(0.0, ARM.q0, STILL)
-        assert (command.status, command.rung) == (Status.INFEASIBLE, rung)
-        assert command.certificate.ok == (rung == "relaxed")
+        assert (command.status, command.fallback_level) == (Status.INFEASIBLE, level)
+        assert command.certificate.ok == (level == "relaxed")
         assert excess(control, command) <= 1e-9
 
 
@@ -108,7 +110,7 @@ def test_the_three_rows_that_gave_way_most_are_named_the_largest_first(seed: int
     posture = Posture(ARM.q0 + 0.2 * (1.0 + beyond), rate=5.0).exactly()
     stack = wbc.Stack([Posture(ARM.q0, name="rest")], subject_to=[posture, JointVelocityLimits(1.0)])
     control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel())
-    assert control.tick(0.0, ARM.q0, STILL).rung == "relaxed"
+    assert control.tick(0.0, ARM.q0, STILL).fallback_level == "relaxed"
     said = [part.rsplit(" by ", 1) for part in control.why.removeprefix("relaxed: ").split(", ")]
     most = np.argsort(-beyond)[:3]
     assert [name.split()[-1] for name, _ in said] == [ARM.joint_names[i] for i in most]
@@ -130,7 +132,7 @@ def test_from_outside_joint_limits_weak_motors_do_what_they_can():
     outside = ARM.q0.copy()
     outside[1] = ARM.limits.q_max[1] + 0.2
     command = control.tick(0.0, outside, STILL)
-    assert (command.status, command.rung) == (Status.INFEASIBLE, "relaxed")
+    assert (command.status, command.fallback_level) == (Status.INFEASIBLE, "relaxed")
     assert command.certificate.ok
     assert np.abs(command.tau).max() <= 10.0
 
@@ -139,7 +141,7 @@ def test_without_limits_nothing_but_the_problem_itself_is_solved():
     up, down = (Position("tool", target=[0.5, 0.2, z], kp=1e6, name=f"to {z:g}") for z in (5.0, -5.0))
     stack = wbc.Stack([Posture(ARM.q0)], subject_to=[up.exactly(), down.exactly()])
     control = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
-    assert control.tick(0.0, ARM.q0, STILL).rung == "damped"
+    assert control.tick(0.0, ARM.q0, STILL).fallback_level == "damped"
 
 
 def real_step(level: Any, command: wbc.Command, q: Any, v: Any, dt: float) -> tuple[Any, Any]:
@@ -155,7 +157,7 @@ def real_step(level: Any, command: wbc.Command, q: Any, v: Any, dt: float) -> tu
 @pytest.mark.parametrize("level", LEVELS, ids=named)
 @pytest.mark.parametrize("fault", ["iterations", "nan state"])
 def test_failures_in_a_row_end_in_a_stop_in_time(level: Any, fault: str):
-    """At rest v_max / a_max and two ticks after the last rung above the last, limits kept on the way."""
+    """At rest v_max / a_max and two ticks after the last fallback level above the last, limits kept on the way."""
     dt, hold = 1e-3, 3
     for seed in range(4):
         rng = np.random.default_rng(seed)
@@ -171,7 +173,7 @@ def test_failures_in_a_row_end_in_a_stop_in_time(level: Any, fault: str):
             assert excess(control, command) <= 1e-9
             q, v = real_step(level, command, q, v, dt)
             assert np.abs(v).max() <= V_MAX + 1e-6
-        assert command.rung == "damped"
+        assert command.fallback_level == "damped"
         # Torques without a state follow what is expected, and drift from it: a twentieth of the speed is left.
         blind = level.dynamics and fault == "nan state"
         assert np.abs(v).max() <= (V_MAX / 20.0 if blind else 1e-6)
@@ -181,9 +183,9 @@ def test_the_budget_ends_the_search_for_other_answers():
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, wbc.VelocityLevel(), extra=(up,))
     recovery = wbc.Recovery(budget=0.0, hold_ticks=0)
-    assert wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), recovery=recovery).tick(0.0, ARM.q0, STILL).rung == (
-        "damped"
-    )
+    assert wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), recovery=recovery).tick(
+        0.0, ARM.q0, STILL
+    ).fallback_level == ("damped")
 
 
 def test_a_recovery_that_makes_no_sense_is_refused():
@@ -200,9 +202,9 @@ def test_a_robot_that_held_as_long_as_it_may_is_not_stopped_yet():
                                 recovery=wbc.Recovery(hold_ticks=2, resume_after=3))  # fmt: skip
     control.tick(0.0, ARM.q0, STILL)
     script.fault = "iterations"
-    assert [control.tick(1e-3 * k, ARM.q0, STILL).rung for k in (1, 2)] == ["closed form"] * 2
+    assert [control.tick(1e-3 * k, ARM.q0, STILL).fallback_level for k in (1, 2)] == ["closed form"] * 2
     script.fault = ""
-    assert control.tick(3e-3, ARM.q0, STILL).rung == "solved"
+    assert control.tick(3e-3, ARM.q0, STILL).fallback_level == "solved"
 
 
 @pytest.mark.parametrize("away", [0.0, 1.0])
@@ -215,7 +217,7 @@ def test_on_legs_a_closed_form_is_commanded_only_where_feet_can_carry_it(away: f
     good = control.tick(0.0, robot.q0, np.zeros(robot.nv))
     script.fault = "iterations"
     command = control.tick(1e-3, robot.q0, np.zeros(robot.nv))
-    assert good.rung == "solved" and command.rung == ("hold" if away else "closed form")
+    assert good.fallback_level == "solved" and command.fallback_level == ("hold" if away else "closed form")
     np.testing.assert_allclose(command.tau, good.tau, rtol=0, atol=1e-4)
 
 

@@ -131,7 +131,7 @@ def test_measurements_that_cannot_be_believed_bring_the_setpoint_to_rest_without
         setpoint.tick(k * DT, q, v)
         q, v = setpoint.q, setpoint.v
     assert np.abs(v).max() > 0.0
-    hold = setpoint.controller.ladder.recovery.hold_ticks
+    hold = setpoint.controller.fallbacks.recovery.hold_ticks
     lost, k = np.full(model.nq, np.nan), 30
     for _ in range(hold + 400):
         before = setpoint.q
@@ -162,7 +162,7 @@ def test_when_every_solver_fails_the_setpoint_brakes_stays_and_goes_on_from_ther
     for k in range(30, 430):
         setpoint.tick(k * DT, model.q0, still)
     rest = setpoint.q
-    assert setpoint.tick(430 * DT, model.q0, still).rung == "damped"
+    assert setpoint.tick(430 * DT, model.q0, still).fallback_level == "damped"
     assert np.abs(setpoint.v).max() < 1e-3
     assert np.abs(model.difference(rest, setpoint.q)).max() < 1e-6, "it stays"
     rest, script.fault = setpoint.q, ""

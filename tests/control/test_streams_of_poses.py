@@ -124,7 +124,9 @@ def teleoperated(stream: Callable[..., Stream], level: Any, seconds: float, name
             follow.push(sample, t=taken)
             last = sample.translation if follow.late == late else last
         command = controller.tick(DT * tick, q, v)
-        assert command.status.ok and command.rung == "solved", f"tick {tick}: {command.status}, {controller.why}"
+        assert command.status.ok and command.fallback_level == "solved", (
+            f"tick {tick}: {command.status}, {controller.why}"
+        )
         place.append(controller.state.frame(frame).position.copy())
         told.append(follow(DT * tick)[1:])  # a second read of one time gives what the controller was given
         q, v = command.q, command.v

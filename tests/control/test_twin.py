@@ -65,10 +65,11 @@ def described(controller: wbc.Controller, command: Any) -> list[Any]:
     watch = controller.watch
     return [
         *(x.tobytes() for x in (command.q, command.v, command.a, command.tau)),
-        command.status, command.rung, controller.why, controller.ticks, controller.serial, controller.active_count,
+        command.status, command.fallback_level, controller.why, controller.ticks, controller.serial,
+        controller.active_count,
         *(x.tobytes() for x in memory), *members, controller.state.q.tobytes(), controller.state.t,
         repr(controller.counts),
-        dict(controller.ladder.rungs), len(controller.ladder.log), watch.late, watch.stale, watch.backwards,
+        dict(controller.fallbacks.counts), len(controller.fallbacks.log), watch.late, watch.stale, watch.backwards,
         [component.heard for component in controller.components if isinstance(component, Learner)],
         [pickle.dumps(component.signals()) for component in controller.components],
     ]  # fmt: skip

@@ -37,7 +37,7 @@ def test_a_clock_that_goes_back_is_seen_at_once(refuse: bool):
     assert control.watch.backwards == 1
     assert command.status is (Status.INVALID_STATE if refuse else Status.SOLVED)
     if refuse:
-        assert command.rung == "hold" and "went back by 0.5 s" in control.explain()
+        assert command.fallback_level == "hold" and "went back by 0.5 s" in control.explain()
     assert control.tick(0.501, ARM.q0, STILL).status.ok, "it goes on from there"
 
 
@@ -72,7 +72,7 @@ def test_ticks_over_budget_are_counted_and_written_down():
     assert control.watch.over == 10
     assert control.watch.durations is not None and control.watch.durations.max == pytest.approx(2e-3)
     assert control.watch.periods is not None and control.watch.periods.mean == pytest.approx(DT)
-    assert [event.why for event in control.ladder.log] == ["the tick took 2 ms of 1 ms"] * 10
+    assert [event.why for event in control.fallbacks.log] == ["the tick took 2 ms of 1 ms"] * 10
     assert "10 over budget" in str(control.watch)
 
 
@@ -101,10 +101,10 @@ def test_a_clock_that_fails_makes_no_tick_raise(clock: Callable[[], object], sai
     untimed = controller()
     for k in range(8):
         command, same = control.tick(k * DT, ARM.q0, STILL), untimed.tick(k * DT, ARM.q0, STILL)
-        assert np.array_equal(command.v, same.v) and command.rung == "solved"
+        assert np.array_equal(command.v, same.v) and command.fallback_level == "solved"
         assert command.status.ok is (k < from_tick) and control.status is command.status
         assert ("clock" in control.why and said in control.why) is (k >= from_tick)
-    assert control.watch.over == 0 and len(control.ladder.log) == 8 - from_tick
+    assert control.watch.over == 0 and len(control.fallbacks.log) == 8 - from_tick
     assert control.watch.durations is None or control.watch.durations.max == 0.0
 
 

@@ -220,7 +220,7 @@ def ticked(case: int, folder: Path, ticks: int) -> Iterator[tuple[wbc.Controller
 def judged(control: wbc.Controller, decided: wbc.Command, *, optimum: bool = True) -> Verdict:
     """The oracle's word, or that a limit of the joints is broken that was not said to be relaxed."""
     verdict = judge(control, decided, optimum=optimum)
-    limits = Verdict("right") if decided.rung == "relaxed" else kept(control, decided)
+    limits = Verdict("right") if decided.fallback_level == "relaxed" else kept(control, decided)
     return limits if limits.word == "wrong" else verdict
 
 

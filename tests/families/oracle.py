@@ -362,7 +362,7 @@ def judge(control: wbc.Controller, command: wbc.Command, *, optimum: bool = True
         if command.status.name == "INFEASIBLE" and room > FEASIBLE:
             return Verdict("wrong", f"called infeasible, and a point is {room:.2g} inside all limits")
         feasible = ", feasible" if room > FEASIBLE else ""
-        return Verdict(f"not ok: {command.rung}{feasible}", f"{command.status}: {control.why}")
+        return Verdict(f"not ok: {command.fallback_level}{feasible}", f"{command.status}: {control.why}")
     if not command.certificate.ok:
         return Verdict("uncertified", str(command.certificate))
     excess = problem.constraints.excess(problem.x)

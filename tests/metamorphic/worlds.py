@@ -121,7 +121,7 @@ class World:
         motion = command.v if level == "velocity" else command.a
         torque = level == "torque"
         return Answer(
-            status=command.status, rung=command.rung, base=motion[:nb].copy(),
+            status=command.status, fallback_level=command.fallback_level, base=motion[:nb].copy(),
             joints=dict(zip(robot.joint_names, motion[nb:], strict=True)),
             tau=dict(zip(robot.joint_names, command.tau, strict=True)) if torque else {},
             f={frame: command.f[frame].copy() for frame in self.contacts} if torque else {},
@@ -133,7 +133,7 @@ class Answer:
     """A command by names: motion of the base and the joints, torques, forces."""
 
     status: Status
-    rung: str
+    fallback_level: str
     base: np.ndarray
     joints: dict[str, float]
     tau: dict[str, float]

@@ -23,7 +23,7 @@ CONTROLLER = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)]), level=wbc.Velocit
         (PlanarPR(m1=1.0, m2=1.0, d2=0.5, I2=0.1, l2=1.0), "parameter", {}),
         (ARM.state(), "time", 1.0),
         (CONTROLLER.plan, "torque_bound", None),
-        (CONTROLLER.ladder, "failure", 1),
+        (CONTROLLER.fallbacks, "failure", 1),
     ],
     ids=["robot", "planar robot", "state", "plan", "fallback levels"],
 )

@@ -28,7 +28,7 @@ from wbc.types import Index, Mat, Vec
 
 ROBOTS = ("arm", "quadruped", "humanoid")
 LEVEL = wbc.InverseDynamics()
-#: Rows whose equality is the law of motion; they are not in question.
+#: Rows whose equality is an equation of motion; they are not in question.
 PHYSICS = "base dynamics"
 
 

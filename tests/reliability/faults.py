@@ -107,7 +107,10 @@ def excess(control: wbc.Controller, command: wbc.Command) -> float:
     plan, model = control.plan, control.model
     decided = command.v if control.level.order == 1 else command.a
     values = [decided[model.nb :]]
-    without = command.rung in ("hold", "damped")  # then the problem may be of another state than the one believed
+    without = command.fallback_level in (
+        "hold",
+        "damped",
+    )  # then the problem may be of another state than the one believed
     believed = plan.joint_bounds(control.state) if without else None
     bounds = [believed or (plan.problem.lb[model.nb : model.nv], plan.problem.ub[model.nb : model.nv])]
     if control.level.dynamics:

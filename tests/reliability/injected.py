@@ -22,7 +22,7 @@ class Tally(NamedTuple):
 
     count: int
     bad: int
-    rungs: Counter[str]
+    fallback_levels: Counter[str]
 
 
 def faults(name: str, count: int, *, seed: int = 0, other: bool = True) -> Tally:
@@ -33,19 +33,19 @@ def faults(name: str, count: int, *, seed: int = 0, other: bool = True) -> Tally
     rng, robot, level = np.random.default_rng(seed), wbc.load(name), LEVELS[name]
     control, script = sabotaged(robot, level, other=other)
     q, v, t = np.array(robot.q0), np.zeros(robot.nv), 0.0
-    bad, done, rungs = 0, 0, Counter[str]()
+    bad, done, fallback_levels = 0, 0, Counter[str]()
     while done < count:
         script.fault = str(rng.choice(FAULTS[:-1])) if rng.uniform() < 0.3 else ""
         command = control.tick(t, q, v)
         if script.fault:
             done += 1
-            rungs[command.rung] += 1
+            fallback_levels[command.fallback_level] += 1
             bad += not excess(control, command) <= 1e-6
         q, v, t = np.array(command.q), np.array(command.v), t + control.dt
         if np.abs(q[-robot.nj :] - robot.q0[-robot.nj :]).max() > 1.0 or rng.uniform() < 0.01:
             q, v = np.array(robot.q0), np.zeros(robot.nv)
             control.reset()
-    return Tally(count, bad, rungs)
+    return Tally(count, bad, fallback_levels)
 
 
 class Whim(Schedule):
@@ -82,16 +82,16 @@ def contact_changes(name: str, count: int, *, seed: int = 0) -> Tally:
     stack = wbc.Stack(quiet.tasks, contacts=quiet.contacts, subject_to=quiet.subject_to[3:], components=[whim])
     control = wbc.Controller(robot, stack, level=level)
     q, v, t = np.array(robot.q0), np.zeros(robot.nv), 0.0
-    bad, ticks, rungs = 0, 0, Counter[str]()
+    bad, ticks, fallback_levels = 0, 0, Counter[str]()
     while whim.changes < count:
         command = control.tick(t, q, v)
-        rungs[command.rung] += 1
+        fallback_levels[command.fallback_level] += 1
         bad += not command.certificate.ok or not np.isfinite(np.r_[command.tau, command.a, command.q]).all()
         q, v, t, ticks = np.array(command.q), np.array(command.v), t + control.dt, ticks + 1
         if ticks % 20 == 0:
             step = 0.02 * rng.normal(size=robot.nv)
             q, v = robot.integrate(robot.q0, step), 0.1 * rng.normal(size=robot.nv)
-    return Tally(count, bad, rungs)
+    return Tally(count, bad, fallback_levels)
 
 
 def main() -> int:

@@ -95,12 +95,12 @@ class Life(RuleBasedStateMachine):
         self.start_anew()
         for _ in range(5):
             self.tick(self.q, self.v)
-        assert self.command.rung == "solved", self.control.explain()
+        assert self.command.fallback_level == "solved", self.control.explain()
 
     @invariant()
     def commands_are_finite_and_bounded(self) -> None:
         command = getattr(self, "command", None)
-        if command is None or command.rung == "relaxed":  # then it is declared what is relaxed
+        if command is None or command.fallback_level == "relaxed":  # then it is declared what is relaxed
             return
         assert excess(self.control, command) <= 1e-6, (command, self.control.explain())
 

@@ -140,12 +140,12 @@ def test_a_spoilt_bound_never_reaches_the_fallback(level: Any, hierarchy: Any, s
     if spoilt is np.inf:
         bounds = (np.inf, -np.inf)
     users.calls["before"] = lambda *_: wbc.Overrides(**{name: bounds})
-    rungs = set()
+    levels = set()
     for k in range(1, 30):
         command = judged(controller, 1e-3 * k, spoilt)
         assert (not command.status.ok and controller.why.startswith("users: ")) or "users." in controller.why
-        rungs.add(command.rung)
-    assert "damped" in rungs
+        levels.add(command.fallback_level)
+    assert "damped" in levels
 
 
 def test_components_that_raise(level: Any, hierarchy: Any) -> None:
@@ -268,7 +268,7 @@ def test_members_that_misbehave_in_mid_run(level: Any, hierarchy: Any, kind: Any
     member.broken = None
     for k in range(3):
         command = judged(controller, 2.0 + 1e-3 * k, "nothing")
-    assert controller.why == "" or command.rung == "relaxed"
+    assert controller.why == "" or command.fallback_level == "relaxed"
 
 
 class Stepping(wbc.Schedule):

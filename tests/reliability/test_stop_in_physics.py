@@ -24,6 +24,6 @@ def test_a_robot_that_sways_stops_and_stands_when_all_solvers_fail(name: str):
     for k in range(1500):
         saboteur.script.fault = "iterations" if k >= 500 else ""
         plant.step(control.tick(plant.t, plant.q, plant.v))
-    assert control.ladder.rungs["damped"] == 990
+    assert control.fallbacks.counts["damped"] == 990
     assert not plant.fallen
     assert np.abs(plant.v).max() < 0.01

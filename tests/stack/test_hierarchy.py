@@ -149,7 +149,7 @@ def test_a_budget_that_ends_early_leaves_the_lower_levels_where_they_are() -> No
         decided = [how in ("met", "optimal") for how in hows[budget]]
         assert proved == decided
         assert command.status.ok == all(decided)
-        assert command.rung == ("solved" if all(decided) else hows[budget][-1])
+        assert command.fallback_level == ("solved" if all(decided) else hows[budget][-1])
         assert (np.abs(command.v) <= controller.plan.problem.ub + 1e-9).all()
         assert str(command.levels[-1]) in controller.explain()
     assert hows[1] == ["weighted fallback"] * 3

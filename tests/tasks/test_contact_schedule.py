@@ -135,7 +135,7 @@ def test_while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate(s
     most = 1e3 * rate * QUADRUPED.mass * DT
     loop, forces = jolted(ContactSchedule(timeline, ramp=rate, force_rate=rate), seed)
     assert np.abs(np.diff(forces, axis=0)).max() <= most + 1e-6
-    assert not loop.ladder.rungs
+    assert not loop.fallbacks.counts
     _, free = jolted(ContactSchedule(timeline, ramp=rate, force_rate=np.inf), seed)
     assert np.abs(np.diff(free, axis=0)).max() > most, "without the bound they would"
 
@@ -169,7 +169,7 @@ def test_force_rates_give_way_before_all_else_and_say_so() -> None:
     assert before is not None
     saying.now = wbc.Overrides(torque=(-0.5, 0.5))
     command = loop.tick(DT * 20, QUADRUPED.q0, rest)
-    assert command.rung == "relaxed" and command.certificate.ok
+    assert command.fallback_level == "relaxed" and command.certificate.ok
     assert loop.why.startswith("relaxed: force[") and np.abs(command.tau).max() <= 0.5 + 1e-6
 
 

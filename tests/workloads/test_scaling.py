@@ -15,7 +15,7 @@ ENDS = [(name, size) for name, axis in AXES.items() for size in (axis.sizes[0], 
 
 def setup(name: str, size: int) -> Setup:
     scenario = AXES[name]
-    return scenario.first_setup(scenario.asked({"size": size}))
+    return scenario.first_setup(scenario.complete_parameters({"size": size}))
 
 
 def ticked(setup: Setup, count: int = 15) -> Controller:

@@ -89,7 +89,7 @@ def test_progress_goes_on_to_the_end():
 
 def test_a_workload_is_a_scenario_with_a_verdict():
     workload = WORKLOADS["W4"]
-    asked = workload.asked(duration=0.05)
+    asked = workload.complete_parameters(duration=0.05)
     result = workload.run(asked, asked.settings)
     assert result.ok and result.figures["dyn_residual_max"] <= 1e-8
     assert {name: WORKLOADS[name] for name in WORKLOADS} == scenarios("workloads")

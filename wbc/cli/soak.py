@@ -43,7 +43,7 @@ def soak(
 
 
 def _row(found: Findings) -> dict[str, Any]:
-    return {**vars(found), "first_rung": found.first_rung, "seconds": round(found.seconds, 1)}
+    return {**vars(found), "solved_share": found.solved_share, "seconds": round(found.seconds, 1)}
 
 
 def _print(kind: str, rows: list[dict[str, Any]]) -> None:
@@ -53,14 +53,14 @@ def _print(kind: str, rows: list[dict[str, Any]]) -> None:
         made.add_row(
             Text(f"{row['subject']}, {row['solver']}"),
             f"{row['ticks']:,}",
-            f"{100 * row['first_rung']:.3f} %",
+            f"{100 * row['solved_share']:.3f} %",
             *(str(count) for count in (sum(row["exceptions"].values()), row["not_finite"], row["beyond"])),
             f"{row['grown_bytes'] / 1e6:+.1f} MB",
         )
     say(made)
     for row in rows:
         lines = [f"\n{row['subject']}: ticks by where their command came from"]
-        lines += [f"  {rung}: {count:,}" for rung, count in row["rungs"].items()]
+        lines += [f"  {level}: {count:,}" for level, count in row["fallback_levels"].items()]
         lines += ["  least room to a limit (-), or worst excess (+)"] if row["worst"] else []
         lines += [f"  {name}: {value:+.0e}" for name, value in row["worst"].items()]
         say(*lines, *(f"  {count} times {text}" for text, count in row["exceptions"].items()))

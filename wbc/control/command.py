@@ -67,25 +67,26 @@ class Owner(Protocol):
 class Command:
     """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
 
-    tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. What the level does not
-    decide is NaN. ``status.ok``: what was asked was answered, with proof. ``rung`` is the fallback level that made the
-    command: "solved" or "other solver" where the status is ok; else "not certified", "not optimised", "weighted
-    fallback", "relaxed", "closed form", "hold" or "damped" (:mod:`wbc.control.recovery`). ``certificate`` says by how
-    much limits are exceeded and, in ``certificate.bounds``, how far each task can be from its optimum [unit of the
-    task]. ``levels`` says how each level of a strict hierarchy came out, with its own certificate
-    (:class:`~wbc.qp.rows.Outcome`). Arrays are the command's own, stay valid, and are read-only.
+    tau (nj,) [N m], a (nv,), v (nv,) and q (nq,) reached at the end of the tick, f by contact. Values that the level
+    does not decide are NaN. ``status.ok``: the problem of the tick was solved, and a certificate proves it.
+    ``fallback_level`` says where the command comes from: "solved" or "other solver" where the status is ok; else "not
+    certified", "not optimised", "weighted fallback", "relaxed", "closed form", "hold" or "damped"
+    (:mod:`wbc.control.recovery`). ``certificate`` says by how much limits are exceeded and, in ``certificate.bounds``,
+    how far each task can be from its optimum [unit of the task]. ``levels`` is the result of each level of a strict
+    hierarchy, with its own certificate (:class:`~wbc.qp.rows.Outcome`). Arrays are the command's own, stay valid, and
+    are read-only.
     """
 
     __slots__ = (
         "_a", "_certificate", "_controller", "_f", "_forces", "_levels", "_q", "_q_before", "_serial", "_solution",
-        "_split_forces", "_tau", "_v", "_v_before", "rung", "status",
+        "_split_forces", "_tau", "_v", "_v_before", "fallback_level", "status",
     )  # fmt: skip
 
     def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
         self,
         controller: Owner,
         status: Status,
-        rung: str,
+        fallback_level: str,
         certificate: Proof,
         q: Vec,
         v_before: Vec,
@@ -97,9 +98,9 @@ class Command:
         self._controller: Owner | None = controller
         self._split_forces = controller.split_forces
         self._serial = controller.serial
-        self.status, self.rung, self._certificate = status, rung, certificate
+        self.status, self.fallback_level, self._certificate = status, fallback_level, certificate
         self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = ()
-        if rung not in _WITHOUT_LEVELS:
+        if fallback_level not in _WITHOUT_LEVELS:
             self._levels = controller.answering.report
         self._q_before, self._v_before = q, v_before
         self._v, self._a, self._tau, self._forces = v, a, tau, forces
@@ -109,7 +110,7 @@ class Command:
 
     def __getstate__(self) -> dict[str, Any]:
         """The values alone: a copy, or a pickle, is apart from the controller."""
-        values = {name: getattr(self, name) for name in ("rung", "status")}
+        values = {name: getattr(self, name) for name in ("fallback_level", "status")}
         values |= {
             f"_{name}": getattr(self, name) for name in ("certificate", "levels", "tau", "a", "v", "q", "f", "forces")
         }
@@ -177,7 +178,7 @@ class Command:
     @property
     def forces(self) -> Vec | None:
         """All contact forces (nf,) in the order of the stack's contacts; None where the level decides none."""
-        if isinstance(self._forces, tuple):  # brought to newtons when they are asked for
+        if isinstance(self._forces, tuple):  # brought to newtons when they are read
             in_newtons, value, scale = self._forces
             self._forces = in_newtons(value, scale)
         return self._forces
@@ -203,4 +204,4 @@ class Command:
         return self._solution
 
     def __repr__(self) -> str:
-        return f"Command({self.status}, {self.rung}, {self.certificate})"
+        return f"Command({self.status}, {self.fallback_level}, {self.certificate})"

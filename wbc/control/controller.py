@@ -20,7 +20,7 @@ from scipy.linalg.blas import ddot
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.explain import explain, reproducer
-from wbc.control.recovery import Ladder, Recovery
+from wbc.control.recovery import FallbackSequence, Recovery
 from wbc.control.solving import Solving
 from wbc.control.watchdog import Watch, Watchdog
 from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError
@@ -75,7 +75,7 @@ class Controller(Solving):
 
     __slots__ = (
         "_acceleration", "_former", "_has_quaternion", "_kept", "_q_shape", "_solved", "_started", "_v_shape",
-        "components", "ladder", "watch",
+        "components", "fallbacks", "watch",
     )  # fmt: skip
 
     #: The plan that the tick before was solved with.
@@ -114,7 +114,7 @@ class Controller(Solving):
                 raise InvalidInput(f"{name} is {value!r}; it must be {what}")
         dt = checks.number("dt", dt, low=0.0, strict=True)
         plausible.period(dt)
-        self.ladder = Ladder(self, recovery)
+        self.fallbacks = FallbackSequence(self, recovery)
         if not isinstance(watchdog, Watchdog | None):
             raise InvalidInput(f"watchdog is {watchdog!r}; it must be wbc.Watchdog(...)")
         self.watch = Watch(Watchdog() if watchdog is None else watchdog, dt)
@@ -136,7 +136,7 @@ class Controller(Solving):
         """A copy, or a pickle, is a controller made anew from the same settings: it remembers nothing."""
         settings: dict[str, Any] = {
             "level": self.level, "hierarchy": self.hierarchy, "solver": self.solver, "dt": self.dt,
-            "recovery": self.ladder.recovery, "watchdog": self.watch.settings,
+            "recovery": self.fallbacks.recovery, "watchdog": self.watch.settings,
         }  # fmt: skip
         return partial(Controller, **settings), (self.model, self.stack)
 
@@ -180,7 +180,7 @@ class Controller(Solving):
         if self._solved is self.plan:
             self.plan.observe()
         self.components = stack.components
-        self._started, self._solved, self.ladder.good = False, None, None
+        self._started, self._solved, self.fallbacks.good = False, None, None
         self.use(self.plans.whole)
 
     def reset(self) -> None:
@@ -190,7 +190,7 @@ class Controller(Solving):
         self.last = None
         self.status = Status.FAILED
         self._solved = None
-        self.ladder.reset()
+        self.fallbacks.reset()
         self.watch.reset()
         self._started = False
         self._former, self._kept = None, ()
@@ -211,7 +211,7 @@ class Controller(Solving):
         self.serial += 1
         self.why = self.implausible(t, q, v) or watch.seen(t)
         if self.why:
-            command = self.ladder.invalid()
+            command = self.fallbacks.invalid()
         else:
             command = self._decide(t, q, v) if self.mode.is_compiled else self._decide_in_silence(t, q, v)
         intervals = self.plan.intervals
@@ -221,7 +221,7 @@ class Controller(Solving):
             self._tell(component, command)
         self.last = command
         if watch.timed:
-            self.ladder.late(command, watch.took(start))
+            self.fallbacks.late(command, watch.took(start))
             if watch.broken:
                 self._spoil(command, watch.broken)
         return command
@@ -240,7 +240,7 @@ class Controller(Solving):
 
     def _spoil(self, command: Command, failure: str) -> None:
         self.why = f"{self.why}; {failure}" if self.why else failure
-        self.ladder.spoilt(command, self.why)
+        self.fallbacks.spoilt(command, self.why)
 
     def read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
         """Copies of the arguments as numbers of the right shape.
@@ -289,29 +289,29 @@ class Controller(Solving):
                 status = self.plan.answer(state, solver, observes=observes)
             else:
                 self._ask_members()
-                status = self.asked(self.mode.solver)
+                status = self.solve_with(self.mode.solver)
         except WbcError as failure:
             self.why = str(failure)
-            return self.ladder.failed(q, v)
+            return self.fallbacks.failed(q, v)
         self.status, plan = status, self.plan
         if plan.stopping is not None and status is Status.SOLVED:
             plan.stopping.keep(plan, state, self._solve_again)
             status = self.status
         if status is not Status.SOLVED:
-            return self.ladder.descend(status, q, v)
+            return self.fallbacks.descend(status, q, v)
         if plan.intervals is not None and plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
         if plan.barriers and (notes := plan.notes):
             self.why = "; ".join([*([self.why] if self.why else []), *notes])
         self._solved = plan
         command = self.decode(q, v)
-        if self.ladder.failures:
-            return self.ladder.resume(command, q, v)
-        self.ladder.good = command
+        if self.fallbacks.failures:
+            return self.fallbacks.resume(command, q, v)
+        self.fallbacks.good = command
         return command
 
     def _solve_again(self) -> bool:
-        self.status = self.asked(self.mode.solver)
+        self.status = self.solve_with(self.mode.solver)
         return self.status is Status.SOLVED
 
     # What overflows has a status: where warnings are errors, a tick raises none. Compiled code never warns.

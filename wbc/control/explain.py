@@ -35,7 +35,7 @@ def explain(controller: Solving) -> str:
     head = f"tick {controller.ticks} at t = {controller.state.t:.3f} s: {controller.status}"
     if not controller.status.ok:
         lines = [head, *_failure(controller)]
-        if controller.last is not None and controller.last.rung in WEAKER:
+        if controller.last is not None and controller.last.fallback_level in WEAKER:
             lines += [*_levels(controller), *_tasks(controller)]
         return "\n".join(lines)
     lines = [f"{head} ({controller.form} form, {controller.iterations} iterations)"]
@@ -50,10 +50,11 @@ def _failure(controller: Solving) -> list[str]:
     if found is None and controller.status is Status.INFEASIBLE:
         why = "no point was found, but no rows contradict each other by more than rounding; look at the scaling"
     lines = [f"  {why}"] if found is None else _conflict(found)
-    if found is not None and controller.last is not None and controller.last.rung == "relaxed":
+    if found is not None and controller.last is not None and controller.last.fallback_level == "relaxed":
         lines.append(f"  {controller.why}")
     if controller.last is not None:
-        lines.append(f"  instead: {_SAID.get(controller.last.rung, controller.last.rung)}, within its limits")
+        level = controller.last.fallback_level
+        lines.append(f"  instead: {_SAID.get(level, level)}, within its limits")
     return lines
 
 

@@ -10,11 +10,12 @@
     hold               the last certified command
     damped             brake to rest, see :mod:`wbc.control.fallback`
 
-The first answers what was asked, with a certificate: its status is ok. No other level's is. The next three answer a
-weaker question within all constraints, a relaxed answer is certified for the relaxed problem, and the others are
-failures. After ``hold_ticks`` failures in a row only the last level is used, until the problem has been solved again
-for ``resume_after`` ticks. Every level keeps the limits on position, velocity, acceleration and torque, except for what
-the relaxed problem says. Everything is written into ``log``.
+The first level solves the problem of the tick, with a certificate: its status is ok. The status of every other level is
+not ok. The next three levels solve a weaker problem within all constraints, a relaxed solution is certified for the
+relaxed problem, and the others are failures. After ``hold_ticks`` failures in a row only the last level is used, until
+the problem has been solved again for ``resume_after`` ticks. Every level keeps the limits on position, velocity,
+acceleration and torque, except for those that the relaxed problem relaxes. ``controller.fallbacks.log`` has every such
+tick.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ from wbc.types import Status, Vec
 RELAXABLE = ("force rates", "constraints", "contacts", "barriers", "joint limits")
 
 _NO_PROOF = Certificate.none()
-#: Answers within all constraints to a weaker question than was asked, the better ones first.
+#: Levels that solve a weaker problem within all constraints, the better ones first.
 NOT_CERTIFIED = "not certified"
 WEAKER = (NOT_CERTIFIED, NOT_OPTIMISED, WEIGHTED)
 #: No acceleration, force or torque is larger.
@@ -73,7 +74,7 @@ class Recovery:
             "barriers", "joint limits" (position, velocity, acceleration). Torque limits, friction and the dynamics
             never do. () for nothing.
         resume_after: solved ticks in a row that end a stop.
-        budget: time [s] after which no further solver is asked in a tick; None for no limit.
+        budget: time [s] of a tick after which no further solver is tried; None for no limit.
 
     Raises:
         InvalidInput: a number out of range, or something else in ``relax``.
@@ -99,12 +100,12 @@ class Event(NamedTuple):
     t: float
     tick: int
     status: Status
-    rung: str
+    fallback_level: str
     why: str
 
 
 class _Weaker(NamedTuple):
-    """An answer to a weaker question: its fallback level and status, whose it is, and the problem's values."""
+    """The solution of a weaker problem: its fallback level and status, the solver, and the problem's values."""
 
     level: str
     status: Status
@@ -113,11 +114,14 @@ class _Weaker(NamedTuple):
 
 
 @final
-class Ladder:
-    """The fallback levels below "solved", for one controller. ``rungs`` counts how often each made a command."""
+class FallbackSequence:
+    """The fallback levels below "solved", for one controller.
+
+    ``counts`` is the number of commands that each level made, ``log`` the last 1000 ticks that were not simply solved.
+    """
 
     __slots__ = (
-        "_controller", "_solved", "failures", "good", "log", "recovery", "rungs",
+        "_controller", "_solved", "counts", "failures", "good", "log", "recovery",
     )  # fmt: skip
 
     def __init__(self, controller: Solving, recovery: Recovery | None = None) -> None:
@@ -125,7 +129,7 @@ class Ladder:
         if not isinstance(self.recovery, Recovery):
             raise InvalidInput(f"recovery is {recovery!r}; it must be wbc.Recovery(...)")
         self.log: deque[Event] = deque(maxlen=1000)
-        self.rungs: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
         self.reset()
 
     def reset(self) -> None:
@@ -136,7 +140,7 @@ class Ladder:
 
     @np.errstate(all="ignore")
     def invalid(self) -> Command:
-        """The command for a state that is not to be believed."""
+        """The command for a state that cannot be right."""
         return self._fail(Status.INVALID_STATE, *self._expected())
 
     @np.errstate(all="ignore")
@@ -195,7 +199,7 @@ class Ladder:
 
     # ---- fallback levels
     def _weaker(self, status: Status) -> _Weaker | None:
-        """What the solver asked last has left in memory, where that meets all constraints."""
+        """The values that the last solver left in memory, if they meet all constraints."""
         controller = self._controller
         solver = controller.answering
         level = solver.shortfall
@@ -213,7 +217,7 @@ class Ladder:
             name = "clarabel" if controller.solver.takes_rows else "pdas"
             plan = mode.plan
             mode.second = controller.hierarchy.open(plan.problem, by_name(name), plan.damping.pulls)
-        answer = controller.asked(mode.second)
+        answer = controller.solve_with(mode.second)
         return status if answer is Status.FAILED else answer
 
     def _relaxed(self, start: float) -> Certificate | None:
@@ -285,7 +289,7 @@ class Ladder:
             np.clip(torques, *plan.torque_range, out=torques)
 
     def _limited(self) -> bool:
-        """Whether limits bound what the joints are told: an answer to another problem than was asked needs them."""
+        """Whether limits bound the joints' commands: the solution of a relaxed or simpler problem needs them."""
         plan = self._controller.plan
         p, joints = plan.problem, slice(plan.model.nb, plan.model.nv)
         if np.isfinite(p.lb[joints]).all() and np.isfinite(p.ub[joints]).all():
@@ -341,13 +345,13 @@ class Ladder:
         return last.q, last.v
 
     def _note(self, command: Command, why: str = "") -> Command:
-        self.rungs[command.rung] += 1
+        self.counts[command.fallback_level] += 1
         self._write_down(command, why or self._controller.why or command.status.value)
         return command
 
     def _write_down(self, command: Command, why: str) -> None:
         controller = self._controller
-        self.log.append(Event(controller.state.t, controller.serial, command.status, command.rung, why))
+        self.log.append(Event(controller.state.t, controller.serial, command.status, command.fallback_level, why))
 
 
 def _said_relaxed(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:

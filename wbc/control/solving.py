@@ -31,7 +31,7 @@ class Solving:
     """
 
     __slots__ = (
-        "_asked", "_dt", "_hierarchy", "_level", "_stack", "answering", "last", "mode", "model", "plan", "plans",
+        "_dt", "_hierarchy", "_level", "_solver", "_stack", "answering", "last", "mode", "model", "plan", "plans",
         "serial", "split_forces", "state", "status", "ticks", "why",
     )  # fmt: skip
 
@@ -43,7 +43,7 @@ class Solving:
     ticks: int
     #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
     serial: int
-    #: The solver that was asked last: the tick's answer is its.
+    #: The solver that was used last: the solution of the tick is in its memory.
     answering: RowSolver
     #: Makes contact forces (nf,) wrenches by contact name.
     split_forces: Callable[[Vec | None], Forces]
@@ -52,7 +52,7 @@ class Solving:
         self, robot: RobotModel, stack: Stack, level: Formulation, *, hierarchy: Hierarchy, solver: Solver, dt: float
     ) -> None:
         self.model, self._level, self._dt = robot, level, dt
-        self._hierarchy, self._asked = hierarchy, solver
+        self._hierarchy, self._solver = hierarchy, solver
         self.state = self.compile(stack)
         self.serial = 0
 
@@ -72,7 +72,7 @@ class Solving:
         return state
 
     def _open(self, plan: Plan) -> RowSolver:
-        return self._hierarchy.open(plan.problem, self._asked, plan.damping.pulls)
+        return self._hierarchy.open(plan.problem, self._solver, plan.damping.pulls)
 
     @property
     def dt(self) -> float:
@@ -112,24 +112,24 @@ class Solving:
 
     @property
     def solver(self) -> Solver:
-        """Who is asked; it is fixed when a controller is made."""
-        return self._asked
+        """The solver; it is fixed when a controller is made."""
+        return self._solver
 
     def use(self, mode: Mode) -> None:
         """Decide with the plan and the solver of this set of contacts from now on."""
         self.mode, self.plan, self.answering = mode, mode.plan, mode.solver
 
-    def asked(self, solver: RowSolver) -> Status:
-        """What a solver says of the problem as it is filled; one that raises has failed, and ``why`` says how."""
+    def solve_with(self, solver: RowSolver) -> Status:
+        """Solve the problem as it is filled. A solver that raises has failed, and ``why`` says how."""
         self.answering = solver
         try:
             return solver.solve()
         except Exception as cause:  # a back end may raise anything, and a robot still needs a command
-            self.why = f"solver {self._asked.name!r} raised {type(cause).__name__}: {cause}"
+            self.why = f"solver {self._solver.name!r} raised {type(cause).__name__}: {cause}"
             return Status.FAILED
 
     def decode(
-        self, q: Vec, v: Vec, status: Status = Status.SOLVED, rung: str = "solved", proof: Proof | None = None
+        self, q: Vec, v: Vec, status: Status = Status.SOLVED, fallback_level: str = "solved", proof: Proof | None = None
     ) -> Command:
         """The command that the answer in the plan's memory means."""
         plan, proof = self.plan, self.answering.proof if proof is None else proof
@@ -137,12 +137,12 @@ class Solving:
         value.setflags(False)  # type: ignore[call-arg]  # a keyword takes twice as long as all else
         motion = value[parts.motion_items]
         if self._level.order == 1:
-            return Command(self, status, rung, proof, q, v, motion)
+            return Command(self, status, fallback_level, proof, q, v, motion)
         if not self._level.dynamics:
-            return Command(self, status, rung, proof, q, v, None, motion)
+            return Command(self, status, fallback_level, proof, q, v, None, motion)
         tau = plan.applied.actuators.command(value[parts.torque_items])
         forces = self.mode.all_forces, value, plan.force_scale
-        return Command(self, status, rung, proof, q, v, None, motion, tau, forces)
+        return Command(self, status, fallback_level, proof, q, v, None, motion, tau, forces)
 
     # ---- what others read
     @property

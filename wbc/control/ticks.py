@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from wbc.control.controller import Controller
     from wbc.models.model import RobotModel
 
-#: So many active rows of a tick are written down, those with the largest multipliers; ``active`` counts all of them.
-SLOTS = 16
+#: The number of active rows that are recorded in a tick, those with the largest multipliers; ``active`` counts all.
+RECORDED_ROWS = 16
 _CODES = {status: i for i, status in enumerate(Status)}
 
 
@@ -92,9 +92,9 @@ class Ticks:
 
     def _active(self) -> dict[str, Vec]:
         """The dearest active rows, as numbers of :attr:`active_rows`, with their bounds and multipliers."""
-        kept = np.full((3, SLOTS), np.nan)
+        kept = np.full((3, RECORDED_ROWS), np.nan)
         if self.controller.active_count:
-            for k, one in enumerate(active(self.controller)[:SLOTS]):
+            for k, one in enumerate(active(self.controller)[:RECORDED_ROWS]):
                 key = one.row.owner, one.row.label, one.row.unit, "upper" if one.upper else "lower"
                 kept[:, k] = self.active_rows.setdefault(key, len(self.active_rows)), one.bound, one.multiplier
         return dict(zip(("active.row", "active.bound", "active.multiplier"), kept, strict=True))

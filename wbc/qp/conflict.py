@@ -26,12 +26,12 @@ from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.proof import contradiction
 from wbc.tolerances import MET
 
-#: Owners of rows that nothing can loosen: the laws of motion.
+#: Owners of rows that nothing can loosen: the equations of motion.
 PHYSICS = frozenset({"base dynamics"})
 #: How the owners of a contact's rows begin.
 _CONTACTS = ("contact[", "friction[", "force[")
 
-#: The kind of a law of nature.
+#: The kind of an equation of motion.
 _HELD = 3
 #: Of longer conflicts a sentence tells this many rows.
 _TOLD = 6
@@ -89,8 +89,8 @@ class Conflict:
 def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
     """An irreducible set of rows and bounds that cannot hold together; None where all can (to 1e-6 of their units).
 
-    Rows whose owner is in ``held`` are laws of nature: they hold, and are not named. The same QP gives the same
-    answer, bit for bit.
+    Rows whose owner is in ``held`` are equations of motion: they always hold, and are not named. The same QP gives the
+    same answer, bit for bit.
 
     Raises:
         InvalidProblem: as :meth:`QP.check`.
@@ -122,7 +122,7 @@ def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
 
 
 def _kind(qp: QP, item: int, held: frozenset[str]) -> int:
-    """Equalities 0, contacts 1, limits 2, laws of nature 3."""
+    """Equalities 0, contacts 1, limits 2, equations of motion 3."""
     owner = qp.rows[item].owner
     if item < qp.n_eq and owner in held:
         return _HELD

@@ -49,7 +49,7 @@ def bench(
     """
     repeats = int(checks.number("repeats", repeats, low=1))
     pause = checks.number("pause", pause, low=0.0)
-    p = scenario.asked(hierarchy=hierarchy, solver=solver)
+    p = scenario.complete_parameters(hierarchy=hierarchy, solver=solver)
     if ticks is not None:
         duration = checks.number("ticks", ticks, low=1) * scenario.first_setup(p).plant.dt
         p = Parameters(p, replace(p.settings, duration=duration))

@@ -225,11 +225,11 @@ class Scenario(ABC):
             yield setup.run(name, duration=chosen.duration, solver=chosen.solver, progress=step, meta=meta)
 
     @final
-    def asked(
+    def complete_parameters(
         self, parameters: Mapping[str, Any] | None = None, *, plant: str | None = None, hierarchy: str | None = None,
         duration: float | None = None, solver: str = "pdas", progress: Progress = silent,
     ) -> Parameters:  # fmt: skip
-        """Everything that decides a run: ``parameters`` and settings, the scenario's own where nothing is given.
+        """All parameters and settings of a run; the scenario's own where none is given.
 
         Raises:
             WbcError: what :meth:`choose` raises.

@@ -45,7 +45,7 @@ class Findings:
     not_finite: int = 0
     beyond: int = 0
     worst: dict[str, float] = field(default_factory=dict)
-    rungs: Counter[str] = field(default_factory=Counter)
+    fallback_levels: Counter[str] = field(default_factory=Counter)
     statuses: Counter[str] = field(default_factory=Counter)
     uncertified: int = 0
     restarts: int = 0
@@ -59,9 +59,9 @@ class Findings:
         return not (self.exceptions or self.not_finite or self.beyond or (self.kind == "starts" and self.uncertified))
 
     @property
-    def first_rung(self) -> float:
+    def solved_share(self) -> float:
         """Share of the ticks that were solved, without a fallback level."""
-        return self.rungs["solved"] / max(1, self.ticks)
+        return self.fallback_levels["solved"] / max(1, self.ticks)
 
 
 def soak(
@@ -75,7 +75,7 @@ def soak(
     """
     if kind not in KINDS or ticks < 1:
         raise InvalidInput(f"a soak is of kind {', '.join(KINDS)} and has ticks, not {kind!r} and {ticks}")
-    control = scenario.first_setup(scenario.asked(solver=solver)).controller(solver)
+    control = scenario.first_setup(scenario.complete_parameters(solver=solver)).controller(solver)
     run = _Run(scenario, control, np.random.default_rng([seed, KINDS.index(kind)]), Findings(kind))
     start, digest, memory = perf_counter(), hashlib.sha256(), 0
     for k in range(ticks):
@@ -138,9 +138,9 @@ class _Run:
             return ()
         parts = _decided(command, self.control)
         found = self.found
-        found.rungs[command.rung] += 1
+        found.fallback_levels[command.fallback_level] += 1
         found.statuses[command.status.name] += 1
-        found.uncertified += command.rung not in _CERTIFIED or not command.certificate.ok
+        found.uncertified += command.fallback_level not in _CERTIFIED or not command.certificate.ok
         if not all(np.isfinite(part).all() for part in parts):
             found.not_finite += 1
             return parts

@@ -58,7 +58,7 @@ def scaled(
     rows: list[dict[str, Any]] = []
     for k, (scenario, size) in enumerate(sizes):
         progress(k / len(sizes), f"ticks with {size} {scenario.name}")
-        setup = scenario.first_setup(scenario.asked({"size": size}, solver=solver))
+        setup = scenario.first_setup(scenario.complete_parameters({"size": size}, solver=solver))
         rows += [{"axis": scenario.name, "size": size, **row} for row in _measured(setup, ticks, repeats, solver)]
     progress(1.0, "ticks measured")
     return rows

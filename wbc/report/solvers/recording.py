@@ -110,7 +110,7 @@ def growing(scenario: Scenario) -> ProblemSet:
     """A scenario along its ``sizes``: the QPs of :data:`GROWN` consecutive ticks at each."""
     sets = []
     for size in scenario.sizes:
-        setup, recorder = scenario.first_setup(scenario.asked({"size": size})), QpRecorder(GROWN)
+        setup, recorder = scenario.first_setup(scenario.complete_parameters({"size": size})), QpRecorder(GROWN)
         with joined(recorder):
             setup.run(duration=GROWN * setup.plant.dt, recorder=False)
         sets.append(recorder.problems(scenario.name))
