@@ -56,7 +56,8 @@ def listing(path: Path) -> str:
     text = path.read_text(encoding="utf-8")
     title, _, code = text.partition("\n")
     title = title.strip('"').rstrip(".")
-    return f"# {title}\n\nThe file is `{path.relative_to(DOCS.parent)}`.\n\n```python\n{code.strip()}\n```\n"
+    block = f"```{{code-block}} python\n:class: listing\n\n{code.strip()}\n```"  # site.css widens pages with a listing
+    return f"# {title}\n\nThe file is `{path.relative_to(DOCS.parent)}`.\n\n{block}\n"
 
 
 def relinked(text: str, page: Path) -> str:

@@ -161,7 +161,7 @@ def hierarchies() -> None:
     d.text(495, 270, "what the limits allow", "small")
     d.path("M400 250L647 68", "line")
     d.dot(647, 68, "ink-second", 4)
-    d.text(634, 56, "asked", "small")
+    d.text(634, 56, "desired", "small")
     d.arrow(400, 250, 588, 131, "second")
     d.arrow(400, 250, 560, 132, "first")
     d.text(600, 126, "least squares", "small", "start")

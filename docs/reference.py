@@ -82,7 +82,7 @@ def body(lines: list[str]) -> Iterator[str]:
         elif re.match("=+  +=", text):
             yield table(text.splitlines())
         elif all(line.startswith("    ") for line in block) or re.search(r"\S {3,}\S", text):
-            yield f"```text\n{text}\n```"
+            yield f"```text\n{text.replace('``', '')}\n```"
         elif text.startswith(("- ", "* ")):
             items = re.split(r"^[-*] ", text, flags=re.MULTILINE)[1:]
             yield "\n".join(f"* {prose(item)}" for item in items)
@@ -110,8 +110,15 @@ def listed(lines: list[str]) -> str:
             items[-1] += f" {line.strip()}"
         elif line.strip():
             items.append(line)
-    named = (item.partition(": ") for item in items)
-    return "\n".join(f"* `{name}`: {prose(text)}" if text else f"* {prose(name)}" for name, _, text in named)
+    items = [part for item in items for part in re.split(r"\. (?=[A-Z][a-z]\w+(?:: |\.$))", item)]
+    return "\n".join(_entry(*item.partition(": ")) for item in items)
+
+
+def _entry(name: str, _: str, text: str) -> str:
+    """An argument or an error with what is said of it; an error alone; or a sentence."""
+    if not text and not name.rstrip(".").isidentifier():
+        return f"* {prose(name)}"
+    return f"* `{name.rstrip('.')}`" + (f": {prose(text)}" if text else "")
 
 
 def rendered(docstring: str) -> str:

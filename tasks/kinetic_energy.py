@@ -15,8 +15,8 @@ from wbc.stack.task import Task, TaskRows
 class KineticEnergy(Task):
     """The cost at the velocity level is w T, T = ½ vᵀ M v: nv rows y = Lᵀ v [√J] with M = L Lᵀ, to be zero.
 
-    Acceleration level: ẏ = −kd y, so that T falls as e^(−2 kd t) where nothing else is asked for. Of the motions that
-    do what is asked, the one with the least kinetic energy: the metric of the inertia, not of radians and metres.
+    Acceleration level: ẏ = −kd y, so that T falls as e^(−2 kd t) if there is no other task. Of the motions that
+    fulfil the other tasks equally well, the one with the least kinetic energy is chosen.
     L̇ = L Φ(L⁻¹ Ṁ L⁻ᵀ), Φ the lower half and half the diagonal, Ṁ = C + Cᵀ.
 
     Example:

@@ -20,7 +20,7 @@ CANCELS: Final = 1e-11
 #: Numbers that differ by a smaller share of their size are the same, and the index decides between them, so that every
 #: processor decides alike.
 SAME: Final = 1e-9
-#: Other solvers are asked for this accuracy by default, in their own measures.
+#: The default accuracy of other solvers, in their own measures.
 ACCURACY: Final = 1e-9
 #: An answer this near to the optimum, as a share of it, is as good as exact: the root of what a number is off by.
 SHARP: Final = 1e-8

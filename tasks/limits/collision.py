@@ -23,29 +23,19 @@ _CLOSE = 0.01
 class CollisionAvoidance(Barrier):
     """h = d − margin >= 0 [m] for the shapes of two links, or of a link and an obstacle.
 
-    d is their distance, negative inside one another. Of two links those shapes have a row that are nearest, and others
-    that are further by less than half the ``reach`` [m]. Pairs further apart than the reach have no row; where
-    accelerations are decided, a pair that approaches at u [m/s] has one from 2 u / rate on. A pair within 10 mm of the
-    margin has rows also for points that would be nearest if the shapes were turned a little against each other, d the
-    distance of these: so faces that meet keep all their corners at the margin, and come to rest.
-
-    Sizes never change: there are ``count`` rows, a pair keeps its rows from tick to tick, and rows without a pair are
-    empty. Where there are too few, those with the smallest h + ḣ / rate are kept, and ``controller.why`` says how many
-    pairs lack one. From inside the margin, or inside one another, the rows lead back out at the same rate, and by
-    default they have a slack where that is more than the robot can do.
-
-    With a margin, shapes touch only in h < 0: witness points and normals, which have no limit where two shapes just
-    touch, are those of shapes that are apart. Which pairs count, how distances are found, and what is left
-    out, is :class:`~wbc.models.collision.Distances`'s.
+    d is the distance of the shapes, negative if they penetrate each other. Pairs farther apart than ``reach`` have no
+    row. If a pair is nearer than the margin, its rows lead back at the same rate; by default they have a slack, because
+    the robot may not be able to. There are ``count`` rows in every tick. Rows without a pair are empty; if there are
+    too few rows, ``controller.why`` says how many pairs have none. docs/limits.md says which pairs have rows, what
+    holds between ticks, and what was measured.
 
     Args:
-        obstacles: what stands or moves in the world.
-        pairs: pairs of names of links and obstacles, to look at these alone; None: all.
-        self_collision: with ``pairs=None``, whether links are kept apart from links.
+        obstacles: bodies that stand or move in the world.
+        pairs: names of two links, or of a link and an obstacle, to keep only these apart; None: all pairs.
+        self_collision: with ``pairs=None``, whether links are kept apart from each other.
         margin: distance kept [m].
-        count: how many rows there are; None: 64 and two for each that there is in the reference configuration, at most
-            1024.
-        reach: distance from which on a pair is felt [m], more than the margin.
+        count: number of rows; None: 64 plus two for each row in the reference configuration, at most 1024.
+        reach: distance from which on a pair has a row [m], more than the margin.
         rate: γ [1/s]; slack: see :class:`~wbc.stack.constraint.Barrier`.
 
     Raises:

@@ -59,25 +59,25 @@ class JointLimits(Constraints):
                 raise InvalidInput(f"{self.name} is without {quantity} and has limits on it")
         if braking is not None:
             checks.number(f"{self.name}.braking", braking, low=0.0, strict=True)
-        self._laws: list[JointInterval] = []
+        self._constraints: list[JointInterval] = []
         if "position" not in without:
-            self._laws.append(
+            self._constraints.append(
                 JointPositionLimits(lower=lower, upper=upper, braking=braking, name=f"{self.name}.position")
             )
         if "velocity" not in without:
-            self._laws.append(JointVelocityLimits(v_max, name=f"{self.name}.velocity"))
+            self._constraints.append(JointVelocityLimits(v_max, name=f"{self.name}.velocity"))
         if a_max is not None:
-            self._laws.append(JointAccelerationLimits(a_max, name=f"{self.name}.acceleration"))
+            self._constraints.append(JointAccelerationLimits(a_max, name=f"{self.name}.acceleration"))
         if j_max is not None:
-            self._laws.append(JointJerkLimits(j_max, name=f"{self.name}.jerk"))
+            self._constraints.append(JointJerkLimits(j_max, name=f"{self.name}.jerk"))
         if no_load_speed is not None:
-            self._laws.append(TorqueSpeedLimits(no_load_speed, tau_max, name=f"{self.name}.torque"))
+            self._constraints.append(TorqueSpeedLimits(no_load_speed, tau_max, name=f"{self.name}.torque"))
         elif "torque" not in without:
-            self._laws.append(TorqueLimits(tau_max, name=f"{self.name}.torque"))
+            self._constraints.append(TorqueLimits(tau_max, name=f"{self.name}.torque"))
         self._asks_for_torque = tau_max is not None or no_load_speed is not None
 
     def prepare(self, model: RobotModel) -> None:
-        for constraint in self._laws:
+        for constraint in self._constraints:
             if constraint.quantity != "torque" or self._asks_for_torque:
                 constraint.prepare(model)
 
@@ -85,7 +85,7 @@ class JointLimits(Constraints):
         asked = self._asks_for_torque
         return [
             constraint
-            for constraint in self._laws
+            for constraint in self._constraints
             if constraint.quantity in carried or constraint.quantity != "torque" or asked
         ]
 

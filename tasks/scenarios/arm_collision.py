@@ -129,7 +129,7 @@ class ArmCollision(Scenario):
         figures = {
             "delay_ms": 1e3 * delay, "link": wrong[0] if wrong else link, "true_link": link,
             "all_links": {f"{hit.link} {hit.direction}": [hit.found, 1e3 * hit.delay] for hit in hits},
-            "force_off_share": off, "gives_way_m": {"stiff": stiff.yielded, "yielding": mine[0].yielded},
+            "force_off_share": off, "yielded_m": {"stiff": stiff.yielded, "yielding": mine[0].yielded},
         }  # fmt: skip
         right = float(len(mine) - len(wrong))
         checks = [

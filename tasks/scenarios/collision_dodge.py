@@ -134,7 +134,7 @@ def path(t: float) -> tuple[Vec, Vec, Vec]:
 
 
 def stack(robot: PinocchioModel, frame: str, limits: Sequence[Any]) -> wbc.Stack:
-    """The task that leads through, and what else is asked.
+    """The task that leads through the obstacle, and the other tasks.
 
     Positions keep a milliradian more from their limits: physics steps a little differently from what is decided.
     """

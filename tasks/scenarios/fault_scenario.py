@@ -42,7 +42,7 @@ class FaultScenario(Scenario):
 
     @abstractmethod
     def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
-        """What is asked of the outcomes."""
+        """The demands on the outcomes."""
 
     @abstractmethod
     def variants(self, stand: Stand) -> Mapping[str, Gains]:

@@ -157,12 +157,12 @@ def test_a_target_that_becomes_nan_is_never_followed(arm: Any) -> None:
 def test_an_infeasible_stack_is_said_and_survived(arm: Any) -> None:
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e6, name="up")
     stack = wbc.Stack([Posture(arm.q0)], subject_to=[up.exactly(), TorqueLimits(1.0)])
-    for relax, level in ((("constraints",), "relaxed"), ((), "closed form")):
+    for relax, expected in ((("constraints",), "relaxed"), ((), "closed form")):
         control = wbc.Controller(arm, stack, level=wbc.InverseDynamics(), recovery=wbc.Recovery(relax=relax))
         command = control.tick(0.0, arm.q0, np.zeros(7))
         assert command.status is Status.INFEASIBLE
-        assert command.fallback_level == level
-        assert command.certificate.ok == (level == "relaxed"), "of the relaxed problem"
+        assert command.fallback_level == expected
+        assert command.certificate.ok == (expected == "relaxed"), "of the relaxed problem"
         assert (np.abs(command.tau) <= 1.0).all()
         text = control.explain()
         assert "infeasible" in text

@@ -84,7 +84,7 @@ def margins(constraint: Barrier, task: Any, level: Any, seconds: float) -> Vec:
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 @pytest.mark.parametrize("case", CASES)
-def test_what_starts_inside_stays_inside_whatever_is_wished(case: str, level: Any):
+def test_what_starts_inside_stays_inside_whatever_the_tasks_ask_for(case: str, level: Any):
     constraint, task, _ = CASES[case]
     h = margins(constraint, task, level, 1.5)
     assert h.min() > -2e-4  # velocities are kept for a tick, in which curves bend away
@@ -103,7 +103,7 @@ def test_from_outside_it_comes_back_at_its_rate(case: str, level: Any):
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
-def test_a_constraint_that_may_give_way_stands_above_every_level_of_tasks(level: Any):
+def test_a_soft_constraint_stands_above_every_level_of_tasks(level: Any):
     constraint, task, _ = CASES["half space"]
     strict = Stack([[task], [Posture(ARM.q0)]], subject_to=[constraint])
     names = [[task.name for task in level] for level in Controller(ARM, strict, level=level).plan.problem.levels]
@@ -112,7 +112,7 @@ def test_a_constraint_that_may_give_way_stands_above_every_level_of_tasks(level:
 
 @settings(max_examples=10)
 @given(st.integers(0, 1000))
-def test_one_barrier_and_one_wish_have_a_closed_form(seed: int):
+def test_one_barrier_and_one_task_have_a_closed_form(seed: int):
     """min ½ |a − a₀|² subject to J a >= b: a₀ + Jᵀ max(0, b − J a₀) / (J Jᵀ)."""
     rng = np.random.default_rng(seed)
     constraint = HalfSpaceLimit("tool", normal=rng.normal(size=3), offset=float(rng.normal()), slack=None)

@@ -78,7 +78,7 @@ def worst_of_a_walk(robot: RobotModel, level: Any, ticks: int, seed: int = 0) ->
     ids=str,
 )
 @pytest.mark.parametrize("level", [VelocityLevel(), AccelerationLevel(), InverseDynamics()], ids=lambda x: x.name)
-def test_inside_stays_inside_whatever_is_wished(robot: RobotModel, ticks: int, level: Any):
+def test_inside_stays_inside_whatever_the_tasks_ask_for(robot: RobotModel, ticks: int, level: Any):
     worst = worst_of_a_walk(robot, level, ticks)
     assert worst["unsolved"] == 0
     assert max(worst[quantity] for quantity in ("position", "velocity", "acceleration")) <= 1e-6

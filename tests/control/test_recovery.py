@@ -92,19 +92,19 @@ def test_a_row_that_is_not_a_number_is_held_not_solved():
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)
-def test_what_gives_way_is_declared(level: Any):
+def test_relaxed_constraints_are_declared(level: Any):
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, level, extra=(up,))
-    for relax, level in ((("constraints",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
+    for relax, expected in ((("constraints",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
         control = wbc.Controller(ARM, stack, level=level, recovery=wbc.Recovery(relax=relax))
         command = control.tick(0.0, ARM.q0, STILL)
-        assert (command.status, command.fallback_level) == (Status.INFEASIBLE, level)
-        assert command.certificate.ok == (level == "relaxed")
+        assert (command.status, command.fallback_level) == (Status.INFEASIBLE, expected)
+        assert command.certificate.ok == (expected == "relaxed")
         assert excess(control, command) <= 1e-9
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_three_rows_that_gave_way_most_are_named_the_largest_first(seed: int):
+def test_the_three_rows_relaxed_most_are_named_the_largest_first(seed: int):
     """Joint i is asked to move faster than it may, by ``beyond`` of its own: that is what its row is relaxed by."""
     beyond = np.random.default_rng(seed).permutation(np.arange(1.0, 8.0)) / 8.0
     posture = Posture(ARM.q0 + 0.2 * (1.0 + beyond), rate=5.0).exactly()

@@ -92,7 +92,7 @@ def test_a_very_heavy_soft_constraint_is_the_constraint_and_a_light_one_is_none(
     np.testing.assert_allclose(light.v, bare.v, atol=1e-3 * max(away, 1e-3))
 
 
-def test_a_soft_limit_gives_way_by_its_share_of_the_least_squares(arm: PinocchioModel) -> None:
+def test_a_soft_limit_is_exceeded_by_its_share_of_the_least_squares(arm: PinocchioModel) -> None:
     q, v = moving(arm, 1)
     limit, weight, rate = 0.05, 3.0, 2.0
     stack = wbc.Stack([Posture(arm.q0 + 1.0, rate=rate), JointVelocityLimits(limit).softly(weight=weight)])
@@ -110,7 +110,7 @@ def test_soft_torque_limits_keep_a_humanoid_standing_with_less_torque(humanoid: 
     assert set(soft.f) == set(bare.f)
 
 
-def test_a_soft_constraint_names_its_rows_and_what_gives_way(arm: PinocchioModel) -> None:
+def test_a_soft_constraint_names_its_rows_and_its_slack(arm: PinocchioModel) -> None:
     stack = reach(arm, JointVelocityLimits(0.02).softly(weight=2.0), Ceiling(0.3).softly())
     plan = wbc.VelocityLevel().compile(arm, stack, dt=0.01)
     names = [str(row) for row in plan.problem.rows]

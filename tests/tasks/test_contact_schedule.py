@@ -158,7 +158,7 @@ def test_a_schedule_may_name_a_part_of_the_mechanism_which_has_no_normal_force()
     assert all(loop.tick(DT * k, QUADRUPED.q0, rest).status.ok for k in range(30))
 
 
-def test_force_rates_give_way_before_all_else_and_say_so() -> None:
+def test_force_rates_are_relaxed_first_and_why_says_so() -> None:
     """From standing to falling in one tick: with torques that small, no force can be kept where it was."""
     saying = Saying()
     loop = controller(ContactSchedule([(0.0, FEET), (0.04, FEET[1:])]), saying)

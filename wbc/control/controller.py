@@ -386,7 +386,7 @@ class Controller(Solving):
         self._former, self._kept, self._started = None, (), True
 
     def compile_waiting(self) -> int:
-        """Compile plans for sets of contacts that the stack's schedule asked for without having announced them.
+        """Compile plans for sets of contacts that the schedule needed and had not announced.
 
         To be called between ticks, when there is time: until then the plan before holds. Returns how many there were;
         ``plans.unplanned`` counts them all. ``simulate`` does it after every tick.

@@ -1,4 +1,4 @@
-"""run_many: many states through controllers, on as many cores as asked: for sweeps, tables and learning."""
+"""run_many: many states through controllers, on several cores: for sweeps, tables and learning."""
 
 from __future__ import annotations
 

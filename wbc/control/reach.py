@@ -21,7 +21,7 @@ from wbc.stack.task import Objective, Task
 from wbc.tolerances import MET
 from wbc.types import Vec
 
-#: A step is a tick of this length [s] in which tasks are asked for all of their error.
+#: A step is a tick of this length [s] in which tasks have to remove all of their error.
 _DT = 1e-2
 #: What a joint moves in a step at most [rad, m]: beyond it a linearised task says little.
 _STEP = 0.5

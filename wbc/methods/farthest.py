@@ -163,7 +163,7 @@ class _Search:
             rest, r = self._rest(normal)
             event = self._first(r, violation, float(rest @ rest))
             if event is None:
-                return self._give_way(row, r, violation[1], before)
+                return self._relax(row, r, violation[1], before)
             if event.place is None:
                 self.held.append(row)
                 self._hold()
@@ -188,7 +188,7 @@ class _Search:
         first = int(np.where(ties, ends[:, 1], np.inf).argmin())
         return _Event(ends[first], places[first])
 
-    def _give_way(self, row: int, r: Vec, violation: float, before: list[int]) -> bool:
+    def _relax(self, row: int, r: Vec, violation: float, before: list[int]) -> bool:
         """Rows that contradict each other are relaxed by equal parts of their sizes, if these are small enough.
 
         The set is then the one ``before`` the step.

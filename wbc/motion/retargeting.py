@@ -32,7 +32,7 @@ from wbc.stack.stack import Stack
 from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
-#: A step is a tick of this length [s] in which tasks are asked for all of their error.
+#: A step is a tick of this length [s] in which tasks have to remove all of their error.
 _DT = 1e-2
 #: Steps of a frame at most, and steps shorter than this [rad, m] end it.
 _STEPS, _SHORT = 12, 3e-4

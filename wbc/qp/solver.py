@@ -88,10 +88,10 @@ class Session(ABC):
     def solve(self, qp: QP) -> Solution:
         """Check the problem, solve it, check the answer; the same for every back end.
 
-        The certificate decides, not the back end's word. An answer that is not a hundred times finer than asked is
-        refined once with the active rows that its multipliers name (:mod:`wbc.qp.rows.dense`), and the better of the
-        two is kept. Where it still fails, a proof is looked for that there is no answer (:mod:`wbc.qp.proof`). Without
-        one the status says how the back end ended, never INFEASIBLE or UNBOUNDED.
+        The certificate decides, not the back end's status. A solution that is not a hundred times finer than the
+        tolerance is refined once with the active rows that its multipliers name (:mod:`wbc.qp.rows.dense`), and the
+        better of the two is kept. If it still fails, a proof is looked for that there is no solution
+        (:mod:`wbc.qp.proof`). Without one the status says how the back end ended, never INFEASIBLE or UNBOUNDED.
 
         Raises:
             InvalidProblem: what :meth:`QP.check` refuses, or another shape than the session's.
@@ -181,7 +181,7 @@ class Solver(ABC):
 
     @final
     def at(self, tolerance: float) -> Self:
-        """The same solver asked for another accuracy: where it stops, and the certificate an answer needs to be SOLVED.
+        """The same solver with another accuracy: where it stops, and the certificate a solution needs to be SOLVED.
 
         Raises:
             InvalidInput: a tolerance that is not positive.
@@ -198,5 +198,5 @@ class Solver(ABC):
         return asked
 
     def _stopping_at(self, tolerance: float) -> Self:
-        """These settings with another accuracy; themselves where a solver can be asked for none."""
+        """These settings with another accuracy; the same settings if the solver has no accuracy to set."""
         return replace(self, **dict.fromkeys(self.accuracies, tolerance)) if self.accuracies else self  # type: ignore[type-var]

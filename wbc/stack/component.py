@@ -76,7 +76,7 @@ class Schedule(Component):
 
     @abstractmethod
     def contacts(self, state: RobotState, last: object) -> Iterable[str]:
-        """The set of this tick, asked for before any component's ``before``; ``last`` is the previous Command or None.
+        """The set of this tick, called before any component's ``before``; ``last`` is the previous Command or None.
 
         A set that has no plan yet is compiled outside the tick; until then the present plan holds.
         """

@@ -41,7 +41,7 @@ class Mode:
         self.is_compiled = plan.is_compiled and solver.is_compiled
         self.in_one_call = self.is_compiled and solver.kernel[0] != 0
         plan.answered_by(solver)
-        #: The solver that is asked where ``solver`` fails, made when it is needed.
+        #: The solver that is tried when ``solver`` fails, made when it is needed.
         self.second: RowSolver | None = None
 
     def all_forces(self, value: Vec, scale: Vec) -> Vec:
@@ -62,7 +62,7 @@ class Plans:
     ``whole`` has all contacts; the others are compiled for the sets of the stack's schedule. Components that are
     ``prepared`` go on as they are.
 
-    ``unplanned`` counts the sets that were asked for without having been announced.
+    ``unplanned`` counts the sets that were needed and had not been announced.
 
     Raises:
         InvalidInput: two schedules in one stack.

@@ -175,7 +175,7 @@ class Levels:
 
 @final
 class Report:
-    """How the levels of a tick came out, by number; words and certificates are made when they are asked for.
+    """How the levels of a tick came out, by number; words and certificates are made when they are read.
 
     ``proof`` says what is certified of the last level where the core decided it, all others met.
     """

@@ -94,7 +94,7 @@ class LexicographicSolver(RowSolver):
 
     @np.errstate(all="ignore")
     def _weigh(self, status: Status) -> Status:
-        """The exit: one QP in which the weights speak. It is not what was asked."""
+        """The weighted fallback: one QP with the weighted sum of all levels, which is not the strict problem."""
         self._weighed, self.report = True, self._not_ranked
         self.certificate = Certificate.none()
         if self._leave is None:  # no level was decided, so that there is no answer that could be inaccurate

@@ -31,7 +31,7 @@ _ANSWERED = {SOLVED: Status.SOLVED, INACCURATE: Status.INACCURATE}
 
 @final
 class CoreSolver(RowSolver):
-    """Guess, verify, exchange, and a finite method, in one compiled call; no other solver is asked.
+    """Guess, verify, exchange, and a finite method, in one compiled call; no other solver is called.
 
     ``form`` says which factorisation the problem's sizes and weights chose: "rows" or "variables".
     """

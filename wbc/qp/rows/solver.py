@@ -27,7 +27,7 @@ class RowSolver(ABC):
     #: Place and argument of the compiled code that ``solve`` begins with, whose answer ``concluded`` is told; place 0:
     #: no other compiled code can call it.
     kernel = 0, 0
-    #: Why an answer that meets all constraints is not what was asked: "not optimised", "weighted fallback"; or nothing.
+    #: Why a solution that meets all constraints is not optimal: "not optimised", "weighted fallback"; "" where it is.
     shortfall = ""
 
     def __init__(self, problem: RowProblem) -> None:

@@ -20,7 +20,7 @@ from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, Work, views
 from wbc.tolerances import SHARP
 from wbc.types import Vec
 
-#: Working sets that are guessed before the finite method is asked.
+#: Working sets that are guessed before the finite method starts.
 _GUESSES = 5
 #: Exchanges in a row that may fail to lower the number of wrong items.
 _CHANCES = 1
