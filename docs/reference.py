@@ -110,7 +110,7 @@ def listed(lines: list[str]) -> str:
             items[-1] += f" {line.strip()}"
         elif line.strip():
             items.append(line)
-    items = [part for item in items for part in re.split(r"\. (?=[A-Z][a-z]\w+(?:: |\.$))", item)]
+    items = [part for item in items for part in re.split(r"\. (?=[A-Z][a-z]\w+(?:, [A-Z]\w+)*(?:: |\.$))", item)]
     return "\n".join(_entry(*item.partition(": ")) for item in items)
 
 
@@ -160,14 +160,20 @@ def signature(name: str, value: Any) -> str:
         given = inspect.signature(value)
     except (TypeError, ValueError):
         return name
-    bare = [p.replace(annotation=p.empty) for p in given.parameters.values() if p.name not in ("self", "cls")]
-    words = str(given.replace(parameters=bare, return_annotation=given.empty))[1:-1]
+    bare = [_short(p) for p in given.parameters.values() if p.name not in ("self", "cls")]
+    words = str(given.replace(parameters=bare, return_annotation=given.empty))[1:-1].replace("=Ellipsis", "=…")
     line = f"{name}({words})"
-    entries = [str(p) for p in bare]
+    entries = [str(p).replace("=Ellipsis", "=…") for p in bare]
     first = next((i for i, p in enumerate(bare) if p.kind is p.KEYWORD_ONLY), None)
     if first is not None and not any(p.kind is p.VAR_POSITIONAL for p in bare):
         entries.insert(first, "*")
     return line if len(line) < 90 else "\n".join([f"{name}(", *(f"    {entry}," for entry in entries), ")"])
+
+
+def _short(parameter: inspect.Parameter) -> inspect.Parameter:
+    """A parameter without its type, and with three dots for a long default."""
+    bare = parameter.replace(annotation=parameter.empty)
+    return bare if len(repr(bare.default)) < 60 else bare.replace(default=...)
 
 
 def member(name: str, value: type, kind: str, serves: str) -> str:

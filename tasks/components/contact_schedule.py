@@ -27,22 +27,22 @@ _SAME = 1e-9
 
 @final
 class ContactSchedule(Schedule):
-    """Contacts that are made and broken at given times, their load brought up and down on ramps.
+    """Opens and closes contacts at given times, and ramps their normal forces.
 
-    ``timeline``: (time [s], names or frames of the contacts that hold from then on); the first set holds from the
-    beginning. With ``period`` [s] the timeline, its times then in [0, period), repeats. The normal force of a contact
-    is bounded by f_z <= k m min(t − t_made, t_break − t): the bound comes down ahead of the break and goes up after the
-    make, by ``ramp`` k [N per ms and kg of the robot's mass m], and next to nothing is left when the contact is let go.
-    A robot that cannot stand on the others then falls: shift its weight first.
+    ``timeline``: (time [s], names or frames of the contacts that are closed from then on). The first set holds from the
+    beginning. With ``period`` [s] the timeline repeats; its times are then in [0, period).
 
-    While the load of some contact is so bounded below the robot's weight, and while one is open, no normal force moves
-    by more than ``force_rate`` r m per ms from the one commanded last, r in N per ms and kg too (``inf``: as the tasks
-    ask): the impact of one foot does not make the forces of the others jump. This rate limit is relaxed first if the QP
-    is infeasible (:class:`~wbc.control.recovery.Recovery`). Robots that stand may change their forces as fast as a push
-    asks for.
+    Ramps: the normal force of a contact is bounded by f_z <= k m min(t − t_closed, t_opens − t), with ``ramp`` k [N per
+    ms and kg of the robot's mass m]. The bound falls to nearly zero before the contact opens and rises after it closes.
+    A robot that cannot stand on the other contacts falls: shift its weight first.
 
-    ``touching``: says of a name whether a sensor feels the ground. With it a contact is made when it touches, ``early``
-    seconds before its time at the earliest and as late as it comes; until then it is open.
+    Rates: while a contact is open, or its bound is below the robot's weight, the normal force of every contact changes
+    by at most ``force_rate`` r m per ms from the last command, r in N per ms and kg (``inf``: no limit). The impact of
+    one foot then does not make the forces of the others jump. This limit is relaxed first if the QP is infeasible
+    (:class:`~wbc.control.recovery.Recovery`). While all contacts are closed, forces may change as fast as a push needs.
+
+    ``touching``: a function of a contact's name that says whether a sensor feels the ground. A contact then closes when
+    it touches, at most ``early`` seconds before its time; if it touches later, it closes later.
 
     Signals, in the order of ``names``: ``contacts`` (n,), 1 where one holds, and ``limits`` (n,) [N].
 

@@ -29,10 +29,10 @@ class JointLimits(Constraints):
     given. ``no_load_speed`` makes the torque limits fall with speed, see
     :class:`~tasks.limits.torque_speed.TorqueSpeedLimits`.
 
-    Positions, velocities, accelerations and jerks become bounds on each unknown of the level by
-    :class:`~wbc.stack.interval.JointIntervals`: inside they keep all of these limits, outside they lead back within
-    (|v| / B + d / v_max + v_max / B) + 10 %, for a joint d outside with velocity v, braking with B. Torques stay rows,
-    at the level that decides them; other levels do without, unless ``tau_max`` or ``no_load_speed`` asks for them.
+    Positions, velocities, accelerations and jerks become one interval for each joint, a bound on the unknown of the
+    level (:class:`~wbc.stack.interval.JointIntervals`). docs/limits.md says in which order they hold, and how fast a
+    joint outside its limits returns. Torque limits are rows of inverse dynamics. Other levels leave them out, and
+    refuse ``tau_max`` and ``no_load_speed``.
 
     Raises:
         InvalidInput: a limit that makes no sense, by joint name; ``without`` anything else. UnknownJoint.
