@@ -32,7 +32,8 @@ def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any)
         raise InvalidInput(f"robot is {checks.shown(robot)}; it must be a robot from wbc.load(...)")
     share = checks.number("friction_share", friction_share, low=0.0, strict=True)
     if not robot.feet:
-        raise NotSupported(f"{robot.name} has no feet to stand on; write its contacts out")
+        stand = "" if robot.nb else "; a robot with legs that is loaded with base='floating' has feet"
+        raise NotSupported(f"{robot.name} has no feet: list its contacts, or load(..., feet=[...]) names them{stand}")
     contacts: list[Contact] = []
     for foot in robot.feet.values():
         common: dict[str, Any] = {"friction": share * foot.friction, **settings}

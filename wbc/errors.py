@@ -120,6 +120,12 @@ class UnknownJoint(UnknownName):
     kind = "joint"
 
 
+class UnknownContact(UnknownName):
+    """No such contact in the stack."""
+
+    kind = "contact"
+
+
 class UnknownSlot(UnknownName):
     """No such slot on the device."""
 

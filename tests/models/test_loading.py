@@ -99,17 +99,37 @@ def test_limits_that_are_not_given_are_infinite(tmp_path: Path):
 
 
 def test_mimic_joints_move_by_themselves_and_this_is_said(tmp_path: Path):
-    with pytest.warns(UserWarning, match="joint 'second' mimics 'first', here it moves by itself"):
-        robot = load(written(tmp_path, hinge("first", SANE), hinge("second", SANE, extra='<mimic joint="first"/>')))
+    joints = [hinge("first", SANE), hinge("second", SANE, extra='<mimic joint="first"/>')]
+    with pytest.warns(UserWarning, match=r"'second' mimics 'first'; here each moves by itself until .*mimic_joints"):
+        robot = load(written(tmp_path, *joints))
     assert robot.nj == 2
+    third = hinge("third", SANE, extra='<mimic joint="first"/>')
+    with pytest.warns(UserWarning, match="'second' mimics 'first' and 1 more mimic others; here") as said:
+        load(written(tmp_path, *joints, third))
+    assert len(said) == 1
 
 
 def test_links_without_mass_have_kinematics_and_this_is_said(tmp_path: Path):
     path = written(tmp_path, hinge("swing", SANE))
     path.write_text(path.read_text().replace('value="1.5"', 'value="0"').replace('="0.1"', '="0"'))
-    with pytest.warns(UserWarning, match="joint 'swing' moves no inertia, so there is kinematics and no dynamics"):
+    with pytest.warns(UserWarning, match="no inertia moves with joint 'swing', so there is kinematics and no dynamics"):
         robot = load(path)
     assert robot.state().frame("b").jacobian().shape == (6, 1)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("first", range(1, 7))
+def test_all_joints_without_mass_are_named_at_once(tmp_path: Path, first: int):
+    path = written(tmp_path, *(hinge(f"j{i}", 'effort="1" velocity="0"') for i in range(6)))
+    *links, joints = path.read_text().split("</link>")
+    light = [link.replace('"1.5"', '"0"').replace('="0.1"', '="0"') for link in links[first:]]
+    path.write_text("</link>".join([*links[:first], *light, joints]))
+    lightest = tuple(f"joint 'j{i}'" for i in range(first - 1, 6))
+    with pytest.warns(UserWarning) as said:
+        assert load(path).weightless == lightest
+    more = f", and {len(lightest) - 5} more" if len(lightest) > 5 else ""
+    begins = f"chain: no inertia moves with {', '.join(lightest[:5])}{more}, so there is kinematics and no dynamics; "
+    assert str(said[0].message).startswith(begins), "before six other sentences, of which the last are cut"
 
 
 def test_a_robot_of_one_joint_has_matrices_of_one_column(tmp_path: Path):

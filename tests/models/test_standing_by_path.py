@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import CenterOfMass, Orientation, Position, Posture, TorqueLimits, feet
 from tests.scenarios.test_standing import needs_examples
-from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownFrame, UnknownJoint
+from wbc.errors import InvalidInput, ModelError, NotSupported, UnknownConfiguration, UnknownFrame, UnknownJoint
 from wbc.models import load
 from wbc.models.catalogue import example_robots
 from wbc.models.feet import Foot, Guessed
@@ -151,6 +151,10 @@ def test_an_arm_that_floats_has_no_feet():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert not load(OWN / "arm.urdf", base="floating").feet
+        with pytest.raises(NotSupported, match=r"arm has no feet: list its contacts, or .*feet=\[...\]\) names them$"):
+            feet(load(OWN / "arm.urdf", base="floating"))
+        with pytest.raises(NotSupported, match=r"quadruped has no feet: .* base='floating' has feet$"):
+            feet(load(OWN / "quadruped.urdf"))
 
 
 SRDF = (

@@ -131,7 +131,9 @@ def test_what_balance_cannot_be_said_of_is_refused():
     stack = wbc.Stack([CenterOfPressure(foot), Posture(QUADRUPED.q0)], contacts=[Point(foot, friction=0.5)])
     with pytest.raises(InvalidInput, match="a contact of 3 numbers has no moments"):
         wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
-    with pytest.raises(NotSupported, match="is about force, which the velocity level does not decide"):
+    with pytest.raises(
+        NotSupported, match=r"is about force, which the velocity level does not decide; use InverseDynamics\(\)"
+    ):
         wbc.Controller(
             HUMANOID,
             wbc.Stack(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from importlib import import_module
+from inspect import Parameter
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from wbc.models.model import RobotModel
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
-from wbc.stack.member import UnknownSetting
+from wbc.stack.member import UnknownArgument, UnknownSetting, WrongArguments
 from wbc.stack.task import Objective
 from wbc.testing import check_constraint, check_contact, check_task, robots
 
@@ -129,6 +130,33 @@ def test_a_class_of_ones_own_may_have_attributes_of_its_own():
     controller = wbc.Controller(robot, wbc.Stack([mine, damping], subject_to=[plane]), level=wbc.VelocityLevel())
     for k in range(3):  # what it notes while it works is its own affair
         assert controller.tick(1e-3 * k, robot.q0, 0.0 * robot.q0).status.ok, controller.why
+
+
+@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+def test_a_constructor_says_which_arguments_it_has(member: Any):
+    kinds = {name: known.kind for name, known in inspect.signature(member).parameters.items()}
+    if Parameter.VAR_KEYWORD not in kinds.values():
+        with pytest.raises(UnknownArgument, match=rf"{member.__name__}: there is no argument 'cost'") as refused:
+            member(cost=1.0)
+        assert refused.value.available == sorted(kinds) and isinstance(refused.value, TypeError)
+    if Parameter.VAR_POSITIONAL not in kinds.values():
+        with pytest.raises(WrongArguments, match=r"by position and .* by name, not 20 arguments") as many:
+            member(*range(20))
+        sentence = str(many.value)
+        assert all(f"{name}=" in sentence for name, kind in kinds.items() if kind is Parameter.KEYWORD_ONLY)
+        assert isinstance(many.value, TypeError)
+
+
+def test_a_type_error_inside_a_constructor_is_passed_on():
+    class Broken(wbc.Task):
+        def __init__(self) -> None:
+            super().__init__()
+            len(3)  # type: ignore[arg-type]
+
+        def fill(self, state: wbc.RobotState, out: Any) -> None: ...
+
+    with pytest.raises(TypeError, match=r"object of type 'int' has no len\(\)"):
+        Broken()
 
 
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import CenterOfMass, InternalForce, LoopClosure, Orientation, Point, Posture, TorqueLimits, feet
 from tests.stack.conftest import moving
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput, UnknownContact
 from wbc.stack.task import LinearRows
 from wbc.testing.strategies import states
 from wbc.types import Vec
@@ -136,5 +136,5 @@ def test_what_presses_on_nothing_is_refused(make: Any, said: str) -> None:
 
 def test_a_contact_the_stack_has_not_is_named() -> None:
     lost = InternalForce([POINTS[0], Point("trunk", friction=0.5)])
-    with pytest.raises(UnknownName, match=r"Point\[trunk\]"):
+    with pytest.raises(UnknownContact, match=r"Point\[trunk\]"):
         tick(QUADRUPED, QUADRUPED.q0, np.zeros(QUADRUPED.nv), lost)

@@ -106,7 +106,7 @@ def load(
     loaded = wanted.robot(urdf, model if base in (None, own) else None, srdf, q0)
     oddities = urdf.oddities()
     if loaded.weightless:
-        oddities.append(f"{loaded.weightless} moves no inertia, so there is kinematics and no dynamics")
+        oddities.insert(0, f"no inertia moves with {_few(loaded.weightless)}, so there is kinematics and no dynamics")
     guessed = wanted.guessed if name is None else []  # of robots that are known by name it is known
     if guessed:
         guessed = [f"{'; '.join(guessed)} (load(..., feet=, srdf=, q0=) says otherwise)"]
@@ -114,9 +114,14 @@ def load(
         (oddities, UserWarning), (plausible.inertias(loaded), plausible.ImplausibleInertia), (guessed, Guessed)
     ):  # fmt: skip
         if found:
-            more = f"; and {len(found) - 5} more" if len(found) > 5 else ""
-            warnings.warn(f"{loaded.name}: {'; '.join(found[:5])}{more}", kind, stacklevel=2)
+            warnings.warn(f"{loaded.name}: {_few(found, '; ')}", kind, stacklevel=2)
     return loaded
+
+
+def _few(found: Sequence[str], between: str = ", ") -> str:
+    """The first five, and how many more there are."""
+    more = [f"and {len(found) - 5} more"] if len(found) > 5 else []
+    return between.join([*found[:5], *more])
 
 
 def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf, Any]:

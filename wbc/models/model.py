@@ -90,15 +90,15 @@ class RobotModel(Known):
         return np.asarray(pin.difference(self.pinocchio, q_from, q_to), dtype=np.float64)
 
     @cached_property
-    def weightless(self) -> str:
-        """What can move, or one of several that can move together, while nothing of any mass does; "" for nothing."""
+    def weightless(self) -> tuple[str, ...]:
+        """What can move, by itself or only with others of these, while nothing of any mass does; by name, in q0."""
         M = self.state().M
         scale = np.sqrt(np.maximum(np.diag(M), 1e-300))
         values, directions = np.linalg.eigh(M / np.outer(scale, scale))
-        if values[0] > 1e-10:
-            return ""
-        i = int(np.abs(directions[:, 0]).argmax()) - self.nb
-        return "the base" if i < 0 else f"joint {self.joint_names[i]!r}"
+        shares = (directions[:, values <= 1e-10] ** 2).sum(axis=1)
+        found = np.flatnonzero(shares > 0.5 * max(shares.max(), 1e-10))
+        joints = [f"joint {self.joint_names[i]!r}" for i in (found - self.nb).tolist() if i >= 0]
+        return tuple(["the base"] * bool((found < self.nb).any()) + joints)
 
     def random_configuration(self, rng: np.random.Generator) -> Vec:
         """A configuration inside the joint limits (±π or ±1 m where there are none); floating base: any orientation,

@@ -163,10 +163,11 @@ class PlanarRobot(RobotModel):
         """That M is positive definite at q0.
 
         Raises:
-            InvalidInput: it is not; what moves no inertia.
+            InvalidInput: it is not; with what no inertia moves.
         """
         if self.weightless:
-            raise InvalidInput(f"the inertia matrix of {self.name} is singular: {self.weightless} moves no inertia")
+            named = ", ".join(self.weightless)
+            raise InvalidInput(f"the inertia matrix of {self.name} is singular: no inertia moves with {named}")
 
     def _at(self, q: ArrayLike, v: ArrayLike | None = None) -> RobotState:
         state = self.state()

@@ -174,8 +174,13 @@ class Urdf:
             for what, value in (("velocity", joint.velocity), ("effort", joint.effort)):
                 if not value > 0:
                     found.append(f"the {what} limit of joint {joint.name!r} is {value:g}")
-            if joint.mimics is not None:
-                found.append(f"joint {joint.name!r} mimics {joint.mimics!r}, here it moves by itself")
+        alike = [joint for joint in self.joints if joint.mimics is not None]
+        if alike:
+            more = f" and {len(alike) - 1} more mimic others" if alike[1:] else ""
+            found.append(
+                f"joint {alike[0].name!r} mimics {alike[0].mimics!r}{more}; here each moves by itself until "
+                "wbc.tasks.mimic_joints(robot) couples them"
+            )
         return found + list(self.left_out) + [f"there is no mesh {reference!r}" for reference in self.missing_meshes]
 
     def text(self, *, continuous: Literal["continuous", "revolute"] = "continuous") -> str:

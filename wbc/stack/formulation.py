@@ -39,7 +39,8 @@ class Formulation(Level):
 
         if self.dynamics and model.weightless:
             raise NotSupported(
-                f"{model.name}: {model.weightless} moves no inertia, so there are no torques to find; use VelocityLevel"
+                f"{model.name}: no inertia moves with {', '.join(model.weightless)}, so there are no torques to find; "
+                "use VelocityLevel(), or give the links mass or fix the joints in the robot's description"
             )
         for component in stack.components if like is None else ():
             if not any(component is one for one in prepared):

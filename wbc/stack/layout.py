@@ -7,7 +7,7 @@ from typing import Any, TypeVar, final
 
 import numpy as np
 
-from wbc.errors import InvalidInput, NotSupported, UnknownName
+from wbc.errors import InvalidInput, NotSupported, UnknownContact
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
 from wbc.stack.block import Block, MotionBlock, RowBlock, says_of
@@ -20,6 +20,12 @@ from wbc.types import Index
 
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+#: Levels for what not every level decides.
+_DECIDED_BY = {
+    "acceleration": "AccelerationLevel() or InverseDynamics()",
+    "force": "InverseDynamics()",
+    "torque": "InverseDynamics()",
+}
 _B = TypeVar("_B", bound=Block)
 
 
@@ -156,21 +162,21 @@ class Layout:
         if quantity and quantity not in carried:
             raise NotSupported(
                 f"{name} is about {quantity}, which the {level.name} does not decide; "
-                f"it carries {', '.join(sorted(carried))}"
+                f"use {_DECIDED_BY.get(quantity, ' or '.join(sorted(carried)))}"
             )
 
     def forces_of(self, member: Any) -> Index:
         """Columns of the wrenches that a member on "force" speaks of; none for others.
 
         Raises:
-            UnknownName: no contact of that name or frame.
+            UnknownContact: no contact of that name or frame.
         """
         columns: list[int] = []
         for name in force_of(member):
             held = [block for block in self.contacts if name in (block.member.name, block.member.frame)]
             if not held:
                 frames = [block.member.frame for block in self.contacts]
-                raise UnknownName(name, frames, f"{member.name} needs a contact")
+                raise UnknownContact(name, frames, f"{member.name} is about its force")
             columns += range(self.n)[held[0].unknowns]
         return np.array(columns, dtype=np.intp)
 

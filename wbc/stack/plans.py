@@ -13,7 +13,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput, UnknownContact
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowSolver
 from wbc.stack.component import Component, Schedule
@@ -151,9 +151,3 @@ class Plans:
         self.present = self.whole
         for mode in self._modes.values():
             mode.solver.reset()
-
-
-class UnknownContact(UnknownName):
-    """The stack has no such contact."""
-
-    kind = "contact"
