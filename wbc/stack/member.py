@@ -37,7 +37,7 @@ class UnknownSetting(UnknownAttribute):
         return f"{self.owner}: {super()._sentence()}"
 
 
-class UnknownArgument(UnknownSetting, TypeError):
+class UnknownArgument(UnknownSetting, TypeError):  # type: ignore[misc]  # as UnknownAttribute
     """The constructor has no argument of this name."""
 
     kind = "argument"
