@@ -16,9 +16,11 @@ from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 
 from ..components.fault_reaction import TABLE
-from . import humanoid_joint_loss, humanoid_stand, judge, quadruped_joint_loss, quadruped_stand
+from . import humanoid_stand, judge, quadruped_stand
 from .fault_trials import Case, Outcome, Stand, learnt
 from .held_sway import Held, HeldSway, reserve, table_with
+from .humanoid_joint_loss import HumanoidJointLoss
+from .quadruped_joint_loss import QuadrupedJointLoss
 from .standing import held_by_damping
 
 ROBOTS: Sequence[str] = (*humanoid_stand.STANCES, *quadruped_stand.STANCES)
@@ -103,7 +105,8 @@ class FaultFamily(Scenario):
     duration = 1.6  # of eight moments two are up to 1.57 s apart: every phase of the sway is passed
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        stand, moments = _standing(p), p.count("moments")
+        loss = HumanoidJointLoss() if p["robot"] in humanoid_stand.STANCES else QuadrupedJointLoss()
+        stand, moments = loss.stand(p), p.count("moments")
         left = p.number("left", low=0.0, high=0.9)
         if p["answer"] not in ("usual", "release", "none"):
             raise InvalidInput(f"parameter 'answer' is {p['answer']!r}; it must be usual, release or none")
@@ -135,12 +138,6 @@ class FaultFamily(Scenario):
         return judge.verdict(
             outcomes[-1].trial, checks, figures={"rows": [row.as_dict() for row in rows]}, sections=[_section(rows)]
         )
-
-
-def _standing(p: Parameters) -> Stand:
-    if p["robot"] in humanoid_stand.STANCES:
-        return humanoid_joint_loss.standing_of(p)
-    return quadruped_joint_loss.standing_of(p)
 
 
 def begun(k: int, moments: int) -> float:

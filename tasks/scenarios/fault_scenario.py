@@ -13,10 +13,10 @@ from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameters, Scenario, ScenarioResult, Setup, Trial
 
 from .. import Thresholds, When
-from ..components.fault_reaction import TABLE
 from . import fault_sections as sections
 from . import judge
 from .fault_trials import LEARNING, Case, Gains, Outcome, Pair, Stand, learnt
+from .held_sway import HeldSway, table_with
 from .least_torque import least_torque
 from .standing import standing_stack
 
@@ -50,7 +50,7 @@ class FaultScenario(Scenario):
 
     def table(self, stand: Stand) -> Sequence[When]:
         """What is done about a diagnosis."""
-        return TABLE
+        return table_with(HeldSway.of(stand))
 
     def left(self, p: Parameters) -> float:
         """What share of its torque the motor that fails has left."""

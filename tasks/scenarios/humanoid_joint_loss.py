@@ -8,10 +8,8 @@ from typing import ClassVar, final
 
 from wbc.sim.scenario import Check, Parameter, Parameters
 
-from .. import When
 from .fault_scenario import FaultScenario, found_in_time
 from .fault_trials import Gains, Outcome, Stand
-from .held_sway import HeldSway, table_with
 from .humanoid_stand import STANCES
 
 JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
@@ -70,13 +68,12 @@ class HumanoidJointLoss(FaultScenario):
     duration = 8.0  # Talos takes up to 6 s to fall
 
     def stand(self, p: Parameters) -> Stand:
-        return standing_of(p)
+        name = p["robot"]
+        stance = replace(STANCES[name], sway=SWAY.get(name, STANCES[name].sway))
+        return Stand.of(p, stance, FLOOR[name], GAINS, CLEAN_GAINS[name])
 
     def variants(self, stand: Stand) -> Mapping[str, Gains]:
         return variants(stand.stance.upright)
-
-    def table(self, stand: Stand) -> Sequence[When]:
-        return table_with(HeldSway.of(stand))
 
     def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
         rough = self.stand(p).rough
@@ -91,10 +88,3 @@ class HumanoidJointLoss(FaultScenario):
             Check("CoM error of those that stand, rms", rms, "<", bound, "m"),
             *found_in_time(answered, LATER if rough else SOON),
         ]  # fmt: skip
-
-
-def standing_of(p: Parameters) -> Stand:
-    """The humanoid that stands."""
-    name = p["robot"]
-    stance = replace(STANCES[name], sway=SWAY.get(name, STANCES[name].sway))
-    return Stand.of(p, stance, FLOOR[name], GAINS, CLEAN_GAINS[name])

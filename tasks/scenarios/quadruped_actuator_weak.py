@@ -7,8 +7,10 @@ from typing import ClassVar, final
 
 from wbc.sim.scenario import Check, Parameter, Parameters
 
+from .. import When
+from ..components.fault_reaction import TABLE
 from .fault_scenario import found_in_time
-from .fault_trials import Outcome
+from .fault_trials import Outcome, Stand
 from .quadruped_joint_loss import KNEES, QuadrupedFault
 
 #: How far off the share lost may be taken.
@@ -32,6 +34,9 @@ class QuadrupedActuatorWeak(QuadrupedFault):
         "variants": True,
     }  # fmt: skip
     joints = KNEES
+
+    def table(self, stand: Stand) -> Sequence[When]:
+        return TABLE
 
     def left(self, p: Parameters) -> float:
         return p.number("left", low=0.25, high=0.9)

@@ -7,10 +7,8 @@ from typing import ClassVar, final
 
 from wbc.sim.scenario import Check, Parameter, Parameters
 
-from .. import When
 from .fault_scenario import FaultScenario, found_in_time
 from .fault_trials import Gains, Outcome, Stand
-from .held_sway import HeldSway, table_with
 from .quadruped_stand import STANCES
 
 JOINTS: Mapping[str, str] = {"go2": "FL_hip_joint", "quadruped": "front_left_hip_roll"}
@@ -31,11 +29,6 @@ VARIANTS: Mapping[str, Gains] = {
 }  # fmt: skip
 
 
-def standing_of(p: Parameters) -> Stand:
-    """The quadruped that stands."""
-    return Stand.of(p, STANCES[p["robot"]], FLOOR, GAINS, GAINS)
-
-
 class QuadrupedFault(FaultScenario):
     """A motor of a quadruped fails."""
 
@@ -45,7 +38,7 @@ class QuadrupedFault(FaultScenario):
     duration = 4.0
 
     def stand(self, p: Parameters) -> Stand:
-        return standing_of(p)
+        return Stand.of(p, STANCES[p["robot"]], FLOOR, GAINS, GAINS)
 
     def variants(self, stand: Stand) -> Mapping[str, Gains]:
         return VARIANTS
@@ -67,9 +60,6 @@ class QuadrupedJointLoss(QuadrupedFault):
         "robot": "go2", "joint": "auto", "moments": 12, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
     joints = JOINTS
-
-    def table(self, stand: Stand) -> Sequence[When]:
-        return table_with(HeldSway.of(stand))
 
     def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
         rough = self.stand(p).rough

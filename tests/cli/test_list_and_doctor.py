@@ -18,7 +18,8 @@ from wbc.sim import scenario
 @pytest.fixture
 def wave_is_registered(monkeypatch, waving):
     """One registered scenario."""
-    monkeypatch.setattr(scenario, "scenarios", lambda: {"wave": scenario.find(waving)})
+    wave = scenario.find(waving)
+    monkeypatch.setattr(scenario, "registered", lambda kind: {"wave": wave})
 
 
 def test_list_names_scenarios_solvers_and_robots(wbc, wave_is_registered):

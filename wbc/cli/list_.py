@@ -65,6 +65,7 @@ def described(scenarios: Mapping[str, Scenario]) -> dict[str, Any]:
 def listed(scenarios: Mapping[str, Any]) -> Table:
     """A table of what :func:`described` says: groups, how long each takes, what happens, and its parameters."""
     made = table("Scenarios (wbc run NAME)", "group", "name", "takes", "what happens", "--set")
+    made.columns[1].no_wrap = True  # a name is to be copied
     for name, scenario in scenarios.items():
         parameters = ", ".join(f"{key}={_typed(value)}" for key, value in scenario["parameters"].items())
         group, takes = scenario["group"], scenario["takes_s"]

@@ -61,6 +61,6 @@ def _print(kind: str, rows: list[dict[str, Any]]) -> None:
     for row in rows:
         lines = [f"\n{row['subject']}: ticks by where their command came from"]
         lines += [f"  {level}: {count:,}" for level, count in row["fallback_levels"].items()]
-        lines += ["  least room to a limit (-), or worst excess (+)"] if row["worst"] else []
-        lines += [f"  {name}: {value:+.0e}" for name, value in row["worst"].items()]
+        lines += ["  largest excess over each limit, negative within it"] if row["worst"] else []
+        lines += [f"  {name}: {value:+.2g}" for name, value in row["worst"].items()]
         say(*lines, *(f"  {count} times {text}" for text, count in row["exceptions"].items()))

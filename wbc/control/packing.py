@@ -41,15 +41,21 @@ def packed(values: NDArray[Any]) -> tuple[NDArray[np.uint8], int]:
     """
     bits = np.ascontiguousarray(values.T).view(np.int64)
     bits = bits ^ ((bits >> 63) & _ALL_BUT_SIGN)  # in the order of the numbers, negative ones too
-    start = max(0, (bits.shape[-1] - SAMPLE) // 2)
-    sample, sizes = bits[..., start : start + SAMPLE], []
-    for _ in range(MOST + 1):
-        sizes.append(len(zlib.compress(_bytes(sample).tobytes(), 1)))
-        sample = np.diff(sample, axis=-1)
+    return differenced(bits, most=MOST, sample=SAMPLE)
+
+
+def differenced(whole: NDArray[Any], *, most: int, sample: int) -> tuple[NDArray[np.uint8], int]:
+    """The bytes (b, ..., N) of signed whole numbers (..., N) of b bytes, the last byte first, and how often differences
+    were taken along N: at most ``most`` times, as ``sample`` numbers from the middle pack best. Numbers may wrap."""
+    start = max(0, (whole.shape[-1] - sample) // 2)
+    some, sizes = whole[..., start : start + sample], []
+    for _ in range(most + 1):
+        sizes.append(len(zlib.compress(_bytes(some).tobytes(), 1)))
+        some = np.diff(some, axis=-1, prepend=some[..., :1])
     times = int(np.argmin(sizes))
     for _ in range(times):
-        bits = np.diff(bits, axis=-1, prepend=np.zeros_like(bits[..., :1]))
-    return _bytes(bits), times
+        whole = np.diff(whole, axis=-1, prepend=np.zeros_like(whole[..., :1]))
+    return _bytes(whole), times
 
 
 def unpacked(stored: NDArray[Any], times: int) -> NDArray[np.float64]:
@@ -68,7 +74,8 @@ def unpacked(stored: NDArray[Any], times: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(bits.view(np.float64).T)
 
 
-def _bytes(bits: NDArray[np.int64]) -> NDArray[np.uint8]:
+def _bytes(whole: NDArray[Any]) -> NDArray[np.uint8]:
     """The bytes of whole numbers, small ones of either sign with zeros in the upper bytes, the last byte first."""
-    folded = np.ascontiguousarray((bits << 1) ^ (bits >> 63)).astype("<i8")
+    size = whole.dtype.itemsize
+    folded = np.ascontiguousarray((whole << 1) ^ (whole >> (8 * size - 1))).astype(f"<i{size}")
     return np.ascontiguousarray(np.moveaxis(folded[..., None].view(np.uint8), -1, 0))

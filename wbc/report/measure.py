@@ -156,11 +156,6 @@ def limits(run: Run) -> dict[str, Vec]:
     return result
 
 
-def has_torques(run: Run) -> bool:
-    """Whether the run's level decides torques."""
-    return "tau" in run.columns and bool(np.isfinite(run.columns["tau"]).any())
-
-
 def torques(run: Run) -> Vec | None:
     """Torques (N, nj): those that drives gave, or else those that were commanded; None where there were none."""
     tau = run.columns.get("plant.tau", run.columns.get("tau"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import zlib
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, final
@@ -11,6 +10,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.control.packing import differenced
 from wbc.report.document import TIME, Curve, Map, Plot, Report, Scene
 from wbc.report.why import Why
 from wbc.types import Mat, Vec
@@ -103,21 +103,8 @@ def _stepped(values: Vec) -> dict[str, Any]:
     low, high = (float(edge(values[finite])) for edge in (np.min, np.max)) if finite.any() else (0.0, 0.0)
     scale = STEPS / (high - low) if high > low else 0.0
     steps = np.where(finite, np.rint((np.where(finite, values, low) - low) * scale), STEPS + 1)
-    return {**_differences(steps.astype("<u2")), "low": low, "high": high}
-
-
-def _differences(steps: NDArray[Any]) -> dict[str, Any]:
-    """Steps as differences of differences, taken so often that they pack best: first the lower bytes of all, then the
-    upper ones, which are nearly all zero."""
-    found = []
-    for times in range(MOST + 1):
-        signed = steps.view("<i2")
-        folded = ((signed << 1) ^ (signed >> 15)).astype("<u2")  # small ones of either sign are small
-        packed = folded.view(np.uint8).reshape(-1, 2).T.tobytes()
-        found.append((len(zlib.compress(packed, 1)), times, packed))
-        steps = np.diff(steps, prepend=steps.dtype.type(0))
-    _, times, packed = min(found)
-    return {"u16": base64.b64encode(packed).decode("ascii"), "times": times}
+    stored, times = differenced(steps.astype("<u2").view("<i2"), most=MOST, sample=len(steps))
+    return {"u16": text(stored), "times": times, "low": low, "high": high}
 
 
 def _why(why: Why, arrays: Arrays) -> dict[str, Any]:
