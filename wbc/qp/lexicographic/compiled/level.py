@@ -11,9 +11,9 @@ point of the least is as good, and the levels below choose among them. What held
     Rᵀ λ = −W_Bᵀ (W z + a) [ − (z − c)_B ]
 
 A held item holds the level back where its push is more than rounding can make of it. The bound on the rounding goes
-through the same substitution as the push: it begins as the share that rounding has of a row in this space, times what
-the gradient is made of, and grows where R is nearly singular. A smaller push says nothing: where levels below want to
-move the item, they may, and this level loses no more than rounding.
+through the same substitution as the push: it begins as the share that rounding has of a row in this space, times the
+whole lengths of the rows that the gradient is made of, and grows where R is nearly singular. A smaller push says
+nothing: where levels below want to move the item, they may, and this level loses no more than rounding.
 
 Which items are held says :mod:`~wbc.qp.lexicographic.compiled.search`.
 
@@ -29,7 +29,6 @@ from wbc.compiled import part
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
-    DEPENDENT,
     FIRST,
     FREE,
     HARDLY,
@@ -44,6 +43,7 @@ from wbc.qp.lexicographic.compiled.space import (
     gradient_of_own,
     in_space,
     item_in_space,
+    left_by_rounding,
     reflect,
     reflector,
     space,
@@ -66,10 +66,10 @@ def read_level(at: int) -> None:
     n, first, own = w.sizes[N], w.sizes[FIRST], w.sizes[OWN]
     for i in range(w.sizes[ROWS]):
         whole = gradient_of_own(at, i)
-        weight = w.weigh[i] if in_space(at, w.W[i]) > DEPENDENT * whole else 0.0
+        weight = w.weigh[i] if in_space(at, w.W[i]) > left_by_rounding(w, whole) else 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
-        w.noise[1 + i] = NOISE * whole * weight
+        w.noise[1 + i] = w.noise[0] * (NOISE / ROUNDING) * whole * weight
         if i < own:
             reduced(s, s.G[first + i], w.g)
             w.a[i] = w.weigh[i] * (dot(w.g, w.y0, n) + w.g[n])
@@ -98,7 +98,7 @@ def hold_items(at: int, d: int) -> int:
         w.push[item] = w.wrong[item] = 0.0
         if w.side[item] != 0.0:
             reach = item_in_space(at, item)
-            if not reach > DEPENDENT * w.whole[item]:
+            if reach == 0.0:
                 w.side[item], w.idle[item] = 0.0, 1.0
                 continue
             for c in range(d):
@@ -233,15 +233,16 @@ def hold(at: int) -> None:
             far += (w.t[c] - w.step[c]) ** 2
     else:
         reduce(at, rank, d)
-    worst, square = 0.0, 0.0
+    worst, square, rough = 0.0, 0.0, 0.0
     for i in range(k):
         worst = max(worst, abs(w.missing[i]))
         square += w.missing[i] * w.missing[i]
+        rough += w.noise[1 + i] ** 2
     pull = sqrt(size * square) + sqrt(far)
     made_of = pull + sqrt(size) * (sqrt(dot(w.a, w.a, k)) + sqrt(size * dot(w.t, w.t, d)))
     counts = w.sizes[LAST] != 0 or worst > SHARP
     for i in range(rank - 1, -1, -1):
-        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, w.noise[0] * made_of
+        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, w.noise[0] * made_of + sqrt(rough * square)
         for row in range(k):
             force -= w.A[row, i] * w.missing[row]
         for j in range(i + 1, rank):

@@ -16,7 +16,7 @@ from wbc.compiled import Layout, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import drop_rounding, evaluate, reduced
 from wbc.qp.rows.compiled.linear import dot
 from wbc.qp.rows.compiled.work import Work, place_of, views
-from wbc.tolerances import ROUNDING, SAME
+from wbc.tolerances import NOISE, ROUNDING, SAME
 from wbc.types import Index, Mat, Vec
 
 #: A row depends on those before it where no more than this share of its length is left.
@@ -249,14 +249,23 @@ def in_space(at: int, out: Vec) -> float:
     return sqrt(dot(out, out, n - free))
 
 
+@small_kernel
+def left_by_rounding(w: Space, whole: float) -> float:
+    """What rounding can leave in the space of a row of this length that rows which hold take whole.
+
+    The space is known the less well the more nearly those rows depend on one another.
+    """
+    return float(max(DEPENDENT, w.noise[0] * (NOISE / ROUNDING)) * whole)
+
+
 @part
 def item_in_space(at: int, item: int) -> float:
-    """Write row ``item`` of R, if it is not there; its length. What rounding leaves of a row in the space is zero."""
+    """Write row ``item`` of R, if it is not there; its length, zero where it is no more than rounding."""
     w = space(at)
     if w.span[item] < 0.0:
         gradient_of_item(w, item)
         w.span[item] = in_space(at, w.R[item])
-        if w.span[item] <= DEPENDENT * w.whole[item]:
+        if w.span[item] <= left_by_rounding(w, w.whole[item]):
             w.span[item] = 0.0
             for c in range(w.sizes[N] - w.sizes[FREE]):
                 w.R[item, c] = 0.0
@@ -293,6 +302,8 @@ def narrow(at: int, m: int, tolerance: float) -> int:
     rank = triangular(at, w.C, m, 0, n - free, w.size, w.order, tolerance)
     for k in range(rank):
         w.doubt[free + k] = 1.0 if w.pivot[k] <= w.noise[0] else 0.0
+    for k in range(rank):
+        w.noise[0] = max(w.noise[0], ROUNDING / w.pivot[k])
     for i in range(n):
         row = w.V[i, free:]
         for k in range(rank):
@@ -346,7 +357,6 @@ def open_space(at: int, first: int) -> float:
             w.C[i, c] = w.g[c]
     rank = narrow(at, m, DEPENDENT)
     for i in range(rank):
-        w.noise[0] = max(w.noise[0], ROUNDING / w.pivot[i])
         w.z[i] = (-w.rho[w.order[i]] - dot(w.C[i], w.z, i)) / w.C[i, i]
     for i in range(n):
         w.y0[i] += w.root[i] * dot(w.V[i], w.z, rank)
