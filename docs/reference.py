@@ -110,7 +110,7 @@ def listed(lines: list[str]) -> str:
             items[-1] += f" {line.strip()}"
         elif line.strip():
             items.append(line)
-    items = [part for item in items for part in re.split(r"\. (?=[A-Z][a-z]\w+(?:, [A-Z]\w+)*(?:: |\.$))", item)]
+    items = [part for item in items for part in re.split(r"(?<=\.) (?=[A-Z][a-z]\w+(?:, [A-Z]\w+)*(?:: |\.$))", item)]
     return "\n".join(_entry(*item.partition(": ")) for item in items)
 
 
@@ -161,9 +161,9 @@ def signature(name: str, value: Any) -> str:
     except (TypeError, ValueError):
         return name
     bare = [_short(p) for p in given.parameters.values() if p.name not in ("self", "cls")]
-    words = str(given.replace(parameters=bare, return_annotation=given.empty))[1:-1].replace("=Ellipsis", "=…")
+    words = str(given.replace(parameters=bare, return_annotation=given.empty))[1:-1].replace("=Ellipsis", "=...")
     line = f"{name}({words})"
-    entries = [str(p).replace("=Ellipsis", "=…") for p in bare]
+    entries = [str(p).replace("=Ellipsis", "=...") for p in bare]
     first = next((i for i, p in enumerate(bare) if p.kind is p.KEYWORD_ONLY), None)
     if first is not None and not any(p.kind is p.VAR_POSITIONAL for p in bare):
         entries.insert(first, "*")
