@@ -102,15 +102,18 @@ def table(lines: list[str]) -> str:
     return "\n".join([head, "| :-- " * len(starts) + "|", *others])
 
 
-def listed(lines: list[str]) -> str:
-    """The arguments of a section ``Args``, or the errors of ``Raises``, as a list."""
+def listed(lines: list[str], *, errors: bool) -> str:
+    """The arguments of a section ``Args``, or the ``errors`` of ``Raises``, several on a line, as a list."""
     items: list[str] = []
     for line in inspect.cleandoc("\n".join(["", *lines])).splitlines():
         if line.startswith(" ") and items:
             items[-1] += f" {line.strip()}"
         elif line.strip():
             items.append(line)
-    items = [part for item in items for part in re.split(r"(?<=\.) (?=[A-Z][a-z]\w+(?:, [A-Z]\w+)*(?:: |\.$))", item)]
+    if errors:
+        items = [
+            part for item in items for part in re.split(r"(?<=\.) (?=[A-Z][a-z]\w+(?:, [A-Z]\w+)*(?:: |\.$))", item)
+        ]
     return "\n".join(_entry(*item.partition(": ")) for item in items)
 
 
@@ -131,7 +134,7 @@ def rendered(docstring: str) -> str:
         if section:
             parts.append(f"**{section}.** {prose(said)}".rstrip() if said else f"**{section}**")
         if section in ("Args", "Attributes", "Raises") and not said:
-            parts.append(listed(kept))
+            parts.append(listed(kept, errors=section == "Raises"))
         else:
             inner = inspect.cleandoc("\n".join(["", *kept])).splitlines() if section else kept
             parts.extend(body(inner))

@@ -27,7 +27,7 @@ _SAME = 1e-9
 
 @final
 class ContactSchedule(Schedule):
-    """Opens and closes contacts at given times, and ramps their normal forces.
+    """A time table of contacts, with bounds on their normal forces before they open and after they close.
 
     ``timeline``: (time [s], names or frames of the contacts that are closed from then on). The first set holds from the
     beginning. With ``period`` [s] the timeline repeats; its times are then in [0, period).
