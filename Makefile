@@ -73,7 +73,7 @@ $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
 	@echo "about 350 MB to download from PyPI, 1.4 GB on disk, a minute or two."
 	@$(INSTALL) ".[sim,report,robots]"
 	@$(LOOK)
-	@echo "Compiling the solver for this processor: about half a minute."
+	@echo "Compiling the solver for this processor, once: about a minute and a half of one core."
 	@$(COMPILE)
 	@touch $@
 
@@ -89,7 +89,7 @@ $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created
 	@echo "about 500 MB to download from PyPI, 1.9 GB on disk, a minute or two."
 	@$(INSTALL) ".[all]"
 	@$(LOOK)
-	@echo "Compiling the solver for this processor: about half a minute."
+	@echo "Compiling the solver for this processor, once: about a minute and a half of one core."
 	@$(COMPILE)
 	@touch $(VENV)/ready-to-run $@
 

@@ -47,6 +47,17 @@ def test_the_library_is_found_beside_a_foreign_module_of_its_short_name(beside: 
     assert output_of(f"{statement}\nprint(Posture.__module__)", beside) == "wbc.tasks.posture"
 
 
+def test_what_completion_shows_are_members_and_their_modules(tmp_path: Path):
+    script = """if True:
+        import types, wbc.tasks
+        for name in (name for name in dir(wbc.tasks) if name[0] != "_"):
+            value = getattr(wbc.tasks, name)
+            home = value.__name__ if isinstance(value, types.ModuleType) else value.__module__
+            assert home.split(".")[0] == "wbc", (name, value)
+    """
+    output_of(script, tmp_path)
+
+
 def test_a_controller_and_the_scenarios_work_beside_a_foreign_package(tmp_path: Path):
     (tmp_path / "tasks").mkdir()
     (tmp_path / "tasks" / "__init__.py").write_text(FOREIGN)

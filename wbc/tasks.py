@@ -29,3 +29,4 @@ __package__ = __name__
 if __spec__ is not None:
     __spec__.submodule_search_locations = __path__
 SourceFileLoader(__name__, __file__).exec_module(sys.modules[__name__])
+del SourceFileLoader, Path, TYPE_CHECKING, annotations, sys  # not members: completion and * show what is left
