@@ -66,6 +66,15 @@ def test_the_first_figures_are_those_of_the_run(standing: ScenarioResult):
     assert tiles["ticks"] == "120" and tiles["peak torque"] == "40 %"
 
 
+@pytest.mark.parametrize(("share", "mood"), [(0.5, ""), (1.0 + 1e-9, ""), (27.0, "doubtful")])
+def test_a_limit_that_was_passed_is_seen_at_the_top_though_nobody_demands_it(share: float, mood: str):
+    run = standing_run()
+    run.columns["tau"][:] = 0.0
+    run.columns["tau"][7, 0] = share * run.meta["limits"]["tau_max"][0]
+    (tile,) = (tile for tile in highlights(result_of(run, None)) if tile.what == "peak torque")
+    assert tile.mood == mood and tile.value == f"{round(100 * share)} %"
+
+
 @pytest.mark.parametrize("rows", [1, 2])
 def test_the_shortest_runs_can_be_drawn(rows: int):
     result = result_of(standing_run(rows), load("humanoid"))

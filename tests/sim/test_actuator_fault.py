@@ -47,6 +47,10 @@ def test_it_says_what_it_is_and_refuses_what_makes_no_sense():
     assert str(ActuatorFault(joint="q1", effectiveness=0.5, bias=1.0, end=2.0)) == (
         "actuator q1 delivers 50 % less 1 from 0 s to 2 s"
     )
+    assert (
+        str(ActuatorFault(joint="q1", effectiveness=1.0, bias=-2.0, end=2.0))
+        == "actuator q1 delivers 100 % plus 2 from 0 s to 2 s"
+    )
     for settings, said in (
         ({"effectiveness": 1.2}, "effectiveness is 1.2; it must be between 0 and 1"),
         ({"bias": np.nan}, "bias is nan"),

@@ -115,8 +115,8 @@ def highlights(result: ScenarioResult) -> list[Tile]:
         Tile("median tick", f"{times.median:.0f} µs"),
     ]
     if "torque" in use:
-        tiles.append(Tile("peak torque", _percent(use["torque"])))
-    tiles.append(Tile("peak speed", _percent(use["velocity"])))
+        tiles.append(_peak("peak torque", use["torque"]))
+    tiles.append(_peak("peak speed", use["velocity"]))
     return tiles
 
 
@@ -129,5 +129,7 @@ def _real_time(run: Run) -> Tile:
     return Tile(f"ticks late; {beside}", str(formatted(late)), "bad" if p99 > period else "doubtful")
 
 
-def _percent(share: Any) -> str:
-    return f"{100 * float(np.max(share, initial=0.0)):.0f} %"
+def _peak(what: str, share: Any) -> Tile:
+    """The largest share of a limit; beyond it, whether or not the scenario demands that it be kept, it is coloured."""
+    percent = round(100.0 * float(np.max(share, initial=0.0)))
+    return Tile(what, f"{percent} %", "doubtful" if percent > 100 else "")

@@ -65,7 +65,7 @@ class ActuatorFault(Disturbance):
         return _Failing(self, plant)
 
     def __str__(self) -> str:
-        less = f" less {self.bias:g}" if self.bias else ""
+        less = f" {'less' if self.bias > 0.0 else 'plus'} {abs(self.bias):g}" if self.bias else ""
         most = f", at most {self.ceiling:g}" if np.isfinite(self.ceiling) else ""
         until = f" to {self.end:g} s" if np.isfinite(self.end) else ""
         return f"actuator {self.joint} delivers {100 * self.effectiveness:g} %{less}{most} from {self.start:g} s{until}"

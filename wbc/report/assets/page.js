@@ -78,6 +78,7 @@
           u.ctx.save();
           for (const event of data.events) {
             if (event.kind !== "push" && event.kind !== "fault") continue;
+            if (event.start <= 0 && event.end >= data.seconds) continue;  // what lasts all the time marks none of it
             rectangle(u, event.start, event.end, 0, 1, style("--push"));
           }
           spec.strips.forEach((strip, k) => {

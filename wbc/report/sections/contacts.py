@@ -113,7 +113,7 @@ def _row(run: Run, name: str) -> tuple[Any, ...]:
     margin = None
     if track.cop is not None:
         gap = np.asarray(contact["half_size"], dtype=float) - np.abs(track.cop)
-        margin = 1e3 * float(np.nanmin(gap, initial=np.inf))
+        margin = round(1e3 * float(np.nanmin(gap, initial=np.inf)), 3) + 0.0  # no minus before a zero
     slip = measure.slip(run, name)
     worst = [
         float(np.nanmax(tracks[label].ratio, initial=0.0)) if label in tracks else None

@@ -30,7 +30,7 @@ def section(result: ScenarioResult) -> Section:
             ("joints", shown(robot.nj)),
             ("base", getattr(robot, "base", "fixed")),
             ("velocities", shown(robot.nv)),
-            ("gravity [m/s²]", shown([float(x) for x in robot.gravity])),
+            ("gravity [m/s²]", shown([float(x) + 0.0 for x in robot.gravity])),
         ]
         items.append(Table((f"robot {robot.name}", "value"), rows))
     disturbances = [(str(i + 1), text) for i, text in enumerate(meta.get("disturbances", []))]

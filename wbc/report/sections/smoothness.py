@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.report import measure, smoothness
-from wbc.report.document import Bound, Cell, Curve, Item, Plot, Section, Table
+from wbc.report.document import Bound, Cell, Curve, Item, Plot, Section, Table, Text
 from wbc.report.sections.joints import short_names
 from wbc.report.smoothness import Moved
 from wbc.sim.scenario import ScenarioResult
@@ -32,9 +32,8 @@ def section(result: ScenarioResult) -> Section | None:
         f"Jerk, rms {kind} and its share of power above 3 Hz are those of the command. A freeze is the longest time at "
         "rest while the target moves; a dash: no target moves."
     )
-    if points:
-        items.append(_table(points, "task point", caption))
-    items.append(_table(joints, "joint", "Smoothness of every joint" if points else caption, True))
+    items.append(_table(points, "task point", caption) if points else Text(caption))
+    items.append(_table(joints, "joint", "Smoothness of every joint", True))
     return Section("Smoothness", items)
 
 
