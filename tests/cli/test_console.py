@@ -35,6 +35,15 @@ def test_what_an_earlier_life_did_does_not_make_the_rest_look_short(monkeypatch,
     assert "80 s left" in capsys.readouterr().err.replace("1 min", "80 s")
 
 
+def test_of_less_than_a_hundredth_the_rest_is_not_guessed(monkeypatch, capsys):
+    times = iter([0.0, 0.0, 11.0, 22.0])
+    monkeypatch.setattr(console, "monotonic", lambda: next(times))
+    with console.progress("comparing") as report:
+        for done in (0.0, 0.001, 0.02):
+            report(done)
+    assert capsys.readouterr().err.splitlines() == ["wbc: comparing, 0 %", "wbc: comparing, 18 min left, 2 %"]
+
+
 def test_trials_are_parts_of_the_whole():
     seen = []
     for _, one in trials(lambda done, text="": seen.append((done, text)), "ab"):

@@ -33,8 +33,8 @@ NO, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 #: How often long work says how far it is where there is no terminal to draw a bar on [s].
 SECONDS_PER_LINE = 10.0
-#: How long work must have gone on before it says how long the rest will take [s].
-SECONDS_TO_GUESS = 2.0
+#: How long work must have gone on, and what share of it be done, before it says how long the rest will take [s].
+SECONDS_TO_GUESS, SHARE_TO_GUESS = 2.0, 0.01
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -104,7 +104,7 @@ def progress(title: str) -> Iterator[Report]:
         def report(done: float, text: str = "") -> None:
             nonlocal spoken, first
             now, first = monotonic(), done if first is None else first
-            left = (now - start) * (1.0 - done) / (done - first) if done > first else 0.0
+            left = (now - start) * (1.0 - done) / (done - first) if done - first >= SHARE_TO_GUESS else 0.0
             rest = f"{remaining(left)} left" if left and now - start > SECONDS_TO_GUESS else ""
             said = ", ".join(part for part in (f"{title}: {text}" if text else title, rest) if part)
             bar.update(task, completed=done, description=said, refresh=True)
