@@ -11,7 +11,7 @@ import numpy as np
 from wbc.control.solving import Solving
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, RowTask
-from wbc.tolerances import NEAR
+from wbc.tolerances import NEAR, SAME
 from wbc.types import Vec
 
 
@@ -60,7 +60,7 @@ def active(controller: Solving) -> list[Active]:
     _, z, z_box = controller.answering.multipliers()
     pushing = np.concatenate([z, z_box])
     largest = np.abs(pushing).max(initial=0.0)
-    rows = np.flatnonzero(np.abs(pushing) > NEAR * max(1e-3, largest))
+    rows = np.flatnonzero(np.abs(pushing) > max(SAME, NEAR * largest))
     if not len(rows):
         return []
     p, value, lower, upper = controller.answering.answered, *_bounded(controller)

@@ -35,11 +35,13 @@ from wbc.stack.overrides import Overrides
 from wbc.stack.plan import Plan
 from wbc.stack.plans import Plans
 from wbc.stack.stack import Stack
-from wbc.tolerances import ROUNDING
+from wbc.tolerances import MET, ROUNDING, SHARP
 from wbc.types import Status, Vec
 
-#: Squares of numbers beyond which no state can be: 1e8 m, rad, m/s or rad/s.
-_HUGE = 1e16
+#: Squares of numbers [m, rad, m/s or rad/s] beyond which no state can be: their own rounding would be felt.
+_HUGE = 1.0 / SHARP**2
+#: A quaternion whose norm differs from one by no more than this is rounded, and is normalised.
+_ROUNDED = 1e-3
 _NUMBERS = np.dtype(np.float64)
 
 
@@ -104,27 +106,20 @@ class Controller(Solving):
                 f"robot is {len(robot)} robots, and a controller has one: give each free robot its own controller; "
                 "robots bolted to one world may be one tree of one file"
             )
-        levels = "VelocityLevel(), AccelerationLevel() or InverseDynamics()"
-        for name, value, kind, what in (
-            ("robot", robot, RobotModel, "a robot from wbc.load(...)"),
-            ("stack", stack, Stack, "a wbc.Stack"),
-            ("level", level, Formulation, levels),
-        ):
-            if not isinstance(value, kind):
-                raise InvalidInput(f"{name} is {value!r}; it must be {what}")
+        robot = checks.instance("robot", robot, RobotModel, "a robot from wbc.load(...)")
+        stack = checks.instance("stack", stack, Stack, "a wbc.Stack")
+        checks.instance("level", level, Formulation, "VelocityLevel(), AccelerationLevel() or InverseDynamics()")
         dt = checks.number("dt", dt, low=0.0, strict=True)
         plausible.period(dt)
         self.fallbacks = FallbackSequence(self, recovery)
-        if not isinstance(watchdog, Watchdog | None):
-            raise InvalidInput(f"watchdog is {watchdog!r}; it must be wbc.Watchdog(...)")
-        self.watch = Watch(Watchdog() if watchdog is None else watchdog, dt)
+        watchdog = Watchdog() if watchdog is None else watchdog
+        self.watch = Watch(checks.instance("watchdog", watchdog, Watchdog, "wbc.Watchdog(...)"), dt)
         hierarchy = Weighted() if hierarchy is None else hierarchy
-        if not isinstance(hierarchy, Hierarchy):
-            raise InvalidInput(f"hierarchy is {hierarchy!r}; it must be Weighted(), Strict() or Scaled()")
+        checks.instance("hierarchy", hierarchy, Hierarchy, "Weighted(), Strict() or Scaled()")
         solver = by_name(solver)
         if solver.offline:
             raise NotSupported(
-                f"solver {solver.name!r} cannot keep limits to 1e-6 in a control loop; it is for offline use"
+                f"solver {solver.name!r} cannot keep limits to {MET:g} in a control loop; it is for offline use"
             )
         super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
         self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
@@ -168,8 +163,7 @@ class Controller(Solving):
             >>> command.status.name, bool(np.abs(command.v).max() <= 10.0 * controller.dt + 1e-9)
             ('SOLVED', True)
         """
-        if not isinstance(stack, Stack):
-            raise InvalidInput(f"stack is {checks.shown(stack)}; it must be a wbc.Stack")
+        checks.instance("stack", stack, Stack, "a wbc.Stack")
         if self._started:  # else no tick was made with the stack that is replaced now
             self._former, self._kept = self.plans, self.components
         state, former = self.compile(stack, prepared=self._kept), self.state
@@ -270,11 +264,11 @@ class Controller(Solving):
                     sound = np.abs(vector) < _HUGE**0.5
                     if not sound.all():
                         return f"{name}[{sound.argmin()}] is {vector[sound.argmin()]:g}"
-            return f"the base's quaternion q[3:7] has norm {np.linalg.norm(q[3:7] / 1e200) * 1e200:g}"
+            return f"the base's quaternion q[3:7] has norm {np.hypot.reduce(q[3:7]):g}"
         if self._has_quaternion:
             square = ddot(q, q, 4, 3, 1, 3)  # of q[3:7]
             if not -ROUNDING < square - 1.0 < ROUNDING:
-                if abs(square - 1.0) > 2e-3:
+                if abs(square - 1.0) > 2.0 * _ROUNDED:
                     return f"the base's quaternion q[3:7] has norm {square**0.5:g}"
                 q[3:7] /= square**0.5
         return ""

@@ -168,8 +168,7 @@ class Rate:
         counts = f"{self.periods} periods, {self.late} late ({self.missed} deadlines missed)"
         if self.lateness is None:
             return counts
-        ms = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in self.lateness._asdict().items())
-        return f"{counts}, worst {1e3 * self.worst:.3f} ms; lateness [ms]: {ms}"
+        return f"{counts}, worst {1000.0 * self.worst:.3f} ms; lateness: {self.lateness}"
 
 
 def _usual(last: Iterable[float]) -> float:

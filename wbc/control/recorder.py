@@ -75,8 +75,7 @@ class Run(Mapping[str, Column]):
 
     def __init__(self, columns: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> None:
         for what, given in (("columns", columns), ("meta", {} if meta is None else meta)):
-            if not isinstance(given, Mapping):
-                raise InvalidInput(f"{what} is {checks.shown(given)}; it must be a mapping of names")
+            checks.instance(what, given, Mapping, "a mapping of names")
         self.columns: dict[str, Column] = {name: np.asarray(values) for name, values in columns.items()}
         self.meta: dict[str, Any] = dict(meta or {})
         #: The QP of the first tick without an answer, saved beside the columns; ``wbc explain`` reads it.
@@ -275,15 +274,14 @@ class Recorder:
         from wbc.control.ticks import Ticks
 
         decides = controller.controller if isinstance(controller, Setpoint) else controller
-        if not isinstance(decides, Controller):
-            raise InvalidInput(f"controller is {checks.shown(controller)}; it must be a wbc.Controller or wbc.Setpoint")
+        checks.instance("controller", decides, Controller, "a wbc.Controller or wbc.Setpoint")
         if self._ticks is None:
             self._ticks = Ticks(decides)
         if self._ticks.controller is not decides:
             raise InvalidInput("a recorder takes the ticks of one controller; make another recorder for this one")
         start = perf_counter_ns()
         command = controller.tick(t, q, v)
-        microseconds = (perf_counter_ns() - start) * 1e-3
+        microseconds = (perf_counter_ns() - start) / 1000.0
         row = self._ticks.row(float(t), np.asarray(q), np.asarray(v), command, microseconds)
         if self.rows and decides.stack is not self._ticks.stack:
             row = {name: value for name, value in row.items() if name in self._place}

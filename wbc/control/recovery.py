@@ -42,7 +42,7 @@ from wbc.qp.rows.row_task import NOT_OPTIMISED, WEIGHTED
 from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.stack.plan import Plan
-from wbc.tolerances import MET
+from wbc.tolerances import DISTANCE, MET, ROUNDING
 from wbc.types import Status, Vec
 
 #: What may be relaxed, in the order in which it is.
@@ -52,10 +52,10 @@ _NO_PROOF = Certificate.none()
 #: Levels that solve a weaker problem within all constraints, the better ones first.
 NOT_CERTIFIED = "not certified"
 WEAKER = (NOT_CERTIFIED, NOT_OPTIMISED, WEIGHTED)
-#: No acceleration, force or torque is larger.
-_HUGE = 1e12
+#: No acceleration, force or torque is larger: rounding of it would be a whole unit.
+_HUGE = 1.0 / ROUNDING
 #: How well a closed form meets its rows, in their units.
-_PRECISE = 1e-4
+_PRECISE = DISTANCE * MET
 #: What the largest curvature of the cost counts beside a unit of violation.
 _SHARE = 1e-3
 _OF_RELAXED = ("pdas", "clarabel")
@@ -125,9 +125,9 @@ class FallbackSequence:
     )  # fmt: skip
 
     def __init__(self, controller: Solving, recovery: Recovery | None = None) -> None:
-        self._controller, self.recovery = controller, Recovery() if recovery is None else recovery
-        if not isinstance(self.recovery, Recovery):
-            raise InvalidInput(f"recovery is {recovery!r}; it must be wbc.Recovery(...)")
+        recovery = Recovery() if recovery is None else recovery
+        self._controller = controller
+        self.recovery = checks.instance("recovery", recovery, Recovery, "wbc.Recovery(...)")
         self.log: deque[Event] = deque(maxlen=1000)
         self.counts: Counter[str] = Counter()
         self.reset()

@@ -27,7 +27,6 @@ import numpy as np
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.controller import Controller
-from wbc.errors import InvalidInput
 from wbc.types import Vec
 
 #: From which state a controller may decide.
@@ -73,9 +72,8 @@ class Setpoint:
     __slots__ = ("_begun", "controller", "dragged", "drift", "feedback", "max_drift", "q", "v")
 
     def __init__(self, controller: Controller, *, feedback: str = "commanded", max_drift: Any = 0.1) -> None:
-        if not isinstance(controller, Controller):
-            raise InvalidInput(f"controller is {controller!r}; it must be a wbc.Controller")
-        self.controller, self.feedback = controller, checks.one_of("feedback", feedback, FEEDBACK)
+        self.controller = checks.instance("controller", controller, Controller, "a wbc.Controller")
+        self.feedback = checks.one_of("feedback", feedback, FEEDBACK)
         self.max_drift = checks.limit("max_drift", max_drift, controller.model.nv)
         self._forget()
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.stack.member import EFFORTS
+
 _POSE = [f"base_position_{axis}" for axis in "xyz"], [f"base_quaternion_{axis}" for axis in "xyzw"]
 _TWIST = [f"base_linear_{axis}" for axis in "xyz"], [f"base_angular_{axis}" for axis in "xyz"]
 _WRENCH = [f"{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
@@ -74,7 +76,7 @@ def _known(name: str, size: int, meta: Mapping[str, Any]) -> Iterator[tuple[str,
         yield from _with(_TWIST, (f"m{per}", f"rad{per}")) if base else ()
         yield from ((joint, unit and unit + per) for joint, unit in zip(joints, units, strict=True))
     elif name == "tau" and joints:
-        yield from ((joint, {"rad": "N m", "m": "N"}.get(unit, "")) for joint, unit in zip(joints, units, strict=True))
+        yield from ((joint, EFFORTS.get(unit, "")) for joint, unit in zip(joints, units, strict=True))
     elif start == "f" and rest in meta.get("contacts", {}):
         parts = [*_WRENCH[:3], *_WRENCH[4:]] if size == 5 else _WRENCH[:size]  # an edge gives no moment about itself
         yield from ((part, "N" if part.startswith("force") else "N m") for part in parts)

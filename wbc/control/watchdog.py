@@ -69,6 +69,9 @@ class Times(NamedTuple):
     p99: float
     max: float
 
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {1000.0 * value:.3f}" for name, value in self._asdict().items()) + " ms"
+
 
 @final
 class Watch:
@@ -144,7 +147,7 @@ class Watch:
         if budget is None or seconds <= budget:
             return ""
         self.over += 1
-        return f"the tick took {1e3 * seconds:.3g} ms of {1e3 * budget:.3g} ms"
+        return f"the tick took {1000.0 * seconds:.3g} ms of {1000.0 * budget:.3g} ms"
 
     @property
     def durations(self) -> Times | None:
@@ -161,8 +164,7 @@ class Watch:
         timed = self.durations
         if timed is None:
             return counts
-        ms = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in timed._asdict().items())
-        return f"{counts}, {self.over} over budget; ticks [ms]: {ms}"
+        return f"{counts}, {self.over} over budget; ticks: {timed}"
 
 
 def times(values: deque[float]) -> Times | None:

@@ -30,7 +30,7 @@ from wbc.tolerances import ROUNDING, SAME, TINY
 from wbc.types import Mat, Vec
 
 #: Directions that no joint feels are given this share of the largest curvature, so that their force is 0.
-UNFELT = 1e-9
+UNFELT = SAME
 
 
 @final

@@ -33,6 +33,7 @@ from typing import NamedTuple, final
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from wbc.methods.shared import SMALL
 from wbc.tolerances import NOISE, ROUNDING, SHARP
 from wbc.types import Mat, Vec
 
@@ -197,7 +198,7 @@ class _Search:
         weight = np.append(1.0, np.abs(r))
         n = len(self.start)
         known = np.where(np.isfinite(self.limit), np.abs(self.limit), 0.0).reshape(2, n).max(axis=0)
-        size = np.maximum(np.tile(known, 2)[rows], 1e-2 * self.length)
+        size = np.maximum(np.tile(known, 2)[rows], SMALL * self.length)
         part = violation / float(weight @ size) if size.any() else np.inf
         if part > WIDENED:
             return False

@@ -97,8 +97,6 @@ class ForceDistribution(Method):
             friction=_friction(friction, nf), friction_model=friction_model, sides=sides, f_min=lower,
             f_max=upper,
         )  # fmt: skip
-        if not isinstance(friction_model, str):
-            raise InvalidInput(f"friction_model is {friction_model!r}; it must be 'inner' or 'outer'")
         Pyramid(1.0, friction_model, sides)
 
     @property

@@ -77,7 +77,7 @@ def nearest(
         SolverFailed: there is a point, and the solver has no certified answer.
     """
     matrix = np.concatenate([qp.matrix, np.eye(qp.n)])
-    lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
+    lower, upper = qp.sides
     equal = lower == upper
     kept = (np.isfinite(lower) | np.isfinite(upper)) & ~equal
     at, rows = matrix @ centre, matrix @ root

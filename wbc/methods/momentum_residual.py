@@ -24,7 +24,6 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
-from wbc.methods.shared import choice
 from wbc.types import Vec
 
 SCHEMES = ("exact", "euler", "implicit")
@@ -64,7 +63,7 @@ class MomentumResidual:
             self.gain = np.array(checks.number("gain", gain, low=0.0, strict=True))
         else:
             self.gain = checks.array("gain", gain, (None,))
-        self.scheme = choice("scheme", scheme, SCHEMES)
+        self.scheme = checks.one_of("scheme", scheme, SCHEMES)
         self._refuse_gains()
         product = self.gain * self.dt
         self._share: Vec = {"exact": -np.expm1(-product), "euler": product, "implicit": product / (1.0 + product)}[

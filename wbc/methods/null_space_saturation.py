@@ -186,8 +186,7 @@ class PrioritisedTasks(Method):
     """What :meth:`NullSpaceSaturation.prioritised` makes."""
 
     def __init__(self, tasks: Sequence[tuple[Any, ...]], *, lower: Any, upper: Any) -> None:
-        if not isinstance(tasks, list | tuple):
-            raise InvalidInput(f"tasks is {tasks!r}; it must be a list of (J, target) or (J, target, drift)")
+        tasks = checks.items("tasks", tasks, "(J, target) or (J, target, drift)")
         if not tasks:
             raise InvalidInput("tasks is empty; give at least one (J, target)")
         for i, entry in enumerate(tasks):

@@ -30,7 +30,7 @@ from wbc.errors import InvalidInput, NotSupported
 from wbc.methods.gradient_step import Projection, Step
 from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import box, choice, factors
+from wbc.methods.shared import box, factors
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import NEAR, ROUNDING, SHARP
@@ -248,7 +248,7 @@ class ProjectedGradientStep(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        choice("form", form, ("step", "velocity"))
+        checks.one_of("form", form, ("step", "velocity"))
         low = self._furthest(-1.0, solver, form)
         if np.isnan(low):
             return self._infeasible(np.inf, -np.inf)

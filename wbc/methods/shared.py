@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,18 +14,6 @@ from wbc.types import Mat, Vec
 
 #: Results are compared relative to no less than this part of what limits and task ask for.
 SMALL = 1e-3
-
-
-def choice(name: str, value: Any, among: Iterable[str]) -> str:
-    """``value``, one of the names ``among``.
-
-    Raises:
-        InvalidInput: it is none of them.
-    """
-    names = tuple(among)
-    if not isinstance(value, str) or value not in names:
-        raise InvalidInput(f"{name} is {value!r}; it must be one of {', '.join(names)}")
-    return value
 
 
 def box(size: int, **sides: Any) -> tuple[Vec, Vec]:

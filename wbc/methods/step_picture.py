@@ -9,6 +9,7 @@ import numpy as np
 from wbc.errors import NotSupported
 from wbc.methods.gradient_step import Projection, Step
 from wbc.methods.shared import factors
+from wbc.tolerances import ROUNDING
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -133,7 +134,8 @@ class _Plane:
                 *through_zero, color=FAINT, linewidth=0.9, linestyle=(0, (1, 2)), label="null space, J v = 0"
             )
         if self.result.feasible:
-            low, high = (min(end, 1e6 * self.reach) for end in self.result.interval)
+            outside = 3.0 * self.reach / (float(np.linalg.norm(self.v_null)) or 1.0)
+            low, high = (min(end, outside) for end in self.result.interval)
             ends = self.v_task + np.outer([low, high], self.v_null)
             self.axes.plot(
                 *ends.T,
@@ -173,7 +175,7 @@ class _Plane:
     def _arrow(self, start: Vec, end: Vec, colour: str, label: str, width: float = 1.8) -> None:
         from matplotlib.patches import FancyArrowPatch
 
-        if np.linalg.norm(end - start) > 1e-6 * self.reach:
+        if np.linalg.norm(end - start) > ROUNDING * self.reach:
             self.axes.add_patch(
                 FancyArrowPatch(tuple(start), tuple(end), arrowstyle="-|>", mutation_scale=10, color=colour,
                                 linewidth=width, shrinkA=0.0, shrinkB=0.0, zorder=5)

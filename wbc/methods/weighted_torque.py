@@ -33,7 +33,7 @@ from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
 from wbc.methods.least_distance import Nearest, nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import Factors, box, choice, factors, inverse_root, metric, root
+from wbc.methods.shared import Factors, box, factors, inverse_root, metric, root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import SAME
@@ -42,7 +42,7 @@ from wbc.types import Mat, Vec
 FORMS = ("torque", "acceleration", "joint")
 CLOSED_FORMS = ("pseudo_inverse", "multiplier", "null_space")
 #: Differences of torques are judged beside tau − tau_0, but not beside less than this part of the torques that cancel.
-ROUNDING = 1e-4
+_CANCELLING = 1e-4
 
 WEIGHTS = ("inverse_inertia", "identity", "inverse_inertia_squared")
 
@@ -189,7 +189,7 @@ class WeightedTorque(Method):
             NoClosedForm: there are torque limits.
             InvalidInput: no such form.
         """
-        choice("form", form, CLOSED_FORMS)
+        checks.one_of("form", form, CLOSED_FORMS)
         if np.isfinite(self.tau_min).any() or np.isfinite(self.tau_max).any():
             raise NoClosedForm("with torque limits there is no closed form; use solve")
         A, b = self._torque_rows
@@ -247,7 +247,7 @@ class WeightedTorque(Method):
         Raises:
             InvalidInput: no such form.
         """
-        choice("form", form, FORMS)
+        checks.one_of("form", form, FORMS)
         size, zero, M = len(self.n), np.zeros_like(self.M), self.M
         free, gap = np.full(size, np.inf), self.tau_external - self.n
         A, b, C, cl, cu = self._rows, self._wanted, None, None, None
@@ -362,7 +362,7 @@ class WeightedTorque(Method):
         if np.isnan(result.scale) or np.isnan(reference.scale):
             return {"feasible": 0.0 if np.isnan(result.scale) and np.isnan(reference.scale) else np.inf}
         torques = np.abs(self.tau_0) + np.abs(self.n) + np.abs(self.tau_external) + np.abs(self.M) @ np.abs(reference.a)
-        rounding = ROUNDING * float(np.sqrt(self.W.diagonal() @ torques**2))
+        rounding = _CANCELLING * float(np.sqrt(self.W.diagonal() @ torques**2))
         size = max(np.sqrt(2.0 * result.cost), np.sqrt(2.0 * reference.cost), rounding) or 1.0
         apart = np.sqrt(2.0 * self._cost(self.tau_0 + result.tau - reference.tau))
         torques += np.abs(result.tau)

@@ -50,8 +50,8 @@ from wbc.tolerances import DISTANCE, MET
 from wbc.types import Index, Mat, Vec
 
 TOLERANCE = MET
-#: The share of a tolerance at which an answer is as good as it need be.
-FINE = 1e-2
+#: The share of a tolerance at which an answer is as good as it need be: it is then as near as the tolerance.
+FINE = 1.0 / DISTANCE
 
 #: Curvature below this share of a variable's own, times the number of variables, is rounding of the products in H.
 FLAT = 64.0 * float(np.finfo(np.float64).eps)
@@ -156,7 +156,7 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
     m = len(qp.lower)
     force = np.concatenate([y, z, z_box])
     values = np.concatenate([qp.matrix.dot(x), x])
-    over, under = values - np.concatenate([qp.upper, qp.ub]), np.concatenate([qp.lower, qp.lb]) - values
+    over, under = values - qp.sides[1], qp.sides[0] - values
     violation = np.maximum(over, under)
     worst = int(violation.argmax())
     room = -np.where(force > 0.0, over, np.where(force < 0.0, under, np.inf))  # to the bound that is pushed on

@@ -114,7 +114,7 @@ def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
             kept, push = fewer, without
     if push is None:
         return None
-    lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
+    lower, upper = qp.sides
     pushes = push.nonzero()[0]
     beta = float(push[pushes] @ np.where(push > 0.0, upper, lower)[pushes])
     items = tuple(int(i) for i in pushes if kinds[i] != _HELD)
@@ -133,9 +133,7 @@ def _kind(qp: QP, item: int, held: frozenset[str]) -> int:
 
 def _of_rows(qp: QP, kept: NDArray[np.bool_]) -> QP:
     """The same rows, two-sided all, without the sides of those that are not kept."""
-    m = len(qp.lower)
-    rows = QP.empty(Shape(qp.n, 0, m), qp.rows)
+    rows = QP.empty(Shape(qp.n, 0, len(qp.matrix)), qp.rows)
     rows.H[:], rows.g[:], rows.matrix[:] = 0.0, 0.0, qp.matrix
-    rows.lower[:], rows.upper[:] = np.where(kept[:m], qp.lower, -np.inf), np.where(kept[:m], qp.upper, np.inf)
-    rows.lb[:], rows.ub[:] = np.where(kept[m:], qp.lb, -np.inf), np.where(kept[m:], qp.ub, np.inf)
+    rows.sides[:] = np.where(kept, qp.sides, [[-np.inf], [np.inf]])
     return rows

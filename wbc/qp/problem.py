@@ -61,8 +61,9 @@ class QP:
 
     Shapes: H (n, n) symmetric, g (n,), A (n_eq, n), C (n_in, n). Bounds may be ±inf and stay
     bounds. ``rows`` names the equality rows, then the two-sided rows, then the variables.
-    All rows live in one block of memory, ``matrix`` = [A; C] with ``lower`` and ``upper`` =
-    [b, cl | cu]; ``A``, ``b``, ``C``, ``cl``, ``cu`` are views into it.
+    All rows live in one block of memory, ``matrix`` = [A; C], and all bounds in another, ``sides`` (2, m + n): lower
+    and upper sides of the rows, then of the variables. ``A``, ``C``, ``b``, ``cl``, ``cu``, ``lower``, ``upper`` (of
+    all rows, m), ``lb`` and ``ub`` are views into these.
 
     ``tasks`` names parts (name, S (m, n), s (m,), unit) of the cost, each a multiple of |S x − s|². It changes nothing
     in the answer: the certificate then bounds the distance of each S x from its optimum, in the task's unit. Without
@@ -81,10 +82,7 @@ class QP:
     H: Mat
     g: Vec
     matrix: Mat
-    lower: Vec
-    upper: Vec
-    lb: Vec
-    ub: Vec
+    sides: Mat
     n_eq: int
     rows: tuple[Row, ...]
     tasks: tuple[Objective, ...]
@@ -124,9 +122,8 @@ class QP:
         }
         self._set(
             H=H, g=g, matrix=np.vstack([A, C]),
-            lower=np.concatenate([b, sides["cl"]]), upper=np.concatenate([b, sides["cu"]]),
-            lb=sides["lb"], ub=sides["ub"], n_eq=len(A), rows=_named(rows, n, len(A), len(C)),
-            tasks=_objectives(tasks, n),
+            sides=np.array([[*b, *sides["cl"], *sides["lb"]], [*b, *sides["cu"], *sides["ub"]]]),
+            n_eq=len(A), rows=_named(rows, n, len(A), len(C)), tasks=_objectives(tasks, n),
         )  # fmt: skip
         self.check()
         self._refuse_non_convex()
@@ -143,7 +140,7 @@ class QP:
         qp = object.__new__(cls)
         qp._set(
             H=np.full((n, n), nan), g=np.full(n, nan), matrix=np.full((m, n), nan),
-            lower=np.full(m, nan), upper=np.full(m, nan), lb=np.full(n, -np.inf), ub=np.full(n, np.inf),
+            sides=np.array([[nan] * m + [-np.inf] * n, [nan] * m + [np.inf] * n]),
             n_eq=n_eq, rows=_named(rows, n, n_eq, n_in), tasks=tuple(tasks),
         )  # fmt: skip
         return qp
@@ -154,6 +151,26 @@ class QP:
 
     # ---- views
     @property
+    def lower(self) -> Vec:
+        """Lower sides of all rows (m,)."""
+        return self.sides[0, : len(self.matrix)]
+
+    @property
+    def upper(self) -> Vec:
+        """Upper sides of all rows (m,)."""
+        return self.sides[1, : len(self.matrix)]
+
+    @property
+    def lb(self) -> Vec:
+        """Lower bounds of the variables (n,)."""
+        return self.sides[0, len(self.matrix) :]
+
+    @property
+    def ub(self) -> Vec:
+        """Upper bounds of the variables (n,)."""
+        return self.sides[1, len(self.matrix) :]
+
+    @property
     def n(self) -> int:
         """Number of variables."""
         return self.g.size
@@ -161,7 +178,7 @@ class QP:
     @property
     def shape(self) -> Shape:
         """Sizes (n, n_eq, n_in)."""
-        return Shape(self.g.size, self.n_eq, len(self.lower) - self.n_eq)
+        return Shape(self.g.size, self.n_eq, len(self.matrix) - self.n_eq)
 
     @property
     def A(self) -> Mat:
@@ -204,8 +221,7 @@ class QP:
             and moderate(self.g)
             and moderate(self.matrix)
             and self._symmetric()
-            and _ordered(self.lower, self.upper)
-            and _ordered(self.lb, self.ub)
+            and _ordered(*self.sides)
             and bool((self.lower[: self.n_eq] == self.upper[: self.n_eq]).all())
         )
         if not sound:
@@ -221,8 +237,7 @@ class QP:
         """Look at everything one by one and raise for the first fault; huge numbers have none."""
         for name, value in (("H", self.H), ("g", self.g), ("A", self.A), ("C", self.C)):
             checks.array(name, value, value.shape, error=InvalidProblem)
-        self._refuse_bounds(self.lower, self.upper, self.rows)
-        self._refuse_bounds(self.lb, self.ub, self.rows[len(self.lower) :])
+        self._refuse_bounds()
         checks.array("b", self.b, self.b.shape, error=InvalidProblem)
         unequal = self.lower[: self.n_eq] != self.b
         if unequal.any():
@@ -233,13 +248,13 @@ class QP:
             i, j = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
             raise InvalidProblem(f"H is not symmetric: H[{i}, {j}] = {self.H[i, j]:g}, H[{j}, {i}] = {self.H[j, i]:g}")
 
-    @staticmethod
-    def _refuse_bounds(lower: Vec, upper: Vec, rows: Sequence[Row]) -> None:
+    def _refuse_bounds(self) -> None:
+        lower, upper = self.sides
         possible = (lower <= upper) & (lower < np.inf) & (upper > -np.inf)
         if possible.all():
             return
         i = int(possible.argmin())
-        low, high, row = lower[i], upper[i], rows[i]
+        low, high, row = lower[i], upper[i], self.rows[i]
         if np.isnan(low) or np.isnan(high):
             raise InvalidProblem(f"a bound of row {row} is NaN: [{low}, {high}]")
         if low > high:
@@ -265,7 +280,7 @@ class QP:
     def copy(self) -> QP:
         """The same problem in memory of its own."""
         qp = object.__new__(QP)
-        arrays = {name: getattr(self, name).copy() for name in ("H", "g", "matrix", "lower", "upper", "lb", "ub")}
+        arrays = {name: getattr(self, name).copy() for name in ("H", "g", "matrix", "sides")}
         tasks = tuple(t._replace(rows=t.rows.copy(), target=t.target.copy()) for t in self.tasks)
         qp._set(**arrays, n_eq=self.n_eq, rows=self.rows, tasks=tasks)
         return qp
@@ -380,8 +395,6 @@ def moderate(values: Vec | Mat) -> bool:
 
 def _ordered(lower: Vec, upper: Vec) -> bool:
     """Whether every interval [lower, upper] has a point."""
-    if not len(lower):
-        return True
     ordered = lower <= upper
     return bool(ordered[ordered.argmin()] and upper[upper.argmin()] > -np.inf and lower[lower.argmax()] < np.inf)
 

@@ -20,14 +20,14 @@ import numpy as np
 from wbc.qp.answer import Answer
 from wbc.qp.certificate import FLAT
 from wbc.qp.problem import QP, Shape, moderate
-from wbc.tolerances import CANCELS, NOISE, SAME
+from wbc.tolerances import CANCELS, NEAR, NOISE, SAME, SHARP
 from wbc.types import Mat, Status, Vec
 
-#: How far away a point may be for a proof to hold for it too, beside the size of the bounds.
-_FAR = 1e8
+#: How far away a point may be for a proof to hold for it too, beside the size of the bounds: rounding is felt beyond.
+_FAR = 1.0 / SHARP
 _EPS = float(np.finfo(np.float64).eps)
 #: The slope along a direction, beside the terms it is the sum of, from which the cost falls.
-_FALLS = 1e-7
+_FALLS = NEAR
 #: How often the columns are scaled, and by how much at most.
 _BALANCING, _UNITS = 4, 1e5
 
@@ -75,7 +75,7 @@ def _projected(qp: QP) -> Answer:
 def contradicts(qp: QP, s: Vec, tolerance: float) -> bool:
     """Whether the multipliers s (m + n,) prove that no point meets all rows to within ``tolerance``."""
     m = len(qp.lower)
-    lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
+    lower, upper = qp.sides
     # What is left of a variable that has a bound against it is taken by this bound.
     left = s[:m] @ qp.matrix + s[m:]
     takes = np.isfinite(np.where(left < 0.0, qp.ub, qp.lb))
@@ -119,8 +119,7 @@ def descent(qp: QP, tolerance: float) -> Vec | None:
     cone = QP.empty(Shape(flat.shape[1], 0, int(matter.sum())))
     cone.H[:], cone.g[:] = np.eye(flat.shape[1]), (qp.g @ flat) / size
     cone.matrix[:] = along[matter] / reach[matter, None]
-    cone.lower[:] = np.where(np.isfinite(np.concatenate([qp.lower, qp.lb])[matter]), 0.0, -np.inf)
-    cone.upper[:] = np.where(np.isfinite(np.concatenate([qp.upper, qp.ub])[matter]), 0.0, np.inf)
+    cone.sides[:, : len(cone.matrix)] = np.where(np.isfinite(qp.sides[:, matter]), 0.0, [[-np.inf], [np.inf]])
     direction = flat @ _projected(cone).x
     part = np.abs(direction / unit)
     direction[part <= CANCELS * part.max()] = 0.0
@@ -130,14 +129,14 @@ def descent(qp: QP, tolerance: float) -> Vec | None:
     if not falls(qp, direction):
         return None
     met = _nearest(qp, _column_units(qp)).x
-    over, under = rows @ met - np.concatenate([qp.upper, qp.ub]), np.concatenate([qp.lower, qp.lb]) - rows @ met
+    over, under = rows @ met - qp.sides[1], qp.sides[0] - rows @ met
     return direction if np.maximum(over, under).max() <= tolerance else None
 
 
 def falls(qp: QP, d: Vec) -> bool:
     """Whether the cost falls for ever along d (n,) and every row and bound that holds keeps to hold."""
     along, terms = np.concatenate([qp.matrix @ d, d]), np.concatenate([np.abs(qp.matrix) @ np.abs(d), np.abs(d)])
-    lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
+    lower, upper = qp.sides
     zero = CANCELS * terms
     keeps = (np.isinf(upper) | (along <= zero)) & (np.isinf(lower) | (along >= -zero))
     entries = np.abs(qp.H) @ np.abs(d)

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import replace
 from importlib.util import find_spec
+from inspect import get_annotations
 from time import perf_counter
 from typing import Self, final
 
@@ -143,7 +144,7 @@ class Solver(ABC):
     ``repeatable`` whether fresh sessions give the same bits, and ``offline`` is true for a solver that is
     not shown to keep limits to 1e-6 at 1 kHz and so is refused by a controller. ``takes_rows`` is true for the one that
     solves a tick from its rows (:mod:`wbc.qp.rows`); all others get products. ``session`` is what ``open`` makes, and
-    ``accuracies`` names the settings that say where the solver stops.
+    ``accuracies`` names the settings, all positive, that say where the solver stops.
     """
 
     name: str
@@ -156,6 +157,14 @@ class Solver(ABC):
     takes_rows: bool = False
     session: type[Session]
     accuracies: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse settings out of their range: accuracies are positive, and counts at least one."""
+        for name in self.accuracies:
+            checks.number(name, getattr(self, name), low=0.0, strict=True)
+        for name, kind in get_annotations(type(self)).items():
+            if kind == "int":
+                checks.number(name, getattr(self, name), low=1)
 
     def open(self, shape: Shape) -> Session:
         """A session for QPs of this shape.

@@ -23,7 +23,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.member import Member
+from wbc.stack.member import EFFORTS, Member
 from wbc.stack.objective import Objective
 from wbc.types import Index, Mat, Vec
 
@@ -207,8 +207,7 @@ class Softly(Objective):
         constraint.prepare(model)
         if isinstance(constraint, JointInterval):
             suffix = {"position": "", "velocity": "/s", "acceleration": "/s²", "torque": ""}[constraint.quantity]
-            effort = {"m": "N", "rad": "N m"}
-            names = [effort[unit] if constraint.quantity == "torque" else unit + suffix for unit in model.joint_units]
+            names = [EFFORTS[unit] if constraint.quantity == "torque" else unit + suffix for unit in model.joint_units]
             self.dim, self.units, self.labels = model.nj, tuple(names), model.joint_names
         elif isinstance(constraint, Barrier | LinearConstraint):
             self.dim, self.units = constraint.dim, constraint.units

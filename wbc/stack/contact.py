@@ -19,8 +19,9 @@ from wbc.stack.task_rows import TaskRows
 from wbc.stack.tracking import pose_target
 from wbc.types import Mat, Vec
 
-_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+#: What the entries of a motion, and of a wrench, are called.
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 @final
@@ -165,11 +166,11 @@ class Contact(Member):
 
     def motion_labels(self) -> Sequence[str]:
         """The name of each motion row."""
-        return [_AXES[axis] for axis in self.wrench_axes]
+        return [AXES[axis] for axis in self.wrench_axes]
 
     def force_labels(self) -> list[tuple[str, str]]:
         """(label, unit) of each number of the force."""
-        return [(_WRENCH[axis], "N" if axis < 3 else "N m") for axis in self.wrench_axes]
+        return [(WRENCH[axis], "N" if axis < 3 else "N m") for axis in self.wrench_axes]
 
     @property
     def mu(self) -> float:

@@ -70,9 +70,20 @@ class Weighted(Hierarchy):
         return [_keeping_directions([task for level in levels for task in level])]
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Ranked(Hierarchy):
+    """What decides level by level has a budget."""
+
+    budget: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.budget is not None:
+            checks.number("budget", self.budget, low=1)
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
-class Strict(Hierarchy):
+class Strict(_Ranked):
     """Strict priorities: a lower level never degrades a higher one.
 
     Least squares of level 1 under the constraints and contacts; of level 2 among all that keep level 1 at its least;
@@ -103,18 +114,13 @@ class Strict(Hierarchy):
         ['optimal', 'optimal']
     """
 
-    budget: int | None = None
-
-    def __post_init__(self) -> None:
-        _check_budget(self.budget)
-
     def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         return [_keeping_directions(level) for level in levels]
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Scaled(Hierarchy):
+class Scaled(_Ranked):
     """Kinematic tasks keep their direction and are slowed where limits are active: saturation in the null space.
 
     Each task has a scale s in [0, 1] with J x + drift = s t, where t is the velocity or acceleration that its gains
@@ -132,11 +138,6 @@ class Scaled(Hierarchy):
         Scaled(budget=None)
     """
 
-    budget: int | None = None
-
-    def __post_init__(self) -> None:
-        _check_budget(self.budget)
-
     def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         ranks: list[Rank] = []
         for i, level in enumerate(levels):
@@ -149,11 +150,6 @@ class Scaled(Hierarchy):
             elif rest or is_last:
                 ranks.append(Rank((), rest, ()))
         return ranks
-
-
-def _check_budget(budget: int | None) -> None:
-    if budget is not None:
-        checks.number("budget", budget, low=1)
 
 
 def _keeping_directions(tasks: Sequence[RowTask]) -> Rank:

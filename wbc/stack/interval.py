@@ -129,8 +129,7 @@ class JointIntervals:
         """
         if self._is_sealed and not by_plan:
             raise InvalidInput(f"a plan's bounds on {quantity} are to be read; return wbc.Overrides({quantity}=...)")
-        if quantity not in _QUANTITIES:
-            raise InvalidInput(f"there are no bounds on {quantity!r}; there are: {', '.join(_QUANTITIES)}")
+        checks.one_of("quantity", quantity, _QUANTITIES)
         nj, former = len(self.joint_names), self._limits[quantity].copy()
         for side, (name, value) in enumerate((("upper", upper), ("lower", lower))):
             bound = checks.each(f"{quantity}.{name}", value, nj, finite=False)
@@ -148,8 +147,7 @@ class JointIntervals:
         Raises:
             InvalidInput: no such quantity.
         """
-        if quantity not in _QUANTITIES:
-            raise InvalidInput(f"there are no bounds on {quantity!r}; there are: {', '.join(_QUANTITIES)}")
+        checks.one_of("quantity", quantity, _QUANTITIES)
         upper, lower = self._limits[quantity].copy()
         return -lower, upper
 

@@ -11,6 +11,7 @@ from wbc import checks
 from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.by_name import ByName, all_meant, patterns
+from wbc.stack.member import EFFORTS
 from wbc.stack.target import Convert
 from wbc.stack.task import LinearTask, Task, TaskRows
 from wbc.stack.tracking import joints_target
@@ -152,5 +153,5 @@ class TorqueTask(LinearTask):
         index = all_meant(f"{self.name}.joints", self.joints or (".*",), model.joint_names, UnknownJoint)
         self._index, self.dim = np.array(index, dtype=np.intp), len(index)
         self.labels = tuple(model.joint_names[i] for i in index)
-        self.units = tuple("N" if model.joint_units[i] == "m" else "N m" for i in index)
+        self.units = tuple(EFFORTS[model.joint_units[i]] for i in index)
         self._rows_of_joints = np.eye(model.nj)[index]

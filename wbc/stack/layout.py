@@ -12,14 +12,13 @@ from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
 from wbc.stack.block import Block, MotionBlock, RowBlock, says_of
 from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly
-from wbc.stack.contact import Contact
+from wbc.stack.contact import AXES, WRENCH, Contact
 from wbc.stack.level import Level
+from wbc.stack.member import EFFORTS
 from wbc.stack.stack import Stack
 from wbc.stack.task import Exactly, LinearTask, Task, force_of
 from wbc.types import Index
 
-_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 #: Levels for what not every level decides.
 _DECIDED_BY = {
     "acceleration": "AccelerationLevel() or InverseDynamics()",
@@ -65,7 +64,7 @@ class Layout:
         named = self._of_member
         dynamics, nb, nj, nv = level.dynamics, model.nb, model.nj, model.nv
         self.n_u = nb if dynamics else 0
-        self._rows(Row("base dynamics", _WRENCH[i], "N" if i < 3 else "N m") for i in range(self.n_u))
+        self._rows(Row("base dynamics", WRENCH[i], "N" if i < 3 else "N m") for i in range(self.n_u))
         self.torque_row = self._rows(self._of_torques() if dynamics else ()).start
         cones = [
             self._rows(Row(f"friction[{contact.short_name}]", *one) for one in contact.cone_labels() if dynamics)
@@ -86,7 +85,7 @@ class Layout:
         self.n_equal = self.n_rows - self.n_u - self.n_range - self.n_soft
         self.joints = [MotionBlock(task, self._rows(()), slice(nb, nv)) for task in tasks if task.on_joints]
 
-        self.names += [Row("base", _AXES[i], ("m" if i < 3 else "rad") + self._per) for i in range(nb)]
+        self.names += [Row("base", AXES[i], ("m" if i < 3 else "rad") + self._per) for i in range(nb)]
         limit = self.motion_limits[0].name if len(self.motion_limits) == 1 else "joint limits"
         joints = zip(model.joint_names, model.joint_units, strict=True)
         self.names += [Row(limit if self.motion_limits else "joint", joint, unit + self._per) for joint, unit in joints]
@@ -195,7 +194,7 @@ class Layout:
     def _of_torques(self) -> list[Row]:
         owner = self.torque_limits[0].name if self.torque_limits else "torque"
         joints = zip(self.model.joint_names, self.model.joint_units, strict=True)
-        return [Row(owner, joint, "N" if unit == "m" else "N m") for joint, unit in joints]
+        return [Row(owner, joint, EFFORTS[unit]) for joint, unit in joints]
 
     def _of_contact(self, contact: Contact) -> list[Row]:
         said = zip(contact.motion_labels(), contact.motion_units(), strict=True)

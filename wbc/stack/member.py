@@ -51,8 +51,8 @@ class WrongArguments(InvalidInput, TypeError):
 _COPIES = Lock()
 #: Attributes that only say where to go: no weight or gain depends on them.
 _FOLLOWED = frozenset({"target", "wrench", "torque", "_reference", "_given"})
-
-
+#: The unit of what moves or holds a joint, or a row, of this unit.
+EFFORTS = {"m": "N", "rad": "N m"}
 #: What ``prepare`` writes: of every copy its own.
 _STRUCTURE = frozenset({"dim", "units", "labels", "convert", "codes"})
 

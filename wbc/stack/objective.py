@@ -55,9 +55,7 @@ class Objective(Member):
             return checks.number(name, value, low=0.0)
         else:
             given = checks.array(name, value, (None,))
-            if (given < 0).any():
-                i = int(np.argmax(given < 0))
-                raise InvalidInput(f"{name}[{i}] is {given[i]:g}; it must be >= 0")
+            checks.gains(name, given, len(given))
             given.flags.writeable = False  # assign to change it: writing into it would go unseen
         if hasattr(self, "dim"):
             self._rows(what, given)

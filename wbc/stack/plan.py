@@ -459,8 +459,8 @@ def refuse_contradictions(plan: Plan, state: RobotState) -> None:
 
 def _same(qp: QP, other: QP) -> QP | None:
     """The rows and bounds that both have, None where no conflict can be among them or they are no problem."""
-    rows = (qp.matrix == other.matrix).all(axis=1) & (qp.lower == other.lower) & (qp.upper == other.upper)
-    bounds = (qp.lb == other.lb) & (qp.ub == other.ub)
+    rows, bounds = np.split((qp.sides == other.sides).all(axis=0), [len(qp.matrix)])
+    rows &= (qp.matrix == other.matrix).all(axis=1)
     if not (rows.any() or (qp.lb > qp.ub)[bounds].any()):
         return None
     sound = np.isfinite(qp.matrix[rows]).all() and not np.isnan(np.concatenate([qp.lower[rows], qp.upper[rows]])).any()

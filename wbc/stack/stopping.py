@@ -15,7 +15,7 @@ import numpy as np
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
-from wbc.tolerances import SAME
+from wbc.tolerances import NEAR, SAME
 from wbc.types import Mat, Vec
 
 #: Share of the torque range that the way to rest leaves free on either side: it is computed in few moments.
@@ -307,7 +307,7 @@ class Stopping:
             _, _, size = self._needed(state.q, state.v)
         else:
             start, step, sizes = self._way
-            at = int(np.clip((state.t - start) / step + 1e-6, 0, len(sizes) - 1))
+            at = int(np.clip((state.t - start) / step + NEAR, 0, len(sizes) - 1))
             size = sizes[at]
         brake: Vec = -np.sign(state.v) * np.minimum(size, np.abs(state.v) / self._dt)
         return brake

@@ -19,7 +19,7 @@ from wbc.stack.by_name import ByName
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
-from wbc.stack.member import Member
+from wbc.stack.member import EFFORTS, Member
 from wbc.stack.objective import Objective
 from wbc.stack.task_rows import TaskRows
 from wbc.types import Index, Mat, Vec
@@ -28,10 +28,6 @@ __all__ = [
     "Exactly", "LinearExactly", "LinearRows", "LinearTask", "Objective", "Reaction", "Task", "TaskRows", "Within",
     "force_of",
 ]  # fmt: skip
-
-
-#: The unit of the force that holds a row of this unit.
-_FORCES = {"m": "N", "rad": "N m"}
 
 
 class LinearRows:
@@ -297,7 +293,7 @@ class Reaction(Contact):
     def force_labels(self) -> list[tuple[str, str]]:
         """The task's rows, in the unit whose product with theirs is an energy."""
         return [
-            (label, _FORCES.get(unit, f"J/({unit})"))
+            (label, EFFORTS.get(unit, f"J/({unit})"))
             for label, unit in zip(self.motion_labels(), self.motion_units(), strict=True)
         ]
 

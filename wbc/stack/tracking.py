@@ -142,7 +142,7 @@ def rotation_error(target: Mat, actual: Mat) -> Vec:
 def _check_rotation(name: str, matrix: Mat) -> None:
     off = float(np.abs(np.dot(matrix, matrix.T) - _IDENTITY).max())
     if off > MET:
-        raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is 1e-6")
+        raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is {MET:g}")
     x, y, z = matrix.tolist()
     if x[0] * (y[1] * z[2] - y[2] * z[1]) < x[1] * (y[0] * z[2] - y[2] * z[0]) - x[2] * (y[0] * z[1] - y[1] * z[0]):
         raise InvalidInput(f"{name} is not a rotation: its determinant is -1 (a mirror image)")

@@ -30,7 +30,7 @@ from wbc.qp.lexicographic.compiled.space import LAYOUT as SPACES
 from wbc.qp.lexicographic.compiled.stage import CORE_AT, LEVELS_AT, conclude
 from wbc.qp.lexicographic.parts import Pull
 from wbc.qp.lexicographic.stages import StagedProblem
-from wbc.qp.problem import QP
+from wbc.qp.problem import QP, Row
 from wbc.qp.rows import RowProblem
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, SOLVED
 from wbc.qp.rows.core import CoreSolver
@@ -57,8 +57,7 @@ class Levels:
         rows = max(place.stop - place.start for place in staged.rows)
         rows += max(p.n_u, *(len(pull.weights) for pull in self._pulls if pull is not None), 0)
         long = max(items, rows, p.n_soft + p.n_equal, n)
-        names = [*p.rows[p.n_rows + p.n_u :], *p.rows[p.range]]
-        names = [*names, *[names[0]] * rows, *names[:n]]
+        names = [Row("z")] * (items + rows + n)
         finder = RowProblem(0, n, n_range=items, n_soft=rows, n_equal=0, rows=names, regularisation=0.0)
         self._finder = CoreSolver(finder)
         sizes = np.zeros(16, dtype=np.int64)

@@ -50,7 +50,7 @@ class StagedProblem:
         sizes = [sum(_size(part) for part in stage) for stage in every]
         self.problem = p = RowProblem(
             source.n_u, source.n_y + len(scaled), n_range=source.n_range, n_soft=sizes[-1],
-            n_equal=sum(sizes[:-1]) + source.n_equal, rows=self._names([last, *reversed(upper)]),
+            n_equal=sum(sizes[:-1]) + source.n_equal, rows=self._names([last, *reversed(upper)], scaled),
             regularisation=source.regularisation,
         )  # fmt: skip
         p.units = source.units
@@ -64,7 +64,7 @@ class StagedProblem:
             mine[p.n + 1 : start[1]] = side[source.n + 1 : start[0]]
         self._place(every, scaled)
 
-    def _names(self, stages: Sequence[Stage]) -> list[Row]:
+    def _names(self, stages: Sequence[Stage], scaled: Sequence[RowTask]) -> list[Row]:
         source = self.source
         names, found = source.rows, list[Row]()
         for stage in stages:
@@ -79,8 +79,7 @@ class StagedProblem:
                     first = source.n_rows + task.unknowns.start
                     found += [row._replace(owner=task.name) for row in names[first : first + task.dim]]
         first, last = names[: source.soft.start], names[source.equal.start : source.n_rows]
-        given_up = [Row("given up", stage_name(self._shares, key, stages)) for key in self._shares]
-        return [*first, *found, *last, *names[source.n_rows :], *given_up]
+        return [*first, *found, *last, *names[source.n_rows :], *(Row("given up", task.name) for task in scaled)]
 
     def _place(self, stages: Sequence[Stage], scaled: Sequence[RowTask]) -> None:
         """Where each row comes from: a row of the source, an unknown, or what a task asks that is done in part."""
@@ -170,8 +169,3 @@ def _places(stage: Stage) -> dict[str, slice]:
 
 def _size(part: Part) -> int:
     return 1 if part.kind == "share" else part.task.dim
-
-
-def stage_name(shares: dict[int, int], key: int, stages: Sequence[Stage]) -> str:
-    """Name of the task that an unknown share belongs to."""
-    return next(part.task.name for stage in stages for part in stage if id(part.task) == key)

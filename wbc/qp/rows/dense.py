@@ -93,11 +93,10 @@ class DenseSteps:
             self._proximal *= _LONGER
             p.centre /= p.metric
         p.centre /= -cost
-        values, share = qp.matrix.dot(at), self._share[:m]
-        for side, of_rows, of_x in zip(p.range_bounds(), (qp.lower, qp.upper), (qp.lb, qp.ub), strict=True):
-            np.subtract(of_rows[n_eq:], values[n_eq:], out=side[:n_in])
-            np.subtract(of_x, at, out=side[n_in:])
-            side *= share
+        values = np.concatenate([qp.matrix.dot(at), at])
+        for side, own in zip(p.range_bounds(), qp.sides, strict=True):
+            np.subtract(own[n_eq:], values[n_eq:], out=side)
+            side *= self._share[:m]
         np.multiply(values[:n_eq] - qp.upper[:n_eq], self._share[m:], out=p.G[m:, n])
         status = self._core.solve()
         force = cost * self._share * self._core.push
@@ -111,7 +110,7 @@ class DenseSteps:
         n, n_eq, n_in = qp.shape
         values, share = np.concatenate([qp.matrix[n_eq:].dot(answer.x), answer.x]), self._share[: n_in + n]
         force = np.concatenate([answer.z, answer.z_box])
-        lower, upper = np.concatenate([qp.cl, qp.lb]), np.concatenate([qp.cu, qp.ub])
+        lower, upper = qp.sides[:, n_eq:]
         room = np.where(force > 0.0, upper - values, values - lower) * share
         push = np.abs(force) / (self._size**2 * share)
         held = np.flatnonzero((force != 0.0) & (push >= room))

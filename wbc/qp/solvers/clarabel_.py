@@ -10,7 +10,6 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession, OneSided, Pattern, ended
@@ -84,7 +83,3 @@ class Clarabel(Solver):
 
     tol: float = ACCURACY
     max_iter: int = 200
-
-    def __post_init__(self) -> None:
-        checks.number("tol", self.tol, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)

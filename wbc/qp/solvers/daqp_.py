@@ -104,6 +104,7 @@ class Daqp(Solver):
     requires = ("daqp",)
     package = "daqp"
     session = DaqpSession
+    accuracies = ("primal_tol", "eta_prox")
 
     primal_tol: float = ACCURACY / 10
     eps_prox: float = -1e-4
@@ -111,10 +112,8 @@ class Daqp(Solver):
     max_iter: int = 10_000
 
     def __post_init__(self) -> None:
-        checks.number("primal_tol", self.primal_tol, low=0.0, strict=True)
+        super().__post_init__()
         checks.number("eps_prox", self.eps_prox)
-        checks.number("eta_prox", self.eta_prox, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)
 
     def _stopping_at(self, tolerance: float) -> Self:
         # Its steps end at a vertex: less accuracy would save nothing.

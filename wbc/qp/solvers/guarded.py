@@ -94,7 +94,7 @@ class GuardedSession(Session):
 
 
 def _numbers(qp: QP) -> tuple[Mat | Vec, ...]:
-    return qp.H, qp.g, qp.matrix, qp.lower, qp.upper, qp.lb, qp.ub
+    return qp.H, qp.g, qp.matrix, qp.sides
 
 
 def _open(solver: Solver, shape: Shape) -> None:

@@ -98,8 +98,7 @@ class OneSided:
 
     def __init__(self, qp: QP) -> None:
         n_rows, n_items = len(qp.lower), len(qp.lower) + qp.n
-        lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
-        self.kind = self._kind(lower, upper)
+        self.kind = self._kind(*qp.sides)
         equal, above, below = ((self.kind & bit).nonzero()[0] for bit in (1, 2, 4))
         self.item: Index = np.concatenate([equal, above, below])
         self.sign: Vec = np.ones(len(self.item))
@@ -116,8 +115,7 @@ class OneSided:
 
     def fits(self, qp: QP) -> bool:
         """Whether another problem of this shape has the same finite sides and equations."""
-        lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
-        return bool((self._kind(lower, upper) == self.kind).all())
+        return bool((self._kind(*qp.sides) == self.kind).all())
 
     def matrix(self, qp: QP) -> Mat:
         """[G₀; G₁]."""
@@ -125,8 +123,8 @@ class OneSided:
 
     def right_side(self, qp: QP) -> Vec:
         """[h₀; h₁]."""
-        lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
-        return np.where(self.sign > 0.0, upper[self.item], -lower[self.item])
+        side: Vec = np.where(self.sign > 0.0, qp.sides[1, self.item], -qp.sides[0, self.item])
+        return side
 
     def multipliers(self, dual: Vec) -> tuple[Vec, Vec, Vec]:
         """y, z and z_box from the multipliers of [G₀; G₁], those of G₁ not negative."""

@@ -11,7 +11,6 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession, Pattern, ended
@@ -96,7 +95,3 @@ class Osqp(Solver):
     eps_abs: float = ACCURACY
     max_iter: int = 20_000
     polishing: bool = False
-
-    def __post_init__(self) -> None:
-        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)

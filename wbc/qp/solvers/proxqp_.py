@@ -11,7 +11,6 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession, ended
@@ -90,11 +89,6 @@ class ProxQp(Solver):
     eps_abs: float = ACCURACY
     max_iter: int = 100
     max_iter_in: int = 50
-
-    def __post_init__(self) -> None:
-        checks.number("eps_abs", self.eps_abs, low=0.0, strict=True)
-        checks.number("max_iter", self.max_iter, low=1)
-        checks.number("max_iter_in", self.max_iter_in, low=1)
 
 
 def _bounded(values: Vec) -> Vec:

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.errors import UnknownSolver
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
@@ -116,7 +115,7 @@ class QpSolvers(Solver):
     accuracy: float = ACCURACY
 
     def __post_init__(self) -> None:
-        checks.number("accuracy", self.accuracy, low=0.0, strict=True)
+        super().__post_init__()
         if self.name not in BACKENDS:
             raise UnknownSolver(self.name, BACKENDS)
         backend = BACKENDS[self.name]

@@ -107,7 +107,7 @@ def violation(qp: QP, x: Vec) -> dict[str, float]:
     if not np.isfinite(x).all():
         return {}
     values = np.concatenate([qp.matrix @ x, x])
-    lower, upper = np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub])
+    lower, upper = qp.sides
     beyond = np.maximum(np.maximum(values - upper, lower - values), 0.0)
     worst: dict[str, float] = {}
     for row, amount in zip(qp.rows, beyond.tolist(), strict=True):

@@ -6,7 +6,7 @@ from math import acos, atan2, cos, floor, pi, sin, sqrt
 from typing import Any
 
 from wbc.compiled import callee, kernel, small_kernel
-from wbc.stack.compiled.geometry import Three, cross, dot, plus, three, times
+from wbc.stack.compiled.geometry import SHORTEST, Three, cross, dot, plus, three, times
 from wbc.stack.compiled.row_kernel import Rows, rows
 from wbc.tolerances import SAME
 
@@ -14,8 +14,6 @@ from wbc.tolerances import SAME
 _BEHIND = 0.01
 #: θ / sin θ = Σ 2ⁿ (n!)² / (2n + 1)! xⁿ with x = 1 − cos θ, for small x.
 _SERIES = (1.0, 1 / 3, 2 / 15, 2 / 35, 8 / 315, 8 / 693, 16 / 3003, 16 / 6435, 128 / 109395, 128 / 230945)
-#: Below this length of its shadow on the ground an axis counts as having that one: upright, it points nowhere.
-_SHORTEST = 1e-2
 
 
 @kernel
@@ -124,7 +122,7 @@ def yaw(at: int) -> int:
     k = rows(at)
     u, w = times(k.place[0], k.numbers), three(k.motion[0], 3)
     x, y, z = u
-    shadow = max(x * x + y * y, _SHORTEST**2)
+    shadow = max(x * x + y * y, SHORTEST**2)
     behind = k.value[0] - atan2(y, x) + pi
     k.e[0] = behind - 2.0 * pi * floor(behind / (2.0 * pi)) - pi
     # u̇ = ω × u, so x u̇_y − y u̇_x = (−x z, −y z, x² + y²) · ω

@@ -14,17 +14,15 @@ a rotation vector, its speed and what follows in world axes.
 
 from __future__ import annotations
 
-from math import atan2, cos, pi, sin, sqrt
+from math import atan2, cos, inf, pi, sin, sqrt
 from typing import NamedTuple
 
 from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
+from wbc.tolerances import NOISE, SAME
 from wbc.types import Index, Mat, Vec
 
 #: What a follower does: it moves, it rests at its sample, or it has one that it has not looked at.
 MOVES, RESTS, WAKES = 0, 1, 2
-#: An axis rests where what is left to go, and what it goes in a cell, is this share of what its limits allow in a cell,
-#: or of the sample.
-_STILL, _ROUNDING = 1e-9, 1e-14
 _HALVINGS = 30
 #: A turn is not begun the other way round while the way that it goes is no longer than this [rad].
 _HALF_TURN = pi + 0.2
@@ -92,7 +90,7 @@ def _beyond(j: float, v: float, a: float, least: float, most: float, limits: Vec
     V, A, J = limits[0], limits[1], limits[2]
     x, v, a = _on(0.0, v, a, j, h)
     ahead = v + a * abs(a) / (2.0 * J)
-    x += stop(v, a, A, J, 1e300)[0]
+    x += stop(v, a, A, J, inf)[0]
     if x > most or ahead > V:
         return 1
     return -1 if x < least or ahead < -V else 0
@@ -102,7 +100,7 @@ def _beyond(j: float, v: float, a: float, least: float, most: float, limits: Vec
 def _jerk(left: float, v: float, a: float, limits: Vec, h: float, omega: float) -> tuple[float, float]:
     """The jerk of a cell, and 1 where the axis brakes instead."""
     V, A, J = limits[0], limits[1], limits[2]
-    rest = stop(v, a, A, J, 1e300)[0]
+    rest = stop(v, a, A, J, inf)[0]
     least, most = min(rest, left), max(rest, left)
     low, high = max(-J, (-A - a) / h), min(J, (A - a) / h)
     j = min(max(omega * (omega * (omega * left - 3.0 * v) - 3.0 * a), low), high)
@@ -139,7 +137,7 @@ def _rotation_left(sample: Vec, place: Vec, left: Vec) -> None:
     angle = 2.0 * atan2(size, w)
     if 2.0 * pi - angle < _HALF_TURN and x * left[0] + y * left[1] + z * left[2] < 0.0:
         angle -= 2.0 * pi
-    factor = angle / size if size > 1e-12 else 2.0
+    factor = angle / size if size > 0.0 else 2.0
     left[0], left[1], left[2] = factor * x, factor * y, factor * z
 
 
@@ -154,7 +152,7 @@ def _turned(place: Vec, before: Vec, after: Vec, t: float, there: Vec) -> None:
     y = there[1] - c * (before[2] * after[0] - before[0] * after[2])
     z = there[2] - c * (before[0] * after[1] - before[1] * after[0])
     half = sqrt(x * x + y * y + z * z) / 2.0
-    factor = sin(half) / (2.0 * half) if half > 1e-9 else 0.5
+    factor = sin(half) / (2.0 * half) if half > 0.0 else 0.5
     x, y, z, w = factor * x, factor * y, factor * z, cos(half)
     there[0] = w * place[0] + x * place[3] + y * place[2] - z * place[1]
     there[1] = w * place[1] + y * place[3] + z * place[0] - x * place[2]
@@ -183,7 +181,11 @@ def _look(f: _Follower, t: float) -> None:
 
 @kernel
 def _decide(f: _Follower) -> None:
-    """Begin a cell."""
+    """Begin a cell.
+
+    An axis rests where what is left to go, and what it goes in a cell, is the same as nothing beside what its limits
+    allow in a cell, or is rounding of the sample.
+    """
     k, n, h = f.sizes[0], f.sizes[0] + f.sizes[1], f.time[1]
     for i in range(k):
         f.left[i] = f.sample[i] - f.place[i]
@@ -193,7 +195,7 @@ def _decide(f: _Follower) -> None:
     for i in range(n):
         V, A, J = f.limits[i, 0], f.limits[i, 1], f.limits[i, 2]
         size = abs(f.sample[i]) if i < k else 1.0
-        little = max(_STILL * h * min(V, h * min(A, h * J)), _ROUNDING * size)
+        little = max(SAME * h * min(V, h * min(A, h * J)), NOISE * size)
         moves = max(abs(f.v[i]) * h, abs(f.a[i]) * h * h)
         still = still and abs(f.left[i]) <= little and moves <= little
     if still:

@@ -14,6 +14,10 @@ Three = tuple[float, float, float]
 
 # Nearer to π than this the axis is read from the symmetric part of R: the other one vanishes there.
 _NEAR_PI = 1e-2
+#: Nearer than this [m] two places count as this far apart where one divides by their distance.
+NEAREST = 1e-3
+#: An axis with a shorter shadow on the ground counts as having one of this length: upright, it points nowhere.
+SHORTEST = 1e-2
 
 
 @small_kernel
@@ -62,12 +66,9 @@ def back(R: Vec, x: Any) -> Three:
 def turn_by(r: float, w: Vec, R: Vec, out: Vec) -> None:
     """out = exp(r w) R, matrices (9,) by rows."""
     x, y, z = r * w[0], r * w[1], r * w[2]
-    square = x * x + y * y + z * z
-    angle = sqrt(square)
-    if angle < 1e-4:  # the cosine loses what the series has
-        a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
-    else:
-        a, b = sin(angle) / angle, (1.0 - cos(angle)) / square
+    half = 0.5 * sqrt(x * x + y * y + z * z)
+    s = sin(half) / half if half > 0.0 else 1.0
+    a, b = s * cos(half), 0.5 * s * s  # sin θ / θ and (1 − cos θ) / θ², without the difference
     for j in range(3):  # exp(w) u = u + a w × u + b w × (w × u)
         u0, u1, u2 = R[j], R[3 + j], R[6 + j]
         c0, c1, c2 = y * u2 - z * u1, z * u0 - x * u2, x * u1 - y * u0

@@ -5,11 +5,8 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 
 from wbc.compiled import callee
-from wbc.stack.compiled.geometry import cross, dot, plus, three, times
+from wbc.stack.compiled.geometry import NEAREST, cross, dot, plus, three, times
 from wbc.stack.compiled.row_kernel import rows
-
-#: Radius [m] within which the axis of a cone is rounded: there the distance to the cone has no gradient.
-_ROUND = 1e-3
 
 
 @callee
@@ -31,7 +28,7 @@ def cone(at: int) -> int:
     away, u = plus(three(k.place[0], 9), -1.0, three(k.numbers, 0)), three(k.motion[0], 0)
     height = dot(axis, away)
     beside = plus(away, -height, axis)
-    r = sqrt(dot(beside, beside) + _ROUND**2)
+    r = sqrt(dot(beside, beside) + NEAREST**2)
     beside = plus(zero, 1.0 / r, beside)
     k.e[0] = sin(angle) * height - cos(angle) * r
     gradient = plus(plus(zero, sin(angle), axis), -cos(angle), beside)

@@ -6,12 +6,9 @@ from math import sqrt
 
 from wbc.compiled import callee, kernel
 from wbc.stack.compiled.frame_kernel import pose_error
-from wbc.stack.compiled.geometry import Three, back, cross, dot, plus, three
+from wbc.stack.compiled.geometry import NEAREST, Three, back, cross, dot, plus, three
 from wbc.stack.compiled.row_kernel import Rows, follow, rows
 from wbc.types import Mat, Vec
-
-#: Nearer than this [m] two points count as this far apart where one divides by their distance.
-_NEAREST = 1e-3
 
 
 @kernel
@@ -92,6 +89,6 @@ def distance(at: int) -> int:
         if two:
             k.C[0, 6 + c] = -n[c]
     along = dot(n, velocity)
-    k.e[0], k.bent[0] = k.value[0] - r, (dot(velocity, velocity) - along * along) / max(r, _NEAREST)
+    k.e[0], k.bent[0] = k.value[0] - r, (dot(velocity, velocity) - along * along) / max(r, NEAREST)
     k.rate_ref[0], k.acc_ref[0] = k.rate[0], k.second[0]
     return 1

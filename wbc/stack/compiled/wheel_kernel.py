@@ -5,11 +5,8 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.compiled import callee
-from wbc.stack.compiled.geometry import cross, dot, plus, three, times
+from wbc.stack.compiled.geometry import SHORTEST, cross, dot, plus, three, times
 from wbc.stack.compiled.row_kernel import rows
-
-#: A wheel that lies nearly flat has no heading: the sine of its lean counts as at least this.
-_LEAST_LEAN = 1e-3
 
 
 @callee
@@ -23,7 +20,7 @@ def wheel(at: int) -> int:
     k = rows(at)
     radius, a, w = k.numbers[3], times(k.place[0], k.numbers), three(k.motion[0], 3)
     zero, n, c = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), a[2]
-    s = max(sqrt(1.0 - min(c * c, 1.0)), _LEAST_LEAN)
+    s = max(sqrt(1.0 - min(c * c, 1.0)), SHORTEST)  # one that lies nearly flat has no heading
     m, t = plus(plus(zero, 1.0 / s, n), -c / s, a), (a[1] / s, -a[0] / s, 0.0)
     a_rate = cross(w, a)
     s_rate = -c * a_rate[2] / s

@@ -14,6 +14,7 @@ from wbc.qp.lexicographic.compiled.level import hold, read_level
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
+    DEPENDENT,
     FINDER,
     FINDS,
     FREE,
@@ -47,9 +48,9 @@ from wbc.tolerances import CANCELS, NEAR, SAME
 
 #: Working sets that are guessed; exchanges that may fail to lower the number of wrong items.
 _GUESSES, _CHANCES = 4, 1
-#: How often the core is asked; what a row of the level weighs there beside the distance, and how much less where
-#: that is too much.
-_FINDS, _HEAVY, _LESS = 4, 1e10, 1e-4
+#: How often the core is asked; what a row of the level weighs there beside the distance: as much as it can without
+#: leaving rows that count as dependent; and how much less where that is too much.
+_FINDS, _HEAVY, _LESS = 4, 1.0 / DEPENDENT, 1e-4
 #: Steps of a descent for each item.
 _MOST = 5
 

@@ -161,6 +161,19 @@ def compliance(s: Work, k: int) -> float:
 
 # ---- the working set and its optimum
 @part
+def factor_rows(at: int, m: int, tolerance: float) -> int:
+    """K of the first m rows of E, less those that depend on others to ``tolerance``; how many these are."""
+    s = views(at)
+    first = first_row(s)
+    for i in range(first, m):
+        half(s, s.E[i], s.F[i])
+        times(s.F, s.F[i], first, i + 1, s.sizes[1], s.K[i])
+        s.K[i, i] += compliance(s, i)
+        s.length[i] = s.K[i, i]
+    return int(factor(s.K, first, m, tolerance))
+
+
+@part
 def place(at: int) -> None:
     """Where the first step starts: the centre, pins at their bounds, nothing pushes."""
     s = views(at)
@@ -175,8 +188,7 @@ def place(at: int) -> None:
 def hold_guess(at: int) -> bool:
     """Factors of the working set in ``side``: bounds are pins, rows that depend on others are left out."""
     s = views(at)
-    ny, ns, first = s.sizes[1], weighed(s), first_row(s)
-    m = ns
+    ny, m = s.sizes[1], weighed(s)
     for c in range(ny):
         s.free[c] = 1.0 if s.side[c] == 0.0 else 0.0
     for item in range(ny, len(s.side)):
@@ -188,13 +200,7 @@ def hold_guess(at: int) -> bool:
     s.sizes[6] = m
     if not factor_metric(at):
         return False
-    for i in range(first, m):
-        half(s, s.E[i], s.F[i])
-        times(s.F, s.F[i], first, i + 1, ny, s.K[i])
-        if i < ns:
-            s.K[i, i] += compliance(s, i)
-        s.length[i] = s.K[i, i]
-    factor(s.K, first, m, ROUNDING)
+    factor_rows(at, m, ROUNDING)
     return True
 
 

@@ -21,13 +21,14 @@ from wbc.qp.rows.compiled.equality import (
     compliance,
     evaluate,
     factor_metric,
+    factor_rows,
     first_row,
     half,
     place,
     step,
     write_row,
 )  # fmt: skip
-from wbc.qp.rows.compiled.linear import add, add_rows, backward, dot, factor, forward, remove, times
+from wbc.qp.rows.compiled.linear import add, add_rows, backward, dot, forward, remove, times
 from wbc.qp.rows.compiled.verify import beyond, disproved, largest_push
 from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, is_fixed, place_of, views, weighed
 from wbc.tolerances import ROUNDING, SAME
@@ -103,19 +104,14 @@ def let_go(at: int, j: int) -> None:
 def start(at: int) -> bool:
     """Hold what is fixed and, of the best guess, what pushes the right way. False: M or K is singular."""
     s = views(at)
-    ny, ns, first = s.sizes[1], weighed(s), first_row(s)
+    ny, ns = s.sizes[1], weighed(s)
     for item in range(len(s.side)):
         s.side[item] = 0.0
     for c in range(ny):
         s.free[c] = 1.0
     if not factor_metric(at):
         return False
-    for i in range(first, ns):
-        half(s, s.E[i], s.F[i])
-        times(s.F, s.F[i], first, i + 1, ny, s.K[i])
-        s.K[i, i] += compliance(s, i)
-        s.length[i] = s.K[i, i]
-    if factor(s.K, first, ns, 0.0):
+    if factor_rows(at, ns, 0.0):
         return False
     s.sizes[6] = ns
     place(at)

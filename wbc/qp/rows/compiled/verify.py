@@ -26,7 +26,7 @@ from wbc.compiled import entry, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import first_row, reduce_base, reduced
 from wbc.qp.rows.compiled.linear import add, add_rows, backward, forward
 from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
-from wbc.tolerances import DISTANCE, MET, ROUNDING
+from wbc.tolerances import DISTANCE, MET, NEAR, ROUNDING
 
 #: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
 #: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|), as far as one knows.
@@ -35,8 +35,8 @@ ALONE = 1.5
 _PRODUCT = 4.0 * 2.0**-52
 #: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
 _BROKEN = 1e-10
-#: How far a proof that there is no answer reaches [unit of the unknowns].
-_RADIUS = 1e7
+#: How far a proof that there is no answer reaches [unit of the unknowns]: what is left of a gradient there counts.
+_RADIUS = 1.0 / NEAR
 #: A wrong push may be worth this part of what is near enough: it is left out, and the certificate counts it.
 _WORTHLESS = 1e-3
 
