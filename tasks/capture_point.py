@@ -20,10 +20,10 @@ from .trajectories import Sinusoid
 class CapturePoint(Tracking, KernelLinearTask):
     """ξ = c + ċ / ω on the map, ω = √(g / height), converges: ξ̇ = ξ̇_target + rate (ξ_target − ξ).
 
-    Two rows on a, c̈ = ω (ξ̇_target + rate (ξ_target − ξ) − ċ). ξ is the divergent part of the linear inverted
-    pendulum, whose centre of mass then follows by itself, ċ = ω (ξ − c); with a centre of pressure at p, ξ̇ = ω (ξ −
-    p). ``height`` [m] is that of the centre of mass above the ground, ``rate`` [1/s]; ``target`` (2,) [m], or a
-    function of time giving it or (position, velocity, acceleration), the last not used. Source: Pratt et al.,
+    Two rows on the accelerations a: c̈ = ω (ξ̇_target + rate (ξ_target − ξ) − ċ). ξ is the divergent part of the linear
+    inverted pendulum, whose centre of mass then follows by itself, ċ = ω (ξ − c); with a centre of pressure at p,
+    ξ̇ = ω (ξ − p). ``height`` [m] is that of the centre of mass above the ground, ``rate`` [1/s]; ``target`` (2,) [m],
+    or a function of time giving it or (position, velocity, acceleration), the last not used. Source: Pratt et al.,
     Humanoids 2006; Englsberger, Ott, Albu-Schäffer, IEEE T-RO 2015.
 
     Raises:

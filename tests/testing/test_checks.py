@@ -176,6 +176,26 @@ def test_a_task_is_checked_where_its_frame_exists_and_must_exist_somewhere():
         check_task(Height("nowhere"), ARM)
 
 
+@pytest.mark.parametrize("wrong", [False, True])
+def test_a_member_that_looks_for_its_frame_in_fill_alone_is_checked_where_that_exists(wrong: bool):
+    class Unprepared(Height):
+        def prepare(self, model: Any) -> None: ...
+
+        def fill(self, state: Any, out: Any) -> None:
+            super().fill(state, out)
+            out.J[:] += wrong
+
+    if wrong:
+        with pytest.raises(CheckFailed, match="on humanoid, row 0: J"):
+            check_task(Unprepared("pelvis"))
+    else:
+        check_task(Unprepared("pelvis"))
+    with pytest.raises(CheckFailed, match="fits none of our robots, so give a model; arm: there is no frame 'nowhere'"):
+        check_task(Unprepared("nowhere"))
+    with pytest.raises(UnknownFrame):
+        check_task(Unprepared("pelvis"), ARM)
+
+
 def test_a_velocity_task_needs_no_position_error():
     check_task(Damping())
 

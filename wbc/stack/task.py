@@ -1,4 +1,4 @@
-"""Task: an objective. It says where it is, not what to do about it; the level it is used at lowers it.
+"""Task: an objective. It computes an error, its Jacobian and its drift; the level makes rows of the QP of these.
 
 Beside it stands what can be made of it: a constraint, an interval, a part of the mechanism.
 """

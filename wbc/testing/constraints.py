@@ -13,7 +13,7 @@ from wbc.stack.task import Exactly
 from wbc.testing.differences import along, in_time, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling
-from wbc.testing.robots import Moment, moments, robots_for
+from wbc.testing.robots import Moment, moments, on_robots
 from wbc.testing.tasks import check_task
 from wbc.types import Vec
 
@@ -43,7 +43,8 @@ def check_constraint(
         check_task(constraint.task, model, states)
         return
     given = None if states is None else list(states)
-    for own, robot in robots_for(constraint, model):
+
+    def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given
         if isinstance(own, Constraints):
             for one in own.constraints(frozenset(_QUANTITIES)):
@@ -58,6 +59,8 @@ def check_constraint(
             require(
                 False, f"{constraint!r} is no JointInterval, Barrier, LinearConstraint, Constraints or task.exactly()"
             )
+
+    on_robots(constraint, model, check)
 
 
 def _check_interval(constraint: JointInterval, model: RobotModel) -> None:

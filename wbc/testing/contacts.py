@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from wbc.stack.task import Reaction, Task
 from wbc.testing.differences import along, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling
-from wbc.testing.robots import Moment, moments, robots_for
+from wbc.testing.robots import Moment, moments, on_robots
 from wbc.testing.tasks import check_task
 from wbc.types import Mat, Vec
 
@@ -40,7 +41,8 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
         check_task(contact.task, model, states)
         return
     given = None if states is None else list(states)
-    for own, robot in robots_for(contact, model):
+
+    def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given
         require(own.dim == len(own.wrench_axes), f"{own.name}.wrench_axes must be {own.dim}, its dim")
         units = own.motion_units()
@@ -48,6 +50,8 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
         _check_cone(own)
         for first, second in zip(when, [*when[1:], when[0]], strict=True):
             _check_moment(own, robot, first, second)
+
+    on_robots(contact, model, check)
 
 
 def _check_cone(contact: Contact) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from wbc.errors import WbcError
+from wbc.errors import UnknownName, WbcError
 from wbc.models import load
 from wbc.models.model import RobotModel
 from wbc.stack.member import bound
@@ -39,14 +39,14 @@ def moments(model: RobotModel, count: int = 3, seed: int = 0) -> list[Moment]:
     ]
 
 
-def robots_for(member: Any, model: RobotModel | None) -> Iterator[tuple[Any, RobotModel]]:
-    """A copy of ``member`` that is prepared for ``model``, or for each of our robots that it can be; and the robot.
+def on_robots(member: Any, model: RobotModel | None, check: Callable[[Any, RobotModel], None]) -> None:
+    """``check`` a prepared copy of ``member`` on ``model``, or on each of our robots that has the names it asks for.
 
     Raises:
-        CheckFailed: none of them, with the reasons.
+        CheckFailed: by ``check``; or none of our robots will do, with the reasons.
     """
     if model is not None:
-        yield bound(member, model), model
+        check(bound(member, model), model)
         return
     refused = []
     for robot in robots():
@@ -54,7 +54,10 @@ def robots_for(member: Any, model: RobotModel | None) -> Iterator[tuple[Any, Rob
             own = bound(member, robot)
         except WbcError as reason:
             refused.append(f"{robot.name}: {reason}")
-        else:
-            yield own, robot
+            continue
+        try:
+            check(own, robot)
+        except UnknownName as reason:  # of a member that looks for its frames in ``fill`` alone
+            refused.append(f"{robot.name}: {reason}")
     if len(refused) == len(robots()):
         raise CheckFailed(f"{member.name} fits none of our robots, so give a model; " + "; ".join(refused))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from wbc.testing.differences import (
 )
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Arrays, Filling
-from wbc.testing.robots import Moment, moments, robots_for
+from wbc.testing.robots import Moment, moments, on_robots
 from wbc.types import Mat, Vec
 
 _TOLERANCE = 1e-5
@@ -55,7 +55,8 @@ def check_task(
         >>> check_task(CenterOfMass(target=[0.0, 0.0, 0.5]))
     """
     given = None if states is None else list(states)
-    for own, robot in robots_for(task, model):
+
+    def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given
         _check_description(own)
         if isinstance(own, Task):
@@ -64,6 +65,8 @@ def check_task(
             _check_linear(own, robot, when, contact_dim)
         else:
             require(False, f"{task.name} is neither a Task nor a LinearTask")
+
+    on_robots(task, model, check)
 
 
 def _check_description(task: Objective) -> None:
