@@ -27,9 +27,10 @@ from .standing import Stance, held_by_damping, joint_constraints, standing_plant
 #: ``END`` s before the run ends. A pair is up for ``SWING``, all feet are down for ``STAND`` between [s].
 CENTRED, START, END, SWING, STAND = 0.6, 1.0, 0.3, 0.2, 0.2
 LIFT = 0.03
-#: A foot that swings comes down further than where the ground should be [m], within this time [s]: so far that it
-#: presses with more than ``TOUCH``, also where it has come to the ground slowly.
-SINK, SINKING = 0.04, 0.2
+#: From this height above where it stood [m] a foot comes down at this speed [m/s], until it is felt. It brakes before:
+#: the ground may be that much higher or lower, and the plan with the foot in the air asks for no acceleration that the
+#: plan with the foot on the ground does not have.
+CLEARANCE, LANDING = 1e-3, 0.05
 UP = np.array([0.0, 0.0, 1.0])
 #: What a sensor in a foot must feel to say that it touches: a share of the robot's weight.
 TOUCH = 0.0125
@@ -64,13 +65,13 @@ def timeline(feet: Sequence[str], trot: Sequence[Swing]) -> list[tuple[float, li
 
 def swinging(position: Vec, lifted: Sequence[float]) -> Trajectory:
     """Up and down at each of these times, and on into the ground until it is felt; the contact ends that."""
-    top, below, half = position + LIFT * UP, position - SINK * UP, 0.5 * SWING
+    top, above, half = position + LIFT * UP, position + CLEARANCE * UP, 0.5 * SWING
+    braked = half - CLEARANCE / LANDING
     pieces: list[tuple[float, Trajectory]] = [(0.0, MinimumJerk(position, position, duration=START))]
     for t in lifted:
         pieces += [
             (t, MinimumJerk(position, top, duration=half, start_time=t)),
-            (t + half, MinimumJerk(top, position, duration=half, start_time=t + half)),
-            (t + SWING, MinimumJerk(position, below, duration=SINKING, start_time=t + SWING)),
+            (t + half, MinimumJerk(top, above, duration=braked, start_time=t + half, end_rate=-LANDING * UP)),
         ]
     return Piecewise(pieces)
 
