@@ -7,7 +7,9 @@ is filled from them field by field, by code of your own. The layouts are those t
 
 from __future__ import annotations
 
+import re
 import zlib
+from collections.abc import Mapping
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -24,50 +26,47 @@ WEIGHT_SLOT = 29
 _BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
-def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
-    return np.dtype(list(fields), align=True)
+def _record(text: str, **parts: np.dtype[Any]) -> np.dtype[Any]:
+    """A C structure from words name:type or name:type*count; ``parts`` are types of its own."""
+    fields: list[Any] = []
+    for word in text.split():
+        name, kind, count = re.fullmatch(r"(\w+):(\w+)(?:\*(\d+))?", word).groups()  # type: ignore[union-attr]
+        fields.append((name, parts.get(kind, f"<{kind}"), *([int(count)] if count else [])))
+    return np.dtype(fields, align=True)
 
 
-_DRIVE = [(name, "<f4") for name in ("q", "dq", "tau", "kp", "kd")]
-_IMU = [("quaternion", "<f4", 4), ("gyroscope", "<f4", 3), ("accelerometer", "<f4", 3), ("rpy", "<f4", 3)]
-_GO_HEAD = [
-    ("head", "u1", 2), ("level_flag", "u1"), ("frame_reserve", "u1"), ("sn", "<u4", 2), ("version", "<u4", 2),
-    ("bandwidth", "<u2"),
-]  # fmt: skip
+_DRIVE = ("q", "dq", "tau", "kp", "kd")
+_MOTOR = " ".join(["mode:u1", *(f"{name}:f4" for name in _DRIVE)])
+_IMU = "quaternion:f4*4 gyroscope:f4*3 accelerometer:f4*3 rpy:f4*3 temperature:"
+_GO_HEAD = "head:u1*2 level_flag:u1 frame_reserve:u1 sn:u4*2 version:u4*2 bandwidth:u2 "
 HG_COMMAND = _record(
-    ("mode_pr", "u1"), ("mode_machine", "u1"),
-    ("motor_cmd", _record(("mode", "u1"), *_DRIVE, ("reserve", "<u4")), 35),
-    ("reserve", "<u4", 4), ("crc", "<u4"),
-)  # fmt: skip
+    "mode_pr:u1 mode_machine:u1 motor_cmd:motor*35 reserve:u4*4 crc:u4", motor=_record(_MOTOR + " reserve:u4")
+)
 HG_STATE = _record(
-    ("version", "<u4", 2), ("mode_pr", "u1"), ("mode_machine", "u1"), ("tick", "<u4"),
-    ("imu_state", _record(*_IMU, ("temperature", "<i2"))),
-    ("motor_state", _record(
-        ("mode", "u1"), ("q", "<f4"), ("dq", "<f4"), ("ddq", "<f4"), ("tau_est", "<f4"), ("temperature", "<i2", 2),
-        ("vol", "<f4"), ("sensor", "<u4", 2), ("motorstate", "<u4"), ("reserve", "<u4", 4),
-    ), 35),
-    ("wireless_remote", "u1", 40), ("reserve", "<u4", 4), ("crc", "<u4"),
-)  # fmt: skip
+    "version:u4*2 mode_pr:u1 mode_machine:u1 tick:u4 imu_state:imu motor_state:motor*35 wireless_remote:u1*40 "
+    "reserve:u4*4 crc:u4",
+    imu=_record(_IMU + "i2"),
+    motor=_record(
+        "mode:u1 q:f4 dq:f4 ddq:f4 tau_est:f4 temperature:i2*2 vol:f4 sensor:u4*2 motorstate:u4 reserve:u4*4"
+    ),
+)
 GO_COMMAND = _record(
-    *_GO_HEAD, ("motor_cmd", _record(("mode", "u1"), *_DRIVE, ("reserve", "<u4", 3)), 20),
-    ("bms_cmd", _record(("off", "u1"), ("reserve", "u1", 3))),
-    ("wireless_remote", "u1", 40), ("led", "u1", 12), ("fan", "u1", 2), ("gpio", "u1"),
-    ("reserve", "<u4"), ("crc", "<u4"),
-)  # fmt: skip
+    _GO_HEAD + "motor_cmd:motor*20 bms_cmd:bms wireless_remote:u1*40 led:u1*12 fan:u1*2 gpio:u1 reserve:u4 crc:u4",
+    motor=_record(_MOTOR + " reserve:u4*3"),
+    bms=_record("off:u1 reserve:u1*3"),
+)
 GO_STATE = _record(
-    *_GO_HEAD, ("imu_state", _record(*_IMU, ("temperature", "u1"))),
-    ("motor_state", _record(
-        ("mode", "u1"), *((name, "<f4") for name in ("q", "dq", "ddq", "tau_est", "q_raw", "dq_raw", "ddq_raw")),
-        ("temperature", "u1"), ("lost", "<u4"), ("reserve", "<u4", 2),
-    ), 20),
-    ("bms_state", _record(
-        *((name, "u1") for name in ("version_high", "version_low", "status", "soc")), ("current", "<i4"),
-        ("cycle", "<u2"), ("bq_ntc", "u1", 2), ("mcu_ntc", "u1", 2), ("cell_vol", "<u2", 15),
-    )),
-    ("foot_force", "<i2", 4), ("foot_force_est", "<i2", 4), ("tick", "<u4"), ("wireless_remote", "u1", 40),
-    ("bit_flag", "u1"), ("adc_reel", "<f4"), ("temperature_ntc1", "u1"), ("temperature_ntc2", "u1"),
-    ("power_v", "<f4"), ("power_a", "<f4"), ("fan_frequency", "<u2", 4), ("reserve", "<u4"), ("crc", "<u4"),
-)  # fmt: skip
+    _GO_HEAD + "imu_state:imu motor_state:motor*20 bms_state:bms foot_force:i2*4 foot_force_est:i2*4 tick:u4 "
+    "wireless_remote:u1*40 bit_flag:u1 adc_reel:f4 temperature_ntc1:u1 temperature_ntc2:u1 power_v:f4 power_a:f4 "
+    "fan_frequency:u2*4 reserve:u4 crc:u4",
+    imu=_record(_IMU + "u1"),
+    motor=_record(
+        "mode:u1 q:f4 dq:f4 ddq:f4 tau_est:f4 q_raw:f4 dq_raw:f4 ddq_raw:f4 temperature:u1 lost:u4 reserve:u4*2"
+    ),
+    bms=_record(
+        "version_high:u1 version_low:u1 status:u1 soc:u1 current:i4 cycle:u2 bq_ntc:u1*2 mcu_ntc:u1*2 cell_vol:u2*15"
+    ),
+)
 
 
 def checksum(frame: bytes) -> int:
@@ -99,6 +98,14 @@ class Unitree(Device):
     #: Names of the DDS topics and of the maker's package.
     topics: ClassVar[tuple[str, str]] = ("rt/lowcmd", "rt/lowstate")
     package: ClassVar[str]
+    #: Fields that are the same in every frame; what a command sends to slots without a motor of ours.
+    fixed: ClassVar[Mapping[str, Any]] = {}
+    idle: ClassVar[Mapping[str, float]] = {}
+    #: Fields of a state that a command repeats, and their values; the robot insists on ``mode_machine``.
+    echoed: ClassVar[Mapping[str, range]] = {}
+    #: The field of a state with the forces in the feet; the slot whose position is the weight of an order.
+    feet: ClassVar[str | None] = None
+    weight_slot: ClassVar[int | None] = None
     #: Slot of each motor.
     index: Index
     rate = 500.0
@@ -115,52 +122,72 @@ class Unitree(Device):
         Raises:
             InvalidInput: another size, not finite, a negative gain.
         """
-        return self._packed(Order(q, dq, tau, kp, kd), mode_machine, mode_pr)
+        order, nothing = Order(q, dq, tau, kp, kd), np.zeros(0)
+        said = Reading(q=nothing, dq=nothing, tau=nothing, mode_machine=mode_machine, mode_pr=mode_pr)
+        return self.encode(order, said)
 
     def encode(self, order: Order, reading: Reading) -> bytes:
-        return self._packed(order, reading.mode_machine, reading.mode_pr)
-
-    def _packed(self, order: Order, mode_machine: int, mode_pr: int) -> bytes:
         if len(order.q) != len(self.index):
             raise InvalidInput(f"q has {len(order.q)} entries; {type(self).__name__} has {len(self.index)} motors")
-        frame = self._empty(mode_machine, mode_pr)
+        frame = self._begun(self.command, reading)
         motors = frame["motor_cmd"]
-        for name, _ in _DRIVE:
+        for name, value in self.idle.items():
+            motors[name] = value
+        for name in _DRIVE:
             motors[name][0, self.index] = getattr(order, name)
         motors["mode"][0, self.index] = 1
-        self._weigh(motors, order.weight)
+        if self.weight_slot is not None:
+            motors["q"][0, self.weight_slot] = order.weight
         return self._sealed(frame)
 
     def unpack(self, frame: Any) -> Reading:
         state = self._opened(frame, self.state, check=self.check)
         motors, imu = state["motor_state"][self.index], state["imu_state"]
-        w, x, y, z = imu["quaternion"].astype(np.float64)
+        more: dict[str, Any] = {name: int(state[name]) for name in self.echoed}
+        if self.feet is not None:
+            more["feet"] = _doubles(state[self.feet])
         return Reading(
             q=_doubles(motors["q"]), dq=_doubles(motors["dq"]), tau=_doubles(motors["tau_est"]),
-            time=int(state["tick"]) / 1000, quaternion=np.array([x, y, z, w]), gyro=_doubles(imu["gyroscope"]),
-            acceleration=_doubles(imu["accelerometer"]), **self._more(state),
+            time=int(state["tick"]) / 1000, quaternion=np.roll(_doubles(imu["quaternion"]), -1),
+            gyro=_doubles(imu["gyroscope"]), acceleration=_doubles(imu["accelerometer"]), **more,
         )  # fmt: skip
 
     def decode(self, frame: Any, reading: Reading) -> Order:
         command = self._opened(frame, self.command, check=True)
-        self._refuse(command, reading)
+        wanted = dict(self.fixed)
+        if "mode_machine" in self.echoed:
+            wanted["mode_machine"] = reading.mode_machine
+        for name, value in wanted.items():
+            if np.any(command[name] != value):
+                raise BadFrame(f"{name} is {command[name]}; it must be {value}")
         motors = command["motor_cmd"][self.index]
         if not motors["mode"].all():
             raise BadFrame(f"the mode of motor {self.motors[int(motors['mode'].argmin())]} is 0, so it is off; it is 1")
-        q, dq, tau, kp, kd = (_doubles(motors[name]) for name, _ in _DRIVE)
-        return Order(q, dq, tau, kp, kd, weight=self._weight(command))
+        slot = self.weight_slot
+        weight = 1.0 if slot is None else min(max(float(command["motor_cmd"]["q"][slot]), 0.0), 1.0)
+        return Order(*(_doubles(motors[name]) for name in _DRIVE), weight=weight)
 
     def report(self, reading: Reading) -> bytes:
-        frame = np.zeros(1, self.state)
-        self._fill(frame, reading)
+        frame = self._begun(self.state, reading)
         motors, imu = frame["motor_state"], frame["imu_state"]
         motors["mode"][0, self.index] = 1
         for name, values in (("q", reading.q), ("dq", reading.dq), ("tau_est", reading.tau)):
             motors[name][0, self.index] = values
         imu["quaternion"][0] = np.roll(reading.quaternion, 1)
         imu["gyroscope"][0], imu["accelerometer"][0] = reading.gyro, reading.acceleration
+        if self.feet is not None and len(reading.feet):
+            frame[self.feet] = reading.feet
         frame["tick"] = round(1e3 * reading.time) % 2**32
         return self._sealed(frame)
+
+    def _begun(self, layout: np.dtype[Any], reading: Reading) -> Any:
+        """An empty frame but for what is fixed and what is repeated."""
+        frame = np.zeros(1, layout)
+        for name, value in self.fixed.items():
+            frame[name] = value
+        for name, allowed in self.echoed.items():
+            frame[name] = checks.one_of(name, getattr(reading, name), allowed)
+        return frame
 
     @staticmethod
     def _opened(frame: Any, layout: np.dtype[Any], *, check: bool) -> Any:
@@ -177,27 +204,6 @@ class Unitree(Device):
         frame["crc"] = checksum(frame.tobytes())
         return bytes(frame.tobytes())
 
-    def _empty(self, mode_machine: int, mode_pr: int) -> Any:
-        del mode_machine, mode_pr
-        return np.zeros(1, self.command)
-
-    def _weigh(self, motors: Any, weight: float) -> None:
-        """Set the share of our orders against the robot's own controller, if it has one."""
-
-    def _fill(self, frame: Any, reading: Reading) -> None:
-        """What a state frame has beside motors and IMU."""
-
-    def _refuse(self, command: Any, reading: Reading) -> None:
-        """What else the robot does not take."""
-
-    def _weight(self, command: Any) -> float:
-        del command
-        return 1.0
-
-    def _more(self, state: Any) -> dict[str, Any]:
-        del state
-        return {}
-
 
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 _ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
@@ -212,22 +218,7 @@ _ARMS = tuple(f"{side}_{name}_joint" for side in _SIDES for name in _ARM)
 
 class _Humanoid(Unitree):
     command, state, package = HG_COMMAND, HG_STATE, "unitree_hg"
-
-    def _empty(self, mode_machine: int, mode_pr: int) -> Any:
-        frame = super()._empty(mode_machine, mode_pr)
-        frame["mode_machine"] = checks.number("mode_machine", mode_machine, low=0, high=255)
-        frame["mode_pr"] = checks.one_of("mode_pr", mode_pr, (0, 1))
-        return frame
-
-    def _fill(self, frame: Any, reading: Reading) -> None:
-        frame["mode_machine"], frame["mode_pr"] = reading.mode_machine, reading.mode_pr
-
-    def _more(self, state: Any) -> dict[str, Any]:
-        return {name: int(state[name]) for name in ("mode_machine", "mode_pr")}
-
-    def _refuse(self, command: Any, reading: Reading) -> None:
-        if command["mode_machine"] != reading.mode_machine:
-            raise BadFrame(f"mode_machine is {command['mode_machine']}; it must be {reading.mode_machine}, as LowState")
+    echoed: ClassVar[Mapping[str, range]] = {"mode_machine": range(256), "mode_pr": range(2)}
 
 
 @final
@@ -265,6 +256,7 @@ class UnitreeG1Arms(_Humanoid):
     """
 
     topics: ClassVar[tuple[str, str]] = ("rt/arm_sdk", "rt/lowstate")
+    weight_slot: ClassVar[int | None] = WEIGHT_SLOT
 
     def __init__(self, *, waist: bool = False, check: bool = True) -> None:
         super().__init__(check=check)
@@ -272,12 +264,6 @@ class UnitreeG1Arms(_Humanoid):
         self.motors = (*_ARMS, *(_WAIST if waist else ()))
         self.index = np.array([*range(15, 29), *(range(12, 15) if waist else ())])
         self.gains = _KP[self.index], _KD[self.index]
-
-    def _weigh(self, motors: Any, weight: float) -> None:
-        motors["q"][0, WEIGHT_SLOT] = weight
-
-    def _weight(self, command: Any) -> float:
-        return min(max(float(command["motor_cmd"]["q"][WEIGHT_SLOT]), 0.0), 1.0)
 
 
 @final
@@ -298,25 +284,9 @@ class UnitreeGo2(Unitree):
     motors = tuple(f"{leg}_{name}_joint" for leg in ("FR", "FL", "RR", "RL") for name in ("hip", "thigh", "calf"))
     index = np.arange(12)
     gains = (np.full(12, 40.0), np.full(12, 1.5))
-
-    def _empty(self, mode_machine: int, mode_pr: int) -> Any:
-        frame = super()._empty(mode_machine, mode_pr)
-        frame["head"], frame["level_flag"] = (0xFE, 0xEF), 0xFF
-        frame["motor_cmd"]["mode"] = 1
-        frame["motor_cmd"]["q"], frame["motor_cmd"]["dq"] = NO_POSITION, NO_VELOCITY
-        return frame
-
-    def _fill(self, frame: Any, reading: Reading) -> None:
-        frame["head"], frame["level_flag"] = (0xFE, 0xEF), 0xFF
-        if len(reading.feet):
-            frame["foot_force"] = reading.feet
-
-    def _more(self, state: Any) -> dict[str, Any]:
-        return {"feet": _doubles(state["foot_force"])}
-
-    def _refuse(self, command: Any, reading: Reading) -> None:
-        if bytes(command["head"]) != b"\xfe\xef" or command["level_flag"] != 0xFF:
-            raise BadFrame("the head of a command for a Go2 is FE EF FF")
+    fixed: ClassVar[Mapping[str, Any]] = {"head": (0xFE, 0xEF), "level_flag": 0xFF}
+    idle: ClassVar[Mapping[str, float]] = {"mode": 1, "q": NO_POSITION, "dq": NO_VELOCITY}
+    feet: ClassVar[str | None] = "foot_force"
 
 
 def _doubles(values: Any) -> Vec:
