@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.quadruped_trot import LANDING, SWING, swinging
 from tasks.scenarios.walking import Gait, walk
 from tests.scenarios.test_standing import failed, needs_examples, run
 from wbc.errors import InvalidInput, UnknownRobot
@@ -47,10 +48,23 @@ def test_real_humanoids_take_ten_steps(robot: str) -> None:
 
 
 @pytest.mark.physics
-def test_our_own_quadruped_trots_in_place() -> None:
-    result = run("quadruped-trot-in-place", "robot=quadruped", duration=2.2)
+@pytest.mark.parametrize("sensors", ["truth", "mti-300", "bmi055"])
+def test_our_own_quadruped_trots_in_place(sensors: str) -> None:
+    result = run("quadruped-trot-in-place", "robot=quadruped", f"sensors={sensors}", duration=2.2)
     assert not failed(result)
     assert result.figures["steps"] == 2 and not result.figures["fell"]
+
+
+@given(height=st.floats(-1e-3, 1e-3), lifted=st.floats(0.5, 20.0))
+def test_a_foot_that_trots_does_not_brake_where_the_ground_may_be(height: float, lifted: float) -> None:
+    # Whenever it meets a ground that is 1 mm higher or lower: contacts bring no step of the acceleration that is asked.
+    place = np.array([0.2, 0.1, 0.02])
+    motion = swinging(place, [lifted])
+    meets = lifted + SWING - height / LANDING
+    x, rate, acceleration = (np.array(one) for one in motion(meets))
+    np.testing.assert_allclose(x - place, [0.0, 0.0, height], atol=1e-9)
+    np.testing.assert_allclose(rate, [0.0, 0.0, -LANDING], atol=1e-9)
+    np.testing.assert_allclose(acceleration, 0.0, atol=1e-6)
 
 
 @needs_examples

@@ -165,7 +165,8 @@ class Unitree(Device):
             raise BadFrame(f"the mode of motor {self.motors[int(motors['mode'].argmin())]} is 0, so it is off; it is 1")
         slot = self.weight_slot
         weight = 1.0 if slot is None else min(max(float(command["motor_cmd"]["q"][slot]), 0.0), 1.0)
-        return Order(*(_doubles(motors[name]) for name in _DRIVE), weight=weight)
+        q, dq, tau, kp, kd = (_doubles(motors[name]) for name in _DRIVE)
+        return Order(q, dq, tau, kp, kd, weight=weight)
 
     def report(self, reading: Reading) -> bytes:
         frame = self._begun(self.state, reading)
