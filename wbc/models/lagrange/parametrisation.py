@@ -45,9 +45,9 @@ def parametrise(
 ) -> Parametrisation:
     """The smallest linear parametrisation of forces M q̈ + S v_reference + g of a chain, lengths and gravity known."""
     n = len(a)
-    unknowns = _Inertial(chain, parameters)
+    values, inverse = _inertial(chain, parameters)
     known = {*parameters.values(), g0}
-    terms = [term for joint in range(n) for term in _terms(joint, forces[joint], known, unknowns)]
+    terms = [term for joint in range(n) for term in _terms(joint, forces[joint], known, list(values), inverse)]
     terms.sort(key=lambda term: _place(term, a))
     candidates = list(dict.fromkeys(term.combination for term in terms))
     chosen, shares = _basis(candidates)
@@ -56,42 +56,27 @@ def parametrise(
     for term in terms:
         for column, share in enumerate(shares[term.combination]):
             Y[term.joint, column] += term.factor * share * term.function
-    coefficients = [sp.expand(sum(x * y for x, y in zip(c, unknowns.values, strict=True))) for c in chosen]
+    coefficients = [sp.expand(sum(x * y for x, y in zip(c, values.values(), strict=True))) for c in chosen]
     return Parametrisation(Y.applyfunc(sp.expand), sp.Matrix(coefficients), v_reference)
 
 
-@final
-class _Inertial:
-    """The inertial parameters of every link: mass, first and second moment about the link's origin."""
-
-    def __init__(self, chain: Chain, parameters: Mapping[str, Any]) -> None:
-        self.symbols: list[Any] = []
-        self.values: list[Any] = []
-        self._from_links: dict[Any, Any] = {}
-        self._first_moments: dict[Any, Any] = {}
-        p = parameters
-        for i in range(1, len(chain) + 1):
-            mass = p[f"m{i}"]
-            self._add(mass, mass)
-            if chain.turns(i - 1):
-                first, second = sp.Symbol(f"first{i}"), sp.Symbol(f"second{i}")
-                offset, inertia = p[f"d{i}"], p[f"I{i}"]
-                self._add(first, mass * offset)
-                self._add(second, inertia + mass * offset**2)
-                self._from_links[inertia] = second - mass * offset**2
-                self._first_moments[offset] = first / mass
-
-    def _add(self, symbol: Any, value: Any) -> None:
-        self.symbols.append(symbol)
-        self.values.append(value)
-
-    def combination(self, expression: Any) -> list[Any]:
-        """The factors of the inertial parameters in an expression that is linear in them."""
-        linear = sp.expand(sp.expand(expression.xreplace(self._from_links)).xreplace(self._first_moments))
-        return [linear.coeff(symbol) for symbol in self.symbols]
+def _inertial(chain: Chain, p: Mapping[str, Any]) -> tuple[dict[Any, Any], dict[Any, Any]]:
+    """The inertial parameters of every link, mass, first and second moment about its origin: what each is in terms of
+    the chain's parameters; and offsets and moments of inertia in terms of them."""
+    values: dict[Any, Any] = {}
+    inverse: dict[Any, Any] = {}
+    for i in range(1, len(chain) + 1):
+        mass = p[f"m{i}"]
+        values[mass] = mass
+        if chain.turns(i - 1):
+            first, second = sp.symbols(f"first{i} second{i}")
+            offset, inertia = p[f"d{i}"], p[f"I{i}"]
+            values |= {first: mass * offset, second: inertia + mass * offset**2}
+            inverse |= {offset: first / mass, inertia: second - first**2 / mass}
+    return values, inverse
 
 
-def _terms(joint: int, force: Any, known: set[Any], unknowns: _Inertial) -> list[Term]:
+def _terms(joint: int, force: Any, known: set[Any], unknowns: list[Any], inverse: dict[Any, Any]) -> list[Term]:
     """The force of one joint, by function of the motion."""
     collected: dict[Any, Any] = {}
     for product in sp.Add.make_args(sp.expand(force)):
@@ -101,7 +86,8 @@ def _terms(joint: int, force: Any, known: set[Any], unknowns: _Inertial) -> list
         collected[function] = collected.get(function, 0) + constant
     terms = []
     for function, expression in collected.items():
-        combination = unknowns.combination(expression)
+        linear = sp.expand(expression.xreplace(inverse))
+        combination = [linear.coeff(symbol) for symbol in unknowns]
         if any(combination):
             common = sp.gcd_list(combination)
             if next(x for x in combination if x != 0).could_extract_minus_sign():

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import sympy as sp
+from sympy.printing.pretty.pretty_symbology import pretty_symbol, pretty_use_unicode
 
 from wbc.errors import NotSupported
 from wbc.models.chain import Chain
@@ -22,6 +23,11 @@ class Formula:
     left: str
     tex: str
     value: Any = None
+
+    @classmethod
+    def of(cls, name: str, value: Any) -> Formula:
+        """A value with a name that sympy can read, such as "tau1"."""
+        return cls(unicode_name(name), sp.latex(sp.Symbol(name)), value)
 
 
 @final
@@ -64,9 +70,8 @@ def _chain(chain: Chain) -> Step:
 
 
 def _positions(d: Equations) -> Step:
-    formulas = [Formula(f"p_c{i}", rf"p_{{c{i}}}", com) for i, com in _numbered(d.com)]
-    formulas.append(Formula("p", "p", d.position))
-    return Step("Positions", "The centre of mass of each link, and the end effector p.", tuple(formulas))
+    formulas = (*_rows("p_c", d.com), Formula("p", "p", d.position))
+    return Step("Positions", "The centre of mass of each link, and the end effector p.", formulas)
 
 
 def _kinetic_energy(d: Equations) -> Step:
@@ -76,11 +81,11 @@ def _kinetic_energy(d: Equations) -> Step:
             r"T_i = \tfrac12 m_i \|\dot p_{ci}\|^2 + \tfrac12 I_i \omega_i^2",
         )
     ]
-    for i, com in _numbered(d.com):
-        formulas.append(Formula(f"ṗ_c{i}", rf"\dot p_{{c{i}}}", d.rate(com)))
+    for i, com in enumerate(d.com, start=1):
+        formulas.append(Formula.of(f"pdot_c{i}", d.rate(com)))
         if d.chain.turns(i - 1):
-            formulas.append(Formula(f"ω{_low(i)}", rf"\omega_{{{i}}}", d.rate(sp.Matrix([d.angles[i - 1]]))[0]))
-        formulas.append(Formula(f"T{_low(i)}", f"T_{{{i}}}", d.T_links[i - 1]))
+            formulas.append(Formula.of(f"omega{i}", d.rate(sp.Matrix([d.angles[i - 1]]))[0]))
+        formulas.append(Formula.of(f"T{i}", d.T_links[i - 1]))
     return Step("Kinetic energy", "Differentiate the positions; the energy of each link follows.", tuple(formulas))
 
 
@@ -91,10 +96,9 @@ def _inertia(d: Equations) -> Step:
 
 
 def _gravity(d: Equations) -> Step:
-    potentials = [Formula(f"U{_low(i)}", f"U_{{{i}}}", U) for i, U in _numbered(d.U_links)]
     law = Formula("g = ∂U/∂q", r"g = \left(\partial U / \partial q\right)^T")
     sentence = "The potential energy of each link, up to a constant; its gradient is what gravity asks of the joints."
-    return Step("Gravity", sentence, (*potentials, law, *_rows("g", d.g)))
+    return Step("Gravity", sentence, (*_rows("U", d.U_links), law, *_rows("g", d.g)))
 
 
 def _coriolis(d: Equations) -> Step:
@@ -107,7 +111,7 @@ def _coriolis(d: Equations) -> Step:
     )
     if not any(d.S):
         return Step("Coriolis and centrifugal forces", "M is constant, so there are none: c = 0 and S = 0.", law)
-    matrices = [Formula(f"C{_low(k)}", f"C_{{{k}}}", C) for k, C in _numbered(d.christoffel) if any(C)]
+    matrices = [formula for formula in _rows("C", d.christoffel) if any(formula.value)]
     skew = (d.rate(d.M) - 2 * d.S).applyfunc(sp.expand)
     sentence = "Christoffel's symbols, here those that are not zero. The rows of S are the velocities times C_k; then "
     sentence += "c is S times the velocities, and the rate of M minus 2 S is skew-symmetric."
@@ -117,8 +121,7 @@ def _coriolis(d: Equations) -> Step:
 
 def _equations(d: Equations) -> Step:
     law = Formula("M q̈ + c + g = τ", r"M \ddot q + c + g = \tau")
-    forces = d.M * sp.Matrix(d.a) + d.c + d.g
-    rows = tuple(Formula(f"τ{_low(i)}", rf"\tau_{{{i}}}", force) for i, force in _numbered(forces))
+    rows = _rows("tau", d.M * sp.Matrix(d.a) + d.c + d.g)
     return Step("Equations of motion", "Inertia, Coriolis and gravity together, one row a joint.", (law, *rows))
 
 
@@ -153,20 +156,19 @@ def _momentum(d: Equations) -> Step:
         Formula("p = M q̇,  β = −Sᵀ q̇ + g", r"p = M \dot q, \quad \beta = -S^T \dot q + g"),
         Formula("ṗ = τ − β", r"\dot p = \tau - \beta"),
     )
-    rows = tuple(Formula(f"p{_low(i)}", f"p_{{{i}}}", p) for i, p in _numbered(d.M * sp.Matrix(d.v)))
-    beta = tuple(Formula(f"β{_low(i)}", rf"\beta_{{{i}}}", b) for i, b in _numbered(d.beta))
+    rows = (*_rows("p", d.M * sp.Matrix(d.v)), *_rows("beta", d.beta))
     sentence = "The momentum p changes by what the motors do beyond beta: no accelerations and no inverse of M needed."
-    return Step("Momentum", sentence, (*laws, *rows, *beta))
+    return Step("Momentum", sentence, (*laws, *rows))
 
 
 def _rows(name: str, column: Any) -> tuple[Formula, ...]:
-    return tuple(Formula(f"{name}{_low(i)}", f"{name}_{{{i}}}", value) for i, value in _numbered(column))
+    return tuple(Formula.of(f"{name}{i}", value) for i, value in enumerate(column, start=1))
 
 
-def _numbered(values: Any) -> Any:
-    return enumerate(values, start=1)
-
-
-def _low(number: int) -> str:
-    """A number as an index below the line."""
-    return str(number).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
+def unicode_name(name: str) -> str:
+    """How a symbol is written: qdot1 as q̇₁."""
+    before = pretty_use_unicode(True)  # sympy's own guess is made once, from what stdout was when it was imported
+    try:
+        return str(pretty_symbol(name))
+    finally:
+        pretty_use_unicode(before)
