@@ -14,16 +14,15 @@ from wbc.models.loading import load
 if TYPE_CHECKING:
     from wbc.models.limits import Limits
     from wbc.models.model import FrameState, Pose, RobotModel, RobotState
-    from wbc.models.planar_4p import Planar4P
-    from wbc.models.planar_pr import PlanarPR
+    from wbc.models.planar_robots import Planar4P, PlanarPR
 
 __all__ = ["Chain", "FrameState", "Limits", "Planar4P", "PlanarPR", "Pose", "RobotModel", "RobotState", "load"]
 
 _HOME = {
     "FrameState": "wbc.models.model",
     "Limits": "wbc.models.limits",
-    "Planar4P": "wbc.models.planar_4p",
-    "PlanarPR": "wbc.models.planar_pr",
+    "Planar4P": "wbc.models.planar_robots",
+    "PlanarPR": "wbc.models.planar_robots",
     "Pose": "wbc.models.model",
     "RobotModel": "wbc.models.model",
     "RobotState": "wbc.models.model",
