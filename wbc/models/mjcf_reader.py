@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, capsule, triple
-from wbc.models.mjcf_include import write_out
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
 from wbc.models.poses import BASE
@@ -44,8 +43,7 @@ def read_mjcf(root: Element, path: Path, *, packages: Iterable[str | Path] = ())
     """
     folders = Folders.around(path.parent, packages)
     name = root.get("model", path.stem)
-    write_out(root, path, folders)
-    source = MjcfSource(root, folders)
+    source = MjcfSource(root, path, folders)
     try:
         mj = import_mujoco()
     except ImportError as cause:

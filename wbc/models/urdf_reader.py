@@ -13,7 +13,7 @@ import numpy as np
 
 from wbc.errors import ModelError
 from wbc.models.folders import Folders
-from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, Triple
+from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, Origin, Shape, Sphere
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
 
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
@@ -72,16 +72,16 @@ class _Reader:
         """None for a mesh that is missing and for kinds that URDF does not define."""
         for element in geometry:
             if element.tag == "box":
-                return Box(cast("Triple", _positive(element, "size", 3, where)))
+                return Box(_numbers(element, "size", 3, where, low=0.0))
             if element.tag == "sphere":
-                return Sphere(*_positive(element, "radius", 1, where))
+                return Sphere(_numbers(element, "radius", 1, where, low=0.0))
             if element.tag == "cylinder":
-                return Cylinder(*_positive(element, "radius", 1, where), *_positive(element, "length", 1, where))
+                return Cylinder(*(_numbers(element, key, 1, where, low=0.0) for key in ("radius", "length")))
             if element.tag == "mesh":
                 reference = _attribute(element, "filename", where)
                 path = self.folders.find(reference)
                 if path is not None:
-                    return Mesh(path, _triple(element, "scale", where, (1.0, 1.0, 1.0)))
+                    return Mesh(path, _numbers(element, "scale", 3, where, (1.0, 1.0, 1.0)))
                 self.missing[reference] = None
         return None
 
@@ -103,9 +103,10 @@ def _inertial(element: Element, where: str) -> Inertial:
     mass_element, inertia_element = element.find("mass"), element.find("inertia")
     if mass_element is None or inertia_element is None:
         raise ModelError(f"{where} has an <inertial> without <mass> or <inertia>")
-    mass = _number(mass_element, "value", f"the mass of {where}")
+    mass = _numbers(mass_element, "value", 1, f"the mass of {where}")
     xx, xy, xz, yy, yz, zz = inertia = tuple(
-        _number(inertia_element, key, f"the inertia of {where}") for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        _numbers(inertia_element, key, 1, f"the inertia of {where}")
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     if mass < 0:
         raise ModelError(f"{where} has a mass of {mass:g} kg; it must not be negative")
@@ -123,7 +124,7 @@ def _joint(element: Element) -> Joint:
         raise ModelError(f"{where} is {kind!r}; joints may be {', '.join(_KINDS)}")
     parent, child = (_attribute(_only(element, role, where), "link", where) for role in ("parent", "child"))
     axis, limit, dynamics, mimic = map(element.find, ("axis", "limit", "dynamics", "mimic"))
-    direction = (1.0, 0.0, 0.0) if axis is None else _triple(axis, "xyz", f"the axis of {where}", (1.0, 0.0, 0.0))
+    direction = (1.0, 0.0, 0.0) if axis is None else _numbers(axis, "xyz", 3, f"the axis of {where}", (1.0, 0.0, 0.0))
     if kind != "fixed" and np.linalg.norm(direction) < 1e-6:
         raise ModelError(f"the axis of {where} is zero; it must be a direction")
     if limit is None and kind in ("revolute", "prismatic"):
@@ -136,11 +137,11 @@ def _joint(element: Element) -> Joint:
         _origin(element, where),
         direction,
         **_limits(limit, kind, where),
-        damping=0.0 if dynamics is None else _number(dynamics, "damping", where, 0.0),
-        friction=0.0 if dynamics is None else _number(dynamics, "friction", where, 0.0),
+        damping=0.0 if dynamics is None else _numbers(dynamics, "damping", 1, where, 0.0),
+        friction=0.0 if dynamics is None else _numbers(dynamics, "friction", 1, where, 0.0),
         mimics=None if mimic is None else mimic.get("joint", ""),
-        mimic_ratio=1.0 if mimic is None else _number(mimic, "multiplier", where, 1.0),
-        mimic_offset=0.0 if mimic is None else _number(mimic, "offset", where, 0.0),
+        mimic_ratio=1.0 if mimic is None else _numbers(mimic, "multiplier", 1, where, 1.0),
+        mimic_offset=0.0 if mimic is None else _numbers(mimic, "offset", 1, where, 0.0),
     )
 
 
@@ -149,9 +150,9 @@ def _limits(element: Element | None, kind: str, where: str) -> Mapping[str, floa
     if element is None or kind == "fixed":
         return {}
     where = f"the limit of {where}"
-    limits = {key: _number(element, key, where, inf, finite=False) for key in ("velocity", "effort")}
+    limits = {key: _numbers(element, key, 1, where, inf, finite=False) for key in ("velocity", "effort")}
     if kind != "continuous":
-        limits |= {key: _number(element, key, where, 0.0, finite=False) for key in ("lower", "upper")}
+        limits |= {key: _numbers(element, key, 1, where, 0.0, finite=False) for key in ("lower", "upper")}
     return limits
 
 
@@ -160,14 +161,14 @@ def _origin(element: Element, where: str) -> Origin:
     if origin is None:
         return IDENTITY
     zero = (0.0, 0.0, 0.0)
-    return Origin(*(_triple(origin, key, f"an origin of {where}", zero) for key in ("xyz", "rpy")))
+    return Origin(*(_numbers(origin, key, 3, f"an origin of {where}", zero) for key in ("xyz", "rpy")))
 
 
 def _color(material: Element) -> Color | None:
     color = material.find("color")
     if color is None:
         return None
-    rgba = _floats(color, "rgba", 4, f"material {material.get('name')!r}")
+    rgba = _numbers(color, "rgba", 4, f"material {material.get('name')!r}")
     return cast("Color", tuple(min(max(x, 0.0), 1.0) for x in rgba))
 
 
@@ -190,7 +191,12 @@ def _only(element: Element, tag: str, where: str) -> Element:
     return found
 
 
-def _floats(element: Element, key: str, size: int, where: str, *, finite: bool = True) -> tuple[float, ...]:
+def _numbers(
+    element: Element, key: str, size: int, where: str, default: Any = None, *, finite: bool = True, low: float = -inf
+) -> Any:
+    """The numbers of an attribute: one as a float, more as a tuple."""
+    if default is not None and key not in element.attrib:
+        return default
     text = _attribute(element, key, where)
     try:
         values = tuple(map(float, text.split()))
@@ -199,21 +205,6 @@ def _floats(element: Element, key: str, size: int, where: str, *, finite: bool =
     if len(values) != size or (finite and not all(map(isfinite, values))):
         kind = "finite number" if finite else "number"
         raise ModelError(f"{where}: {key} is {text[:60]!r}; it must be {size} {kind}{'s' if size > 1 else ''}")
-    return values
-
-
-def _number(element: Element, key: str, where: str, default: float | None = None, *, finite: bool = True) -> float:
-    if default is not None and key not in element.attrib:
-        return default
-    return _floats(element, key, 1, where, finite=finite)[0]
-
-
-def _triple(element: Element, key: str, where: str, default: Triple) -> Triple:
-    return default if key not in element.attrib else cast("Triple", _floats(element, key, 3, where))
-
-
-def _positive(element: Element, key: str, size: int, where: str) -> tuple[float, ...]:
-    values = _floats(element, key, size, where)
-    if min(values) < 0:
+    if min(values) < low:
         raise ModelError(f"{where}: {key} is {element.get(key)!r}; it must not be negative")
-    return values
+    return values[0] if size == 1 else values
