@@ -246,13 +246,12 @@ class Distances:
         )  # fmt: skip
         # ∂d/∂q = wᵀ J with w = (n, p × n), one line of force through both witness points, J the columns about the
         # world's origin: those that move the second shape count +, those that move the first −.
-        moved = np.array([self._moved_by(shape.parentJoint) for shape in geometry.geometryObjects])
-        first, second = np.array(chosen, dtype=np.intp).T
-        self._sign = moved[second] - moved[first]
+        self._first, self._second = self._near.pairs.T
+        self._sign = self._near.moved[self._second] - self._near.moved[self._first]
         start = geometry.ngeoms - len(self._obstacles)
         moving = zip(range(start, geometry.ngeoms), self._obstacles, self._to_shape, strict=True)
         self._moving = {shape: (obstacle, middle) for shape, obstacle, middle in moving if obstacle.moves}
-        self._shapes, self._lines = chosen, LINES
+        self._lines = LINES
 
     def _number_rows(self, count: int | None) -> None:
         """Memory for so many rows."""
@@ -274,14 +273,6 @@ class Distances:
         self._held.fill(-1)
         self._row_of.fill(-1)
 
-    def _moved_by(self, joint: int) -> Vec:
-        """1 for each velocity that moves ``joint``."""
-        model = self.model.pinocchio
-        moved = np.zeros(model.nv)
-        for carrier in list(model.supports[joint])[1:]:
-            moved[model.idx_vs[carrier] :][: model.nvs[carrier]] = 1.0
-        return moved
-
     # ---- the tick
     def read(self, state: RobotState) -> None:
         """Measure the pairs of this state."""
@@ -292,29 +283,24 @@ class Distances:
         self.which[:], self.distance[:], self.jacobian[:] = -1, self.reach, 0.0
         self.rate[:], self.drift[:], self.missing = 0.0, 0.0 if state.drifts else np.nan, 0
         for shape, (obstacle, _) in self._moving.items():
-            near.twists[shape] = _twist(obstacle, state.t)
+            near.own[shape] = _twist(obstacle, state.t)
         lines = near.read(J, state.v, speeds=state.drifts)
         if not len(lines):
             return
-        distances, rows = near.line[lines, 0], near.rows()
-        rows *= self._sign[lines // self._lines]
-        rates = self._rates(lines, state.t) if self._moving else np.zeros(len(lines))
+        pairs = lines // self._lines
+        distances, rows = near.line[lines, 0], (near.force @ J) * self._sign[pairs]
+        own = near.own[self._second[pairs]] - near.own[self._first[pairs]]
+        rates = (near.force * own).sum(axis=1)
         speeds = rows @ state.v + rates
-        soon = distances + self.ahead * speeds
+        felt = np.arange(len(lines))
         if state.drifts:
-            felt = distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds)
-            if not felt.all():
-                lines, soon, speeds = lines[felt], soon[felt], speeds[felt]
-                distances, rows, rates = distances[felt], rows[felt], rates[felt]
-        at = self._rows_for(lines, soon)
-        if self.missing:
-            has_row = at >= 0
-            lines, at, speeds = lines[has_row], at[has_row], speeds[has_row]
-            distances, rows, rates = distances[has_row], rows[has_row], rates[has_row]
-        self.which[at], self.distance[at] = lines // self._lines, distances
-        self.jacobian[at], self.rate[at] = rows, rates
+            felt = np.flatnonzero(distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds))
+        at = self._rows_for(lines[felt], distances[felt] + self.ahead * speeds[felt])
+        felt, at = felt[at >= 0], at[at >= 0]
+        self.which[at], self.distance[at] = pairs[felt], distances[felt]
+        self.jacobian[at], self.rate[at] = rows[felt], rates[felt]
         if state.drifts and len(at):
-            self.drift[at] = self._drifts(lines, distances, speeds, state)
+            self.drift[at] = self._drifts(lines[felt], distances[felt], speeds[felt], state)
 
     def _rows_for(self, lines: Index, soon: Vec) -> Index:
         """The row of each line, −1 where there is none; ``soon`` says how near each will be."""
@@ -343,20 +329,6 @@ class Distances:
     def _place_obstacles(self, data: Any, t: float) -> None:
         for shape, (obstacle, middle) in self._moving.items():
             data.oMg[shape] = obstacle.at(t) * middle
-
-    def _rates(self, lines: Index, t: float) -> Vec:
-        """∂d/∂t by the obstacles' own motion."""
-        rates = np.zeros(len(lines))
-        for row, number in enumerate(lines.tolist()):
-            line = self._near.line[number]
-            point = 0.5 * (line[4:7] + line[7:10])
-            for shape, sign in zip(self._shapes[number // self._lines], (-1.0, 1.0), strict=True):
-                if shape in self._moving:
-                    obstacle = self._moving[shape][0]
-                    inside = obstacle.at(t).actInv(point)
-                    velocity = (obstacle.at(t + _STEP).act(inside) - obstacle.at(t - _STEP).act(inside)) / (2.0 * _STEP)
-                    rates[row] += sign * float(line[1:4] @ velocity)
-        return rates
 
     def _drifts(self, lines: Index, d: Vec, speed: Vec, state: RobotState) -> Vec:
         """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
@@ -389,8 +361,8 @@ class Distances:
 
 def _twist(obstacle: Obstacle, t: float) -> Vec:
     """Velocity of an obstacle (6,): linear at the world's origin, then angular."""
-    step = obstacle.at(t + _STEP) * obstacle.at(t).inverse()
-    twist: Vec = pin.log6(step).vector / _STEP
+    step = obstacle.at(t + _STEP) * obstacle.at(t - _STEP).inverse()
+    twist: Vec = pin.log6(step).vector / (2.0 * _STEP)
     return twist
 
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.compiled import Memory
 from wbc.models.coal_ import TIGHT, memory_of, placements
 from wbc.models.compiled.nearest import AGAIN, BEGIN, LINES, measure
-from wbc.models.convex import Tables
+from wbc.models.convex import tables
 from wbc.types import Index, Mat, Vec
 
 #: A distance [m] that is no answer, and the tolerance at which coal is asked again.
@@ -38,12 +38,12 @@ class NearPairs:
     ) -> None:  # fmt: skip
         self._geometry = geometry
         self.data, self.beside = memory_of(geometry), memory_of(geometry)
-        tables = Tables.of([shape.geometry for shape in geometry.geometryObjects])
-        n, m, joints, nv = geometry.ngeoms, len(geometry.collisionPairs), model.njoints, model.nv
-        counts = np.array([n, len(tables.corners), len(tables.neighbours)], dtype=np.int64)
+        shapes, radius = tables(shape.geometry for shape in geometry.geometryObjects)
+        n, m = geometry.ngeoms, len(geometry.collisionPairs)
+        counts = np.array([n, len(shapes[3]), len(shapes[5])], dtype=np.int64)
         work = np.zeros((4, 3)), np.zeros((4, 8)), np.zeros(4), np.zeros(4)
         here, there = placements(self.data), placements(self.beside)
-        bodies, beside = (Memory(counts, where, *tables[:-1], *work) for where in (here, there))
+        bodies, beside = (Memory(counts, where, *shapes, *work) for where in (here, there))
         #: (m LINES + 1, 10): distance, direction from the first shape to the second and both points, as found last.
         self.line = np.zeros((m * LINES + 1, 10))
         #: (m,): of each pair its distance when it was measured last, and the ways of its shapes until then.
@@ -51,43 +51,39 @@ class NearPairs:
         n_lines = m * LINES
         self._again, self._found = np.zeros(n_lines), np.zeros(n_lines, dtype=np.int64)
         self._force = np.zeros((n_lines, 6))
-        self._J, self._v = np.zeros((nv, 6)), np.zeros(nv)
-        #: Of shapes that no joint carries (n, 6): linear about the world's origin, angular.
-        self.twists = np.zeros((n, 6))
-        self._sizes = np.array([n, m, max(links) + 1, joints, nv, 0, 0, 0, 0], dtype=np.int64)
-        chosen = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs], dtype=np.int64)
-        carriers = np.array([shape.parentJoint for shape in geometry.geometryObjects], dtype=np.int64)
-        chain = np.array([list(model.parents), model.idx_vs, model.nvs], dtype=np.int64).T.copy()
-        chain[0] = 0
+        #: Velocities (n, 6) of shapes that are no robot's: linear about the world's origin, angular.
+        self.own, self._twists = np.zeros((n, 6)), np.zeros((n, 6))
+        self._sizes = np.array([n, m, max(links) + 1, 0, 0, 0, 0], dtype=np.int64)
+        #: The shapes of each pair (m, 2), and 1 for each velocity that moves a shape (n, nv).
+        self.pairs = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs], dtype=np.int64)
+        self.moved = np.array([_moved_by(model, shape.parentJoint) for shape in geometry.geometryObjects])
         started = np.zeros((m, 4, 8)), np.full(m, -1, dtype=np.int64)
         rest = (
-            chosen, np.array(links, dtype=np.int64), self.measured, np.zeros(m), self._again,
+            self.pairs, np.array(links, dtype=np.int64), self.measured, np.zeros(m), self._again,
             np.zeros(m, dtype=np.int64), np.zeros(m), np.zeros(max(links) + 1), self.line, np.zeros((m + 1, 4, 8)),
             np.zeros(m, dtype=np.int64), *started, self._found, self._force, np.zeros(n), np.zeros((n, 12)),
-            tables.radius, carriers, chain, self._J, self._v, np.zeros((joints, 6)), self.twists,
-            np.array([reach, margin, ahead, close]), self._sizes,
+            radius, self._twists, np.array([reach, margin, ahead, close]), self._sizes,
         )  # fmt: skip
         self._memory, self._memory_beside = Memory(bodies.addresses, *rest), Memory(beside.addresses, *rest)
         self._kept = bodies, beside  # of which these have the addresses
 
     def read(self, J: Mat, v: Vec, *, speeds: bool) -> Index:
         """The numbers of the lines of near pairs; ``J`` (6, nv) columns of the joints about the world's origin."""
-        self._sizes[8] = speeds
-        self._J[:], self._v[:] = J.T, v
-        address = self._memory.address
-        self._sizes[6] = BEGIN
-        while (pair := measure(address)) >= 0:
+        self._twists[:] = self.own + (self.moved * v) @ J.T
+        self._sizes[4], self._sizes[6] = BEGIN, speeds
+        while (pair := measure(self._memory.address)) >= 0:
             self._ask(pair)
-        return self._found[: self._sizes[7]].copy()
+        return self._found[: self._sizes[5]].copy()
 
-    def rows(self) -> Mat:
-        """What lines of force along what was found do to the columns of the reading (found, nv)."""
-        return self._force[: self._sizes[7]] @ self._J.T
+    @property
+    def force(self) -> Mat:
+        """The lines of force (found, 6) along what was found, from the first shape to the second."""
+        return self._force[: self._sizes[5]]
 
     def again(self, lines: Index) -> Vec:
         """The distances along lines that were found, where the shapes are in ``beside``."""
         n = len(lines)
-        self._found[:n], self._sizes[6], self._sizes[7] = lines, AGAIN, n
+        self._found[:n], self._sizes[4], self._sizes[5] = lines, AGAIN, n
         left = measure(self._memory_beside.address)
         distances = self._again[:n].copy()
         if left:
@@ -116,3 +112,11 @@ class NearPairs:
         request.gjk_tolerance = TIGHT
         d = float(data.distanceResults[pair].min_distance)
         return d if -_ABSURD < d < _ABSURD else 0.0
+
+
+def _moved_by(model: Any, joint: int) -> Vec:
+    """1 for each velocity that moves ``joint``."""
+    moved = np.zeros(model.nv)
+    for carrier in list(model.supports[joint])[1:]:
+        moved[model.idx_vs[carrier] :][: model.nvs[carrier]] = 1.0
+    return moved

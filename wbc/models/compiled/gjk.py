@@ -39,7 +39,7 @@ class Bodies(NamedTuple):
     corners: Mat  # (c, 3), one shape behind the other, each about its middle
     edges: Index  # (c + 1): where each corner's neighbours begin
     neighbours: Index
-    seeds: Index  # (n, 24): corners to climb from, by the direction's octant and largest component
+    first: Index  # (n): corner to climb from
     W: Mat  # (4, 3): corners of the simplex
     P: Mat  # (4, 8): their points in both shapes, each in its own axes, and which corners of hulls these are
     share: Vec  # (4)
@@ -55,7 +55,7 @@ def bodies(at: int) -> Bodies:
     return Bodies(
         carray(floats(m[1]), (n, 12)), carray(integers(m[2]), n), carray(floats(m[3]), (n, 2)), carray(floats(m[4]), n),
         carray(floats(m[5]), (c, 3)), carray(integers(m[6]), c + 1), carray(integers(m[7]), s[2]),
-        carray(integers(m[8]), (n, 24)), carray(floats(m[9]), (4, 3)), carray(floats(m[10]), (4, 8)),
+        carray(integers(m[8]), n), carray(floats(m[9]), (4, 3)), carray(floats(m[10]), (4, 8)),
         carray(floats(m[11]), 4), carray(floats(m[12]), 4),
     )  # fmt: skip
 
@@ -70,11 +70,7 @@ def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at:
         outer = s.size[shape, 0] / across if across > 0.0 else 0.0
         P[o], P[o + 1], P[o + 2] = outer * a, outer * b, s.size[shape, 1] if c > 0.0 else -s.size[shape, 1]
         return
-    if at:
-        k = int(s.P[at - 1, 6 + side])
-    else:
-        largest = 0 if abs(a) >= abs(b) and abs(a) >= abs(c) else (1 if abs(b) >= abs(c) else 2)
-        k = s.seeds[shape, 8 * largest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)]
+    k = int(s.P[at - 1, 6 + side]) if at else s.first[shape]
     furthest = s.corners[k, 0] * a + s.corners[k, 1] * b + s.corners[k, 2] * c
     climbs = True
     while climbs:
@@ -169,7 +165,7 @@ def search(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int, 
         A, B = s.placement[first], s.placement[second]
         _extend(s, first, second, A[9] - B[9], A[10] - B[10], A[11] - B[11], k)
         k = 1
-    k = _searched(s, first, second, simplex, k, sharp)
+    k = _searched(s, first, second, k, sharp)
     if k:
         _answer(s, first, second, line, k)
         for at in range(k):
@@ -187,7 +183,7 @@ def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int
 
 
 @small_kernel
-def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int, sharp: float) -> int:
+def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
     """Grow the simplex of k corners until it has the nearest point; how many it has then, or 0 without a proof."""
     if not _nearest(s, k):
         return 0
@@ -201,25 +197,17 @@ def _searched(s: Bodies, first: int, second: int, simplex: Mat, k: int, sharp: f
         within = d - (x * s.W[k, 0] + y * s.W[k, 1] + z * s.W[k, 2]) / d
         if within <= sharp:
             return k
-        # The simplex as it is stays: where rounding lets the next one be no nearer, it is the answer.
         for at in range(k):
             s.before[at] = s.share[at]
-            for i in range(8):
-                simplex[at, i] = s.P[at, i]
         if not _nearest(s, k + 1):
             return 0
-        m = _kept(s, k + 1)
-        u, v, w = _point(s, m)
+        u, v, w = _point(s, k + 1)
         nearer = sqrt(u * u + v * v + w * w)
-        if not nearer < d:
+        if not nearer < d:  # where rounding lets the next simplex be no nearer, this one is the answer
             for at in range(k):
                 s.share[at] = s.before[at]
-                for i in range(8):
-                    s.P[at, i] = simplex[at, i]
-            for at in range(k):
-                _join(s, first, second, at)
             return k if within <= _ENOUGH else 0
-        k, x, y, z, d = m, u, v, w, nearer
+        k, x, y, z, d = _kept(s, k + 1), u, v, w, nearer
     return 0
 
 

@@ -28,12 +28,12 @@ BESIDE = 0.5
 #: Lines of a pair at most.
 LINES = 1 + TURNS
 
-#: What ``sizes[6]`` says before a measurement.
+#: What ``sizes[4]`` says before a measurement.
 BEGIN, AGAIN = -1, -2
 
 
 class Pairs(NamedTuple):
-    """m pairs of n shapes of links, in so many pairs of links, of a robot with j joints and nv velocities."""
+    """m pairs of n shapes of links, in so many pairs of links."""
 
     pair: Index  # (m, 2): shapes
     links: Index  # (m): pair of links
@@ -53,22 +53,17 @@ class Pairs(NamedTuple):
     way: Vec  # (n)
     last: Mat  # (n, 12): placements of the reading before
     radius: Vec  # (n): of a ball about the middle of a shape that holds it
-    joint: Index  # (n): that carries the shape; 0 where the world does
-    chain: Index  # (j, 3): parent, first velocity, velocities
-    J: Mat  # (nv, 6): columns of the joints about the world's origin
-    v: Vec  # (nv)
-    joint_twist: Mat  # (j, 6)
     twist: Mat  # (n, 6): linear about the world's origin, angular
     numbers: Vec  # reach, margin, ahead, the distance up to which a pair is close
-    sizes: Index  # n, m, pairs of links, j, nv | candidates, done, found, whether speeds count
+    sizes: Index  # n, m, pairs of links | candidates, done, found, whether speeds count
 
 
 @small_kernel
 def pairs(at: int) -> Pairs:
     """The arrays whose addresses are at ``at``, in the order of :class:`Pairs`, behind those of the bodies."""
-    a = carray(integers(at), 27)
-    s = carray(integers(a[26]), 9)
-    n, m, n_links, j, nv = s[0], s[1], s[2], s[3], s[4]
+    a = carray(integers(at), 22)
+    s = carray(integers(a[21]), 7)
+    n, m, n_links = s[0], s[1], s[2]
     return Pairs(
         carray(integers(a[1]), (m, 2)), carray(integers(a[2]), m), carray(floats(a[3]), m), carray(floats(a[4]), m),
         carray(floats(a[5]), m * LINES), carray(integers(a[6]), m), carray(floats(a[7]), m),
@@ -76,9 +71,7 @@ def pairs(at: int) -> Pairs:
         carray(floats(a[10]), (m + 1, 4, 8)), carray(integers(a[11]), m),
         carray(floats(a[12]), (m, 4, 8)), carray(integers(a[13]), m), carray(integers(a[14]), m * LINES),
         carray(floats(a[15]), (m * LINES, 6)), carray(floats(a[16]), n), carray(floats(a[17]), (n, 12)),
-        carray(floats(a[18]), n), carray(integers(a[19]), n), carray(integers(a[20]), (j, 3)),
-        carray(floats(a[21]), (nv, 6)), carray(floats(a[22]), nv), carray(floats(a[23]), (j, 6)),
-        carray(floats(a[24]), (n, 6)), carray(floats(a[25]), 4), s,
+        carray(floats(a[18]), n), carray(floats(a[19]), (n, 6)), carray(floats(a[20]), 4), s,
     )  # fmt: skip
 
 
@@ -108,19 +101,9 @@ def _move(s: Pairs, b: Bodies) -> None:
 def _feel(s: Pairs, b: Bodies) -> None:
     """The distance up to which each pair is looked for: the reach, or what its fastest approach takes to stop."""
     reach, margin, ahead = s.numbers[0], s.numbers[1], s.numbers[2]
-    for joint in range(1, len(s.chain)):
-        parent, start, count = s.chain[joint, 0], s.chain[joint, 1], s.chain[joint, 2]
-        for i in range(6):
-            total = s.joint_twist[parent, i]
-            for c in range(start, start + count):
-                total += s.J[c, i] * s.v[c]
-            s.joint_twist[joint, i] = total
-    for shape in range(len(s.joint)):
-        for i in range(6 if s.joint[shape] else 0):
-            s.twist[shape, i] = s.joint_twist[s.joint[shape], i]
     for k in range(len(s.felt)):
         s.felt[k] = reach
-    if not s.sizes[8]:
+    if not s.sizes[6]:
         return
     for k in range(len(s.pair)):
         A, B, at = s.twist[s.pair[k, 0]], s.twist[s.pair[k, 1]], b.placement[s.pair[k, 1]]
@@ -150,7 +133,7 @@ def _start(s: Pairs, b: Bodies) -> None:
                 i -= 1
             s.order[i] = k
             count += 1
-    s.sizes[5], s.sizes[6] = count, 0
+    s.sizes[3], s.sizes[4] = count, 0
 
 
 @kernel
@@ -176,7 +159,7 @@ def _lines(s: Pairs, b: Bodies, k: int) -> int:
     A, B, lines, ahead, close = s.twist[first], s.twist[second], s.line[at : at + LINES], s.numbers[2], s.numbers[3]
     x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
     turning, main = sqrt(x * x + y * y + z * z), lines[0]
-    if s.sizes[8]:
+    if s.sizes[6]:
         about = main[1] * x + main[2] * y + main[3] * z
         nearing = sqrt(max(turning * turning - about * about, 0.0)) * 2.0 * min(s.radius[first], s.radius[second])
         for i in range(3):
@@ -207,7 +190,7 @@ def _collect(s: Pairs, b: Bodies) -> None:
                 )
                 s.found[count] = i
                 count += 1
-    s.sizes[7] = count
+    s.sizes[5] = count
 
 
 @small_kernel
@@ -245,13 +228,13 @@ def _along(s: Pairs, b: Bodies, first: int, second: int, line: Vec) -> float:
 
 @kernel
 def _again(s: Pairs, b: Bodies) -> int:
-    """Measure the first ``sizes[7]`` of ``found`` as the shapes are placed now: the distances to ``least``.
+    """Measure the first ``sizes[5]`` of ``found`` as the shapes are placed now: the distances to ``least``.
 
     Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN; how many are.
     """
     spare, left, measured, slip = len(s.pair), 0, -1, 0.0
     here, d = s.line[spare * LINES], 0.0
-    for i in range(s.sizes[7]):
+    for i in range(s.sizes[5]):
         k, own = s.found[i] // LINES, s.found[i] % LINES
         first, second, main = s.pair[k, 0], s.pair[k, 1], s.line[k * LINES]
         if measured != k:
@@ -271,20 +254,20 @@ def _again(s: Pairs, b: Bodies) -> int:
 def measure(at: int) -> int:
     """Measure, the nearest first. A pair that has to be measured otherwise is handed out; −1 at the end.
 
-    ``sizes[6]`` says what is done: ``BEGIN``, a reading begins; ``AGAIN``, what was found is measured again, see
+    ``sizes[4]`` says what is done: ``BEGIN``, a reading begins; ``AGAIN``, what was found is measured again, see
     :func:`_again`; or how many candidates are, the last of which was handed out and has its ``line`` now.
     """
     s, b = pairs(at), bodies(carray(integers(at), 1)[0])
-    if s.sizes[6] == AGAIN:
+    if s.sizes[4] == AGAIN:
         return _again(s, b)
-    if s.sizes[6] == BEGIN:
+    if s.sizes[4] == BEGIN:
         _start(s, b)
     else:
-        _note(s, s.order[s.sizes[6] - 1])
+        _note(s, s.order[s.sizes[4] - 1])
     beside = BESIDE * s.numbers[0]
-    while s.sizes[6] < s.sizes[5]:
-        k = s.order[s.sizes[6]]
-        s.sizes[6] += 1
+    while s.sizes[4] < s.sizes[3]:
+        k = s.order[s.sizes[4]]
+        s.sizes[4] += 1
         if s.least[k] > s.nearest[s.links[k]] + beside:
             continue
         _copy(s.start[k], s.simplex[k])
