@@ -72,11 +72,6 @@ class InertialRegressor:
         result: Mat = known(q, zero, a_r) + 0.5 * coriolis
         return result
 
-    def base(self, q: Vec, v: Vec, v_r: Vec, a_r: Vec) -> Mat:
-        """Y of the base parameters (nj, b)."""
-        result: Mat = self(q, v, v_r, a_r)[:, self.independent]
-        return result
-
     def momentum(self, q: Vec, v: Vec) -> Mat:
         """Y_p (nj, p) with M(q) v = Y_p π."""
         result: Mat = self._known(q, self._zero, v) - self._known(q, self._zero, self._zero)

@@ -175,6 +175,8 @@ class RobotState(Known):
     v: Vec
     q_joints: Vec
     v_joints: Vec
+    #: The ``pinocchio.Data``; what is in it depends on what has been read from the state.
+    data: Any
 
     def __init__(self, model: RobotModel, *, drifts: bool = True) -> None:
         self.model = model
@@ -185,7 +187,7 @@ class RobotState(Known):
         self.q, self.v = view(self._q, self._q), view(self._v, self._v)
         self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
         self._zero, self._gravity = np.zeros(model.nv), np.concatenate([model.gravity, np.zeros(3)])
-        self._data = model.pinocchio.createData()
+        self.data = model.pinocchio.createData()
         self._needs: set[str] = set()
         self._frames: dict[str, FrameState] = {}
         self._calls: list[Callable[[], object]] = []
@@ -238,75 +240,70 @@ class RobotState(Known):
             UnknownFrame: with the names that are near.
         """
         joint, placement = self._carrier(name)
-        return self._data.oMi[joint] * placement
-
-    @property
-    def data(self) -> Any:
-        """The ``pinocchio.Data``; what is in it depends on what has been read from the state."""
-        return self._data
+        return self.data.oMi[joint] * placement
 
     @cached_property
     def joint_columns(self) -> Mat:
         """Spatial velocity (6, nv) about the world's origin that each velocity gives what its joint moves; with it the
         joints are placed, ``data.oMi``."""
-        return self._learnt("kinematics", self._data.J, 6, self.model.nv)
+        return self._learnt("kinematics", self.data.J, 6, self.model.nv)
 
     @cached_property
     def M(self) -> Mat:
         """Inertia matrix (nv, nv) [kg, kg m²]."""
-        return self._learnt("M", self._data.M, self.model.nv, self.model.nv)
+        return self._learnt("M", self.data.M, self.model.nv, self.model.nv)
 
     @cached_property
     def h(self) -> Vec:
         """Bias C v + g (nv,) [N, N m]."""
-        return self._learnt("h", self._data.nle, self.model.nv)
+        return self._learnt("h", self.data.nle, self.model.nv)
 
     @cached_property
     def g(self) -> Vec:
         """Gravity torques (nv,) [N, N m]."""
-        return self._learnt("g", self._data.g, self.model.nv)
+        return self._learnt("g", self.data.g, self.model.nv)
 
     @cached_property
     def coriolis(self) -> Mat:
         """The factor C (nv, nv) of h = C v + g with Ṁ = C + Cᵀ: p = M v changes by ṗ = Sᵀ τ + Jᵀ f + Cᵀ v − g."""
-        return self._learnt("coriolis", self._data.C, self.model.nv, self.model.nv)
+        return self._learnt("coriolis", self.data.C, self.model.nv, self.model.nv)
 
     @cached_property
     def com(self) -> Vec:
         """Centre of mass in the world (3,) [m]."""
-        return self._learnt("com", self._data.com[0])
+        return self._learnt("com", self.data.com[0])
 
     @cached_property
     def com_jacobian(self) -> Mat:
         """Jacobian of the centre of mass (3, nv)."""
-        return self._learnt("com", self._data.Jcom, 3, self.model.nv)
+        return self._learnt("com", self.data.Jcom, 3, self.model.nv)
 
     @cached_property
     def com_drift(self) -> Vec:
         """Acceleration of the centre of mass when a = 0 (3,) [m/s²]."""
         if not self.drifts:
             return _NO_DRIFT[:3]
-        return self._learnt("com_drift", self._data.acom[0])
+        return self._learnt("com_drift", self.data.acom[0])
 
     @cached_property
     def centroidal_map(self) -> Mat:
         """A_G (6, nv): A_G v is the linear momentum [kg m/s], then the angular momentum about the centre of mass
         [kg m²/s], world axes. Source: Orin, Goswami, Lee, Autonomous Robots 2013."""
-        return self._learnt("centroidal_map", self._data.Ag, 6, self.model.nv)
+        return self._learnt("centroidal_map", self.data.Ag, 6, self.model.nv)
 
     @cached_property
     def centroidal_drift(self) -> Vec:
         """Ȧ_G v (6,) [N, N m]: the rate of the centroidal momentum when a = 0."""
         if not self.drifts:
             return _NO_DRIFT
-        return self._learnt("centroidal_drift", self._data.dhg.vector)
+        return self._learnt("centroidal_drift", self.data.dhg.vector)
 
     def joint_memory(self, frame: str) -> JointMemory:
         """The memory of the joint that carries a frame, for compiled code."""
         joint, placement = self._carrier(frame)
         if self.drifts and "drift" not in self._needs:
             self._learn("drift")
-        model, data = self.model.pinocchio, self._data
+        model, data = self.model.pinocchio, self.data
         columns = [
             column
             for carrier in model.supports[joint]
@@ -321,7 +318,7 @@ class RobotState(Known):
     def _learnt(self, need: str, array: NDArray[np.float64], *shape: int) -> NDArray[np.float64]:
         """A view of what is computed from now on."""
         self._learn(need)
-        return view(array, self._data, *shape)
+        return view(array, self.data, *shape)
 
     @cached_property
     def _weightless(self) -> Any:
@@ -333,8 +330,8 @@ class RobotState(Known):
 
     @cached_property
     def _add_gravity(self) -> Callable[[], object]:
-        momentum_map = self._data.Ag.reshape(6, -1)
-        return partial(dgemv, -1.0, momentum_map, self._gravity, 1.0, self._data.nle, 0, 1, 0, 1, 1, 1)
+        momentum_map = self.data.Ag.reshape(6, -1)
+        return partial(dgemv, -1.0, momentum_map, self._gravity, 1.0, self.data.nle, 0, 1, 0, 1, 1, 1)
 
     def _carrier(self, frame: str) -> tuple[int, Any]:
         """The joint that carries a frame, placed from now on, and where the frame is in it."""
@@ -357,7 +354,7 @@ class RobotState(Known):
 
     def _plan(self) -> list[tuple[str, Callable[[], object]]]:
         """The cheapest calls that give what is needed, by name."""
-        model, data, q, v, zero = self.model.pinocchio, self._data, self._q, self._v, self._zero
+        model, data, q, v, zero = self.model.pinocchio, self.data, self._q, self._v, self._zero
         needs = self._needs
         plan: list[tuple[str, Callable[[], object]]] = []
 
@@ -424,7 +421,7 @@ class FrameState:
     def __init__(self, state: RobotState, name: str) -> None:
         state.model.check_frame(name)
         index = state.model.frames[name]
-        model, data = state.model.pinocchio, state._data
+        model, data = state.model.pinocchio, state.data
         self.name = name
         self._state, self._index = state, index
         self.placement = data.oMf[index]
@@ -472,7 +469,7 @@ class FrameState:
         if not state.drifts:
             return lambda: _NO_MOTION
         state._learn("drift")
-        return partial(acceleration, state.model.pinocchio, state._data, self._index, axes)
+        return partial(acceleration, state.model.pinocchio, state.data, self._index, axes)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return RobotState.frame, (self._state, self.name)
