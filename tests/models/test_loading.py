@@ -109,6 +109,11 @@ def test_mimic_joints_move_by_themselves_and_this_is_said(tmp_path: Path):
     assert len(said) == 1
 
 
+def test_a_fixed_joint_that_mimics_another_is_no_reason_to_warn(tmp_path: Path):
+    second = hinge("second", SANE, "fixed", extra='<mimic joint="first"/>')
+    assert load(written(tmp_path, hinge("first", SANE), second)).nj == 1  # a warning would be an error here
+
+
 def test_links_without_mass_have_kinematics_and_this_is_said(tmp_path: Path):
     path = written(tmp_path, hinge("swing", SANE))
     path.write_text(path.read_text().replace('value="1.5"', 'value="0"').replace('="0.1"', '="0"'))

@@ -174,7 +174,7 @@ class Urdf:
             for what, value in (("velocity", joint.velocity), ("effort", joint.effort)):
                 if not value > 0:
                     found.append(f"the {what} limit of joint {joint.name!r} is {value:g}")
-        alike = [joint for joint in self.joints if joint.mimics is not None]
+        alike = [joint for joint in self.joints if joint.moves and joint.mimics is not None]
         if alike:
             more = f" and {len(alike) - 1} more mimic others" if alike[1:] else ""
             found.append(
