@@ -43,6 +43,15 @@ class QuadrupedFault(FaultScenario):
     def variants(self, stand: Stand) -> Mapping[str, Gains]:
         return VARIANTS
 
+    def made_good(self, answered: Sequence[Outcome], p: Parameters) -> list[Check]:
+        """It stands at every moment, near its task, and the answer came soon."""
+        n, rms, rough = len(answered), max(o.rms for o in answered), self.stand(p).rough
+        return [
+            Check("with it, it stands", float(sum(o.stands for o in answered)), "=", float(n), f"of {n}"),
+            Check("CoM error with it, rms", rms, "<", 10e-3 if rough else 3e-3, "m"),
+            *found_in_time(answered, 20e-3 if rough else 6e-3),
+        ]
+
 
 @final
 class QuadrupedJointLoss(QuadrupedFault):
@@ -62,13 +71,6 @@ class QuadrupedJointLoss(QuadrupedFault):
     joints = JOINTS
 
     def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
-        rough = self.stand(p).rough
-        n = len(answered)
-        fell, stood = sum(not o.stands for o in without), sum(o.stands for o in answered)
-        rms, bound, needed = max(o.rms for o in answered), 10e-3 if rough else 3e-3, -(-10 * n // 12)
-        return [
-            Check("without an answer it falls", float(fell), ">=", float(needed), f"of {n}"),
-            Check("with it, it stands", float(stood), "=", float(n), f"of {n}"),
-            Check("CoM error with it, rms", rms, "<", bound, "m"),
-            *found_in_time(answered, 20e-3 if rough else 6e-3),
-        ]
+        n, fell = len(without), sum(not o.stands for o in without)
+        falls = Check("without an answer it falls", float(fell), ">=", float(-(-10 * n // 12)), f"of {n}")
+        return [falls, *self.made_good(answered, p)]

@@ -12,6 +12,7 @@ import numpy as np
 
 from wbc.control.packing import packed, packs, unpacked
 from wbc.errors import InvalidInput
+from wbc.report.packed import text
 
 _IS = "is"
 
@@ -56,11 +57,11 @@ class Codec:
         if isinstance(value, Mapping) and _IS not in value and all(isinstance(key, str) for key in value):
             return {key: self.plain(item) for key, item in value.items()}
         if isinstance(value, bytes):
-            return {_IS: "bytes", "of": _text(value)}
+            return {_IS: "bytes", "of": text(np.frombuffer(value, np.uint8))}
         if isinstance(value, np.ndarray) and value.dtype != object:
             exact = np.asarray(value, dtype="<f8")
             numbers, times = packed(exact) if packs(exact) else (exact, None)
-            return {_IS: "array", "of": _text(numbers.tobytes()), "shape": list(numbers.shape), "times": times}
+            return {_IS: "array", "of": text(numbers), "shape": list(numbers.shape), "times": times}
         raise InvalidInput(f"{value!r} has no form in JSON that can be read back")
 
     def whole(self, value: Any) -> Any:
@@ -92,10 +93,6 @@ class Codec:
 
 def _names(kind: Any) -> tuple[str, ...]:
     return kind._fields if issubclass(kind, tuple) else tuple(one.name for one in fields(kind))
-
-
-def _text(content: bytes) -> str:
-    return base64.b64encode(content).decode("ascii")
 
 
 def _array(content: bytes, shape: Any, times: int | None) -> Any:

@@ -96,12 +96,7 @@ def index(folder: Path) -> Report:
     )
     same = [(key, next(iter(flat.values()))[key]) for key in keys if len({one.get(key) for one in flat.values()}) == 1]
     items = [
-        Table(
-            columns,
-            rows,
-            "Click a heading to sort. A dash: the run has no such setting.",
-            sorts=True,
-        ),
+        Table(columns, rows, "Click a heading to sort. A dash: the run has no such setting.", sorts=True),
         *([Table(("setting", "in every run"), same, "Settings that do not differ", folded=True)] if same else []),
     ]
     others = [(Address(title, page),) for title, page in _others(folder, places, metas)]
