@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 import wbc
 from tests.qp.rows.test_row_solvers import row_problem
 from wbc.qp.relax import relaxed
+from wbc.qp.rows.compiled.verify import certify
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
 from wbc.types import Status, Vec
@@ -104,6 +107,35 @@ def test_violations_count_in_their_own_unit(seed: int, tight: float) -> None:
     unknown = p.n_u + int(np.random.default_rng(seed).integers(p.n_y))
     p.ub[unknown] = p.x[unknown] - 1e-3 / p.scale[unknown]
     assert core.certify(core.push.copy()).primal == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_the_verdict_in_the_loop_is_that_of_the_numbers_it_reports() -> None:
+    """Each number rejects answers by itself: a limit that is missed, a slope that is left, a task far from its optimum."""
+    alone: Counter[str] = Counter()
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        p = row_problem(seed, tight=0.3) if seed % 3 == 0 else free_problem(seed, 0.1)
+        if seed % 3 == 2:  # a heavy cost: a slope moves the answer by next to nothing
+            p.metric *= 10.0 ** rng.uniform(3.0, 6.0)
+            p.centre[:] = 0.0
+        elif seed % 3 == 1:  # a light one: a small slope moves it far
+            p.unit *= 1e-5
+            p.weights *= 1e-5
+        core = CoreSolver(p)
+        assert core.solve() is Status.SOLVED
+        size = 10.0 ** rng.uniform(-9.0, -2.0)
+        if seed % 3 == 0:
+            unknown = p.n_u + int(rng.integers(p.n_y))
+            p.ub[unknown] = p.x[unknown] - size / p.scale[unknown]
+        else:
+            move_to(p, p.x[p.n_u :] + size * rng.normal(size=p.n_y))
+        found = core.certify(core.push.copy())
+        assert bool(certify(core.address)) == found.ok, (seed, found)
+        faults = {"primal": found.primal > 1e-6, "dual": found.dual > 1e-6 * found.scale_dual,
+                  "distance": found.distance > 1e-4, "none": found.ok}  # fmt: skip
+        if sum(faults.values()) == 1:
+            alone.update(name for name, is_so in faults.items() if is_so)
+    assert min(alone[name] for name in ("primal", "dual", "distance", "none")) >= 5, alone
 
 
 def test_a_relaxed_problem_keeps_its_linear_cost() -> None:
