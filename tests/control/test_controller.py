@@ -354,3 +354,10 @@ def test_several_robots_are_refused_with_what_to_do_instead(arm: Any, humanoid: 
     several: Any = [arm, humanoid]
     with pytest.raises(NotSupported, match="robot is 2 robots, and a controller has one: give each free robot"):
         wbc.Controller(several, wbc.Stack([Posture(arm.q0)]), level=wbc.VelocityLevel())
+
+
+def test_a_controller_says_what_it_is_when_it_is_printed():
+    robot = wbc.load("arm")
+    stack = wbc.Stack([Posture(robot.q0)])
+    made = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), hierarchy=wbc.Weighted(), solver="daqp", dt=2e-3)
+    assert repr(made) == "Controller(arm, velocity level, Weighted(), daqp, dt=0.002)"

@@ -177,6 +177,9 @@ class Controller(Solving):
         self._started, self._solved, self.fallbacks.good = False, None, None
         self.use(self.plans.whole)
 
+    def __repr__(self) -> str:
+        return f"Controller({self.model.name}, {self.level.name}, {self.hierarchy}, {self.solver.name}, dt={self.dt:g})"
+
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
         self.ticks = 0
