@@ -110,7 +110,7 @@ def test_violations_count_in_their_own_unit(seed: int, tight: float) -> None:
 
 
 def test_the_verdict_in_the_loop_is_that_of_the_numbers_it_reports() -> None:
-    """Each number rejects answers by itself: a limit that is missed, a slope that is left, a task far from its optimum."""
+    """Each number rejects by itself: a limit that is missed, a slope that is left, a task far from its optimum."""
     alone: Counter[str] = Counter()
     for seed in range(300):
         rng = np.random.default_rng(seed)
