@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInput
-from wbc.files import Place, located
+from wbc.files import Place, located, written
 
 MAX_BYTES = 1 << 30  # of all arrays of a file together
 MAX_ARRAYS = 100_000
@@ -45,6 +45,16 @@ def read_npz(path: Place) -> dict[str, NDArray[Any]]:
         if isinstance(cause, InvalidInput):
             raise
         raise InvalidInput(f"{path} cannot be read: {cause}") from cause
+
+
+def write_npz(path: Place, **arrays: Any) -> None:
+    """Write arrays by name, compressed; the file is complete before it takes its name.
+
+    Raises:
+        InvalidInput: something else than a file stands there, or nothing can be written there.
+    """
+    with written(path) as aside, aside.open("wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def read_json(where: str, text: str | bytes) -> Any:

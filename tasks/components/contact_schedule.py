@@ -155,7 +155,7 @@ class ContactSchedule(Schedule):
         return self._held
 
     def prepare(self, model: RobotModel) -> None:
-        self._weight = model.mass * float(np.linalg.norm(model.gravity))
+        self._weight = model.weight
 
     def before(self, state: RobotState, last: Any, plan: PlanView) -> Overrides:
         step, first, t = 1e3 * self.ramp * plan.model.mass, FIRST_STEP * plan.dt, state.t

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,9 +17,7 @@ pytest.importorskip("matplotlib")
 
 
 def test_a_page_shows_the_person_beside_the_robot_and_what_is_impossible():
-    from dataclasses import replace
-
-    from wbc.motion.page import page
+    from wbc.motion.retargeted import page
 
     found = retargeted("squat")
     verdicts = [Verdict()] * 30 + [Verdict((Fault("slip", "left_sole", 31.0),))] * 12 + [Verdict()] * 198
@@ -33,20 +32,20 @@ def test_a_page_shows_the_person_beside_the_robot_and_what_is_impossible():
 
 
 def test_the_bones_of_the_person_join_its_parts():
-    from wbc.motion.page import _person
+    from wbc.motion.retargeted import _result
 
-    found: Retargeted = retargeted("squat")
-    moving, solid = _person(found.motion, 0.5)
-    for thing, part in zip(moving, solid, strict=True):
-        one, _, other = thing.name.removesuffix(" of the person").partition(" to ")
+    found: Retargeted = replace(retargeted("squat"), scale=0.5)
+    bones = _result(found, with_person=True).obstacles
+    assert len(bones) > 14 and not _result(found).obstacles
+    for bone in bones:
+        one, _, other = bone.name.removesuffix(" of the person").partition(" to ")
         ends = [found.motion.positions[name][60] for name in (one, other)]
-        pose = thing.at(1.0)
+        pose = bone.at(1.0)
         np.testing.assert_allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-9)
         middle = 0.25 * (ends[0] + ends[1])
         np.testing.assert_allclose((pose.translation - middle)[[0, 2]], 0.0, atol=1e-12)
         along = pose.rotation[:, 2] * np.linalg.norm(ends[1] - ends[0])
         np.testing.assert_allclose(along, ends[1] - ends[0], atol=1e-9)
-        assert part.link == thing.name
 
 
 def test_the_command_writes_page_and_motion_and_says_the_share(wbc, tmp_path):

@@ -14,7 +14,7 @@ import pinocchio
 
 import wbc
 from wbc.motion import Retargeted, Witness, made
-from wbc.motion.body import spans
+from wbc.report.measure import spans
 
 KINDS = ("slip", "penetration", "jump", "speed", "centre of pressure")
 SLIP, DEPTH, JUMP, OUTSIDE = 0.03, 0.02, np.deg2rad(10.0), 0.05
@@ -215,7 +215,7 @@ def _tell(tally: Count, found: Retargeted, artefact: Artefact) -> None:
     ]
     tally.tried += 1
     tally.found += bool(new)
-    first = min(new, key=lambda fault: wbc.motion.verdict.KINDS.index(fault.kind), default=None)
+    first = min(new, key=lambda fault: wbc.motion.witness.KINDS.index(fault.kind), default=None)
     tally.named += first is not None and first.kind == artefact.kind and artefact.part in ("", first.part)
     for k, verdict in enumerate(verdicts):
         # Differences look one frame ahead and one back.

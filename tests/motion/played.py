@@ -19,10 +19,10 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 import wbc
+from wbc.models.along import placed
 from wbc.motion import Retargeted, made
-from wbc.motion.body import spans
-from wbc.motion.kinematics import placed
 from wbc.motion.made import MOTIONS
+from wbc.report.measure import spans
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
 from wbc.tasks import (

@@ -68,10 +68,12 @@ def test_a_joint_is_placed_by_the_turns_of_those_above_it(tmp_path: Path):
     (tmp_path / "chain.bvh").write_text(CHAIN)
     rate, positions, rotations = read_bvh(tmp_path / "chain.bvh")
     assert rate == pytest.approx(100.0)
+    # Axes of the file are y up and z ahead; of the world x ahead, y to the left, z up.
+    up = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
     # Frame 0: as it stands. Frame 1: Rz(90°) takes y to −x; Rz(90°) Rx(90°) takes y to z.
-    np.testing.assert_allclose(positions["Spine"], [[4, 15, 6], [-6, 5, 6]], atol=1e-12)
-    np.testing.assert_allclose(positions["Spine end"], [[4, 20, 6], [-6, 5, 11]], atol=1e-12)
-    np.testing.assert_allclose(rotations["Spine"][1], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
+    np.testing.assert_allclose(positions["Spine"], [up @ [4, 15, 6], up @ [-6, 5, 6]], atol=1e-12)
+    np.testing.assert_allclose(positions["Spine end"], [up @ [4, 20, 6], up @ [-6, 5, 11]], atol=1e-12)
+    np.testing.assert_allclose(rotations["Spine"][1], up @ [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["walk", "dance"])

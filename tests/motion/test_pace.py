@@ -10,9 +10,9 @@ import pytest
 import wbc
 from tests.motion.test_retarget import retargeted
 from tests.motion.test_witness import possible
+from wbc.models.along import velocities
 from wbc.motion import Motion, made
-from wbc.motion.kinematics import velocities
-from wbc.motion.pace import moments, possible_pace
+from wbc.motion.repair import moments, possible_pace
 
 
 @pytest.mark.parametrize("seed", range(4))

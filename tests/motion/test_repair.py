@@ -10,10 +10,10 @@ import pytest
 import wbc
 from tests.motion.artefacts import inject
 from tests.motion.test_retarget import retargeted, soles
+from wbc.models.along import velocities
 from wbc.motion import Witness, made
-from wbc.motion.body import spans
-from wbc.motion.kinematics import velocities
 from wbc.motion.repair import _pieces, repaired
+from wbc.report.measure import spans
 
 
 @pytest.mark.slow

@@ -10,11 +10,11 @@ import pytest
 import wbc
 from tests.scenarios.test_standing import needs_examples
 from wbc.errors import InvalidInput, UnknownName
+from wbc.models.along import velocities
 from wbc.models.feet import Foot
 from wbc.motion import Motion, Retargeted, Table, made
-from wbc.motion.body import spans
-from wbc.motion.kinematics import velocities
 from wbc.motion.targets import targets
+from wbc.report.measure import spans
 
 
 @cache

@@ -10,9 +10,9 @@ from scipy.optimize import linprog
 import wbc
 from tests.motion.test_retarget import retargeted
 from wbc.errors import InvalidInput
+from wbc.models.along import velocities
 from wbc.motion import Fault, Verdict
-from wbc.motion.forces import lacking
-from wbc.motion.kinematics import velocities
+from wbc.motion.witness import lacking
 
 
 def possible(robot, contacts, q, v, a, share: float) -> bool:

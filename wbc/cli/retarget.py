@@ -27,7 +27,7 @@ def retarget(
     from wbc.models import load
     from wbc.motion import Motion, made, retarget
     from wbc.motion.made import MOTIONS
-    from wbc.motion.verdict import UNITS
+    from wbc.motion.witness import UNITS
     from wbc.report.build import require_extras
 
     require_extras()

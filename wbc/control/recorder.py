@@ -41,6 +41,8 @@ META_FILE = "meta.json"
 FAILED_FILE = "failed.npz"
 #: The array of ``run.npz`` that is no column: it says how the columns are stored.
 HOW = ".stored"
+#: Columns that have a number for each joint, perhaps behind those of a floating base.
+_OF_JOINTS = frozenset({"q", "v", "a", "tau", "q_cmd", "v_cmd"})
 MISSING_INTEGER = -1
 #: The most rows that a recorder is made for.
 MOST_ROWS = 10**9
@@ -141,6 +143,30 @@ class Run(Mapping[str, Column]):
         if self.failed is not None:
             self.failed.save(target / FAILED_FILE)
         return target
+
+    def ordered(self, joints: Any) -> Run:
+        """The same run with its joints, or some of them, in another order, such as ``JointMap.joints``: q, v, a, τ and
+        the commands, the plant's too. A floating base stays first.
+
+        Raises:
+            InvalidInput: a joint that the run has not; metadata without names of joints.
+
+        Example:
+            >>> from wbc.control.recorder import Run
+            >>> run = Run({"t": [0.0], "q": [[1.0, 2.0]]}, {"joint_names": ["elbow", "slide"]})
+            >>> run.ordered(["slide", "elbow"])["q"]
+            array([[2., 1.]])
+        """
+        names = [str(name) for name in self.meta.get("joint_names", ())]
+        chosen = checks.names("joints", joints, names)
+        order = [names.index(name) for name in chosen]
+        columns = dict(self.columns)
+        for name, values in self.columns.items():
+            if name.removeprefix("plant.") in _OF_JOINTS and (base := values.shape[1] - len(names)) >= 0:
+                columns[name] = np.hstack([values[:, :base], values[:, base:][:, order]])
+        units = list(self.meta.get("joint_units") or ())
+        about = {"joint_names": list(chosen)} | ({"joint_units": [units[j] for j in order]} if units else {})
+        return Run(columns, {**self.meta, **about})
 
     def to_csv(self, path: Place) -> Path:
         """Write a table of all columns: a heading with component and unit (:mod:`wbc.control.table`), a row a tick.

@@ -42,7 +42,7 @@ class Window:
     def __init__(self, line: Any, setup: dict[str, Any]) -> None:
         self._line, self._setup, self._lock = line, setup, threading.Lock()
         self._robot, self._links = setup["robot"], sorted({part.link for part in setup["solid"]})
-        self._weight = self._robot.mass * float(np.linalg.norm(self._robot.gravity))
+        self._weight = self._robot.weight
         self._shown: dict[str, Any] = {}
         self._visible: dict[str, bool] = {}
         self._trails: dict[str, deque[Vec]] = defaultdict(lambda: deque(maxlen=TRAIL))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -17,11 +18,11 @@ import pinocchio as pin
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.models.coal_ import coal_shape, memory_of
-from wbc.models.geometry import Geometry, Shape
+from wbc.models.geometry import Cylinder, Geometry, Shape
 from wbc.models.model import RobotModel, RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.separation import always_apart
-from wbc.types import Index, Vec
+from wbc.types import Index, Mat, Vec
 
 #: Rows that there are by default besides two for each that there is in the reference configuration, and the most.
 _ROWS, _MOST_ROWS = 64, 1024
@@ -60,6 +61,23 @@ class Obstacle:
             raise InvalidInput(f"obstacle {self.name!r}: {self.shape!r} is no Box, Sphere, Cylinder or Mesh")
         if not isinstance(self.at(0.0), pin.SE3):
             raise InvalidInput(f"obstacle {self.name!r}: a pose is a pinocchio.SE3 or a function of time giving one")
+
+    @classmethod
+    def between(cls, name: str, start: Mat, end: Mat, rate: float, radius: float) -> Obstacle:
+        """A rod between two points that move, such as a limb of a person: places (N, 3) [m] at ``rate`` [1/s].
+
+        Its length is that in the middle of all; before and after the motion it stays.
+
+        Example:
+            >>> import numpy as np
+            >>> from wbc.models.collision import Obstacle
+            >>> start, end = np.zeros((2, 3)), np.array([[0.0, 0.0, 0.4], [0.4, 0.0, 0.0]])
+            >>> arm = Obstacle.between("arm", start, end, 10.0, 0.05)
+            >>> arm.at(0.1).translation.round(3), arm.at(0.1).rotation[:, 2].round(3)
+            (array([0.2, 0. , 0. ]), array([1., 0., 0.]))
+        """
+        length = float(np.median(np.linalg.norm(end - start, axis=1)))
+        return cls(name, Cylinder(radius, length), partial(_along, start, end, rate))
 
     @property
     def moves(self) -> bool:
@@ -371,3 +389,10 @@ class UnknownShape(UnknownName):
     """Neither a link with a collision shape nor an obstacle."""
 
     kind = "link or obstacle"
+
+
+def _along(start: Mat, end: Mat, rate: float, t: float) -> Any:
+    """The pose halfway between two places (N, 3), z towards the second."""
+    k = min(max(round(t * rate), 0), len(start) - 1)
+    turned = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end[k] - start[k])
+    return pin.SE3(turned.matrix(), 0.5 * (start[k] + end[k]))

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, final
 
+import numpy as np
+
 from wbc.models.geometry import Triple
+from wbc.types import Vec
 
 
 class Guessed(UserWarning):
@@ -38,3 +41,17 @@ class Foot:
             return [(self.origin, self.radius)]
         (x, y, z), (dx, dy) = self.origin, self.half_size
         return [((x + i * dx, y + j * dy, z), 0.0) for i in (-1, 1) for j in (-1, 1)]
+
+    def lowest_in_world(self, position: Vec, rotation: Vec) -> Vec:
+        """The points (…, k, 3) [m] that touch level ground first, where the frame is at ``position`` (…, 3) and turned
+        by ``rotation`` (…, 3, 3).
+
+        Example:
+            >>> import numpy as np
+            >>> from wbc.models.feet import Foot
+            >>> Foot("toe", "point", 0.5, radius=0.02).lowest_in_world(np.array([0.0, 0.0, 0.1]), np.eye(3))
+            array([[0.  , 0.  , 0.08]])
+        """
+        points, below = zip(*self.lowest(), strict=True)
+        turned = np.array(points) @ np.swapaxes(rotation, -1, -2)
+        return np.asarray(position[..., None, :] + turned - np.multiply.outer(below, [0.0, 0.0, 1.0]))

@@ -89,6 +89,11 @@ class RobotModel(Known):
         """The step (nv,) with q_from ⊕ step = q_to."""
         return np.asarray(pin.difference(self.pinocchio, q_from, q_to), dtype=np.float64)
 
+    @property
+    def weight(self) -> float:
+        """What the robot weighs [N]."""
+        return self.mass * float(np.linalg.norm(self.gravity))
+
     @cached_property
     def weightless(self) -> tuple[str, ...]:
         """What can move, by itself or only with others of these, while nothing of any mass does; by name, in q0."""

@@ -206,13 +206,8 @@ class PinocchioModel(RobotModel):
         """Height of the lowest point of the feet [m]."""
         state = self.state()
         state.update(0.0, q, np.zeros(self.nv))
-        return float(
-            min(
-                state.frame(foot.frame).placement.act(np.array(point))[2] - below
-                for foot in self.feet.values()
-                for point, below in foot.lowest()
-            )
-        )
+        frames = {foot: state.frame(foot.frame) for foot in self.feet.values()}
+        return float(min(foot.lowest_in_world(at.position, at.rotation)[:, 2].min() for foot, at in frames.items()))
 
     def __repr__(self) -> str:
         base = f", {self.base} base" if self.base != "fixed" else ""

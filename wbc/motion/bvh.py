@@ -1,15 +1,14 @@
 """BVH: the hierarchy of a motion capture file, and where it places every joint.
 
 A reader of our own, because those that are kept on PyPI lack what files need: pybvh 0.9 refuses joints that have places
-of their own, as some programs write them for every joint; bvhio 1.5.4 never returns from a file that ends early, and
-works in single precision.
+of their own, as some programs write them for every joint, bvhtools 1.6 ignores them, and upc-pymotion 0.3 takes them
+for rotations; bvhio 1.5.4 and bvhtools never return from a file that ends early.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,26 +16,25 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import InvalidInput
 from wbc.types import Mat, Vec
 
-#: Words with one blank behind each: a joint up to its first child or its end, and what follows the joints.
+#: Words with one blank behind each: a joint up to its first child, the end of one, and what follows the joints.
 _JOINT = re.compile(
-    r"(?:ROOT|JOINT|(End)) ((?:[^ {}]+ ){1,9})\{ OFFSET ((?:[^ {}]+ ){3})"
-    r"(?:CHANNELS (\d{1,3}) ((?:[^ {}]+ ){0,6}?))?(?=JOINT |End |\} )"
+    r"(?:(?P<root>HIERARCHY ROOT)|JOINT|(?P<end>End)) (?P<name>(?:[^ {}]+ ){1,9})\{ "
+    r"OFFSET (?P<offset>(?:[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,2})? ){3})"
+    r"(?:CHANNELS (?P<count>\d) (?P<channels>(?:[XYZ](?:position|rotation) ){0,6}))?|(?P<shut>\} )"
 )
 _MOTION = re.compile(r"MOTION Frames: (\d{1,9}) Frame Time: ([^ ]+) ")
-_CHANNELS = {f"{axis}{kind}": (kind, k) for k, axis in enumerate("XYZ") for kind in ("position", "rotation")}
-_JOINTS = 1000
+_MOST = 1000
+#: The axes of files, y up and z ahead, in those of the world: x ahead, z up.
+_AXES = Rotation.from_matrix([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-class _Joint(NamedTuple):
-    name: str
-    parent: int
-    offset: list[float]
-    channels: list[str]
+#: {joint: (parent, offset, channels)}, parents first; the root's parent is "".
+_Joints = dict[str, tuple[str, list[float], list[str]]]
 
 
 def read_bvh(path: Path) -> tuple[float, dict[str, Mat], dict[str, Vec]]:
-    """Frames per second, and of every joint by name its positions (N, 3) and rotations (N, 3, 3) in the axes and the
-    unit of the file. Ends of chains are called after their joint, with " end".
+    """Frames per second, and of every joint by name its positions (N, 3) in the unit of the file and its rotations
+    (N, 3, 3), z up. Ends of chains are called after their joint, with " end".
 
     Raises:
         InvalidInput: no such file, or a place at which it is no BVH file.
@@ -49,7 +47,7 @@ def read_bvh(path: Path) -> tuple[float, dict[str, Mat], dict[str, Vec]]:
     motion = _MOTION.match(text, at)
     if motion is None:
         raise _wrong(path, text, at)
-    numbers, frames, width = text[motion.end() :].split(), int(motion[1]), sum(len(one.channels) for one in joints)
+    numbers, frames, width = text[motion.end() :].split(), int(motion[1]), sum(len(one[2]) for one in joints.values())
     if len(numbers) != frames * width or not frames:
         raise InvalidInput(f"{path} has {len(numbers)} numbers of motion; {frames} frames of {width} are promised")
     try:
@@ -61,30 +59,25 @@ def read_bvh(path: Path) -> tuple[float, dict[str, Mat], dict[str, Vec]]:
     return 1.0 / seconds, *_placed(joints, table)
 
 
-def _hierarchy(path: Path, text: str) -> tuple[list[_Joint], int]:
-    """The joints, parents first, and where the text behind them begins."""
-    at, joints, inside = len("HIERARCHY "), list[_Joint](), list[int]()
-    while inside or not joints:
+def _hierarchy(path: Path, text: str) -> tuple[_Joints, int]:
+    """The joints, and where the text behind them begins."""
+    joints, inside, at = _Joints(), [""], 0
+    while len(inside) > 1 or not joints:
         found = _JOINT.match(text, at)
-        if text.startswith("} ", at) and inside:
-            at += len("} ")
+        if found is None or bool(found["root"]) == bool(joints) or len(joints) == _MOST:
+            raise _wrong(path, text, at)
+        if found["shut"]:
             inside.pop()
-        elif found is None or not text.startswith("HIERARCHY ROOT ") or len(joints) == _JOINTS:
-            raise _wrong(path, text, at if joints else 0)
         else:
-            end, name, offset, count, channels = found.groups(default="0")
-            parent, kinds = inside[-1] if inside else -1, channels.split() if int(count) else []
-            called = f"{joints[parent].name} end" if end == "End" else name.strip()
-            try:
-                joints.append(_Joint(called, parent, [float(x) for x in offset.split()], kinds))
-            except ValueError:
-                raise _wrong(path, text, at) from None
-            if set(kinds) - set(_CHANNELS) or len(set(kinds)) != int(count) or not np.isfinite(joints[-1].offset).all():
+            name = f"{inside[-1]} end" if found["end"] else found["name"].strip()
+            channels = (found["channels"] or "").split()
+            if len(set(channels)) != int(found["count"] or 0):
                 raise _wrong(path, text, at)
-            inside.append(len(joints) - 1)
-            at = found.end()
-    if len({joint.name for joint in joints}) < len(joints):
-        raise InvalidInput(f"{path} is no BVH file: two joints have one name")
+            if name in joints:
+                raise InvalidInput(f"{path} is no BVH file: two joints have one name, {name!r}")
+            joints[name] = inside[-1], [float(x) for x in found["offset"].split()], channels
+            inside.append(name)
+        at = found.end()
     return joints, at
 
 
@@ -92,25 +85,16 @@ def _wrong(path: Path, text: str, at: int) -> InvalidInput:
     return InvalidInput(f"{path} is no BVH file at {text[at : at + 60].strip() or 'its end'!r}")
 
 
-def _placed(joints: list[_Joint], table: Mat) -> tuple[dict[str, Mat], dict[str, Vec]]:
+def _placed(joints: _Joints, table: Mat) -> tuple[dict[str, Mat], dict[str, Vec]]:
     """Joints in the world: p = p_parent + R_parent (offset or the channels' place), R = R_parent R_channels."""
-    n, at = len(table), 0
-    positions: list[Mat] = []
-    rotations: list[Vec] = []
-    for joint in joints:
-        kinds = [_CHANNELS[channel] for channel in joint.channels]
-        values, at = table[:, at : at + len(kinds)], at + len(kinds)
-        place, own = np.tile(joint.offset, (n, 1)), np.tile(np.eye(3), (n, 1, 1))
-        for (kind, axis), value in zip(kinds, values.T, strict=True):
-            if kind == "position":
-                place[:, axis] = value
-        if turns := "".join("XYZ"[axis] for kind, axis in kinds if kind == "rotation"):
-            angles = values[:, [kind == "rotation" for kind, _ in kinds]]
-            own = Rotation.from_euler(turns, angles, degrees=True).as_matrix().reshape(n, 3, 3)
-        if joint.parent >= 0:
-            above = rotations[joint.parent]
-            place, own = positions[joint.parent] + np.einsum("nij,nj->ni", above, place), above @ own
-        positions.append(place)
-        rotations.append(own)
-    names = [joint.name for joint in joints]
-    return dict(zip(names, positions, strict=True)), dict(zip(names, rotations, strict=True))
+    columns, positions, rotations = iter(table.T), dict[str, Mat](), dict[str, Rotation]()
+    for name, (parent, offset, channels) in joints.items():
+        place, turned = np.tile(offset, (len(table), 1)), Rotation.identity(len(table))
+        for channel, values in zip(channels, columns, strict=False):
+            if channel.endswith("position"):
+                place[:, "XYZ".index(channel[0])] = values
+            else:
+                turned = turned * Rotation.from_euler(channel[0], values[:, None], degrees=True)
+        start, above = positions.get(parent, 0.0), rotations.get(parent, _AXES)
+        positions[name], rotations[name] = start + above.apply(place), above * turned
+    return positions, {name: turned.as_matrix() for name, turned in rotations.items()}

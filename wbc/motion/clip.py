@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self, final
@@ -17,12 +16,13 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
-from wbc.files import Place, located, written
+from wbc.files import Place, located
 from wbc.motion.bvh import read_bvh
-from wbc.npz import read_npz
+from wbc.npz import read_npz, write_npz
 from wbc.tolerances import MET
 from wbc.types import Mat, Vec
 
+SIDES = ("left", "right")
 #: Parts of a body that retargeting knows, and what files call them, without case, blanks and prefixes. A file that has
 #: an ankle and a foot calls the toes foot, so a name is taken once, in this order.
 PARTS: Mapping[str, tuple[str, ...]] = {
@@ -31,7 +31,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "head": ("head",),
     **{
         f"{side}_{part}": tuple(f"{start}{name}" for name in names for start in (side, side[0]))
-        for side in ("left", "right")
+        for side in SIDES
         for part, names in {
             "hip": ("hip", "upleg", "thigh", "upperleg"),
             "knee": ("knee", "leg", "lowleg", "lowerleg", "shin", "calf"),
@@ -48,15 +48,14 @@ NEEDED = tuple(part for part in PARTS if part not in ("pelvis", "spine", "head")
 _CHAINS = ("shoulder", "elbow", "wrist"), ("shoulder", "hip", "knee", "ankle", "toe")
 BONES = (
     ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), ("spine", "head"),
-    *((f"{s}_{one}", f"{s}_{other}") for s in ("left", "right") for chain in _CHAINS for one, other in pairwise(chain)),
+    *((f"{s}_{one}", f"{s}_{other}") for s in SIDES for chain in _CHAINS for one, other in pairwise(chain)),
 )  # fmt: skip
 #: Metres in the units in which files give lengths, tried in this order, and what the body is then tall [m].
 _UNITS = (1.0, 0.01, 0.0254, 0.001)
 _TALL = (0.6, 2.6)
 _LEAST_FRAMES = 3
-
-#: Positions, rotations and contacts by what a file calls its parts.
-_Columns = tuple[Mapping[str, Mat], Mapping[str, Vec], Mapping[str, Any]]
+#: The numbers that a motion has of a part in each frame, and their shapes.
+_SHAPES = {"positions": (3,), "rotations": (3, 3), "contacts": ()}
 Flags = NDArray[np.bool_]
 
 
@@ -67,7 +66,7 @@ class Motion:
 
     ``rotations`` {part: (N, 3, 3)} are those of the parts that have one; of a person's each is in axes of its own that
     do not move in the part: only how they turn is read. ``contacts`` {part: (N,)} says when a part holds, for the parts
-    of which the file says it; of the others it is found in the motion (:mod:`wbc.motion.body`).
+    of which the file says it; of the others it is found in the motion (:mod:`wbc.motion.targets`).
 
     Raises:
         InvalidInput: fewer than three frames, arrays of other shapes, numbers that are not finite, a rate that is not
@@ -88,20 +87,18 @@ class Motion:
 
     def __post_init__(self) -> None:
         checks.number("rate", self.rate, low=0.0, strict=True)
-        of = f"{self.name}: "
-        found = {part: checks.array(f"{of}positions[{part}]", p, (None, 3)) for part, p in self.positions.items()}
-        sizes = sorted({len(p) for p in found.values()} or {0})
-        n = sizes[0]
-        if len(sizes) != 1 or n < _LEAST_FRAMES:
-            said = " and ".join(map(str, sizes))
+        sizes = {len(checks.array(f"{self.name}: {part}", p, (None, 3))) for part, p in self.positions.items()} or {0}
+        if len(sizes) != 1 or min(sizes) < _LEAST_FRAMES:
+            said = " and ".join(map(str, sorted(sizes)))
             raise InvalidInput(f"{self.name} has parts of {said} frames; all must have as many, at least three")
-        turned = {part: checks.array(f"{of}rotations[{part}]", r, (n, 3, 3)) for part, r in self.rotations.items()}
-        for part, r in turned.items():
+        for key, shape in _SHAPES.items():
+            for part, values in (found := dict(getattr(self, key))).items():
+                found[part] = checks.array(f"{self.name}: {key}[{part}]", values, (*sizes, *shape))
+            object.__setattr__(self, key, found)
+        for part, r in self.rotations.items():
             if np.abs(r @ r.transpose(0, 2, 1) - np.eye(3)).max() > MET or np.linalg.det(r).min() < 0.0:
-                raise InvalidInput(f"{of}rotations[{part}] are no rotations to 1e-6")
-        held = {part: checks.array(f"{of}contacts[{part}]", c, (n,)) > 0.5 for part, c in self.contacts.items()}
-        for key, values in (("positions", found), ("rotations", turned), ("contacts", held)):
-            object.__setattr__(self, key, values)
+                raise InvalidInput(f"{self.name}: rotations[{part}] are no rotations to 1e-6")
+        object.__setattr__(self, "contacts", {part: held > 0.5 for part, held in self.contacts.items()})
 
     @property
     def frames(self) -> int:
@@ -123,14 +120,15 @@ class Motion:
             InvalidInput: no such file, or not such a file; the message says where it is wrong.
         """
         place = located(path)
-        reader = {".bvh": _hierarchy, ".npz": _arrays, ".csv": _table}.get(place.suffix.lower())
+        reader = {".bvh": read_bvh, ".npz": _arrays, ".csv": _table}.get(place.suffix.lower())
         if reader is None:
             raise InvalidInput(f"{place} is no motion that can be read; give a .bvh, .npz or .csv file")
-        rate, (positions, rotations, contacts) = reader(place)
+        found: tuple[Any, ...] = reader(place)
+        rate, positions, rotations, contacts = (*found, {}, {})[:4]
         name = place.stem
         called = known_parts(name, list(positions))
-        cloud = np.stack([checks.array(f"{name}: {one}", positions[one], (None, 3)) for one in called.values()])
-        tall = float(np.median(np.ptp(cloud[:, :, 2], axis=0)))
+        heights = [checks.array(f"{name}: {one}", positions[one], (None, 3))[:, 2] for one in called.values()]
+        tall = float(np.median(np.ptp(heights, axis=0)))
         metres = next((unit for unit in _UNITS if _TALL[0] <= unit * tall <= _TALL[1]), None)
         if metres is None:
             raise InvalidInput(f"{name}: the body is {tall:g} tall, which is no person's size in m, cm, inches or mm")
@@ -160,48 +158,39 @@ class Motion:
 
     def save(self, path: Place) -> None:
         """Write a ``.npz`` file that ``read`` reads; a part without rotations or contacts has columns of NaN."""
-        shapes = {"positions": (3,), "rotations": (3, 3), "contacts": ()}
         columns: dict[str, Any] = {
             key: np.stack([given.get(part, np.full((self.frames, *shape), np.nan)) * 1.0 for part in self.positions], 1)
-            for key, shape in shapes.items()
+            for key, shape in _SHAPES.items()
             if (given := getattr(self, key))
         }
-        with written(path) as aside, aside.open("wb") as file:
-            np.savez_compressed(file, names=np.array(list(self.positions)), rate=np.array(self.rate), **columns)
+        write_npz(path, names=np.array(list(self.positions)), rate=np.array(self.rate), **columns)
 
 
-def _hierarchy(place: Path) -> tuple[float, _Columns]:
-    rate, positions, rotations = read_bvh(place)
-    up = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # y up and z ahead there
-    turned = {name: up @ r @ up.T for name, r in rotations.items()}
-    return rate, ({name: p @ up.T for name, p in positions.items()}, turned, {})
-
-
-def _arrays(place: Path) -> tuple[float, _Columns]:
+def _arrays(place: Path) -> tuple[Any, ...]:
+    """Frames per second, positions, rotations and contacts by what the file calls its parts."""
     arrays = read_npz(place)
-    for key in ("names", "positions", "rate"):
-        if key not in arrays:
-            raise InvalidInput(f"{place} has no array {key!r}; there are: {', '.join(arrays) or 'none'}")
+    if lacking := [key for key in ("names", "positions", "rate") if key not in arrays]:
+        raise InvalidInput(f"{place} has no array {lacking[0]!r}; there are: {', '.join(arrays) or 'none'}")
     if arrays["names"].ndim != 1 or arrays["names"].dtype.kind != "U" or arrays["rate"].size != 1:
         raise InvalidInput(f"{place}: names must be text (F,), and rate one number")
     names = arrays["names"].tolist()
-    rate = checks.number(f"{place}: rate", arrays["rate"].item(), low=0.0, strict=True)
-    found: list[dict[str, Vec]] = []
-    for key, shape in {"positions": (3,), "rotations": (3, 3), "contacts": ()}.items():
-        values = arrays.get(key, np.full((1, len(names), *shape), np.nan))
+    found: list[Any] = [checks.number(f"{place}: rate", arrays["rate"].item(), low=0.0, strict=True)]
+    for key, shape in _SHAPES.items():
+        values = arrays.get(key, np.zeros((0, len(names), *shape)))
         if values.dtype.kind not in "fiub" or values.shape[1:] != (len(names), *shape):
             said = ", ".join(map(str, (len(names), *shape)))
             raise InvalidInput(f"{place}: {key} must be numbers of shape (N, {said})")
-        columns = {name: 1.0 * values[:, k] for k, name in enumerate(names)}
-        found.append({name: column for name, column in columns.items() if not np.isnan(column).all()})
-    return rate, (found[0], found[1], found[2])
+        columns = zip(names, np.moveaxis(values, 1, 0), strict=True)
+        found.append({name: column for name, column in columns if not np.isnan(column).all()})
+    return tuple(found)
 
 
-def _table(place: Path) -> tuple[float, _Columns]:
+def _table(place: Path) -> tuple[float, dict[str, Mat]]:
+    """Frames per second, and positions by what the table calls its parts."""
     try:
-        rows = list(csv.reader(StringIO(place.read_text(encoding="utf-8"))))
-        heads, table = rows[0], np.array(rows[1:], dtype=np.float64).reshape(-1, len(rows[0]))
-    except (OSError, ValueError, IndexError, csv.Error) as cause:
+        heads, *rows = csv.reader(place.read_text(encoding="utf-8").splitlines())
+        table = np.array(rows, dtype=np.float64).reshape(-1, len(heads))
+    except (OSError, ValueError, csv.Error) as cause:
         raise InvalidInput(f"{place} is no table of numbers with a heading: {cause}") from None
     if "time" not in heads or len(table) < _LEAST_FRAMES:
         raise InvalidInput(f"{place} needs a column 'time' and at least three rows")
@@ -209,12 +198,12 @@ def _table(place: Path) -> tuple[float, _Columns]:
     steps = np.diff(columns["time"])
     if not steps.min() > 0.0 or np.abs(steps - steps.mean()).max() > 0.1 * steps.mean():
         raise InvalidInput(f"{place}: times must rise in even steps")
-    axes = {head[:-2]: [f"{head[:-2]}.{axis}" for axis in "xyz"] for head in heads if head.endswith(".x")}
-    lacking = [column for three in axes.values() for column in three if column not in columns]
-    if lacking:
+    parts = [head.removesuffix(".x") for head in heads if head.endswith(".x")]
+    if lacking := [f"{part}.{axis}" for part in parts for axis in "yz" if f"{part}.{axis}" not in columns]:
         raise InvalidInput(f"{place} has no column {lacking[0]!r}")
-    positions = {part: np.column_stack([columns[column] for column in three]) for part, three in axes.items()}
-    return 1.0 / float(steps.mean()), (positions, {}, {})
+    return 1.0 / float(steps.mean()), {
+        part: np.column_stack([columns[f"{part}.{axis}"] for axis in "xyz"]) for part in parts
+    }
 
 
 def known_parts(name: str, given: list[str]) -> dict[str, str]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Self, final
+from typing import Any, NamedTuple, Self
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownFrame, UnknownName
@@ -34,9 +33,7 @@ class Follower(NamedTuple):
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
-@final
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """``followers`` {part: Follower} and the ``scale`` of the world: a metre of the person is so many of the robot.
 
     ``scale`` None: found by the lengths of the legs, so that the robot may stretch them as far as the person.

@@ -1,6 +1,6 @@
-"""Retargeting: a stack at the velocity level, to convergence in every frame of a motion.
+"""retarget: the motion of a person as a motion of a robot, by a stack at the velocity level.
 
-In frame k, from the configuration of the frame before, Gauss-Newton steps of
+It is solved to convergence in every frame. In frame k, from the configuration of the frame before, Gauss-Newton steps
 
     min ½ Σ w ‖J δ − e‖²    subject to   contacts that hold do not move,  q_low <= q <= q_high,  shapes stay apart
 
@@ -12,20 +12,27 @@ where q_low and q_high are what position, speed and acceleration limits leave of
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any, final
 
 import numpy as np
 import pinocchio
 
-from wbc import tasks
+from wbc import checks, tasks
 from wbc.control.controller import Controller
+from wbc.errors import InvalidInput
+from wbc.files import Place
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import SIDES
-from wbc.motion.clip import Motion
+from wbc.motion.clip import SIDES, Motion
 from wbc.motion.mapping import Table
+from wbc.motion.repair import repaired
+from wbc.motion.retargeted import Retargeted
+from wbc.motion.targets import anchor, targets
+from wbc.motion.witness import Witness
+from wbc.sim.scenario import Progress, silent
 from wbc.stack.component import Schedule
-from wbc.stack.contact import Anchor, Contact
+from wbc.stack.contact import Contact
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.overrides import Overrides
 from wbc.stack.stack import Stack
@@ -101,8 +108,7 @@ class Retargeting:
         hands = [table.followers[f"{side}_wrist"].frame for side in SIDES]
         limits: list[Any] = [tasks.JointPositionLimits()]
         limits += [tasks.HalfSpaceLimit(hand, normal=[0.0, 0.0, 1.0], offset=0.0) for hand in hands]
-        if collisions:
-            limits.append(tasks.CollisionAvoidance(margin=_MARGIN, reach=0.05, rate=1.0 / _DT))
+        limits += [tasks.CollisionAvoidance(margin=_MARGIN, reach=0.05, rate=1.0 / _DT)] * collisions
         stack = Stack(objectives, subject_to=limits, contacts=list(self.contacts.values()), components=[self._schedule])
         self._controller = Controller(robot, stack, level=VelocityLevel(lm_damping=0.0), dt=_DT)
         self._v, self._still = np.zeros(robot.nj), np.zeros(robot.nv)
@@ -161,12 +167,6 @@ class Retargeting:
         return low, np.maximum(np.clip(near + T * most, limits.q_min, limits.q_max), low)
 
 
-def anchor(contact: Contact, targets: Motion, part: str, k: int) -> Anchor:
-    """Where a contact of a part is to be in frame k."""
-    R = targets.rotations[part][k] if contact.dim == 6 else np.eye(3)
-    return Anchor(R, targets.positions[part][k] + R @ getattr(contact, "origin", np.zeros(3)))
-
-
 def _contacts(robot: PinocchioModel, table: Table, targets: Motion) -> dict[str, Contact]:
     """Soles of the feet, and a point for a hand that holds in the motion; deadbeat where velocities are decided."""
     gains: Any = {"kp": 1.0 / _DT**2, "kd": 1.0 / _DT}
@@ -175,3 +175,58 @@ def _contacts(robot: PinocchioModel, table: Table, targets: Motion) -> dict[str,
     for wrist in (f"{side}_wrist" for side in SIDES if targets.contacts[f"{side}_wrist"].any()):
         found[wrist] = tasks.Point(table.followers[wrist].frame, friction=HAND_FRICTION, **gains)
     return found
+
+
+def retarget(
+    motion: Motion | Place, robot: PinocchioModel, mapping: Table | Place | None = None, *,
+    acceleration: float | None = 200.0, collisions: bool = True, repair: bool = False, progress: Progress = silent,
+) -> Retargeted:  # fmt: skip
+    """The motion of a person as a motion of ``robot``, with a verdict for every frame.
+
+    The person's size is fitted to the robot's; feet that stand and hands that hold are found in the motion and do not
+    slip; limits of position, speed and acceleration hold; shapes of the robot stay apart. Then inverse dynamics says of
+    each frame whether forces and torques for it exist, or what lacks. Equations: this module's and
+    :mod:`wbc.motion.witness`'s.
+
+    Args:
+        motion: what was read by :meth:`Motion.read`, or a file.
+        robot: with a floating base and two feet.
+        mapping: which frame follows which part of the body: a table, a TOML file, or by default what the library has
+            for the G1, Talos and its own humanoid.
+        acceleration: limit on joint accelerations [rad/s²]; None: none.
+        collisions: whether the robot's own shapes are kept apart.
+        repair: whether to look for a motion near by that is possible, where this one is not: in turn one that is
+            slower there, and one whose joints move otherwise (:mod:`wbc.motion.repair`). The motion before is kept as
+            ``before``, and ``added`` is how much longer it takes now.
+        progress: called with the share that is done, and a word.
+
+    Raises:
+        InvalidInput: a motion, mapping or robot that makes no sense. UnknownName: no mapping for this robot.
+
+    Example:
+        >>> import wbc
+        >>> from wbc.motion import made
+        >>> robot = wbc.load("humanoid", base="floating")
+        >>> found = wbc.retarget(made("squat"), robot)
+        >>> found.q.shape, found.certified
+        ((240, 37), 1.0)
+    """
+    checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(..., base='floating')")
+    if acceleration is not None:
+        acceleration = checks.number("acceleration", acceleration, low=0.0, strict=True)
+    collisions, repair = checks.truth("collisions", collisions), checks.truth("repair", repair)
+    if not callable(progress):
+        raise InvalidInput(f"progress is {checks.shown(progress)}; it must be a function of a share and a word")
+    motion = motion if isinstance(motion, Motion) else Motion.read(motion)
+    table = Table.of(robot, mapping)
+    asked, scale = targets(motion, robot, table)
+    stack = Retargeting(robot, table, asked, acceleration=acceleration, collisions=collisions)
+    share = 0.25 if repair else 0.5
+    q = stack.frames(lambda done: progress(share * done, "retargeting"))
+    found = Retargeted(robot, motion, table, asked, scale, stack.contacts, q, (), tuple(stack.unsolved))
+    witness = Witness(robot, stack.contacts, collisions=collisions)
+    verdicts = witness.judge(q, motion.rate, found.holds, lambda done: progress(share * (1.0 + done), "judging"))
+    found = replace(found, verdicts=tuple(verdicts))
+    if not repair or found.certified == 1.0:
+        return found
+    return repaired(found, witness, lambda done, word: progress(0.5 + 0.5 * done, word))

@@ -2,26 +2,37 @@
 
 Places in the world are scaled by one number s, the ratio of the legs: a foot that stands still in the person's motion
 then stands still in the robot's. Arms have the robot's own lengths along the person's directions.
+
+**Axes** of a part are those of a person who stands upright: x ahead, y to the left, z up. They come from the joints,
+
+    pelvis   y along the hips, z near the line to the spine
+    chest    y along the shoulders, z near the line from the hips
+    foot     x along ankle and toes, less the slope of that line in standing; y level
+
+so a file may use any axes for its bones. Where the file says how a part is turned, R_file(t), its turning is more
+exact than that of few joints: then R(t) = R_file(t) R₀, with the constant R₀ nearest to R_file(t)ᵀ R_joints(t).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import coal
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
+from scipy.ndimage import grey_closing, grey_opening
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInput
 from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import SIDES, posed, spans, standing, unit
-from wbc.motion.clip import Flags, Motion
-from wbc.motion.kinematics import lowest
+from wbc.motion.clip import NEEDED, SIDES, Flags, Motion
 from wbc.motion.mapping import Table
+from wbc.report.measure import spans
+from wbc.stack.contact import Anchor, Contact
 from wbc.types import Mat, Vec
 
 #: The robot stretches its legs to this share of what the person does, so that its knees stay bent a little.
@@ -30,6 +41,13 @@ _STRETCH = 0.97
 _EASE = 0.1
 #: Soles that stand beside each other are so far apart [m]: feet are a little larger than their soles.
 _APART = 0.02
+#: A foot stands that is nearer to its height in standing [m] and slower [m/s] than this; a hand holds the ground.
+_NEAR, _SLOW = 0.035, 0.22
+_HAND = 0.12
+#: Shorter gaps and shorter contacts are none [s].
+_SHORT = 0.09
+#: The share of frames in which a foot is supposed to stand when its height in standing is looked for.
+_SHARE = 5.0
 
 
 class _Stand(NamedTuple):
@@ -75,7 +93,7 @@ def targets(person: Motion, robot: PinocchioModel, table: Table) -> tuple[Motion
         foot = f"{side}_foot"
         ankle = scale * (p[f"{side}_ankle"] - [0.0, 0.0, heights[side]]) + above
         raised = ankle + turned[foot] @ (at[foot] - at[f"{side}_ankle"])
-        low = lowest(robot, table.followers[foot].frame, raised, turned[foot])[:, :, 2].min(axis=1)
+        low = robot.feet[table.followers[foot].frame].lowest_in_world(raised, turned[foot])[:, :, 2].min(axis=1)
         places[foot] = raised + np.maximum(0.0, -low)[:, None] * [0.0, 0.0, 1.0]
         stands[foot] = _stands(places[foot], turned[foot], body.contacts[foot], at[foot][2])
     _part(stands, {foot: robot.feet[table.followers[foot].frame] for foot in stands})
@@ -94,6 +112,12 @@ def targets(person: Motion, robot: PinocchioModel, table: Table) -> tuple[Motion
         if any(follower.offset):
             places[part] = places[part] + turned.get(part, turned["chest"]) @ np.array(follower.offset)
     return Motion(rate, places, turned, body.contacts, person.name), scale
+
+
+def anchor(contact: Contact, targets: Motion, part: str, k: int) -> Anchor:
+    """Where a contact of a part is to be in frame k."""
+    R = targets.rotations[part][k] if contact.dim == 6 else np.eye(3)
+    return Anchor(R, targets.positions[part][k] + R @ getattr(contact, "origin", np.zeros(3)))
 
 
 def _reference(robot: PinocchioModel, table: Table) -> dict[str, Vec]:
@@ -171,3 +195,81 @@ def _anchored(places: Mat, turned: Vec, stands: Sequence[_Stand], rate: float) -
     swing = CubicHermiteSpline(at, values, slopes)(frames.clip(at[0], at[-1]))
     off = np.where(held[:, None], off, swing)
     return places + off[:, :3], (Rotation.from_rotvec(off[:, 3:]) * own).as_matrix()
+
+
+def posed(motion: Motion) -> Motion:
+    """The same motion with ``rotations`` of pelvis, chest, feet and perhaps head in the axes of a person, and with
+    ``contacts`` of feet and wrists; feet are called "left_foot" and "right_foot" there.
+
+    Raises:
+        InvalidInput: a part that is needed is missing.
+    """
+    p = motion.positions
+    lacking = [part for part in NEEDED if part not in p]
+    if lacking:
+        raise InvalidInput(f"{motion.name} has no {', '.join(lacking)}; there are: {', '.join(p)}")
+    hips, shoulders = (0.5 * (p[f"left_{part}"] + p[f"right_{part}"]) for part in ("hip", "shoulder"))
+    turned = {
+        "pelvis": _axes(p["left_hip"] - p["right_hip"], p.get("spine", shoulders) - hips),
+        "chest": _axes(p["left_shoulder"] - p["right_shoulder"], shoulders - hips),
+    }
+    holds: dict[str, Flags] = {}
+    for side in SIDES:
+        ankle, toe, wrist = (p[f"{side}_{part}"] for part in ("ankle", "toe", "wrist"))
+        heights = np.maximum(ankle[:, 2] - standing(ankle), toe[:, 2] - standing(toe))
+        speeds = np.maximum(_speed(ankle, motion.rate), _speed(toe, motion.rate))
+        stands = holds[f"{side}_foot"] = _said(motion, f"{side}_ankle", (heights < _NEAR) & (speeds < _SLOW))
+        low = wrist[:, 2] < _HAND + standing(toe)
+        holds[f"{side}_wrist"] = _said(motion, f"{side}_wrist", low & (_speed(wrist, motion.rate) < _SLOW))
+        turned[f"{side}_foot"] = _foot(toe - ankle, stands)
+    for part in ("pelvis", "head", *(f"{side}_ankle" for side in SIDES)):
+        if part in motion.rotations:
+            mine = part.replace("ankle", "foot")
+            when = holds.get(mine, np.ones(motion.frames, dtype=bool))
+            turned[mine] = _calibrated(motion.rotations[part], turned.get(mine, turned["chest"]), when)
+    return replace(motion, rotations=turned, contacts=holds)
+
+
+def standing(places: Mat) -> float:
+    """The height of a part of a foot (N, 3) in standing [m]."""
+    return float(np.percentile(places[:, 2], _SHARE))
+
+
+def _speed(places: Mat, rate: float) -> Vec:
+    return np.asarray(np.linalg.norm(np.gradient(places, axis=0), axis=1) * rate)
+
+
+def _said(motion: Motion, part: str, found: Flags) -> Flags:
+    """What the file says of a contact, else what was found, without gaps and contacts that are too short."""
+    if part in motion.contacts:
+        return np.asarray(motion.contacts[part], dtype=bool)
+    size = max(round(_SHORT * motion.rate), 1)
+    closed = grey_closing(found.astype(np.int8), size, mode="nearest")
+    return np.asarray(grey_opening(closed, size, mode="nearest") > 0)
+
+
+def unit(v: Mat) -> Mat:
+    """Directions (…, 3) of length 1."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
+
+
+def _axes(y: Mat, up: Mat) -> Vec:
+    """Rotations (N, 3, 3) with this y and a z near ``up``."""
+    y = unit(y)
+    x = unit(np.cross(y, up))
+    return np.stack([x, y, np.cross(x, y)], axis=2)
+
+
+def _foot(ahead: Mat, stands: Flags) -> Vec:
+    """Rotations of a foot with y level, from the line (N, 3) of ankle and toes; level on average while it stands."""
+    heading = np.arctan2(ahead[:, 1], ahead[:, 0])
+    slope = np.arctan2(ahead[:, 2], np.linalg.norm(ahead[:, :2], axis=1))
+    level = float(np.median(slope[stands] if stands.any() else slope))
+    return np.asarray(Rotation.from_euler("ZY", np.column_stack([heading, level - slope])).as_matrix())
+
+
+def _calibrated(said: Vec, joints: Vec, when: Flags) -> Vec:
+    """R_file(t) R₀ with the rotation R₀ that is nearest to R_file(t)ᵀ R_joints(t) on average over some frames."""
+    own = Rotation.from_matrix(said)
+    between = own.inv() * Rotation.from_matrix(joints)
+    return np.asarray((own * (between[when] if when.any() else between).mean()).as_matrix())

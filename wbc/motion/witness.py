@@ -3,33 +3,150 @@
     v_k = (q_{k+1} ⊖ q_{k−1}) / 2T      a_k = (q_{k+1} ⊖ q_k − q_k ⊖ q_{k−1}) / T²
 
 A *jump* is one step of a joint that neither the step before nor the one after resembles. A foot *slips* that holds and
-is off its place, the median of its places while it holds. Forces are looked for in frames without a fault of motion
-(:mod:`wbc.motion.forces`).
+is off its place, the median of its places while it holds. Forces are looked for in frames without a fault of motion,
+with proof.
+
+Contact wrenches and joint torques have to exist that move the robot as asked:
+
+    M a + h = Sᵀ τ + Σ Jᵢᵀ fᵢ,   fᵢ in the friction cone of a contact that holds,   |τ| <= τ_max
+
+The six rows of the base are equalities on the wrenches f, and those of the joints bound them; the QP of least f is
+solved with a certificate. Where it has no solution, rows get slacks: shares of the robot's weight (at a lever of 0.1 m
+for moments) and of each joint's torque limit. The least slacks say which rows have to give, and by how much. Contacts
+never pull, and the base's rows give last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
 from wbc import checks
+from wbc.models.along import placed, velocities
+from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.body import spans
 from wbc.motion.clip import Flags
-from wbc.motion.forces import lacking
-from wbc.motion.kinematics import lowest, placed, velocities
-from wbc.motion.verdict import KINDS, Fault, Verdict
-from wbc.stack.contact import Contact
+from wbc.qp import QP, solve
+from wbc.qp.relax import relaxed
+from wbc.report.measure import spans
+from wbc.stack.contact import Contact, cones
 from wbc.tasks import CollisionAvoidance
-from wbc.types import Mat, Vec
+from wbc.types import Mat, Status, Vec
 
+#: Kinds of faults and the units of their amounts, beyond the limit. What causes others stands first: the forces of a
+#: motion that jumps, or whose feet slip, say little.
+UNITS = {
+    "jump": "°", "slip": "mm", "penetration": "mm", "collision": "mm", "gap": "mm", "speed": "rad/s", "position": "rad",
+    "no force": "N", "centre of pressure": "mm", "friction": "N", "torque": "N m",
+}  # fmt: skip
+KINDS = tuple(UNITS)
+#: Those of the forces that a motion asks for, which are less where it is slower.
+FORCES = frozenset(KINDS[KINDS.index("no force") :])
+#: Of the base's rows the forces, and the moments over a lever [m]; how much more they count than others.
+LEVER = 0.1
+LEVERS = np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
+_BASE = 30.0
+#: A slack [share] that is rounding, and the share of the forces' cost beside that of slacks.
+_ROUNDING, _SHARE = 1e-3, 1e-6
+#: The base's rows always give a little where others give: this slack is a hundredth of the weight.
+_MISSING = 0.01 * _BASE
+#: A centre of pressure is told for at least this share of the weight: without a load it is anywhere.
+_LIGHT = 0.05
 #: What is no fault yet: a step of one frame beyond its neighbours [rad], slip, depth, and height of what holds [m],
 #: speed [rad/s] and position [rad] beyond a limit.
 _JUMP, _SLIP, _DEPTH, _GAP, _SPEED, _POSITION = np.deg2rad(4.0), 5e-3, 3e-3, 10e-3, 1e-3, 1e-3
 #: Steps around a jump are smaller than this share of it.
 _ALONE = 0.4
+#: A kind of fault, the parts it is looked for in, amounts (N, parts), and what is none yet.
+_Told = tuple[str, Sequence[str], Mat, float]
+
+
+class Fault(NamedTuple):
+    """What is impossible in a frame: its ``kind``, the ``part`` (a joint, a contact, two links), and by how much, in
+    the unit ``UNITS[kind]`` beyond the limit.
+
+    Example:
+        >>> from wbc.motion import Fault
+        >>> print(Fault("torque", "left_knee", 12.34))
+        torque of left_knee, 12.3 N m
+    """
+
+    kind: str
+    part: str
+    amount: float
+
+    def __str__(self) -> str:
+        return f"{self.kind}{f' of {self.part}' if self.part else ''}, {self.amount:.3g} {UNITS[self.kind]}"
+
+
+class Verdict(NamedTuple):
+    """Of a frame: the ``faults``, what causes others first; none where forces and torques for it exist, with proof.
+
+    Example:
+        >>> from wbc.motion import Fault, Verdict
+        >>> Verdict().certified, Verdict((Fault("slip", "left_sole", 30.0),)).certified
+        (True, False)
+    """
+
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def certified(self) -> bool:
+        """Whether nothing is impossible about it."""
+        return not self.faults
+
+    def __str__(self) -> str:
+        return "; ".join(map(str, self.faults)) or "certified"
+
+
+def lacking(robot: PinocchioModel, state: Any, a: Vec, contacts: Sequence[Contact]) -> tuple[list[Fault], Vec]:
+    """What is impossible about the acceleration a (nv,) in a state with these contacts; nothing, with proof, if [].
+
+    Beside it the wrenches of the contacts, one behind the other, that give the acceleration or come nearest to it.
+    In the air nothing can be chosen.
+
+    Source: the conditions are those of inverse dynamics with contacts, as in Herzog et al., Autonomous Robots 2016;
+    slacks of least norm as in Chinneck, Feasibility and Infeasibility in Optimization, 2008.
+    """
+    weight, tau_max, needed = robot.weight, robot.limits.tau_max, state.M @ a + state.h
+    missing = Fault("no force", "", float(np.linalg.norm(needed[:3])))
+    if not contacts:
+        found = [missing] * bool(np.abs(needed[:6]).max() > _ROUNDING * weight)
+        over = zip(robot.joint_names, (np.abs(needed[6:]) - tau_max).tolist(), strict=True)
+        return found + [Fault("torque", joint, amount) for joint, amount in over if amount > 0.0], np.zeros(0)
+    J = np.vstack([contact.rows(state).J for contact in contacts])
+    n, units = len(J), weight / _BASE * LEVERS
+    sizes = np.where(np.isfinite(tau_max) & (tau_max > 0.0), tau_max, 1.0)
+    rows = [Fault(missing.kind, "", weight / _BASE)] * 6  # what a slack of 1 in a row means
+    for frame, (label, unit) in ((one.frame, row) for one in contacts for row in one.cone_labels()):
+        kind = "centre of pressure" if label.lstrip("-")[:2] in ("mx", "my") else "friction"
+        rows.append(Fault(kind, frame, weight * (LEVER if unit == "N m" else 1.0)))
+    rows += [Fault("torque", *one) for one in zip(robot.joint_names, sizes.tolist(), strict=True)]
+    (cone, normals), limit, tau = cones(contacts, lever=LEVER), tau_max / sizes, needed[6:] / sizes
+    qp = QP(
+        np.eye(n) / weight**2, np.zeros(n), A=J[:, :6].T / units[:, None], b=needed[:6] / units,
+        C=np.vstack([cone / weight, -J[:, 6:].T / sizes[:, None]]),
+        cl=np.concatenate([np.full(len(cone), -np.inf), -limit - tau]),
+        cu=np.concatenate([np.zeros(len(cone)), limit - tau]),
+    )  # fmt: skip
+    if (possible := solve(qp)).status is Status.SOLVED:
+        return [], possible.x
+    gives = np.delete(np.arange(len(qp.lower)), np.arange(6, 6 + len(contacts)))
+    answer = solve(relaxed(qp, gives, share=_SHARE))
+    if answer.status is not Status.SOLVED:
+        return [missing], np.zeros(n)
+    loads = dict(zip((contact.frame for contact in contacts), answer.x[normals].tolist(), strict=True))
+    slacks, worst = np.abs(answer.x[n:]), dict[tuple[str, str], float]()
+    slacks[0] = np.linalg.norm(slacks[:3])
+    none = np.repeat([_MISSING, _ROUNDING], [6, len(slacks) - 6])
+    for i in np.flatnonzero(slacks > np.minimum(none, 0.5 * slacks.max())):
+        kind, part, amount = rows[i]
+        if kind == "centre of pressure":
+            amount *= 1e3 / max(loads[part], _LIGHT * weight)
+        worst[kind, part] = max(worst.get((kind, part), 0.0), amount * float(slacks[i]))
+    return [Fault(*what, amount) for what, amount in worst.items()], answer.x[:n]
 
 
 @final
@@ -55,10 +172,14 @@ class Witness:
         holds = {part: checks.array(f"holds[{part}]", holds.get(part), (len(q),)) > 0.5 for part in self._contacts}
         found: list[list[Fault]] = [[] for _ in q]
         v, a, steps = velocities(self._robot, q, rate)
-        self._joints(found, q, np.abs(steps[:, 6:]), rate)
+        told = self._of_joints(q[:, 7:], np.abs(steps[:, 6:]), rate)
         frames = {part: contact.frame for part, contact in self._contacts.items()}
         for part, (positions, rotations) in placed(self._robot, q, frames).items():
-            _contact(found, frames[part], lowest(self._robot, frames[part], positions, rotations), holds[part])
+            foot = self._robot.feet.get(frames[part], Foot(frames[part], "point", 0.0))
+            told += _of_contact(frames[part], foot.lowest_in_world(positions, rotations), holds[part])
+        for kind, parts, amounts, most in told:
+            for k, j in np.argwhere(amounts > most):
+                found[k].append(Fault(kind, parts[j], float(amounts[k, j])))
         for k, faults in enumerate(found):
             self._state.update(0.0, q[k], v[k])
             for one, other, distance in self._apart.closest(self._state)[:1] if self._apart is not None else ():
@@ -70,30 +191,25 @@ class Witness:
             progress((k + 1) / len(found))
         return [Verdict(tuple(sorted(faults, key=lambda fault: KINDS.index(fault.kind)))) for faults in found]
 
-    def _joints(self, found: list[list[Fault]], q: Mat, steps: Mat, rate: float) -> None:
-        limits, names, joints = self._robot.limits, self._robot.joint_names, q[:, 7:]
+    def _of_joints(self, joints: Mat, steps: Mat, rate: float) -> list[_Told]:
+        limits, names = self._robot.limits, self._robot.joint_names
         alone, first = _alone(steps), np.zeros((1, len(names)))
         fast = np.where(alone > _JUMP, 0.0, steps * rate - limits.v_max)
-        _tell(found, "position", names, np.maximum(limits.q_min - joints, joints - limits.q_max), _POSITION)
-        _tell(found, "jump", names, np.rad2deg(np.vstack([first, alone])), np.rad2deg(_JUMP))
-        _tell(found, "speed", names, np.vstack([first, fast]), _SPEED)
+        return [
+            ("position", names, np.maximum(limits.q_min - joints, joints - limits.q_max), _POSITION),
+            ("jump", names, np.rad2deg(np.vstack([first, alone])), np.rad2deg(_JUMP)),
+            ("speed", names, np.vstack([first, fast]), _SPEED),
+        ]
 
 
-def _tell(found: list[list[Fault]], kind: str, parts: Sequence[str], amounts: Mat, most: float) -> None:
-    """Amounts (N, parts) of a fault beyond what is none yet."""
-    for k, j in np.argwhere(amounts > most):
-        found[k].append(Fault(kind, parts[j], float(amounts[k, j])))
-
-
-def _contact(found: list[list[Fault]], frame: str, points: Vec, held: Flags) -> None:
+def _of_contact(frame: str, points: Vec, held: Flags) -> list[_Told]:
     """Depth always; slip and height while the contact holds."""
     low, high, middle = points[:, :, 2].min(axis=1), points[:, :, 2].max(axis=1), points.mean(axis=1)[:, :2]
     off = np.zeros(len(points))
     for start, stop in spans(held):
         off[start:stop] = np.linalg.norm(middle[start:stop] - np.median(middle[start:stop], axis=0), axis=1)
     of_kind = {"penetration": (-low, _DEPTH), "slip": (off, _SLIP), "gap": (np.where(held, high, 0.0), _GAP)}
-    for kind, (amounts, most) in of_kind.items():
-        _tell(found, kind, [frame], 1e3 * amounts[:, None], 1e3 * most)
+    return [(kind, [frame], 1e3 * amounts[:, None], 1e3 * most) for kind, (amounts, most) in of_kind.items()]
 
 
 def _alone(size: Mat) -> Mat:

@@ -94,10 +94,21 @@ def pushes(run: Run) -> list[tuple[float, float]]:
 
 def intervals(run: Run, mask: Mask) -> list[tuple[float, float]]:
     """Intervals (start, end) [s] of the rows ``mask`` (N,)."""
-    on = np.concatenate([[False], mask, [False]])
-    edges = np.flatnonzero(on[1:] != on[:-1])
     t = np.append(times(run), seconds(run))
-    return [(float(t[i]), float(t[j])) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+    return [(float(t[i]), float(t[j])) for i, j in spans(mask)]
+
+
+def spans(mask: Mask) -> list[tuple[int, int]]:
+    """First row and row after the last of every run of rows of ``mask`` (N,).
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.report.measure import spans
+        >>> spans(np.array([1, 1, 0, 1], dtype=bool))
+        [(0, 2), (3, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def standing(run: Run) -> dict[str, Mask]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from wbc.models.along import placed
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.types import Index, Mat, Vec
@@ -66,7 +67,7 @@ def motion(
     state, rest = robot.state(), np.zeros(robot.nv)
     standing = {obstacle.name: obstacle for obstacle in obstacles}
     wanted = [link for link in links if link not in standing]
-    places = {link: (np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))) for link in wanted}
+    places = placed(robot, q[rows], {link: link for link in wanted})
     contacts = _contacts(run, robot)
     forces = np.zeros((len(rows), len(contacts), 2, 3))
     both = all(column.startswith("plant.") and column.removeprefix("plant.") in run for _, column in contacts)
@@ -78,12 +79,9 @@ def motion(
     support: list[Mat | None] = []
     carrying, told = measure.standing(run), np.asarray(run["q"], dtype=np.float64)
     pushes, pushed, longest = np.zeros((len(rows), 2, 3)), _pushed_frame(run, robot), _largest_push(run)
-    per_newton = WEIGHT_LENGTH / max(robot.mass * float(np.linalg.norm(robot.gravity)), 1e-9)
+    per_newton = WEIGHT_LENGTH / max(robot.weight, 1e-9)
     for i, row in enumerate(rows):
         state.update(0.0, q[row], rest)
-        for link, (position, rotation) in places.items():
-            frame = state.frame(link)
-            position[i], rotation[i] = frame.position, frame.rotation
         for k, (point, column) in enumerate(contacts):
             tip = point.at(state)
             forces[i, k] = tip - per_newton * np.nan_to_num(run[column][row, :3]), tip

@@ -136,7 +136,7 @@ class BaseEstimator:
         self.robot, self.noise = robot, checks.instance("noise", noise, ImuNoise, "an ImuNoise")
         flex2 = checks.number("flex", flex, low=0.0, strict=True) ** 2
         base, joints = checks.pair("agility", agility, "base, joints")
-        weight = robot.mass * float(np.linalg.norm(robot.gravity))
+        weight = robot.weight
         gate = checks.number("gate", gate, low=0.0, high=1.0)
         self._tilt2 = checks.number("tilt", tilt, low=0.0) ** 2
         self._speed2 = checks.number("speed", speed, low=0.0) ** 2

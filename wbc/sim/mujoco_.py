@@ -112,7 +112,7 @@ class MujocoPlant(Plant):
         self.agreement = check_agreement(robot, self.physics, self._bridge)
         self.data = self._mj.MjData(self.physics)
         self._masses = _Masses(self._mj, self.physics)
-        self._contacts = ContactTruth(self.physics, self.feet, robot.mass * float(np.linalg.norm(robot.gravity)))
+        self._contacts = ContactTruth(self.physics, self.feet, robot.weight)
         self._pushes: list[tuple[int, Vec]] = []
         self._damping = self.physics.dof_damping.copy()
         self.reset(robot.q0)
@@ -150,7 +150,7 @@ class MujocoPlant(Plant):
             InvalidInput: as :meth:`on_floor`.
         """
         q = self.on_floor(q)
-        touching, weight = q[2], self.model.mass * float(np.linalg.norm(self.model.gravity))
+        touching, weight = q[2], self.model.weight
         sunk, above = touching - MOST_SINKING, touching
         for _ in range(50):  # halves of 2 cm down to rounding
             q[2] = 0.5 * (sunk + above)

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self, final
 
 import numpy as np
 import pinocchio
+from scipy.linalg import block_diag
 
 from wbc import checks
 from wbc.errors import InvalidInput
@@ -17,7 +18,7 @@ from wbc.models.model import RobotModel, RobotState
 from wbc.stack.member import Member
 from wbc.stack.task_rows import TaskRows
 from wbc.stack.tracking import pose_target
-from wbc.types import Mat, Vec
+from wbc.types import Index, Mat, Vec
 
 #: What the entries of a motion, and of a wrench, are called.
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -231,6 +232,26 @@ def keys(contacts: Sequence[Contact]) -> Iterator[tuple[str, str]]:
         yield contact.name, contact.name
         if frames[contact.frame] == 1:
             yield contact.frame, contact.name
+
+
+def cones(contacts: Sequence[Contact], *, lever: float = 1.0) -> tuple[Mat, Index]:
+    """K (m, n) with K f <= 0 for the wrenches f (n,) of contacts, one behind the other, and which of f are normal.
+
+    First a row for each contact, which presses, then the rows of all cones. Those of moments are divided by ``lever``
+    [m], and so are forces [N].
+
+    Example:
+        >>> import wbc
+        >>> from wbc.stack.contact import cones
+        >>> from wbc.tasks import feet
+        >>> K, normals = cones(feet(wbc.load("humanoid", base="floating")))
+        >>> K.shape[1], normals
+        (12, array([2, 8]))
+    """
+    levers = [[[lever if unit == "N m" else 1.0] for _, unit in contact.cone_labels()] for contact in contacts]
+    cone = block_diag(*(contact.cone() / scale for contact, scale in zip(contacts, levers, strict=True)))
+    normals = np.cumsum([0, *(contact.dim for contact in contacts[:-1])]) + 2
+    return np.vstack([-np.eye(cone.shape[1])[normals], cone]), normals
 
 
 def _is_position(value: Any) -> bool:

@@ -12,7 +12,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.errors import InvalidInput, InvalidProblem
-from wbc.npz import read_json, read_npz
+from wbc.npz import read_json, read_npz, write_npz
 from wbc.qp.problem import QP, Objective, Row
 from wbc.types import Vec
 
@@ -68,8 +68,7 @@ class ProblemSet:
         about = {key: value for key, value in self.about().items() if key != "shapes"}
         about["rows"] = _folded([[list(row) for row in qp.rows] for qp in self.qps])
         about["tasks"] = _folded([[[task.name, task.unit] for task in qp.tasks] for qp in self.qps])
-        with path.open("wb") as file:
-            np.savez_compressed(file, about=np.array(json.dumps(about)), **arrays)
+        write_npz(path, about=np.array(json.dumps(about)), **arrays)
 
     @classmethod
     def load(cls, path: Path) -> ProblemSet:
