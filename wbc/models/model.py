@@ -27,8 +27,7 @@ from wbc.types import Mat, Vec
 _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 #: What a state without drifts says of them.
-_NO_DRIFT = np.full(6, np.nan)
-_NO_DRIFT.flags.writeable = False
+_NO_DRIFT = frozen(np.full(6, np.nan))
 _NO_MOTION = SimpleNamespace(vector=_NO_DRIFT, linear=_NO_DRIFT[:3], angular=_NO_DRIFT[3:])
 #: Frames that Pinocchio adds and no description has.
 _INTERNAL = {"universe", "root_joint"}
@@ -106,8 +105,7 @@ class RobotModel(Known):
         return tuple(["the base"] * bool((found < self.nb).any()) + joints)
 
     def random_configuration(self, rng: np.random.Generator) -> Vec:
-        """A configuration inside the joint limits (±π or ±1 m where there are none); floating base: any orientation,
-        position within 1 m."""
+        """A configuration inside the joint limits, or ±π and ±1 m; a floating base is within 1 m, turned anyhow."""
         low, high = finite_interval(self.limits, np.array([np.pi if u == "rad" else 1.0 for u in self.joint_units]))
         q = np.concatenate([np.zeros(self.nq - self.nj), rng.uniform(low, high)])
         if self.nb:
@@ -184,9 +182,7 @@ class RobotState(Known):
     data: Any
 
     def __init__(self, model: RobotModel, *, drifts: bool = True) -> None:
-        self.model = model
-        self.drifts = drifts
-        self.t = 0.0
+        self.model, self.drifts, self.t = model, drifts, 0.0
         self._q, self._v = np.array(model.q0), np.zeros(model.nv)
         self._q_shape, self._v_shape = self._q.shape, self._v.shape
         self.q, self.v = view(self._q, self._q), view(self._v, self._v)
