@@ -183,6 +183,8 @@ def page(found: Retargeted) -> doc.Report:
     moments = motion.section(_result(found))
     sections = [_verdicts(found), *([moments] if moments else []), _impossible(runs), _distances(runs)]
     seen = scene({name: _result(one, with_person=one is found) for name, one in runs.items()})
+    if seen is not None:
+        seen = replace(seen, caption=f"Beside the robot the person, at its size. {seen.caption}")
     return doc.Report(f"{found.motion.name} · {found.robot.name}", f"{said}.", good, sections, tiles, clock, seen)
 
 
@@ -238,7 +240,7 @@ def _distances(runs: dict[str, Retargeted]) -> doc.Section:
     title, times = "Largest distance of a part from the scaled person", next(iter(runs.values())).times
     plot = doc.Plot(_DISTANCE, title, "mm", times, curves, zero=True)
     rows: list[list[doc.Cell]] = [
-        [part.replace("_", " "), float(np.median(d)), float(d.max())] for part, d in far[0].items()
+        [part.replace("_", " "), *np.round([np.median(d), d.max()], 2).tolist()] for part, d in far[0].items()
     ]
     told = doc.Table(("part", "median", "largest"), rows, "Distance of each part from the scaled person [mm].")
     return doc.Section("Distance to the person", [plot, told])
