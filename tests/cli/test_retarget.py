@@ -52,7 +52,7 @@ def test_the_command_writes_page_and_motion_and_says_the_share(wbc, tmp_path):
     answer = wbc("retarget", "squat", "--out", "out")
     assert answer.code == 0 and "100.0 % of 240 frames of squat certified for humanoid" in answer.out
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "report.html", "report.md", "motion.npz", "motion.csv", "run.npz", "meta.json"
+        "report.html", "report.md", "figures", "motion.npz", "motion.csv", "run.npz", "meta.json"
     }  # fmt: skip
     run = Run.load(tmp_path / "out")  # `wbc export` draws it, and `wbc index` knows that it passed
     assert named(run).name == "humanoid" and run.rows == 240 and run.meta["judged"]["ok"] is True
