@@ -258,7 +258,7 @@ def test_bounds_may_be_replaced_between_ticks_and_come_back():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("torque", -1, 1), "no bounds on 'torque'; there are: position, velocity, acceleration"),
+        (("torque", -1, 1), "quantity is 'torque'; it must be one of position, velocity, acceleration, jerk"),
         (("velocity", 1, 2), "must be allowed a velocity of 0, not \\[1, 2\\]"),
         (("position", 2, 1), "is left no position: lower 2 > upper 1"),
         (("position", np.nan, 1), "lower"),

@@ -29,6 +29,7 @@ from wbc.compiled import part
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
+    DEPENDENT,
     FIRST,
     FREE,
     HARDLY,
@@ -52,7 +53,7 @@ from wbc.qp.lexicographic.compiled.space import (
 from wbc.qp.rows.compiled.equality import reduced
 from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, times
 from wbc.qp.rows.compiled.work import place_of, views
-from wbc.tolerances import CANCELS, NOISE, ROUNDING, SHARP
+from wbc.tolerances import CANCELS, ROUNDING, SHARP
 
 #: Newton steps on the last level.
 _REFINED = 3
@@ -66,10 +67,11 @@ def read_level(at: int) -> None:
     n, first, own = w.sizes[N], w.sizes[FIRST], w.sizes[OWN]
     for i in range(w.sizes[ROWS]):
         whole = gradient_of_own(at, i)
-        weight = w.weigh[i] if in_space(at, w.W[i]) > left_by_rounding(w, whole) else 0.0
+        length, rounding = in_space(at, w.W[i]), left_by_rounding(w, whole)
+        weight = w.weigh[i] if length > max(DEPENDENT * whole, rounding) else 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
-        w.noise[1 + i] = w.noise[0] * (NOISE / ROUNDING) * whole * weight
+        w.noise[1 + i] = rounding * weight
         if i < own:
             reduced(s, s.G[first + i], w.g)
             w.a[i] = w.weigh[i] * (dot(w.g, w.y0, n) + w.g[n])

@@ -72,6 +72,7 @@ class Space(NamedTuple):
     H: Annotated[Mat, "n, n"]
     C: Annotated[Mat, "l, n"]  # rows that narrow the space
     doubt: Annotated[Vec, "n"]  # 1 for a column that is not free, but hardly
+    blur: Annotated[Vec, "n"]  # what rounding leaves in the space of a row along a column that is not free, as a share
     E: Annotated[Mat, "m - n, n"]  # range rows in √D y with the base eliminated
     whole: Annotated[Vec, "m"]  # lengths of the items there
     R: Annotated[Mat, "m, n"]  # items in z, of which ``span`` says where they are written
@@ -251,11 +252,18 @@ def in_space(at: int, out: Vec) -> float:
 
 @small_kernel
 def left_by_rounding(w: Space, whole: float) -> float:
-    """What rounding can leave in the space of a row of this length that rows which hold take whole.
+    """What rounding can leave in the space of the row in ``g``, of this length, that rows which hold take whole.
 
-    The space is known the less well the more nearly those rows depend on one another.
+    A column is known the less well the more nearly the row that it was made of depended on those before.
     """
-    return float(max(DEPENDENT, w.noise[0] * (NOISE / ROUNDING)) * whole)
+    square = (NOISE * whole) ** 2
+    for j in range(w.sizes[FREE]):
+        if w.blur[j] > DEPENDENT:
+            along = 0.0
+            for i in range(w.sizes[N]):
+                along += w.V[i, j] * w.g[i]
+            square += (w.blur[j] * along) ** 2
+    return sqrt(square)
 
 
 @part
@@ -265,7 +273,7 @@ def item_in_space(at: int, item: int) -> float:
     if w.span[item] < 0.0:
         gradient_of_item(w, item)
         w.span[item] = in_space(at, w.R[item])
-        if w.span[item] <= left_by_rounding(w, w.whole[item]):
+        if w.span[item] <= max(DEPENDENT * w.whole[item], left_by_rounding(w, w.whole[item])):
             w.span[item] = 0.0
             for c in range(w.sizes[N] - w.sizes[FREE]):
                 w.R[item, c] = 0.0
@@ -302,8 +310,7 @@ def narrow(at: int, m: int, tolerance: float) -> int:
     rank = triangular(at, w.C, m, 0, n - free, w.size, w.order, tolerance)
     for k in range(rank):
         w.doubt[free + k] = 1.0 if w.pivot[k] <= w.noise[0] else 0.0
-    for k in range(rank):
-        w.noise[0] = max(w.noise[0], ROUNDING / w.pivot[k])
+        w.blur[free + k] = NOISE / w.pivot[k]
     for i in range(n):
         row = w.V[i, free:]
         for k in range(rank):
@@ -357,6 +364,7 @@ def open_space(at: int, first: int) -> float:
             w.C[i, c] = w.g[c]
     rank = narrow(at, m, DEPENDENT)
     for i in range(rank):
+        w.noise[0] = max(w.noise[0], ROUNDING / w.pivot[i])
         w.z[i] = (-w.rho[w.order[i]] - dot(w.C[i], w.z, i)) / w.C[i, i]
     for i in range(n):
         w.y0[i] += w.root[i] * dot(w.V[i], w.z, rank)
