@@ -11,9 +11,9 @@ point of the least is as good, and the levels below choose among them. What held
     Rᵀ λ = −W_Bᵀ (W z + a) [ − (z − c)_B ]
 
 A held item holds the level back where its push is more than rounding can make of it. The bound on the rounding goes
-through the same substitution as the push: it begins as the share that rounding has of a row in this space, times the
-whole lengths of the rows that the gradient is made of, and grows where R is nearly singular. A smaller push says
-nothing: where levels below want to move the item, they may, and this level loses no more than rounding.
+through the same substitution as the push: it begins as the share that rounding has of a row in this space, times what
+the gradient is made of, and grows where R is nearly singular. A smaller push says nothing: where levels below want to
+move the item, they may, and this level loses no more than rounding.
 
 Which items are held says :mod:`~wbc.qp.lexicographic.compiled.search`.
 
@@ -100,7 +100,7 @@ def hold_items(at: int, d: int) -> int:
         w.push[item] = w.wrong[item] = 0.0
         if w.side[item] != 0.0:
             reach = item_in_space(at, item)
-            if reach == 0.0:
+            if not reach > 0.0:
                 w.side[item], w.idle[item] = 0.0, 1.0
                 continue
             for c in range(d):
@@ -235,16 +235,15 @@ def hold(at: int) -> None:
             far += (w.t[c] - w.step[c]) ** 2
     else:
         reduce(at, rank, d)
-    worst, square, rough = 0.0, 0.0, 0.0
+    worst, square = 0.0, 0.0
     for i in range(k):
         worst = max(worst, abs(w.missing[i]))
         square += w.missing[i] * w.missing[i]
-        rough += w.noise[1 + i] ** 2
     pull = sqrt(size * square) + sqrt(far)
     made_of = pull + sqrt(size) * (sqrt(dot(w.a, w.a, k)) + sqrt(size * dot(w.t, w.t, d)))
     counts = w.sizes[LAST] != 0 or worst > SHARP
     for i in range(rank - 1, -1, -1):
-        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, w.noise[0] * made_of + sqrt(rough * square)
+        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, w.noise[0] * made_of
         for row in range(k):
             force -= w.A[row, i] * w.missing[row]
         for j in range(i + 1, rank):
