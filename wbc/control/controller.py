@@ -138,13 +138,9 @@ class Controller(Solving):
     def replace(self, stack: Stack) -> None:
         """Replace the stack from the next tick on; call it between ticks.
 
-        The stack is compiled here: some milliseconds on a humanoid, so call it where there is time. What both stacks
-        have goes on: components that are the same objects keep what they remember, contacts of the same name and frame
-        stay where they were made, limits on jerk count from the last acceleration, tasks of the same names that were
-        not met damp the joints on, and the active set is guessed from rows of the same names. All else starts as in a
-        first tick. The command changes from one tick to the next by no more than the limits of the new stack allow:
-        limits on acceleration, or on jerk, make it continuous. A tick that fails before one was solved holds no command
-        of the stack before, it brakes.
+        This compiles the stack, which takes some milliseconds for a humanoid. docs/changing.md says what continues from
+        the old stack and what starts anew. If a tick fails before one of the new stack was solved, the controller
+        brakes; it does not hold a command of the old stack.
 
         Raises:
             InvalidInput, NotSupported, UnknownFrame, Infeasible: as when a controller is made; then this one goes on

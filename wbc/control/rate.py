@@ -37,8 +37,8 @@ _SPARE, _LAST = 1.25, 16
 class Rate:
     """Sleeps until the next period begins.
 
-    Statistics are of the last 10 000 periods, counts and ``worst`` of all. What the system can keep is its own matter:
-    a desktop wakes a process tens of microseconds late, and sometimes milliseconds.
+    Statistics are of the last 10 000 periods, counts and ``worst`` of all. The operating system decides how even the
+    periods are: a desktop wakes a process tens of microseconds late, and sometimes milliseconds.
 
     Args:
         dt: period [s].

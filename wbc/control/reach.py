@@ -68,7 +68,7 @@ def reach(
     subject_to: Iterable[Any] | None = None, start: Any = None, attempts: int = 30, seed: int = 0,
     steps: int = 100, tolerance: float = 1e-5,
 ) -> Reached:  # fmt: skip
-    """A configuration that meets the tasks of the first level; tasks of lower levels choose among those there are.
+    """Find a configuration that meets the tasks of the first level; lower levels choose among such configurations.
 
     Gauss-Newton steps, min ½ Σ w ‖J δ − e‖² under the constraints, each joint moved by 0.5 rad (m) at most, until the
     errors are within ``tolerance``. Where the steps end elsewhere, it starts again from joint positions drawn within

@@ -234,7 +234,7 @@ class Recorder:
     rows than ``capacity`` are kept too, in further memory of that size; ``grown`` counts how often. Memory is set aside
     without being written, and no row is ever moved, so that a loop in real time has no long tick for it.
 
-    In a loop of one's own :meth:`tick` takes the place of the controller's: it times the tick and writes it down, and
+    In a loop of your own call :meth:`tick` instead of the controller's: it times the tick and records it.
     :func:`wbc.report.save_report` makes a report of the run.
 
     Example:
@@ -273,10 +273,10 @@ class Recorder:
         self._ticks: Ticks | None = None
 
     def tick(self, controller: Controller | Setpoint, t: float, q: Vec, v: Vec, **more: float | Vec) -> Command:
-        """``controller.tick(t, q, v)``, timed, and a row of what it was told and decided; the command is handed on.
+        """Call ``controller.tick(t, q, v)``, time it, record its arguments and its command, and return the command.
 
-        The first tick decides which controller this is a record of, and, with its stack, which columns there are: of a
-        stack that replaced it, only the columns of these names. ``more`` are columns of one's own.
+        The first tick fixes the controller and, by its stack, the columns. If another stack replaces this one, only
+        columns of these names are recorded. ``more`` are columns of your own.
 
         Raises:
             InvalidInput: another controller than before, or q or v of another shape.
@@ -343,7 +343,7 @@ class Recorder:
     def run(self, meta: Mapping[str, Any] | None = None) -> Run:
         """The rows so far as a :class:`Run`; the recorder may go on.
 
-        ``meta`` is added to what :meth:`tick` knows of its controller, and wins.
+        ``meta`` is added to the metadata of the controller, and overrides it.
         """
         n = self.rows
         begun = n - len(self._full) * self.capacity

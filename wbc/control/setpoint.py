@@ -37,10 +37,9 @@ FEEDBACK = ("measured", "commanded")
 class Setpoint:
     """Runs a controller on the measured state, or on the one it commanded itself.
 
-    ``q`` (nq,) and ``v`` (nv,) are the setpoint, joints last: what to send after a tick. NaN before the first tick
-    whose measurement can be believed, which is where a setpoint begins. ``drift`` (nv,) [m, rad] is by how much the
-    setpoint was ahead of the last such measurement, before it was limited; ``dragged`` counts the ticks that limited
-    it.
+    ``q`` (nq,) and ``v`` (nv,) are the setpoint, joints last: what to send after a tick. Both are NaN before the first
+    valid measurement, at which the setpoint starts. ``drift`` (nv,) [m, rad] is by how much the setpoint was ahead of
+    the last such measurement, before it was limited; ``dragged`` counts the ticks that limited it.
 
     A floating base is part of the state: with "commanded" it is integrated like the joints, and what the estimator
     says of it only bounds the drift. Where it drags the base, feet move with it in the setpoint, and their contacts

@@ -52,7 +52,7 @@ def load(
     robot_descriptions has them. A model in memory is read once: what is changed in it later changes no robot.
 
     Our own robots are "arm", "quadruped" and "humanoid"; "panda", "go2", "g1", "talos" and others need the package
-    example-robot-data. ``base`` is what moves with the robot's first link: nothing ("fixed", the default for arms and
+    example-robot-data. ``base`` says how the robot's first link moves: not at all ("fixed", the default for arms and
     files), six velocities ("floating", the default for robots with legs and for an MJCF body with a free joint), or
     ("planar") three joints ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad] without limits.
 
@@ -66,7 +66,7 @@ def load(
 
     ``q0``: the reference configuration: one of these names, positions by joint (the other joints at rest), or all of it
     (nq,). Default, where the base floats: the one called half_sitting, standing, stand, home or default. The base is
-    put where the lowest foot touches z = 0, unless all of ``q0`` is given. What was guessed is said in one warning,
+    put where the lowest foot touches z = 0, unless all of ``q0`` is given. One warning lists what was guessed:
     :class:`~wbc.models.feet.Guessed`.
 
     MJCF (root element ``<mujoco>``) is compiled by MuJoCo, the extra ``sim``, after the checks that URDF passes: trees

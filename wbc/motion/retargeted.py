@@ -165,7 +165,7 @@ class Retargeted:
 
 
 def page(found: Retargeted) -> doc.Report:
-    """Everything worth saying about a retargeted motion."""
+    """The report of a retargeted motion as data."""
     rate, good = found.rate, found.certified == 1.0
     told = {kind: when for kind, when in _intervals(found).items() if kind in KINDS}
     events = [doc.Event(*when, kind, "failed", _STRIPS) for kind, moments in told.items() for when in moments][:100]

@@ -11,7 +11,7 @@ __all__ = ["QP", "Certificate", "Objective", "Row", "Session", "Shape", "Solutio
 
 
 def solve(qp: QP, solver: str | Solver = "pdas") -> Solution:
-    """Solve one QP. For a sequence of problems open a session instead: it remembers.
+    """Solve one QP. For a sequence of problems open a session instead: it starts warm.
 
     Args:
         qp: the problem.

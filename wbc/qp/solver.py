@@ -29,7 +29,7 @@ _NEAR = 1e-2
 
 
 class Session(ABC):
-    """Memory of one solver for QPs of one shape: workspace and warm start. ``counts`` is kept by those that guess."""
+    """Memory of one solver for QPs of one shape: workspace, warm start, and ``counts`` of guesses, where it guesses."""
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         self.solver = solver
@@ -81,7 +81,7 @@ class Session(ABC):
         """Forget the warm start."""
 
     def unguarded(self, qp: QP) -> Answer:
-        """The back end's own word on a problem that nobody looked at; it may hang or crash. For reports alone."""
+        """The back end's own answer to an unchecked problem; it may hang or crash. For reports alone."""
         return self._solve(qp)
 
     @final

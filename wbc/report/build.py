@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report:
-    """Everything worth saying about a run, as data; :func:`wbc.report.folder.write` writes it down.
+    """The report of a run as data; :func:`wbc.report.folder.write` writes it down.
 
     Raises:
         NotSupported: a package that draws is not installed; the message says what to install.

@@ -6,8 +6,8 @@ Every sample of the sensors does this, with the filter of :mod:`wbc.robots.invar
    angle θ (3,) [rad, world axes] in the sample rolls by r θ × z, with the vertical z; a flat foot does not.
 2. Touching. A foot begins to touch when its normal force has been more than ``make`` for ``settle`` seconds, and ends
    at once when the force is less than ``break_``; both are shares of the robot's weight. Where no sensor in the foot
-   gives the force, it is that which explains the joint torques best, by least squares, nothing accelerating:
-   Jᵀ f = h − τ, with the Jacobian J (6 or 3, nj) of the foot, the bias h (nj,) and the torques τ (nj,) [N m].
+   gives the force, the joint torques do, by least squares and without accelerations: Jᵀ f = h − τ, with the Jacobian J
+   (6 or 3, nj) of the foot, the bias h (nj,) and the torques τ (nj,) [N m].
 3. Slip. r (3m,) [m] are the innovations of the m points of a foot, S their covariance. A foot with
    rᵀ S⁻¹ r > γ has moved: γ is what χ² with 3m degrees of freedom exceeds with probability ``gate``.
 4. Correct by the points of the feet that touched and did not move. Those that just touched or moved stand where the
@@ -82,7 +82,7 @@ class BaseEstimator:
         joint_rate: error of the joint velocities in each sample [rad/s, m/s].
         make, break_, settle: when a foot touches [share of the weight], [s].
         gate: probability at which a foot that stands is taken to slip, in each sample.
-        late: how late samples arrive [s]; what comes back is moved on by that, with the last accelerations.
+        late: how late samples arrive [s]; the result is extrapolated by this time, with the last accelerations.
         tilt, speed: standard deviations of what ``reset`` is told of the lean [rad] and of v [m/s].
 
     Raises:
@@ -270,7 +270,7 @@ class BaseEstimator:
         """Take up a sample and return (q (nq,), v (nv,)) as :meth:`wbc.Controller.tick` takes them.
 
         A sample that is not finite, out of range, of another shape or not later than the one before is left out:
-        ``why`` says so, and the last (q, v) come back. Nothing is raised, and nothing that is returned is not finite.
+        ``why`` says so, and the last (q, v) come back. It raises nothing, and returns finite numbers only.
 
         Args:
             t: time of the sample [s].

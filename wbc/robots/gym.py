@@ -40,7 +40,7 @@ class TargetEnv(gymnasium.Env[Numbers, Numbers]):
         observe: numbers that are observed beside the state, always as many; called with this environment.
         ticks: of the controller in a step.
         duration: of an episode [s].
-        noise: joints begin within so much of q0, uniformly [rad, m].
+        noise: joints start within this distance of q0, uniformly [rad, m].
 
     ``targets`` are the tasks that are steered.
 

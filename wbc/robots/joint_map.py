@@ -36,15 +36,15 @@ class JointMap:
 
     Its functions turn arrays (n,), in the order of ``joints``, into arrays (size,), in the order of ``device``, and
     back. Every slot is named: by ``slots``, the slot of each joint, or by ``idle``, the slots without joint of ours.
-    Both ways are each other's inverse: to the last bit where order and signs are all that differs, within rounding with
-    gears, offsets and degrees. ``index`` (n,) has the place of each joint's slot on the device.
+    Both ways are each other's inverse: to the last bit if only order and signs differ, within rounding with gears,
+    offsets and degrees. ``index`` (n,) has the place of each joint's slot on the device.
 
     Args:
         joints: names of the robot's joints, in the order of our arrays.
         slots: name of the slot of each joint, in the same order.
         device: names of all slots that the device has, in its order.
         sign: +1 or −1; as the other three: one for all joints, (n,), or {joint: value} for those that differ.
-        offset: o [unit of the device]: what the device says where the joint is at 0.
+        offset: o [unit of the device]: the device's value where the joint is at 0.
         gear: g > 0, turns of the device's axis per turn of the joint.
         unit: "rad", "deg" or "m"; a gripper that counts 0 to 100 has "rad", gear and offset.
         idle: names of the slots without joint of ours.

@@ -29,7 +29,7 @@ class RobotKinematics:
         target_frame_name: the frame of the tool.
         joint_names: the order of the joints in arrays; default: the arm's own. Others stay where they are at first.
 
-    ``found`` is what the last inverse kinematics found: ``found.ok`` and ``found.reason`` say whether it is there.
+    ``found`` is the result of the last inverse kinematics: ``found.ok`` and ``found.reason`` say whether it succeeded.
 
     Raises:
         UnknownFrame, UnknownJoint: a name that the arm does not have. InvalidInput: joints that are not angles.

@@ -68,11 +68,11 @@ class Loop:
         controller: a controller or setpoint, with the period of the loop.
         rate: ticks per second; default: the controller's.
         joint_map: which motor drives which joint; default: that of equal names.
-        base: what estimates a floating base.
+        base: the estimator of a floating base.
         kp, kd: gains [N m/rad, N m s/rad] of the motors about the commanded motion, one for all or (nj,). Default: 0
             where the controller decides torques, else those of ``hold``.
         hold: (stiffness, damping) that keep a posture; default: from the torque limits.
-        ramp: time over which the controller comes in, and is let go [s].
+        ramp: time over which the controller takes over, and is released [s].
         at_end: "hold" or "release".
         patience: longest time without a new state [s]; for the first one it is ten times as long.
         guard: whether another process holds the robot when this one dies; needs a port that processes share.
@@ -155,7 +155,7 @@ class Loop:
         before_tick: Callable[[float], None] | None = None,
         out: Place | None = None,
     ) -> Run:
-        """Run for so long, or until Ctrl-C; the record, with ``meta["ended"]`` saying how it ended.
+        """Run for this time, or until Ctrl-C; the record, with ``meta["ended"]`` saying how it ended.
 
         ``before_tick(t)`` is called first in each tick and may assign targets. ``out``: a folder for the record, which
         is written however the run ends.

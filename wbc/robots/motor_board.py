@@ -66,7 +66,7 @@ class MotorBoard:
     """A port (:class:`~wbc.robots.port.Port`) to a plant; its clock is the plant's, which moves while one sleeps.
 
     Args:
-        device: whose frames are spoken.
+        device: the device whose frames it takes and makes.
         plant: takes torques; its step is the period of the motors' law, 1 ms or less.
         joint_map: which motor of the device drives which joint; default: that of equal names.
         delay, state_delay: how late orders and states arrive [s].
@@ -76,8 +76,8 @@ class MotorBoard:
         sensors: noise and biases of joints, torques and IMU; its quaternion is off by ``tilt``. Default: exact ones.
             How late states are is ``state_delay``, not theirs.
         imu: rotation (3, 3) from the axes of the IMU to those of the base.
-        feet: links whose normal forces are what the device's foot sensors say, in its order.
-        mode_machine: what a G1 wants to be echoed.
+        feet: links whose normal forces the device's foot sensors measure, in its order.
+        mode_machine: the value that a G1 expects back in its orders.
         seed: of the noises.
 
     Raises:
@@ -167,11 +167,11 @@ class MotorBoard:
         self._coming.append((self.plant.t + self._delay, frame))
 
     def clock(self) -> float:
-        """The plant's time [s], and what was slept beyond its last whole step."""
+        """The plant's time [s], plus the remainder of the last sleep."""
         return self.plant.t + self._ahead
 
     def sleep(self, seconds: float) -> None:
-        """Let the plant move for so long, in whole steps; what is left over counts next time, within half a step.
+        """Let the plant move for so long, in whole steps; the remainder, at most half a step, is added next time.
 
         Raises:
             SimulationError: the plant diverged.

@@ -48,7 +48,7 @@ class Port(Protocol):
 class Udp:
     """Frames that are bytes, as datagrams: to a :func:`serve` in another process, on this machine or beside it.
 
-    Robots do not speak this; it is for dry runs in which scripts are killed. Raises OSError as sockets do.
+    No robot uses this; it is for dry runs in which scripts are killed. Raises OSError as sockets do.
     """
 
     shared = True

@@ -29,7 +29,7 @@ class Ros2Port:
     A copy in another process, such as a guard's, is a node of its own.
 
     Example:
-        Without ROS, what it needs is said:
+        Without ROS the error says what to install:
 
         >>> from wbc.robots import Ros2Control, Ros2Port
         >>> Ros2Port("effort_controller")
@@ -85,13 +85,13 @@ class Ros2Port:
     clock = staticmethod(time.monotonic)
 
     def sleep(self, seconds: float) -> None:
-        """Take in what comes for so long."""
+        """Receive messages for this time."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def close(self) -> None:
-        """Take the node down."""
+        """Destroy the node."""
         self._executor.shutdown()
         self.node.destroy_node()
 

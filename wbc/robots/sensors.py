@@ -34,7 +34,7 @@ class Sensors:
     ``imu``: its noise and biases. ``joint_position`` [rad, m] and ``joint_velocity`` [rad/s, m/s]: white noise of the
     encoders; ``joint_torque`` [N m, N]: of the torques that motors report. ``delay`` [s], rounded to whole steps.
     ``feet``: what says whether a foot touches, "forces" in it or the joints' "torques", those that were commanded.
-    ``tilt`` [rad]: by how much the robot leans at the start against what the estimator is told.
+    ``tilt`` [rad]: how far the robot leans at the start; the estimator does not know it.
 
     Raises:
         InvalidInput: a negative number, or other ``feet``.
@@ -123,11 +123,11 @@ def felt(before: tuple[Mat, Vec], now: tuple[Mat, Vec], dt: float, gravity: Vec)
 @final
 @dataclass(frozen=True)
 class EstimatedBase(Disturbance):
-    """The controller is told what an estimator makes of ``sensors``; ``seed`` decides their errors.
+    """The controller gets the state that an estimator computes from ``sensors``; ``seed`` decides their errors.
 
     Before the run the robot has stood still for ``still`` [s] on all feet, and the estimator has listened. The rate and
     the specific force that the IMU gives are means over a step, from the plant's own states. The IMU sits at
-    ``imu_frame``; default: the base. The robot is told where its feet stand, and not how it leans; ``floor`` as
+    ``imu_frame``; default: the base. The estimator is given the places of the feet and not the lean; ``floor`` as
     :class:`BaseEstimator` takes it.
 
     Raises:

@@ -227,7 +227,8 @@ class UnitreeG1(_Humanoid):
     """G1 with 29 motors: ``unitree_hg``, 35 slots, ankles in pitch and roll (``mode_pr`` 0). Not tried on hardware.
 
     Release the robot's own controller first (``MotionSwitcherClient.ReleaseMode``): LowState has no position of the
-    base, and two controllers on ``rt/lowcmd`` fight. Where the waist is locked, its roll and pitch are not valid.
+    base, and two controllers on ``rt/lowcmd`` would work against each other. Where the waist is locked, its roll and
+    pitch are not valid.
 
     Example:
         >>> import numpy as np
@@ -248,7 +249,7 @@ class UnitreeG1Arms(_Humanoid):
     """The arms of a G1 that balances on its own: ``rt/arm_sdk``, the weight in slot 29. Not tried on hardware.
 
     The robot's controller keeps the legs; the arms follow by the ``weight`` in [0, 1] of an order, which should rise
-    and fall over seconds: an arm that is dropped falls. ``waist`` adds the three joints of the waist.
+    and fall over seconds: an arm that is released falls. ``waist`` adds the three joints of the waist.
 
     Example:
         >>> from wbc.robots import UnitreeG1Arms

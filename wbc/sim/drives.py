@@ -21,7 +21,7 @@ DAMPING_TIME = 0.05
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PositionDrives:
-    """Drives that hold each joint where it is sent, as a spring and a damper do:
+    """Drives that hold each joint at its commanded position, like a spring and a damper:
 
         τ = K (q* − q) + D (q̇* − q̇) + τ*        cut to the joint's torque limit
 

@@ -53,7 +53,7 @@ class MujocoPlant(Plant):
         settings: how the engine is set.
         sole_geometry: "box", or "spheres": the balls of the robot's description, or one at each corner.
         floor: its height [m].
-        drives: what follows the positions that are commanded; None: torques are what is commanded.
+        drives: they follow the commanded positions; None: the plant takes torques.
 
     Raises:
         SimulationError: mujoco is not installed, cannot build the robot, or is not the same robot as the model.
@@ -235,8 +235,8 @@ class MujocoPlant(Plant):
 
     # ---- what others read
     def wrenches(self) -> Mapping[str, Vec]:
-        """What force sensors in the feet say of the last step, by link: the mean wrench (6,) on the robot, force [N]
-        before moment [N m] about the link's origin at the step's start, world axes; zero before the first step."""
+        """What force sensors in the feet measured in the last step, by link: the mean wrench (6,) on the robot, force
+        [N] before moment [N m] about the link's origin at the step's start, world axes; zero before the first step."""
         return {foot.link: self._contacts.measured[i].copy() for i, foot in enumerate(self.feet)}
 
     def truth(self) -> Mapping[str, Vec | float]:

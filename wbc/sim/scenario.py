@@ -42,7 +42,7 @@ Parameter = bool | int | float | str | tuple[float, ...]
 @final
 class Place(NamedTuple):
     """Where a demand is seen in a run: ``at`` [s] when it was first broken, or came nearest to it; the ``part`` of the
-    robot, such as a joint or a contact; the ``plot`` of the report that shows it. Empty where nobody knows."""
+    robot, such as a joint or a contact; the ``plot`` of the report that shows it. Empty if unknown."""
 
     at: float | None = None
     part: str = ""
@@ -135,7 +135,7 @@ class ScenarioResult:
 class Scenario(ABC):
     """A model, a stack, a plant, disturbances and what counts as success, runnable by name.
 
-    A scenario says three things. ``build(p)`` sets one run up. ``judge(trials, p)`` says what came of it. ``cases(p)``
+    A scenario says three things. ``build(p)`` sets one run up. ``judge(trials, p)`` judges the result. ``cases(p)``
     names the runs, where there are several: each is a set of parameters, with and without something for instance.
 
     ``parameters`` names what ``--set key=value`` may change, with defaults that also give the type; ``plants`` and
@@ -372,7 +372,7 @@ def check_consent(stored: str, given: Iterable[object]) -> None:
 
 
 def absolute(text: str) -> str:
-    """``file.py:name`` with the whole path of the file, for those who stand in another folder; others as they are."""
+    """``file.py:name`` with the whole path of the file, for use from another folder; other names unchanged."""
     place, colon, name = text.rpartition(":")
     return f"{Path(place).resolve()}:{name}" if colon and place.endswith(".py") else text
 
@@ -393,7 +393,7 @@ def _scenario(value: Any) -> Scenario | None:
 
 
 def imported(place: str) -> Any:
-    """Import ``package.module`` from where one stands, or ``some/file.py``; what lies beside it can be imported too."""
+    """Import ``package.module`` from the working folder, or ``some/file.py`` and what it imports from its folder."""
     path = Path(place)
     is_file = path.suffix == ".py"
     if is_file and not path.is_file():

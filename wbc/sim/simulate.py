@@ -45,8 +45,8 @@ def simulate(
 ) -> Run:
     """Let ``controller`` drive ``plant`` from its present state for ``duration`` seconds.
 
-    The controller starts anew; the plant does not: ``plant.reset(q, v)`` is yours to call. A controller decides from
-    the measured state in every tick; a :class:`~wbc.Setpoint` in its place says from which (``run.meta["feedback"]``,
+    The controller starts anew; the plant does not: call ``plant.reset(q, v)`` yourself. A controller decides from the
+    measured state in every tick; a :class:`~wbc.Setpoint` in its place says from which (``run.meta["feedback"]``,
     "measured" or "commanded"). Ticks are timed one by one with one BLAS thread. ``before_tick(t)`` runs first in each
     tick and may assign targets and weights. ``progress(done)`` is called with a number in [0, 1], a hundred times. With
     ``recorder`` False only ``t``, ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop

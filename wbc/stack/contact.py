@@ -60,14 +60,14 @@ class Contact(Member):
     J a + J̇ v = kp e − kd J v keeps it where it was made; Jᵀ f enters the dynamics, so the rows of J are in the
     axes of the contact surface (z the normal), where ``cone`` K f <= 0 is constant. The cost is ½ force_weight ‖f‖².
 
-    ``friction`` µ; ``target`` the pose the contact holds (default: where the frame is when the contact is made);
-    The friction cone is a pyramid of ``sides`` 4 or 8. ``friction_model`` "inner", the default, is inside the circular
+    ``friction`` µ; ``target`` the pose the contact holds (default: where the frame is when the contact is made). The
+    friction cone is a pyramid of ``sides`` 4 or 8. ``friction_model`` "inner", the default, is inside the circular
     cone: |f_x|, |f_y| <= µ/√2 f_z with 4 sides. "outer" is around it: |f_x|, |f_y| <= µ f_z, so that along the diagonal
     it allows forces that slip, 1.41 µ f_z (with 8 sides 1.08 µ f_z). See :class:`~wbc.friction.Pyramid`.
 
-    ``f_min`` <= f_z <= ``f_max`` [N] bound the normal force exactly (None: by nothing but the cone), where dynamics are
-    decided; both may be assigned between ticks. What a component allows, as a schedule that lifts the foot, goes first:
-    ``f_min`` holds no more than that. A wanted force is a task, :class:`~tasks.contact_force.ContactForce`.
+    ``f_min`` <= f_z <= ``f_max`` [N] bound the normal force exactly (None: only the cone bounds it) at the
+    inverse-dynamics level; both may be assigned between ticks. Bounds of a component come first: a schedule that
+    unloads the foot lowers ``f_min`` too. A desired force is a task, :class:`~tasks.contact_force.ContactForce`.
 
     Raises:
         InvalidInput: numbers out of range, ``f_min`` above ``f_max``.
@@ -153,7 +153,7 @@ class Contact(Member):
 
     @property
     def short_name(self) -> str:
-        """Given, or the frame: what stands in brackets in the names of its rows."""
+        """The given name, or the frame: the part in brackets of the names of its rows."""
         return self._name or self.frame
 
     @property

@@ -86,17 +86,17 @@ class _Ranked(Hierarchy):
 class Strict(_Ranked):
     """Strict priorities: a lower level never degrades a higher one.
 
-    Least squares of level 1 under the constraints and contacts; of level 2 among all that keep level 1 at its least;
+    Least squares of level 1 under the constraints and contacts; of level 2 among all that keep level 1 at its minimum;
     and so on. The last level is a weighted sum as under :class:`Weighted`, with postures, forces and regularisation.
-    Weights count within a level. A soft constraint (``limit.softly()``) is an inequality at its level. A level that
-    the tick before left something of is damped (``lm_damping``, :class:`~wbc.stack.damping.Damping`): then its least
-    is that of the tasks with their damping, and the levels below are slowed.
+    Weights count within a level. A soft constraint (``limit.softly()``) is an inequality at its level. A level that had
+    a residual in the tick before is damped (``lm_damping``, :class:`~wbc.stack.damping.Damping`): its minimum is then
+    that of the tasks with their damping, and the levels below are slowed.
 
     While all levels but the last can be met exactly this is one QP. Where one cannot, it and those below it are decided
     one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach are
     "not optimised": they stay where the level above left them. A tick without any strict answer minimises the weighted
-    sum instead ("weighted fallback"). Neither is ``ok``. ``command.levels`` says how each level came out, with a
-    certificate of its own.
+    sum instead ("weighted fallback"). Neither is ``ok``. ``command.levels`` has the result of each level, with its own
+    certificate.
 
     Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011; Escande, Mansard, Wieber, IJRR 33(7), 2014.
 

@@ -102,8 +102,8 @@ def _nothing() -> Mapping[Any, Any]:
 class Overrides:
     """What ``Component.before`` returns. It holds for this tick and is forgotten: nothing has to be undone.
 
-    The plan checks it before anything changes. What is not finite, crossed or of another shape is refused by the
-    component's name; the tick then answers with a bounded fallback command and a status that is not ok.
+    The plan checks it before anything changes. It refuses values that are not finite, cross or have another shape, and
+    names the component; the tick then gives a bounded fallback command with a status that is not ok.
 
     Args:
         torque, position, velocity, acceleration: bounds (lower, upper) [N m or N, rad or m, and per s and s²], a number
@@ -114,8 +114,8 @@ class Overrides:
         inertia: (nv, nv), added to M.
         normal_limits, normal_floors: upper and lower bounds on the normal force [N] of contacts, by name or frame.
             Floors need a schedule in the stack.
-        motors: what motors make of a command, by joint index. Torques are bounded by what commands within the torque
-            limits give, and the command sent is the one that gives the torque decided.
+        motors: the :class:`Motor` of a joint, by joint index. Torque bounds are the torques that commands within the
+            torque limits can give; the command makes the motor deliver the decided torque.
         tasks: settings of members by the member's name: ``{"Posture": {"weight": 0.1, "target": q}}``; of a task
             ``target``, ``weight``, ``active``, ``kp``, ``kd`` and ``rate``.
 

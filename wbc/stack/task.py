@@ -115,7 +115,7 @@ class Task(Objective):
     def within(
         self, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None, name: str | None = None
     ) -> Within:
-        """The same task as an interval: lower <= e <= upper, scalar or (dim,), in the units of e; one number: ±that.
+        """The same task as an interval: lower <= e <= upper, scalar or (dim,), in the units of e; one number is ±.
 
         A control barrier function at every level, for ``subject_to``; ``rate`` and ``slack`` as
         :class:`~wbc.stack.constraint.Barrier` has them, infinite bounds are none. See
@@ -124,7 +124,7 @@ class Task(Objective):
         return Within(self._as_constraint(), lower, upper, rate=rate, slack=slack, name=name)
 
     def scaled(self) -> Self:
-        """The same task done as a whole or in part, never sideways: a copy with ``is_scaled``.
+        """A copy of the task that keeps its direction and is slowed where limits are active (``is_scaled``).
 
         With t what the gains ask for, J x + drift = s t for one s in [0, 1] as near to 1 as can be: where limits bite
         the direction is kept and the size is reduced. The drift J̇ v is never scaled, it is there whatever is asked.

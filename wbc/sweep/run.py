@@ -41,7 +41,7 @@ def sweep(
         out: a folder that does not exist yet, or an older report.
         scheduler: address of a dask scheduler, "tcp://host:8786"; without one, an embedded cluster.
         workers: processes of the embedded cluster; by default one for each core.
-        progress: told how far it is.
+        progress: called with the progress.
 
     Raises:
         InvalidInput: a place that cannot be written, an unfinished sweep there, no scheduler at that address.

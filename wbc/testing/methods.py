@@ -32,9 +32,9 @@ def check_method(method: Method, solvers: Iterable[str | Solver] | None = None) 
     """Closed form and QP of one method agree, and so do the solvers among themselves.
 
     On each solver, by default every installed one, ``method.difference(method.solve(solver), method.closed_form())``
-    must stay below what that solver reaches (``TOLERANCES``), quantity by quantity. A method without a closed form
-    for its options is compared between solvers only: each with the first, in both directions. A solver that gives up
-    (:class:`SolverFailed`) fails the check too: say the problem in a way that it understands, or leave it out.
+    must stay below what that solver reaches (``TOLERANCES``), quantity by quantity. A method without a closed form for
+    its options is compared between solvers only: each with the first, in both directions. A solver that gives up
+    (:class:`SolverFailed`) fails the check too: formulate the problem so that it can solve it, or leave it out.
 
     Raises:
         CheckFailed: the solver, the worst quantity and its difference; or the solver that gave up.

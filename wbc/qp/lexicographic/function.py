@@ -28,16 +28,16 @@ _CORE = "pdas"
 def lexicographic(
     levels: Sequence[tuple[Any, Any, Any]], *, lb: Any = None, ub: Any = None, solver: str | Solver = "pdas"
 ) -> Solution:
-    """Least squares of each level's violation, the first above all others; of all that is left, the least norm.
+    """Minimise the violation of each level in least squares, in order of priority, and last the norm of x.
 
-    With vᵢ(x) the distance of Aᵢ x from [loᵢ, hiᵢ], row by row: ½ ‖v₁‖² first, then ½ ‖v₂‖² among all that keep
-    ‖v₁‖ at its least, and so on; last ½ ‖x‖². The bounds hold above all levels. x is unique.
+    With vᵢ(x) the distance of Aᵢ x from [loᵢ, hiᵢ], row by row: ½ ‖v₁‖² first, then ½ ‖v₂‖² among all that keep ‖v₁‖ at
+    its minimum, and so on; last ½ ‖x‖². The bounds hold above all levels. x is unique.
 
     Args:
         levels: (A (m, n), lo (m,), hi (m,)) each, the first wins; lo = hi is an equation, ±inf is no side.
         lb: lower bounds (n,) of x, or −inf.
         ub: upper bounds (n,) of x, or inf.
-        solver: a name or a :class:`Solver` that exists. Levels are decided by the core, whichever it is.
+        solver: a name or a :class:`Solver` that exists. The library's own code solves the levels, whichever is named.
 
     Returns:
         x, and the multipliers z (rows of all levels,) and z_box (n,) of the last problem, ½ ‖x‖² with every level held:

@@ -96,7 +96,7 @@ class QpSolversSession(Session):
 class QpSolvers(Solver):
     """A back end of the qpsolvers package, by its name there.
 
-    Offline: the problem is built anew at each call, and what ``accuracy`` means is the back end's own matter.
+    Offline: the problem is built anew at each call, and each back end has its own meaning of ``accuracy``.
 
     Raises:
         UnknownSolver: no such back end.

@@ -56,7 +56,7 @@ def compare(
             one's own must be importable by name there.
         out: a folder for ``report.html``, ``report.md`` and ``data.json``; nothing is written without.
         settings: parameters of the scenarios, "key=value"; ``plant``, ``hierarchy``, ``duration`` likewise.
-        progress: told how far it is.
+        progress: called with the progress.
         options: fields of :class:`~wbc.report.solvers.request.Request`: classes, rounds, limit, patience, ticks,
             loop, torture, growth.
 
@@ -65,7 +65,7 @@ def compare(
 
     Raises:
         InvalidInput: nothing to compare, or a place that cannot be written.
-        UnknownSolver, SolverMissing, UnknownScenario: a name that means nothing here.
+        UnknownSolver, SolverMissing, UnknownScenario: an unknown name, or a package that is missing.
 
     Example:
         >>> import wbc
