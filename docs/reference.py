@@ -206,13 +206,24 @@ def module_page(name: str) -> str:
     parts = [f"# `{name}`\n\n{MODULES[name]}\n"]
     if name == "wbc.types":
         parts.append(rendered(inspect.getdoc(module) or "") + "\n")
+    shown = {title: where for title, value in offered(name, module) if (where := first_page(title, value)) != name}
+    for where in dict.fromkeys(shown.values()):
+        titles = ", ".join(f"`{title}`" for title in shown if shown[title] == where)
+        parts.append(f"On the page of [`{where}`]({where}.md): {titles}.\n")
     for title, value in offered(name, module):
+        if title in shown:
+            continue
         called = f"```python\n{signature(title, value)}\n```"
         parts.append(f"## {title}\n\n{called}\n\n{rendered(inspect.getdoc(value) or '')}\n")
         if inspect.isclass(value):
             for way, what in own(value):
                 parts.append(f"### {title}.{way}\n\n{rendered(inspect.getdoc(what) or '')}\n")
     return "\n".join(parts)
+
+
+def first_page(title: str, value: Any) -> str:
+    """The module whose page describes ``value``: the first one that offers it by this name."""
+    return next(name for name in MODULES if (title, value) in offered(name, import_module(name)))
 
 
 def offered(name: str, module: Any) -> list[tuple[str, Any]]:
@@ -229,7 +240,7 @@ def offered(name: str, module: Any) -> list[tuple[str, Any]]:
 
 
 def own(value: type) -> list[tuple[str, Any]]:
-    """Public methods and properties that a class defines with a docstring."""
+    """Public methods and properties that a class defines with a docstring; not functions of Python's own modules."""
     return [
         (name, thing)
         for name, thing in vars(value).items()
@@ -237,6 +248,7 @@ def own(value: type) -> list[tuple[str, Any]]:
         and isinstance(thing, property | classmethod | staticmethod) | inspect.isfunction(thing)
         and inspect.getdoc(thing)
         and getattr(thing, "__doc__", None)
+        and not inspect.isbuiltin(getattr(thing, "__func__", None))
     ]
 
 

@@ -18,8 +18,8 @@ class AxisAlignment(Tracking, KernelTask):
     """e = the two angles [rad] at which the direction d lies beside ``axis``, as seen from the frame: two rows.
 
     With u = (b₁, b₂, a)ᵀ Rᵀ d, a the axis and b₁, b₂ across it: e = (θ / sin θ) (u₁, u₂), θ the angle between, |e| = θ.
-    Two rows and never three, so that it may be a constraint, and no rest but where axis and direction agree. Straight
-    behind, where every way round is as long, the direction counts as 0.01 rad beside.
+    Two rows and never three, so that it may be a constraint, and at rest only where axis and direction agree. A
+    direction exactly opposite to the axis counts as 0.01 rad to one side.
 
     ``axis`` (3,) in the frame; ``target`` (3,) in the world, both of any length; or a function of time giving the
     target or (direction, its first, its second derivative).

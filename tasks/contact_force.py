@@ -20,8 +20,8 @@ class ContactForce(Tracking, KernelLinearTask):
     """f = f_target: force [N], then moment [N m] about the contact point, in the axes of the surface (z the normal).
 
     ``contact``: its name or its frame. ``target``: (3,), the force alone, or (6,), the wrench of a sole; or a function
-    of time giving it. Rows without weight are free: ``weight={"fz": 1e-4, "f[xy]": 0.0}`` wants a normal force alone.
-    It is wanted, not bounded; bounds are ``f_min`` and ``f_max`` of the contact.
+    of time giving it. Rows without weight are free: ``weight={"fz": 1e-4, "f[xy]": 0.0}`` sets a normal force alone.
+    The target is not a bound; bounds are ``f_min`` and ``f_max`` of the contact.
 
     Raises:
         InvalidInput: a target of another shape. UnknownName: no such contact, when a stack is compiled.

@@ -116,7 +116,7 @@ class Follow:
             self._new.append(place)
 
     def reset(self, start: Any = None) -> None:
-        """Rest at ``start``, by default where it is, as if it had been made there: for a run that begins anew.
+        """Stand still at ``start``, by default where it is, as if it had been made there: for a run that begins anew.
 
         Raises:
             InvalidInput: as in :meth:`push`.

@@ -21,7 +21,7 @@ class Gaze(Tracking, KernelTask):
 
     The same as :class:`~tasks.axis_alignment.AxisAlignment` with the direction x − p, which changes as the frame moves
     about: |e| is the angle between the axis and the line of sight, turning about it is free. Nearer than ``nearest``
-    [m] there is less and less to look at: x − p is divided by that distance, and e and J go to zero with it.
+    [m], x − p is divided by ``nearest`` and not by its length, so that e and J go to zero with it.
 
     ``axis`` (3,) in the frame (the optical axis of a camera is often z); ``target`` (3,) [m], or a function of time
     giving it or (position, velocity, acceleration).

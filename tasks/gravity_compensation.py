@@ -15,9 +15,8 @@ class GravityCompensation(TorqueTask, KernelLinearTask):
     """τ = g(q), one row a joint [N m, N]: the torques that hold the links still, at rest, wherever they are.
 
     Alone on a fixed base it makes an arm that floats and is led by hand: M q̈ + C q̇ = what pushes it; add
-    :class:`~tasks.damping.Damping` or :class:`~tasks.joint_impedance.JointImpedance` so that it comes to rest. Below
-    other tasks it says where torques go that these leave open, in the place of zero
-    (:class:`~tasks.torque.Torque`).
+    :class:`~tasks.damping.Damping` or :class:`~tasks.joint_impedance.JointImpedance` so that it comes to rest. In a
+    level below other tasks it sets the torques that these leave free, in place of zero (:class:`~tasks.torque.Torque`).
 
     g is that of the links beyond each joint. It is right for limbs that touch nothing: an arm on a fixed base, those of
     a humanoid by ``joints``. It is wrong for a leg that stands, whose torques depend on the forces of its contacts;

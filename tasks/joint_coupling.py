@@ -22,7 +22,7 @@ class JointCoupling(KernelTask):
     rad). As a task it is met as well as others allow. ``JointCoupling(…).exactly()`` in ``subject_to`` makes motors do
     what a gear would; ``JointCoupling(…).with_reaction()`` in ``contacts`` is the gear: its own force holds the row,
     and ``Torque(0.0, joints=[joint]).exactly()`` says that only the other joints have motors. At every level q_joint
-    comes back to what it should be, with kp and kd, from wherever it starts.
+    returns to its coupled value, with kp and kd.
 
     Raises:
         InvalidInput: no other joint, the joint coupled to itself, a ratio that is zero or not finite.

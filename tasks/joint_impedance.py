@@ -31,12 +31,11 @@ class JointImpedance(Tracking, TorqueTask, KernelLinearTask):
     the level pulls accelerations towards zero, torques by about the share ε / (weight m²): for light joints a large
     weight, or ``exactly()`` in ``subject_to``.
 
-    Rather :class:`~tasks.posture.Posture`, q̈ = kp e + kd ė, where targets are to be met and the model's inertia is good
-    (its springs are kp M: stiff far out, soft at the wrist); :class:`~tasks.joint_admittance.JointAdmittance` where
-    torques are measured and the inertia that is felt is to be chosen; :class:`~tasks.impedance.Impedance` for a frame.
-    For legs that stand see :class:`~tasks.gravity_compensation.GravityCompensation`: g is that of limbs that touch
-    nothing. Let no task on motion of the same joints stand above it: that task would decide, and the spring be felt no
-    more.
+    Rather :class:`~tasks.posture.Posture`, q̈ = kp e + kd ė, where targets are to be met and the model's inertia is
+    good (its springs are kp M: stiff far out, soft at the wrist); :class:`~tasks.joint_admittance.JointAdmittance`
+    where torques are measured and the inertia that is felt is to be chosen; :class:`~tasks.impedance.Impedance` for a
+    frame. For legs that stand see :class:`~tasks.gravity_compensation.GravityCompensation`: g is that of limbs that
+    touch nothing. Put no motion task of the same joints in a level above: it would override the spring.
 
     ``target``: joint positions (nj,), or of the joints named alone, or a configuration (nq,), or a function of time
     giving one or (positions, velocities, accelerations); accelerations are not used. ``stiffness`` and ``damping`` are

@@ -22,16 +22,16 @@ from .relative import check_frames, relative_motion
 class LoopClosure(KernelContact):
     """A joint that closes a loop: ``frame`` keeps its place in ``to``, held by a force between the two.
 
-    Rows of the pose (p, R) of ``frame`` in the axes of ``to``: J a + J̇ v = kp e − kd J v (Baumgarte's term: what has
-    opened closes again), e = (p_anchor − p, log(R_anchor Rᵀ)); J v = rate e at the velocity level. It stands in
-    ``contacts``. With ``InverseDynamics`` its reaction, the wrench of ``to`` on ``frame`` at the origin of ``frame`` in
-    the axes of ``to``, is ``command.f[name]``, one number a row; no cone bounds it.
+    Rows of the pose (p, R) of ``frame`` in the axes of ``to``: J a + J̇ v = kp e − kd J v (Baumgarte's term: a loop
+    that has opened closes again), e = (p_anchor − p, log(R_anchor Rᵀ)); J v = rate e at the velocity level. It stands
+    in ``contacts``. With ``InverseDynamics`` its reaction, the wrench of ``to`` on ``frame`` at the origin of ``frame``
+    in the axes of ``to``, is ``command.f[name]``, one number a row; no cone bounds it.
 
     ``rows``: some of "x", "y", "z", "rx", "ry", "rz". All six are a weld (a bar in two hands), "x", "y", "z" a ball
-    joint, in a planar mechanism that moves in x and z "x", "z" are enough, and more would say the same twice.
-    ``target``: the pose of ``frame`` in ``to`` (a position where no row turns), identity for frames that coincide;
-    default: as it is when the loop is first closed. Joints without motors: ``Torque(0.0, joints=[…]).exactly()``.
-    Source: Baumgarte, Computer Methods in Applied Mechanics and Engineering 1972.
+    joint, in a planar mechanism that moves in x and z "x", "z"; more rows would be redundant there. ``target``: the
+    pose of ``frame`` in ``to`` (a position where no row turns), identity for frames that coincide; default: as it is
+    when the loop is first closed. Joints without motors: ``Torque(0.0, joints=[…]).exactly()``. Source: Baumgarte,
+    Computer Methods in Applied Mechanics and Engineering 1972.
 
     Raises:
         InvalidInput: a row that does not exist or comes twice, the same frame twice. UnknownFrame: when a stack is

@@ -14,8 +14,8 @@ from wbc.stack.kernel_rows import KernelRows
 class LowAcceleration(JointTask, KernelTask):
     """Velocity level: v_joints = the velocity measured now. Acceleration level: a_joints = 0. One row a joint.
 
-    It makes commands smooth at the cost of lag, and needs no memory: what was commanded last is the velocity of the
-    state, as far as the robot followed. ``joints`` and weight: by name or pattern too, see
+    It makes commands smooth at the cost of lag, and needs no memory: the velocity of the state is the last command, as
+    far as the robot followed it. ``joints`` and weight: by name or pattern too, see
     :class:`~wbc.stack.joint_task.JointTask`.
 
     Example:

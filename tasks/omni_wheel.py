@@ -19,9 +19,9 @@ class OmniWheel(KernelTask):
     """The touching point of a wheel does not move along the axle of the roller it stands on: one row [m].
 
     v_c · (cos γ t + sin γ l) = 0, t the wheel's heading, l across it, γ = ``roller`` [rad]: 0 for an omni wheel, whose
-    rollers let it go sideways, ±π/4 for a mecanum wheel. The roller under the wheel is taken as if there always were
-    one. With ``ground``, the height [m] of the ground, a second row holds the wheel on it. Other arguments and what the
-    rows mean: :class:`~tasks.rolling.Rolling`. Source: Campion, Bastin, d'Andréa-Novel, IEEE T-RA 1996.
+    rollers let it go sideways, ±π/4 for a mecanum wheel. The model assumes that there is always a roller under the
+    wheel. With ``ground``, the height [m] of the ground, a second row holds the wheel on it. Other arguments and what
+    the rows mean: :class:`~tasks.rolling.Rolling`. Source: Campion, Bastin, d'Andréa-Novel, IEEE T-RA 1996.
 
     Raises:
         InvalidInput: a radius that is not positive, an axle that is zero, |γ| >= π/2 (nothing would drive).

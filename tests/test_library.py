@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 import sys
 from pathlib import Path
 
@@ -35,6 +36,12 @@ def test_what_a_member_is_is_one_sentence() -> None:
         for name, value in members:
             text = reference.about(name, value)
             assert text.endswith(".") and text[0].isupper() and inspect.getdoc(value), name
+
+
+def test_a_public_name_is_described_on_one_page() -> None:
+    _, modules = reference.pages()
+    titles = [title for page in modules.values() for title in re.findall(r"^## (\w+)$", page, re.MULTILINE)]
+    assert len(titles) == len(set(titles)) > 100
 
 
 def test_the_comparison_with_others_is_as_the_code_is() -> None:

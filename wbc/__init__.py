@@ -116,4 +116,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME, *_PACKAGES, "solvers"])
+    return sorted({*globals(), *_HOME, *_PACKAGES, "solvers"})

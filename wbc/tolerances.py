@@ -28,5 +28,5 @@ SHARP: Final = 1e-8
 NEAR: Final = 1e-7
 #: A limit is met that is exceeded by no more than this, in the limit's own unit (1e-6 N m, 1 µrad, 1 µm/s).
 MET: Final = 1e-6
-#: An answer that is certified at a tolerance is within this many times that of the optimum, relative to what is asked.
+#: An answer certified at a tolerance is within this many times that of the optimum, relative to the target's size.
 DISTANCE: Final = 100.0

@@ -70,30 +70,32 @@ class FaultReaction(Component):
     """Overrides bounds, motors, weights and targets of the running stack as a table says; the QP does the rest.
 
     The diagnosis falls some ticks after the observer's alarm (:class:`~tasks.components.diagnosis.Diagnoser`), and the
-    change is in the QP of the same tick: nothing is compiled anew. The first line of ``table`` that is about the
-    diagnosis holds; where none is, the decision is logged and nothing changes. Afterwards the joint is watched again,
-    so that a wrong first estimate mends itself: a decision on a motor replaces the one before it on that motor. The
-    members of the stack stay as their user set them; ``controller.reset()`` forgets all decisions.
+    change is in the QP of the same tick: nothing is compiled anew. The first line of ``table`` that matches the
+    diagnosis applies; if none matches, the decision is logged and nothing changes. Afterwards the joint is watched
+    again, so that a wrong first estimate is corrected: a decision on a motor replaces the one before it on that motor.
+    The members of the stack stay as their user set them; ``controller.reset()`` forgets all decisions.
 
     Args:
         observer: in the stack too, before this.
-        table: lines of :class:`When`; by default a dead joint is released, a weak one asked for more, a joint with a
-            ceiling limited by it.
-        noise: standard deviation (nj,) of what one tick's missing torques show without a fault
-            (``Thresholds.noise``), a number, or 0: decisions wait until it no longer matters.
+        table: lines of :class:`When`; by default a dead joint is released, a weak one gets a larger command, a joint
+            with a ceiling is limited by it.
+        noise: standard deviation (nj,) of the missing torques of one tick without a fault (``Thresholds.noise``), a
+            number, or 0: decisions wait until it no longer matters.
         start: no diagnosis before this time after the first tick [s].
-        hands: frames that may pick something up: a load in one of them is told from a push once the robot has moved.
+        hands: frames that may pick something up: a load in one of them is distinguished from a push once the robot has
+            moved.
         lockout, settle: after a decision no other joint is judged for ``lockout`` [s], the same one for ``settle`` [s].
-        dominance: how many times as far beyond its threshold a joint is as any other, if it is its own fault; less
-            where wrong masses show in joints that the fault sets moving.
-        recheck: so long after a decision it is made again with all that was seen since [s].
+        dominance: a joint is diagnosed as faulty if it exceeds its threshold this many times as far as any other. Use
+            less where wrong masses appear in joints that the fault moves.
+        recheck: time after a decision at which it is made again with all measurements since [s].
 
-    Where a later diagnosis says that a motor is sound after all (``instead_of``), or that a payload is what was taken
-    for a push, what was decided on it no longer holds; what was decided on other motors does, and a brake stays set.
+    If a later diagnosis says that a motor is sound (``instead_of``), or that a push was a payload, the first decision
+    is withdrawn. Decisions on other motors stay, and a brake stays set.
 
     :attr:`limits` is a task to be put among the stack's: it brings joints that were released back within their limits,
     softly. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
-    ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), what motors are taken to give of what they are sent.
+    ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), the share of its command that each motor is assumed to
+    deliver.
 
     Raises:
         InvalidInput: a table or number that makes no sense; when a controller is made, an observer that is not in the

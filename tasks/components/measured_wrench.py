@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 @final
 class MeasuredWrench(Component):
     """The environment acts on ``frame``'s origin with a force [N] or a wrench [N, N m], world axes: a known term of
-    the dynamics, M a + h = Sᵀ τ + Jᵀ F. Tasks are met in spite of it, with the torque that it spares.
+    the dynamics, M a + h = Sᵀ τ + Jᵀ F. The torques take it into account, so that tasks are met.
 
     ``wrench``: (3,), the force alone, or (6,), force before moment; or a function of time giving it. It may be assigned
-    between ticks. A reading that is not finite is not taken: the one before it holds. Signal: ``wrench`` (6,).
+    between ticks. A reading that is not finite is ignored, and the one before it is kept. Signal: ``wrench`` (6,).
 
     Raises:
         InvalidInput: a wrench of another shape, or not finite when given. UnknownFrame: when a stack is compiled.

@@ -35,11 +35,11 @@ class MomentumObserver(Component):
     It needs neither accelerations nor torque sensors nor M⁻¹. In each tick β is the mean of both ends of the last
     interval, τ the torque that the command sent for it gives (``plan.actuators``), less what other components know of
     (``plan.extra_bias``); p(0) is the momentum at the first tick. A force on the robot is seen as Jᵀ f = −τ_f unless it
-    is known so. After ticks that did not happen, at least one period late by ``t``, the observer starts again.
+    is known so. After missed ticks, at least one period late by ``t``, the observer starts again.
 
     On a floating base the residual is of the joints relative to a base that floats, w_j − M_jb M_bb⁻¹ w_b for the
-    missing forces w: an actuator's fault is in its own joint as before, and the base's measured velocity, noise and
-    all, is in none. What is missing of the base itself, seen as a wrench that pushes it, is :attr:`push`.
+    missing forces w: a fault of an actuator appears in its own joint as before, and the measured velocity of the base
+    and its noise appear in none. :attr:`push` is the missing force on the base, as a wrench.
 
     Args:
         gain: K [1/s], scalar or (nj,).

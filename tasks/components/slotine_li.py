@@ -33,15 +33,16 @@ class SlotineLi(Component):
 
     It gives the stack the task τ = τ_SL through its task :attr:`torque`, which belongs among the stack's tasks; with no
     limit active the command is τ_SL. No acceleration is measured and no M̂ inverted, so â may start at zero. e and ė go
-    to zero for every smooth bounded q_d, while â need not go to a: only what q_d excites is identified.
+    to zero for every smooth bounded q_d, while â need not converge to a: only the coefficients that q_d excites are
+    identified.
 
     Planar robots have few coefficients, and nothing but their regressor is used of the model. An arm from a URDF, on a
     fixed base, has ten numbers a link (:class:`wbc.models.inertial_regressor.InertialRegressor`) that start as the
-    model has them; they are kept those of bodies that can be, by the exact projection in their own metric, of which
-    ``gain`` is the multiple. :attr:`base_parameters` are what of them shows in torques.
+    model has them. They are projected onto physically possible bodies, exactly in the metric of which ``gain`` is a
+    multiple. :attr:`base_parameters` are their combinations that affect torques.
 
-    V = ½ sᵀ M s + eᵀ K_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â) falls along every motion, V̇ = −ėᵀ K_D ė − eᵀ K_P Λ e, while no
-    limit is active; what a limit takes away from τ_SL acts as a disturbance.
+    The Lyapunov function V of docs/methods.md falls along every motion while no limit is active; if a limit changes
+    τ_SL, the difference acts as a disturbance.
 
     Args:
         target: the motion: joint positions (nj,), or a function of time giving (positions, velocities, accelerations).
@@ -72,8 +73,9 @@ class SlotineLi(Component):
     Source: J.-J. E. Slotine, W. Li, Int. J. Robotics Research 1987; Wensing, Kim, Slotine, IEEE RA-L 2018.
 
     Raises:
-        InvalidInput: sizes or signs; NotSupported: a model without a regressor, or with ``physical`` one that has no
-            linear description of what is possible. All when a stack is compiled.
+        InvalidInput: sizes or signs, when a stack is compiled.
+        NotSupported: then too, a model without a regressor, or with ``physical`` one that has no linear description
+            of the possible coefficients.
 
     Example:
         >>> import wbc

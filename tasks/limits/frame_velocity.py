@@ -22,8 +22,8 @@ class FrameVelocityLimits(KernelConstraint):
     [rad/s], world axes.
 
     ``linear``, ``angular``: scalar or (3,), inf for axes without a limit. A frame of a floating base limits the base.
-    Where accelerations are decided, v + a dt is meant, with the Jacobian of now; what a frame has too much must go
-    within one tick, so that by default the rows have a slack s, at the cost ½ slack s², s in m/s or rad/s.
+    At levels with accelerations the limits hold for v + a dt, with the current Jacobian. A frame that is too fast would
+    have to slow down within one tick; so by default the rows have a slack s [m/s, rad/s] at the cost ½ slack s².
 
     Raises:
         InvalidInput: zero, negative, NaN, or no limit at all. UnknownFrame: when a stack is compiled.

@@ -219,7 +219,7 @@ def _every(hits: Sequence[Hit]) -> Section:
         "none of them, and no observer of momenta can see it. Such pushes are in the table with next to nothing felt: "
         "they stay undetected. One that the link's own joint does not feel is laid to a link before it, with a force "
         "that does the same to the joints. A push that turns one joint alone cannot be told from a failing motor at "
-        "once; it is taken for one if it happens to be a share of what that motor is asked for."
+        "once; it is taken for one if it happens to be a share of the command of that motor."
     )
     columns = (
         "link",

@@ -234,7 +234,7 @@ def _section(
     )  # fmt: skip
     text = Text(
         "Noise of 0.01 rad/s on joint velocities and of 0.05 mrad on positions; masses of the controller wrong. A "
-        "fault shows as missing torque alone: a dead motor that is asked for nothing is not seen, and harms nothing. "
+        "fault shows as missing torque alone: a dead motor without a command is not seen, and harms nothing. "
         "Times, torques and velocities in this report are those of the last stretch of faults alone."
     )
     return Section("Faults found and missed", [text, *plots, Table(columns, rows)])

@@ -139,7 +139,7 @@ def beside(
     name: str, title: str, unit: str, trials: Sequence[Trial], values: Callable[[Trial], Vec],
     *, bounds: Sequence[Bound] = (), replays: bool = True, **more: Any,
 ) -> Plot:  # fmt: skip
-    """A plot of one quantity, ``values`` (N,) of each trial; the first is that which is recorded.
+    """A plot of one quantity, ``values`` (N,) of each trial; the first one is recorded.
 
     ``replays``: whether the others are recorded beside it, so that a curve and a robot belong together.
     """

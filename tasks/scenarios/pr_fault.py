@@ -20,7 +20,7 @@ from .. import MomentumObserver, Torque
 from . import judge
 from .exact_plant import EXACT, ExactPlant
 
-#: Where the robot is when the fault comes [m, rad], how it moves, and what is asked of its actuators [N, N m].
+#: Where the robot is when the fault comes [m, rad], how it moves, and the commands of its actuators [N, N m].
 Q_START, V_START, TAU = np.array([0.0, np.pi / 2]), np.array([1.0, -1.0]), np.array([5.0, -2.0])
 UNITS = ("N", "N m")
 #: At this time [s] the source's numbers are read, for its two gains [1/s].
@@ -153,7 +153,7 @@ def _total_fault(total: Seen, momentum: Vec) -> Section:
     ]
     second = [Curve(f"K2 = {gain:g}", 1e3 * total.residual(gain)[:, 1]) for gain in PUBLISHED]
     plots = [
-        Plot("fault-dead", "Residual of actuator 1, dead from t = 0", "N", t, first, [Bound(TAU[0], "τ1 asked for")],
+        Plot("fault-dead", "Residual of actuator 1, dead from t = 0", "N", t, first, [Bound(TAU[0], "τ1 commanded")],
              caption="Once r1 stands at the command, the fault is total. Without p(0) the residual, r = K (∫ … − p), "
              "would start at −K p1(0), far below, whatever the fault: a click in the legend shows it."),
         Plot("fault-healthy", "Residual of the healthy actuator", "mN m", t, second),

@@ -27,7 +27,7 @@ class QuadrupedActuatorWeak(QuadrupedFault):
 
     name: ClassVar[str] = "quadruped-actuator-weak"
     takes = 200.0
-    summary: ClassVar[str] = "a quadruped's knee loses half its strength: found, measured, and asked for twice as much"
+    summary: ClassVar[str] = "a quadruped's knee loses half its strength: found, measured, and commanded twice as much"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "go2", "joint": "auto", "left": 0.5, "moments": 4, "noise": False, "masses": 0.0, "seed": 0,
         "variants": True,

@@ -1,4 +1,4 @@
-"""W4: inverse dynamics of a quadruped on four points, asked for more sideways acceleration than friction allows."""
+"""W4: inverse dynamics of a quadruped on four points; its target needs more acceleration than friction allows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class QuadrupedInverseDynamics(Workload):
     """The centre of mass sways, the base keeps its orientation, the feet stand."""
 
     name: ClassVar = "W4"
-    summary: ClassVar = "quadruped-id: inverse dynamics of a quadruped that is asked for more than friction allows"
+    summary: ClassVar = "quadruped-id: inverse dynamics of a quadruped whose target needs more than friction allows"
     recipe: ClassVar = GO2
     level: ClassVar = InverseDynamics(regularisation=1e-8)
     dt: ClassVar = 1e-3

@@ -1,4 +1,4 @@
-"""The robots of the workloads: made from the extra ``robots`` when they are asked for, never stored.
+"""The robots of the workloads: made from the extra ``robots`` when they are needed, never stored.
 
 Only what moves is kept of a robot description: links with their inertias, joints with their limits. Shapes,
 transmissions and simulator settings are left out, and no joint mimics another. Inertias, limits and frames stay as

@@ -56,7 +56,7 @@ class MovedPlant(Plant):
 
 
 class Growing(Certified):
-    """A problem of the ``size`` that is asked for; everything else of it stays."""
+    """A problem of this ``size``; everything else of it stays."""
 
     group: ClassVar[str] = "growth"
     takes = 5.0
@@ -88,7 +88,7 @@ class Joints(Growing):
 
 @final
 class JointsOfVelocities(Growing):
-    """The same chain, asked for velocities."""
+    """The same chain at the velocity level."""
 
     name: ClassVar[str] = "joints, velocity level"
     summary: ClassVar[str] = "joints of a chain, velocity level"

@@ -100,7 +100,7 @@ def test_limits_that_are_not_given_are_infinite(tmp_path: Path):
 
 def test_mimic_joints_move_by_themselves_and_this_is_said(tmp_path: Path):
     joints = [hinge("first", SANE), hinge("second", SANE, extra='<mimic joint="first"/>')]
-    with pytest.warns(UserWarning, match=r"'second' mimics 'first'; here each moves by itself until .*mimic_joints"):
+    with pytest.warns(UserWarning, match=r"'second' mimics 'first'; here each moves on its own until .*mimic_joints"):
         robot = load(written(tmp_path, *joints))
     assert robot.nj == 2
     third = hinge("third", SANE, extra='<mimic joint="first"/>')

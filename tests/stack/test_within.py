@@ -82,7 +82,7 @@ def test_bounds_are_said_in_the_units_and_by_the_rows_of_the_task():
 
 def test_rows_that_ask_for_velocities_have_no_interval():
     wheel = Rolling(TOOL, radius=0.1, ground=0.0)
-    with pytest.raises(InvalidInput, match="row 0 has kp = 0, which asks for a velocity"):
+    with pytest.raises(InvalidInput, match="row 0 has kp = 0, so it is a velocity task"):
         wheel.within(0.1).prepare(ARM)
     constraint = wheel.within([-np.inf, -np.inf, -0.1], np.inf)
     constraint.prepare(ARM)

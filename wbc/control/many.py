@@ -47,10 +47,10 @@ def run_many(
 ) -> Batch:
     """One tick of a controller for each state (t, q, v), in any order and on ``workers`` processes.
 
-    ``plans``: one controller for all states, or one for each, as where stacks differ. States are independent: memory
-    of a controller, its warm start and its components, serves whatever state comes next, so that answers agree with
-    those of ``tick`` where these have none. Workers are forks of this process: each has controllers of its own, and
-    those given are left as they are. ``workers`` = 1 runs here, on the controllers given.
+    ``plans``: one controller for all states, or one for each, as where stacks differ. The states are independent. A
+    controller carries its warm start and the memory of its components to the next state that it gets; if its components
+    have no memory, results agree with those of ``tick``. Workers are forks of this process: each has controllers of its
+    own, and those given are left as they are. ``workers`` = 1 runs here, on the controllers given.
 
     Raises:
         InvalidInput: another number of controllers than of states, ``workers`` below 1, states that ``tick`` refuses.

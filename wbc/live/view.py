@@ -226,7 +226,7 @@ class View:
         self._send(message)
 
     def _keep_time(self, t: float) -> None:
-        """Wait until it is time for ``t`` at the speed that was asked for."""
+        """Wait until it is time for ``t`` at the chosen speed."""
         now = monotonic()
         if self._began is None:
             self._began = now, t

@@ -3,7 +3,7 @@
     minimise ½ (diag(τ) l − r)ᵀ Q (diag(τ) l − r)   subject to   0 ≤ l ≤ 1.
 
 l = 0: sound, l = 1: the actuator is dead, between: it has lost effectiveness. With diagonal Q each joint stands for
-itself and l_i = r_i / τ_i, cut to [0, 1]. A joint that is asked for nothing cannot show a loss: it is not identifiable.
+itself and l_i = r_i / τ_i, cut to [0, 1]. A joint whose command is zero cannot show a loss: it is not identifiable.
 
 De Luca, Mattone: An adapt-and-detect actuator FDI scheme for robot manipulators, IEEE ICRA 2004.
 """
@@ -69,7 +69,7 @@ class FaultFraction(Method):
 
     @property
     def identifiable(self) -> NDArray[np.bool_]:
-        """Joints (n,) that are asked for a torque."""
+        """Joints (n,) whose command is not zero."""
         largest = np.abs(np.concatenate([self.tau, self.residual])).max(initial=0.0)
         result: NDArray[np.bool_] = np.abs(self.tau) > SAME * largest
         return result

@@ -191,7 +191,7 @@ class ForceDistribution(Method):
 
 
 def _friction(friction: Any, nf: int) -> Vec:
-    """Coefficients (k,), checked; none where friction is not asked for."""
+    """Coefficients (k,), checked; none without friction."""
     if friction is None:
         return np.zeros(0)
     if nf % 3:

@@ -178,7 +178,7 @@ class Urdf:
         if alike:
             more = f" and {len(alike) - 1} more mimic others" if alike[1:] else ""
             found.append(
-                f"joint {alike[0].name!r} mimics {alike[0].mimics!r}{more}; here each moves by itself until "
+                f"joint {alike[0].name!r} mimics {alike[0].mimics!r}{more}; here each moves on its own until "
                 "wbc.tasks.mimic_joints(robot) couples them"
             )
         return found + list(self.left_out) + [f"there is no mesh {reference!r}" for reference in self.missing_meshes]

@@ -185,7 +185,7 @@ def retarget(
 
     The person's size is fitted to the robot's; feet that stand and hands that hold are found in the motion and do not
     slip; limits of position, speed and acceleration hold; shapes of the robot stay apart. Then inverse dynamics says of
-    each frame whether forces and torques for it exist, or what lacks. Equations: this module's and
+    each frame whether forces and torques for it exist, or what is missing. Equations: this module's and
     :mod:`wbc.motion.witness`'s.
 
     Args:
@@ -195,9 +195,9 @@ def retarget(
             for the G1, Talos and its own humanoid.
         acceleration: limit on joint accelerations [rad/s²]; None: none.
         collisions: whether the robot's own shapes are kept apart.
-        repair: whether to look for a motion near by that is possible, where this one is not: in turn one that is
-            slower there, and one whose joints move otherwise (:mod:`wbc.motion.repair`). The motion before is kept as
-            ``before``, and ``added`` is how much longer it takes now.
+        repair: whether to search for a similar motion that is possible where this one is not: first one that is slower,
+            then one whose joints move differently (:mod:`wbc.motion.repair`). The motion before is kept as ``before``,
+            and ``added`` is how much longer it takes now.
         progress: called with the share that is done, and a word.
 
     Raises:

@@ -6,7 +6,7 @@ A *jump* is one step of a joint that neither the step before nor the one after r
 is off its place, the median of its places while it holds. Forces are looked for in frames without a fault of motion,
 with proof.
 
-Contact wrenches and joint torques have to exist that move the robot as asked:
+Contact wrenches and joint torques have to exist that give the motion:
 
     M a + h = Sᵀ τ + Σ Jᵢᵀ fᵢ,   fᵢ in the friction cone of a contact that holds,   |τ| <= τ_max
 

@@ -14,8 +14,8 @@ d = x̂ − x̃. A held row i has λᵢ Rᵢ d ≥ 0, because R x̂ is at its bo
     |d|²_H ≤ rᵀd ≤ |r|_{H⁻¹} |d|_H,      so      |d|_H ≤ |r|_{H⁻¹},      |Sᵢ d| ≤ |Sᵢ|_{H⁻¹} |r|_{H⁻¹}          (1)
 
 for every row Sᵢ of a task, whatever its weight. ``bounds`` holds the right side of (1) for each task, in the task's
-unit, and ``distance`` is the largest of them relative to the size of what is asked, 1 + |target|. A problem that
-names no tasks is judged by its variables: S is the identity, and the size of xⱼ is 1 + |x̂ⱼ|.
+unit, and ``distance`` is the largest of them relative to the size of the target, 1 + |target|. A problem that names no
+tasks is judged by its variables: S is the identity, and the size of xⱼ is 1 + |x̂ⱼ|.
 
 For a cost given by its rows, H = D + Sᵀ w S with D diagonal, nothing has to be factored: any split
 r = r_D + Sᵀ w ρ gives |r|²_{H⁻¹} ≤ |r_D|²_{D⁻¹} + ρᵀ w ρ, and |Sᵢ|_{H⁻¹} ≤ 1/√wᵢ.

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 #: So many quantities of a plot are shown at first; the legend has the others.
 MOST = 3
-#: A table of more rows is shown when asked for.
+#: A table of more rows is folded.
 LONG = 24
 #: Settings that follow from the stack.
 TOLD = ("distances", "residuals", "tasks")

@@ -84,8 +84,8 @@ class Text:
 @final
 @dataclass(frozen=True)
 class Table:
-    """Named columns (units in the name) and rows of cells. ``folded``: long, shown only when asked for; ``sorts``: by a
-    click in a heading."""
+    """Named columns (units in the name) and rows of cells. ``folded``: collapsed until opened; ``sorts``: by a click on
+    a heading."""
 
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
@@ -105,7 +105,7 @@ TIME = "time [s]"
 @final
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line of a plot: ``values`` (N,), NaN where there is none; ``shown`` False: only when the legend is asked.
+    """A line of a plot: ``values`` (N,), NaN where there is none; ``shown`` False: only when chosen in the legend.
 
     ``run``: the place of its run among those that are compared, which is its colour; curves of one run differ by
     ``dash``, 0 for a whole line. ``x`` (N,): what it is drawn over where that is not the plot's.

@@ -1,4 +1,4 @@
-"""Long work that can be interrupted: what was asked, and every finding as soon as it is there, in a folder."""
+"""Long work that can be interrupted: the request, and every finding as soon as it is there, in a folder."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def fresh(out: Path, journal: str, what: str) -> Path:
     check_free(out)
     folder = unfinished(out)
     if (folder / journal).exists():
-        raise InvalidInput(f"an unfinished {what} stands in {folder}; take it up with --resume, or remove it")
+        raise InvalidInput(f"an unfinished {what} is in {folder}; continue it with --resume, or remove it")
     return folder
 
 

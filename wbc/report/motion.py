@@ -29,10 +29,10 @@ class Motion:
     """k moments of a run: ``times`` (k,) [s]; per link positions (k, 3) [m] and rotations (k, 3, 3).
 
     ``forces`` (k, contacts, 2, 3): an arrow for the force on the robot at each contact, its tip at the contact;
-    ``commanded``: the same for the forces that the controller asked for, none where no others were measured.
-    ``cones`` {contact: (k, m, 3)}: a line around its friction cone, all at one point while it carries nothing.
-    ``pushes`` (k, 2, 3): the same for the push, of length 0 while there is none. ``com`` (k, 3): the centre of mass;
-    ``targets`` {task: (k, 3)} [m]; ``support``: per moment the hull of the contacts that carry (m, 3), None without.
+    ``commanded``: the same for the commanded forces, none where no others were measured. ``cones`` {contact: (k, m,
+    3)}: a line around its friction cone, all at one point while it carries nothing. ``pushes`` (k, 2, 3): the same for
+    the push, of length 0 while there is none. ``com`` (k, 3): the centre of mass; ``targets`` {task: (k, 3)} [m];
+    ``support``: per moment the hull of the contacts that carry (m, 3), None without.
     """
 
     times: Vec

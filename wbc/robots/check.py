@@ -333,7 +333,7 @@ class _Check:
             self._by_hand(self._alike(whole, expected.ideal(seen)))
 
     def _decided(self, best: Mistake, least: float, mistakes: list[Mistake], seen: Response) -> Mistake:
-        """Of the mistakes that explain nearly as much as the best one, that which joints moved by hand show."""
+        """Of the mistakes that explain nearly as much as the best one, the one that joints moved by hand show."""
         costs = {id(one): self.expected.cost(one.applied(seen)) for one in mistakes}
         rivals = sorted(
             (one for one in mistakes if costs[id(one)] < least + CONVINCING), key=lambda one: costs[id(one)]
@@ -434,7 +434,7 @@ class _Check:
         return self.result.ok
 
     def _watched(self, enough: Callable[[int], bool]) -> list[Reading]:
-        """The readings until ``enough`` of their number is true; it is asked each period."""
+        """The readings until ``enough`` of their number is true; it is evaluated each period."""
         readings: list[Reading] = []
         while not enough(len(readings)):
             self.port.sleep(self.period)

@@ -75,7 +75,7 @@ class Franka(Device):
         torque = checks.array("torques", frame, (7,), error=BadFrame)
         most = np.abs(torque - reading.sent).max() if len(reading.sent) else 0.0
         if most > 1.0 + 1e-9:
-            raise BadFrame(f"a torque changes by {most:.3g} N m from one frame to the next; 1 N m is what it may")
+            raise BadFrame(f"a torque changes by {most:.3g} N m from one frame to the next; at most 1 N m is allowed")
         return Order(reading.q, tau=torque)
 
     def report(self, reading: Reading) -> FrankaState:

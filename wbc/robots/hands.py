@@ -16,7 +16,7 @@ TURN, MOVE = 0.35, 0.15
 
 
 class Hands(Protocol):
-    """Who moves the robot by hand. Both begin something; ``done`` is asked again and again until it is so."""
+    """Who moves the robot by hand. Both begin something; ``done`` is called until it is true."""
 
     def move(self, joint: str) -> None:
         """Turn a joint by some 10 degrees towards larger angles and hold it there; "": let go."""

@@ -162,7 +162,8 @@ class Unitree(Device):
                 raise BadFrame(f"{name} is {command[name]}; it must be {value}")
         motors = command["motor_cmd"][self.index]
         if not motors["mode"].all():
-            raise BadFrame(f"the mode of motor {self.motors[int(motors['mode'].argmin())]} is 0, so it is off; it is 1")
+            motor = self.motors[int(motors["mode"].argmin())]
+            raise BadFrame(f"the mode of motor {motor} is 0, so it is off; it must be 1")
         slot = self.weight_slot
         weight = 1.0 if slot is None else min(max(float(command["motor_cmd"]["q"][slot]), 0.0), 1.0)
         q, dq, tau, kp, kd = (_doubles(motors[name]) for name in _DRIVE)

@@ -55,7 +55,7 @@ class Place(NamedTuple):
 
 NOWHERE = Place()
 
-#: How a value may be asked to compare with its bound.
+#: The relations of a value to its bound.
 RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
     "<": operator.lt, "<=": operator.le, "=": operator.eq, ">=": operator.ge, ">": operator.gt,
 }  # fmt: skip
@@ -194,7 +194,7 @@ class Scenario(ABC):
         Raises:
             WbcError: an unknown frame, or a parameter without meaning here.
         """
-        raise InvalidInput(f"the scenario {self.name!r} has no build(p), and is asked to simulate a case")
+        raise InvalidInput(f"the scenario {self.name!r} has no build(p), so it cannot simulate a case")
 
     def stir(self, controller: Controller, rng: np.random.Generator) -> None:
         """Assign targets and weights that make sense, reachable or not: what a soak does now and then."""

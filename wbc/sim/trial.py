@@ -108,7 +108,7 @@ class Setup:
         feedback: "measured" or "commanded" wraps the controller in a :class:`wbc.Setpoint`.
         disturbances: what happens to the robot.
         before_tick: called with the time before each tick, as by :func:`~wbc.sim.simulate.simulate`.
-        duration: where it is not the one that is asked for [s].
+        duration: where it is not the requested one [s].
         meta: further metadata of the run.
         about: whatever ``judge`` has to know beside the run.
     """

@@ -66,7 +66,7 @@ class Schedule(Component):
     """Selects the active contacts of the stack in each tick. A stack has at most one schedule.
 
     The controller then uses the plan that was compiled for this set of contacts. A new contact is made where the robot
-    is, or at its target. A contact that is removed takes its force variables and all tasks on its force with it.
+    is, or at its target. When a contact is removed, its force variables and all tasks on its force are removed too.
     Contacts are selected by their name, or by their frame if it has no other contact.
     """
 

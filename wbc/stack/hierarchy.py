@@ -1,4 +1,4 @@
-"""Hierarchy: how the levels of a stack are weighed or ordered when a plan is solved."""
+"""Hierarchy: how the levels of a stack are weighted or ordered when a plan is solved."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ class Plans:
         self.present.solver.start_from(former.present.solver)
 
     def compile_waiting(self) -> int:
-        """Compile the sets that were asked for without a plan; how many there were."""
+        """Compile the sets that were needed without a plan; how many there were."""
         waiting, self._waiting = self._waiting, []
         for names in waiting:
             self._compile(names)

@@ -126,10 +126,10 @@ class Task(Objective):
     def scaled(self) -> Self:
         """A copy of the task that keeps its direction and is slowed where limits are active (``is_scaled``).
 
-        With t what the gains ask for, J x + drift = s t for one s in [0, 1] as near to 1 as can be: where limits bite
-        the direction is kept and the size is reduced. The drift J̇ v is never scaled, it is there whatever is asked.
-        Keeping the direction stands above the other tasks of its level, (1 − s) t is weighed as any residual. Source:
-        Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015.
+        With t the velocity or acceleration that the gains request, J x + drift = s t with one s in [0, 1], as near to 1
+        as possible: where limits are active the direction is kept and the size is reduced. The drift J̇ v is not
+        scaled. Keeping the direction has priority over the other tasks of its level; (1 − s) t has the weight of the
+        task, as any residual. Source: Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015.
         """
         same = copy(self)
         same.is_scaled = True
@@ -165,7 +165,7 @@ class Within(Barrier):
 
     Raises:
         InvalidInput: when a stack is compiled: bounds of another size, an empty interval, no finite bound, or one on a
-            row with kp = 0, which asks for a velocity and has no error.
+            row with kp = 0, which is a velocity task and has no error.
 
     Example:
         >>> import wbc
@@ -210,7 +210,7 @@ class Within(Barrier):
         if velocities.size:
             i = int(self._row[velocities[0]])
             raise InvalidInput(
-                f"{self.name}: row {i} has kp = 0, which asks for a velocity; its bounds must be infinite"
+                f"{self.name}: row {i} has kp = 0, so it is a velocity task; its bounds must be infinite"
             )
         self.units = tuple(task.unit(int(i)) for i in self._row)
         self._out = out = TaskRows()

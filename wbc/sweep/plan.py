@@ -100,7 +100,7 @@ class Sweep:
         return self._drawn(find(self.scenario), run)
 
     def trials(self, runs: Iterable[int]) -> Iterator[Trial]:
-        """These runs, in this order; each is drawn when it is asked for."""
+        """These runs, in this order; each is drawn when it is needed."""
         scenario = find(self.scenario)
         return (self._drawn(scenario, run) for run in runs)
 

@@ -1,6 +1,6 @@
 """Strategies for hypothesis: states of a robot, boxes, limits, vectors, Jacobians, positive definite matrices.
 
-Numbers are spread over six decades, matrices have condition numbers up to 1e6 unless asked otherwise, and what breaks
+Numbers are spread over six decades, matrices have condition numbers up to 1e6 by default, and what breaks
 code in practice is drawn often: zeros, equal and missing bounds, dependent rows.
 """
 

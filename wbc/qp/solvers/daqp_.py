@@ -86,7 +86,7 @@ class Daqp(Solver):
     """Settings of DAQP.
 
     Args:
-        primal_tol: how far a row may be violated [unit of the row]. Far below what is asked: it costs nothing.
+        primal_tol: how far a row may be violated [unit of the row]. Far below the required accuracy: it costs nothing.
         eps_prox: weight of the proximal terms where H is singular; negative: only there.
         eta_prox: change of x at which proximal steps end. Both defaults reach 1e-8 where DAQP's own reach 1e-6.
         max_iter: changes of the active set before it gives up.

@@ -42,7 +42,7 @@ def _model(result: ScenarioResult) -> list[str]:
             "The plant recorded no state of its own; positions and velocities are those given to the controller."
         )
     if run.meta.get("contacts") and not any(name.startswith("plant.f.") for name in run):
-        sentences.append("The plant measured no contact forces; those shown are the ones the controller asked for.")
+        sentences.append("The plant measured no contact forces; those shown are the commanded ones.")
     bound = measure.limits(run)
     joints = run.meta["joint_names"]
     without = [name for name, limit in zip(joints, bound["tau_max"], strict=True) if not 0 < limit < np.inf]

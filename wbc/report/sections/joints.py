@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wbc.control.recorder import Run
 
 WORST = 4
-#: A table of more joints is shown when asked for.
+#: A table of more joints is folded.
 LONG = 14
 #: Where the limit stands in the bar of a joint.
 LIMIT = 0.8

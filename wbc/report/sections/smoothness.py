@@ -1,4 +1,4 @@
-"""How smooth the motion is: jerk, shaking, and rests that nobody asked for."""
+"""How smooth the motion is: jerk, shaking, and unwanted rests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a comparison is asked: which problems and scenarios, which solvers, how often, how long."""
+"""The request of a comparison: which problems and scenarios, which solvers, how often, how long."""
 
 from __future__ import annotations
 
