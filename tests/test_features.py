@@ -29,9 +29,9 @@ LEVELS = {"velocity level": "v", "acceleration level": "a", "inverse dynamics": 
 ANSWERS = ("yes", "partly", "no")
 INTRODUCTION = """# Features, beside other libraries
 
-Every task, limit, contact, component and hierarchy there is here, with the levels it serves (v velocities, a
-accelerations, τ torques and forces), beside what five other libraries have. This page is written by
-`python tests/test_library.py` from the code and from `docs/features.toml`; a test keeps it so.
+This page lists every task, limit, contact, component and hierarchy of the library with its levels (v velocities, a
+accelerations, τ torques and forces), beside those of five other libraries. `python tests/test_library.py` writes it
+from the code and from `docs/features.toml`; a test compares the two.
 """
 
 
