@@ -147,7 +147,7 @@ def hierarchies() -> None:
     d = Drawing(292, "Weighted, strict and scaled solutions of two tasks that conflict, and of one task beyond a limit")
     d.text(175, 30, "Two tasks conflict", "title")
     d.path("M60 85H290")
-    for x, name in ((80, "task 1 asks"), (270, "task 2 asks")):
+    for x, name in ((80, "target of task 1"), (270, "target of task 2")):
         d.path(f"M{x} 78V92")
         d.text(x, 68, name, "small")
     solutions = ((125, 118, "Weighted: a compromise by weights", "second"), (80, 168, "Strict: task 1 first", "first"))

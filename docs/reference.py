@@ -40,6 +40,7 @@ SHOWN: Mapping[str, tuple[str, ...]] = {
 LEVELS = re.compile(r"((?:`\w+`(?:, )?)+) \(([vaτ ]+)\)")
 NAMES = {"v": "velocity", "a": "acceleration", "τ": "inverse dynamics"}
 ROLE = re.compile(r":\w+:`~?([\w.]+)`")
+PAGE = re.compile(r"\bdocs/(\w)(\w+)\.md")
 SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields|Example|Examples|Source|Sources|Signals|Note):\s*(.*)$")
 
 
@@ -53,13 +54,14 @@ def levels() -> dict[str, str]:
 
 
 def prose(text: str) -> str:
-    """Text of a docstring as Markdown: code stays, every other sign stands for itself."""
+    """Text of a docstring as Markdown: code stays, pages are linked, every other sign stands for itself."""
     text = ROLE.sub(lambda m: f"``{m[1].rpartition('.')[2]}``", text)
     parts = re.split(r"(``.+?``)", " ".join(text.split()))
-    return "".join(
+    plain = "".join(
         f"`{part[2:-2]}`" if part.startswith("``") and len(part) > 4 else re.sub(r"([\\*_\[\]<>$`])", r"\\\1", part)
         for part in parts
     )
+    return PAGE.sub(lambda m: f"[{m[1].upper()}{m[2]}](../{m[1]}{m[2]}.md)", plain)
 
 
 def blocks(lines: list[str]) -> Iterator[list[str]]:
