@@ -1,4 +1,4 @@
-"""Draw the pictures of the documents anew, each from its scenario: ``python docs/draw_figures.py``."""
+"""Draw pg-plane.svg and report.png of the documents anew from their scenarios: ``python docs/draw_figures.py``."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ FOLDER = Path(__file__).parent / "figures"
 #: Scenario, its settings, and which of its own figures are kept.
 DRAWN: Mapping[str, tuple[Sequence[str], Sequence[str]]] = {
     "pg-step": (["robot=arm"], ["pg-plane"]),
-    "4p-adaptive": ([], ["adaptive-coefficients"]),
-    "pr-torque": ([], ["pr-tracking"]),
-    "pr-fault": ([], ["fault-total"]),
 }
 
 

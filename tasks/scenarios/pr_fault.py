@@ -66,7 +66,7 @@ class Seen(NamedTuple):
 
 @final
 class PrFault(Scenario):
-    """At t = 0 actuator 1 dies while (5 N, −2 N m) are asked for; two observers watch, K = 10 and K = 3 [1/s].
+    """At t = 0 actuator 1 dies while (5 N, −2 N m) are commanded; two observers watch, K = 10 and K = 3 [1/s].
 
     Then the same with a partial fault, a bias, and two faults at once. ``threshold`` [N, N m] raises the alarm.
     """
