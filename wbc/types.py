@@ -40,6 +40,7 @@ from numpy.typing import NDArray
 Vec = NDArray[np.float64]
 Mat = NDArray[np.float64]
 Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 
 class Status(Enum):

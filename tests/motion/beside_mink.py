@@ -41,7 +41,7 @@ def ours(path: Path) -> None:
         still = np.tile(np.eye(3), (motion.frames, 1, 1))
         columns["turned"].append(np.stack([targets.rotations.get(part, still) for part in parts], axis=1))
         for _ in range(TURNS):
-            stack = Retargeting(robot, table, targets, acceleration=None, collisions=False)
+            stack = Retargeting(robot, table, targets, acceleration=np.inf, collisions=False)
             start = process_time()
             q = stack.frames(lambda done: None)
             seconds[k] = min(seconds[k], process_time() - start)

@@ -66,7 +66,8 @@ def test_a_joint_is_placed_by_the_turns_of_those_above_it(tmp_path: Path):
     from wbc.motion.bvh import read_bvh
 
     (tmp_path / "chain.bvh").write_text(CHAIN)
-    rate, positions, rotations = read_bvh(tmp_path / "chain.bvh")
+    rate, found = read_bvh(tmp_path / "chain.bvh")
+    positions, rotations = found["positions"], found["rotations"]
     assert rate == pytest.approx(100.0)
     # Axes of the file are y up and z ahead; of the world x ahead, y to the left, z up.
     up = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
@@ -118,7 +119,7 @@ def test_a_part_that_lacks_is_named():
     ("change", "about"),
     [
         (("ROOT", "ROUTE"), "at 'HIERARCHY ROUTE Hips"), (("Frames: 2", "Frames: 3"), "are promised"),
-        (("Frames: 2", "Frames: 1e300"), "at 'MOTION Frames: 1e300"), (("0.01", "0"), "frames of 0 s"),
+        (("Frames: 2", "Frames: 1e300"), "at 'MOTION Frames: 1e300"), (("0.01", "0"), "Frame Time is 0"),
         (("0 0 0 0 0 0\n", "0 0 0 x 0 0\n"), "in the motion"),
         (("Xrotation Yrotation\n    End", "Wrotation\n    End"), "Wrotation"),
         (("OFFSET 0 5 0", "OFFSET 0 nan 0"), "at 'End Site { OFFSET 0"), (("JOINT Spine", "JOINT Hips"), "one name"),

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.errors import InvalidInput, NoClosedForm
@@ -33,9 +32,7 @@ from wbc.methods.shared import box, metric, root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import SHARP
-from wbc.types import Mat, Vec
-
-Flags = NDArray[np.bool_]
+from wbc.types import Flags, Mat, Vec
 
 #: The most masses of a chain.
 LARGEST_SET = 10_000

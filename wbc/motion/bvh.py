@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.types import Mat, Vec
 
@@ -28,13 +29,16 @@ _MOST = 1000
 _AXES = Rotation.from_matrix([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
+#: What a file says: frames per second, and "positions" {name: (N, 3)}, perhaps "rotations" {name: (N, 3, 3)} and
+#: "contacts" {name: (N,)}, by what it calls its parts.
+Read = tuple[float, dict[str, dict[str, Vec]]]
 #: {joint: (parent, offset, channels)}, parents first; the root's parent is "".
 _Joints = dict[str, tuple[str, list[float], list[str]]]
 
 
-def read_bvh(path: Path) -> tuple[float, dict[str, Mat], dict[str, Vec]]:
-    """Frames per second, and of every joint by name its positions (N, 3) in the unit of the file and its rotations
-    (N, 3, 3), z up. Ends of chains are called after their joint, with " end".
+def read_bvh(path: Path) -> Read:
+    """Frames per second, and of every joint by name its positions in the unit of the file and its rotations, z up. Ends
+    of chains are called after their joint, with " end".
 
     Raises:
         InvalidInput: no such file, or a place at which it is no BVH file.
@@ -51,12 +55,10 @@ def read_bvh(path: Path) -> tuple[float, dict[str, Mat], dict[str, Vec]]:
     if len(numbers) != frames * width or not frames:
         raise InvalidInput(f"{path} has {len(numbers)} numbers of motion; {frames} frames of {width} are promised")
     try:
-        seconds, table = float(motion[2]), np.array(numbers, dtype=np.float64).reshape(frames, width)
+        table = np.array(numbers, dtype=np.float64).reshape(frames, width)
     except ValueError as cause:
         raise InvalidInput(f"{path}: {cause} in the motion") from None
-    if not 0.0 < seconds < np.inf:
-        raise InvalidInput(f"{path}: frames of {seconds:g} s")
-    return 1.0 / seconds, *_placed(joints, table)
+    return 1.0 / checks.typed(f"{path}: Frame Time", motion[2], low=0.0, strict=True), _placed(joints, table)
 
 
 def _hierarchy(path: Path, text: str) -> tuple[_Joints, int]:
@@ -85,7 +87,7 @@ def _wrong(path: Path, text: str, at: int) -> InvalidInput:
     return InvalidInput(f"{path} is no BVH file at {text[at : at + 60].strip() or 'its end'!r}")
 
 
-def _placed(joints: _Joints, table: Mat) -> tuple[dict[str, Mat], dict[str, Vec]]:
+def _placed(joints: _Joints, table: Mat) -> dict[str, dict[str, Vec]]:
     """Joints in the world: p = p_parent + R_parent (offset or the channels' place), R = R_parent R_channels."""
     columns, positions, rotations = iter(table.T), dict[str, Mat](), dict[str, Rotation]()
     for name, (parent, offset, channels) in joints.items():
@@ -97,4 +99,4 @@ def _placed(joints: _Joints, table: Mat) -> tuple[dict[str, Mat], dict[str, Vec]
                 turned = turned * Rotation.from_euler(channel[0], values[:, None], degrees=True)
         start, above = positions.get(parent, 0.0), rotations.get(parent, _AXES)
         positions[name], rotations[name] = start + above.apply(place), above * turned
-    return positions, {name: turned.as_matrix() for name, turned in rotations.items()}
+    return {"positions": positions, "rotations": {name: turned.as_matrix() for name, turned in rotations.items()}}

@@ -10,17 +10,16 @@ from pathlib import Path
 from typing import Any, Self, final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
 from wbc.files import Place, located
-from wbc.motion.bvh import read_bvh
+from wbc.motion.bvh import Read, read_bvh
 from wbc.npz import read_npz, write_npz
 from wbc.tolerances import MET
-from wbc.types import Mat, Vec
+from wbc.types import Flags, Mat, Vec
 
 SIDES = ("left", "right")
 #: Parts of a body that retargeting knows, and what files call them, without case, blanks and prefixes. A file that has
@@ -53,10 +52,8 @@ BONES = (
 #: Metres in the units in which files give lengths, tried in this order, and what the body is then tall [m].
 _UNITS = (1.0, 0.01, 0.0254, 0.001)
 _TALL = (0.6, 2.6)
-_LEAST_FRAMES = 3
 #: The numbers that a motion has of a part in each frame, and their shapes.
 _SHAPES = {"positions": (3,), "rotations": (3, 3), "contacts": ()}
-Flags = NDArray[np.bool_]
 
 
 @final
@@ -88,7 +85,7 @@ class Motion:
     def __post_init__(self) -> None:
         checks.number("rate", self.rate, low=0.0, strict=True)
         sizes = {len(checks.array(f"{self.name}: {part}", p, (None, 3))) for part, p in self.positions.items()} or {0}
-        if len(sizes) != 1 or min(sizes) < _LEAST_FRAMES:
+        if len(sizes) != 1 or min(sizes) < 3:
             said = " and ".join(map(str, sorted(sizes)))
             raise InvalidInput(f"{self.name} has parts of {said} frames; all must have as many, at least three")
         for key, shape in _SHAPES.items():
@@ -123,19 +120,17 @@ class Motion:
         reader = {".bvh": read_bvh, ".npz": _arrays, ".csv": _table}.get(place.suffix.lower())
         if reader is None:
             raise InvalidInput(f"{place} is no motion that can be read; give a .bvh, .npz or .csv file")
-        found: tuple[Any, ...] = reader(place)
-        rate, positions, rotations, contacts = (*found, {}, {})[:4]
-        name = place.stem
-        called = known_parts(name, list(positions))
+        rate, given = reader(place)
+        name, positions = place.stem, given["positions"]
+        called = known_parts(name, [*positions])
         heights = [checks.array(f"{name}: {one}", positions[one], (None, 3))[:, 2] for one in called.values()]
         tall = float(np.median(np.ptp(heights, axis=0)))
         metres = next((unit for unit in _UNITS if _TALL[0] <= unit * tall <= _TALL[1]), None)
         if metres is None:
             raise InvalidInput(f"{name}: the body is {tall:g} tall, which is no person's size in m, cm, inches or mm")
-        placed = {part: metres * positions[one] for part, one in called.items()}
-        turned = {part: rotations[one] for part, one in called.items() if one in rotations}
-        held = {part: contacts[one] for part, one in called.items() if one in contacts}
-        return cls(rate, placed, turned, held, name)
+        given["positions"] = {one: metres * p for one, p in positions.items()}
+        kept: Any = {key: {part: of[one] for part, one in called.items() if one in of} for key, of in given.items()}
+        return cls(rate, **kept, name=name)
 
     def at(self, moments: Vec) -> Self:
         """The same motion at other moments (M,), in frames from 0 to N − 1: what is between frames by cubic splines,
@@ -163,47 +158,42 @@ class Motion:
             for key, shape in _SHAPES.items()
             if (given := getattr(self, key))
         }
-        write_npz(path, names=np.array(list(self.positions)), rate=np.array(self.rate), **columns)
+        write_npz(path, names=[*self.positions], rate=self.rate, **columns)
 
 
-def _arrays(place: Path) -> tuple[Any, ...]:
-    """Frames per second, positions, rotations and contacts by what the file calls its parts."""
+def _arrays(place: Path) -> Read:
     arrays = read_npz(place)
     if lacking := [key for key in ("names", "positions", "rate") if key not in arrays]:
         raise InvalidInput(f"{place} has no array {lacking[0]!r}; there are: {', '.join(arrays) or 'none'}")
     if arrays["names"].ndim != 1 or arrays["names"].dtype.kind != "U" or arrays["rate"].size != 1:
         raise InvalidInput(f"{place}: names must be text (F,), and rate one number")
     names = arrays["names"].tolist()
-    found: list[Any] = [checks.number(f"{place}: rate", arrays["rate"].item(), low=0.0, strict=True)]
+    found: dict[str, dict[str, Vec]] = {}
     for key, shape in _SHAPES.items():
         values = arrays.get(key, np.zeros((0, len(names), *shape)))
         if values.dtype.kind not in "fiub" or values.shape[1:] != (len(names), *shape):
             said = ", ".join(map(str, (len(names), *shape)))
             raise InvalidInput(f"{place}: {key} must be numbers of shape (N, {said})")
         columns = zip(names, np.moveaxis(values, 1, 0), strict=True)
-        found.append({name: column for name, column in columns if not np.isnan(column).all()})
-    return tuple(found)
+        found[key] = {name: column for name, column in columns if not np.isnan(column).all()}
+    return checks.number(f"{place}: rate", arrays["rate"].item(), low=0.0, strict=True), found
 
 
-def _table(place: Path) -> tuple[float, dict[str, Mat]]:
-    """Frames per second, and positions by what the table calls its parts."""
+def _table(place: Path) -> Read:
     try:
         heads, *rows = csv.reader(place.read_text(encoding="utf-8").splitlines())
         table = np.array(rows, dtype=np.float64).reshape(-1, len(heads))
     except (OSError, ValueError, csv.Error) as cause:
         raise InvalidInput(f"{place} is no table of numbers with a heading: {cause}") from None
-    if "time" not in heads or len(table) < _LEAST_FRAMES:
-        raise InvalidInput(f"{place} needs a column 'time' and at least three rows")
-    columns = dict(zip(heads, table.T, strict=True))
-    steps = np.diff(columns["time"])
-    if not steps.min() > 0.0 or np.abs(steps - steps.mean()).max() > 0.1 * steps.mean():
+    columns, parts = dict(zip(heads, table.T, strict=True)), [one[:-2] for one in heads if one.endswith(".x")]
+    try:
+        steps = np.diff(columns["time"])
+        positions = {part: np.column_stack([columns[f"{part}.{axis}"] for axis in "xyz"]) for part in parts}
+    except KeyError as lacking:
+        raise InvalidInput(f"{place} has no column {lacking}") from None
+    if not steps.size or not steps.min() > 0.0 or np.abs(steps - steps.mean()).max() > 0.1 * steps.mean():
         raise InvalidInput(f"{place}: times must rise in even steps")
-    parts = [head.removesuffix(".x") for head in heads if head.endswith(".x")]
-    if lacking := [f"{part}.{axis}" for part in parts for axis in "yz" if f"{part}.{axis}" not in columns]:
-        raise InvalidInput(f"{place} has no column {lacking[0]!r}")
-    return 1.0 / float(steps.mean()), {
-        part: np.column_stack([columns[f"{part}.{axis}"] for axis in "xyz"]) for part in parts
-    }
+    return 1.0 / float(steps.mean()), {"positions": positions}
 
 
 def known_parts(name: str, given: list[str]) -> dict[str, str]:
@@ -221,8 +211,7 @@ def known_parts(name: str, given: list[str]) -> dict[str, str]:
     plain = {"".join(c for c in one.rpartition(":")[2].lower() if c.isalnum()): one for one in reversed(given)}
     found: dict[str, str] = {}
     for part, names in PARTS.items():
-        called = [plain[one] for one in (part.replace("_", ""), *names) if one in plain]
-        free = [one for one in called if one not in found.values()]
+        free = [plain[one] for one in (part.replace("_", ""), *names) if plain.get(one) not in (None, *found.values())]
         if free:
             found[part] = free[0]
         elif part in NEEDED:

@@ -70,10 +70,9 @@ def _person(
         toe = ankle + _TOE * ahead - [0.0, 0.0, _ANKLE - _TOE_HEIGHT]
         shoulder = neck + chest.apply([0.0, sign * _SHOULDER, 0.0])
         angles = {"ahead": 0.0, "out": 0.15, "bent": 0.3} | {**arms.get(side, {})}
-        spread, lifted, bent = (np.broadcast_to(angles[key], (n,)) for key in ("out", "ahead", "bent"))
-        upper = chest * _turned("YX", -lifted, sign * spread)
+        upper = chest * _turned("YX", -angles["ahead"], sign * angles["out"])
         elbow = shoulder + upper.apply([0.0, 0.0, -_UPPER])
-        wrist = elbow + (upper * _turned("Y", -bent)).apply([0.0, 0.0, -_FORE])
+        wrist = elbow + (upper * _turned("Y", -angles["bent"])).apply([0.0, 0.0, -_FORE])
         parts = hip, hip + 0.5 * line + bend, ankle, toe, shoulder, elbow, wrist
         names = "hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist"
         found |= {f"{side}_{name}": part for name, part in zip(names, parts, strict=True)}
@@ -86,8 +85,8 @@ def _blend(s: Vec) -> Vec:
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
 
 
-def _turned(axes: str, *angles: Vec) -> Rotation:
-    return Rotation.from_euler(axes, np.column_stack(angles))
+def _turned(axes: str, *angles: Vec | float) -> Rotation:
+    return Rotation.from_euler(axes, np.column_stack(np.broadcast_arrays(*angles)))
 
 
 def _squat(rng: np.random.Generator, pace: float) -> _Parts:
@@ -124,8 +123,7 @@ def _dance(rng: np.random.Generator, pace: float) -> _Parts:
 
 
 def _turn(rng: np.random.Generator, pace: float) -> _Parts:
-    turning = rng.choice([-1.0, 1.0]) * rng.uniform(0.25, 0.4)
-    return _steps(0.0, turning, 6, pace * 0.8)
+    return _steps(0.0, rng.choice([-1.0, 1.0]) * rng.uniform(0.25, 0.4), 6, pace * 0.8)
 
 
 def _walk(rng: np.random.Generator, pace: float) -> _Parts:

@@ -12,7 +12,6 @@ from wbc.errors import InvalidInput, UnknownFrame, UnknownName
 from wbc.files import Place, located
 from wbc.models.pinocchio_ import PinocchioModel
 
-_FOLDER = Path(__file__).with_name("mappings")
 #: Weights of position [1/m²] and orientation [1/rad²] of a part where the mapping says none.
 _WEIGHTS = {"pelvis": (1.0, 1.0), "chest": (0.0, 1.0), "head": (0.0, 0.1)}
 _SIDED = {
@@ -58,7 +57,7 @@ class Table(NamedTuple):
             UnknownName: nothing was given, and none comes with the library for this robot.
         """
         if given is None:
-            known = {path.stem: path for path in _FOLDER.glob("*.toml")}
+            known = {path.stem: path for path in Path(__file__).with_name("mappings").glob("*.toml")}
             given = next((path for name, path in known.items() if robot.name.lower().startswith(name)), None)
             if given is None:
                 raise UnknownName(robot.name, known, "robots with a mapping; give the path of one for others")
@@ -89,8 +88,7 @@ class Table(NamedTuple):
         found = {part: _follower(f"{place}: {part}", *PARTS[part], value) for part, value in frames.items()}
         if lacking := [part for part in PARTS if part not in frames and part != "head"]:
             raise InvalidInput(f"{place} names no frame for {', '.join(lacking)}")
-        if scale is not None:
-            scale = checks.number(f"{place}: scale", scale, low=0.0, strict=True)
+        scale = None if scale is None else checks.number(f"{place}: scale", scale, low=0.0, strict=True)
         return cls(found, scale, place.stem)
 
 

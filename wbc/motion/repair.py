@@ -77,10 +77,6 @@ def repaired(found: Retargeted, witness: Witness, progress: Callable[[float, str
 
     ``before`` is the motion that was found; ``unsolved`` are frames of that.
     """
-
-    def judged(motion: Retargeted) -> Retargeted:
-        return replace(motion, verdicts=tuple(witness.judge(motion.q, motion.rate, motion.holds)))
-
     program, first = _Program(found), found
     best = now = replace(found, before=found)
     for turn in range(2 * _ROUNDS):
@@ -92,13 +88,14 @@ def repaired(found: Retargeted, witness: Witness, progress: Callable[[float, str
             if pace.min() == 1.0:
                 continue
             when = moments(pace, now.rate)
-            first, now = first.at(when), judged(now.at(when))
+            first, now = first.at(when), now.at(when)
         else:
             moved = now.q.copy()
             for span in spans(binary_dilation(bad, iterations=round(_AROUND * found.rate))):
                 for start, stop in _pieces(*span, shifted=turn // 2 % 2 == 1):
                     moved[start:stop] = program.moved(first, now.q, start, stop)
-            now = judged(replace(now, q=moved))
+            now = replace(now, q=moved)
+        now = replace(now, verdicts=witness.judge(now.q, now.rate, now.holds))
         progress((turn + 1) / (2 * _ROUNDS), "repairing")
         best = max(best, now, key=lambda one: one.certified)
     return best

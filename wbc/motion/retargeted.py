@@ -3,6 +3,7 @@ that shows the person beside the robot, and what is impossible when."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from wbc.files import Place
 from wbc.models.along import placed, velocities
 from wbc.models.collision import Obstacle
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.clip import BONES, Flags, Motion
+from wbc.motion.clip import BONES, Motion
 from wbc.motion.mapping import Table
 from wbc.motion.witness import KINDS, UNITS, Verdict
 from wbc.npz import write_npz
@@ -29,7 +30,7 @@ from wbc.report.record import judgement
 from wbc.report.sections import motion
 from wbc.sim.scenario import Check, ScenarioResult
 from wbc.stack.contact import Contact
-from wbc.types import Mat, Vec
+from wbc.types import Flags, Mat, Vec
 
 #: Radius of a bone [m]; how far beside the robot the person is drawn [m].
 _RADIUS, _BESIDE = 0.03, np.array([0.0, 0.9, 0.0])
@@ -96,12 +97,10 @@ class Retargeted:
 
     def faults(self) -> dict[str, tuple[int, int, float, str]]:
         """{kind: (frames, worst frame, worst amount [``UNITS[kind]``], its part)}, causes first."""
-        told: dict[str, list[tuple[float, int, str]]] = {kind: [] for kind in KINDS}
-        for k, verdict in enumerate(self.verdicts):
-            for fault in verdict.faults:
-                told[fault.kind].append((fault.amount, k, fault.part))
-        worst = {kind: (len({k for _, k, _ in of}), *max(of)) for kind, of in told.items() if of}
-        return {kind: (frames, k, amount, part) for kind, (frames, amount, k, part) in worst.items()}
+        frames = Counter(kind for verdict in self.verdicts for kind in {fault.kind for fault in verdict.faults})
+        told = [(KINDS.index(x.kind), x.amount, k, x.part) for k, one in enumerate(self.verdicts) for x in one.faults]
+        # The worst of a kind comes last, and stays.
+        return {KINDS[i]: (frames[KINDS[i]], k, amount, part) for i, amount, k, part in sorted(told)}
 
     def distances(self) -> dict[str, Vec]:
         """{part: (N,)} how far the robot's frames are from where the person's parts ask them to be [m]."""
@@ -132,10 +131,9 @@ class Retargeted:
         Raises:
             InvalidInput: the file cannot be written.
         """
-        columns: dict[str, Any] = {f"holds.{part}": held for part, held in self.holds.items()}
-        columns["certified"] = np.array([verdict.certified for verdict in self.verdicts])
-        columns["joint_names"] = np.array(self.robot.joint_names)
-        write_npz(path, q=self.q, rate=np.array(self.rate), **columns)
+        holds = {f"holds.{part}": held for part, held in self.holds.items()}
+        certified = [verdict.certified for verdict in self.verdicts]
+        write_npz(path, q=self.q, rate=self.rate, joint_names=self.robot.joint_names, certified=certified, **holds)
 
     def to_csv(self, path: Place, *, joints: Any = None) -> None:
         """Write a table as of a run: time, base and joints, and their velocities; ``joints``: names, such as
@@ -180,8 +178,7 @@ def page(found: Retargeted) -> doc.Report:
         said += f"; first impossible: {worst} at {k / rate:.2f} s"
     runs = {"": found} if found.before is None else {"repaired": found, "before repair": found.before}
     clock = doc.Clock(float(found.times[-1]), 1.0 / rate, events)
-    moments = motion.section(_result(found))
-    sections = [_verdicts(found), *([moments] if moments else []), _impossible(runs), _distances(runs)]
+    sections = [*filter(None, (_verdicts(found), motion.section(_result(found)), _impossible(runs), _distances(runs)))]
     seen = scene({name: _result(one, with_person=one is found) for name, one in runs.items()})
     if seen is not None:
         seen = replace(seen, caption=f"Beside the robot the person, at its size. {seen.caption}")
@@ -200,11 +197,12 @@ def _result(found: Retargeted, *, with_person: bool = False) -> ScenarioResult:
 
 
 def _intervals(found: Retargeted) -> dict[str, list[tuple[float, float]]]:
-    """When [s] frames are certified, and when they have a fault of each kind."""
+    """When [s] frames are certified, when they have a fault of each kind, and when contacts hold."""
     kinds = [{fault.kind for fault in verdict.faults} or {"certified"} for verdict in found.verdicts]
     flags = {kind: np.array([kind in of_frame for of_frame in kinds]) for kind in ("certified", *KINDS)}
+    flags |= {f"{found.contacts[part].frame} holds": held for part, held in found.holds.items()}
     run = found.run
-    return {kind: intervals(run, those) for kind, those in flags.items() if those.any()}
+    return {what: intervals(run, those) for what, those in flags.items() if those.any()}
 
 
 def _verdicts(found: Retargeted) -> doc.Section:
@@ -218,17 +216,13 @@ def _verdicts(found: Retargeted) -> doc.Section:
 
 
 def _impossible(runs: dict[str, Retargeted]) -> doc.Section:
-    first, strips = next(iter(runs.values())), list[doc.Strip]()
-    for k, (name, found) in enumerate(runs.items()):
-        when = _intervals(found)
-        if found is first:
-            when |= {
-                f"{found.contacts[part].frame} holds": intervals(found.run, on) for part, on in found.holds.items()
-            }
-        for what, moments in when.items():
-            strips.append(doc.Strip(f"{what}, {name}" if name else what, moments, k if name else None))
-    title = "Certified frames, impossible frames, and contacts"
-    return doc.Section("Over time", [doc.Plot(_STRIPS, title, "", first.times, strips=strips, wide=True)])
+    strips = [
+        doc.Strip(f"{what}, {name}" if name else what, moments, k if name else None)
+        for k, (name, found) in enumerate(runs.items())
+        for what, moments in _intervals(found).items()
+    ]
+    title, times = "Certified frames, impossible frames, and contacts", next(iter(runs.values())).times
+    return doc.Section("Over time", [doc.Plot(_STRIPS, title, "", times, strips=strips, wide=True)])
 
 
 def _distances(runs: dict[str, Retargeted]) -> doc.Section:

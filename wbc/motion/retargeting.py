@@ -12,7 +12,7 @@ where q_low and q_high are what position, speed and acceleration limits leave of
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from itertools import compress
 from typing import Any, final
 
 import numpy as np
@@ -48,25 +48,24 @@ _STAY, _NEAR = 1e-4, 3e-4
 #: Friction of a hand that holds, and how far shapes are kept apart [m].
 HAND_FRICTION = 0.6
 _MARGIN = 0.005
-_NOTHING = Overrides()
 
 
 @final
 class _Frames(Schedule):
     """What of a stack changes from frame to frame: which contacts hold, and the joint positions within reach."""
 
-    def __init__(self, names: Iterable[str], sets: Sequence[frozenset[str]]) -> None:
+    def __init__(self, sets: Sequence[frozenset[str]]) -> None:
         super().__init__(name="frames of the motion")
-        self.names, self._sets, self.bounds = tuple(names), frozenset(sets), _NOTHING
-        self.held = sets[0]
+        self._sets, self.frame = sets, 0
+        self.bounds: Overrides | None = None
 
     def contact_sets(self) -> Iterable[Iterable[str]]:
-        return self._sets
+        return set(self._sets)
 
     def contacts(self, state: RobotState, last: object) -> Iterable[str]:
-        return self.held
+        return self._sets[self.frame]
 
-    def before(self, state: RobotState, last: Any, plan: Any) -> Overrides:
+    def before(self, state: RobotState, last: Any, plan: Any) -> Overrides | None:
         return self.bounds
 
 
@@ -75,15 +74,15 @@ class Retargeting:
     """The stack of a robot and a mapping, and the frames it has come to.
 
     Args:
-        acceleration: limit on joint accelerations from frame to frame [rad/s²]; None: none.
+        acceleration: limit on joint accelerations from frame to frame [rad/s²]; inf: none.
         collisions: whether shapes of the robot are kept apart.
     """
 
     def __init__(
-        self, robot: PinocchioModel, table: Table, targets: Motion, *, acceleration: float | None, collisions: bool
+        self, robot: PinocchioModel, table: Table, targets: Motion, *, acceleration: float, collisions: bool
     ) -> None:
         self._robot, self._targets, self._period = robot, targets, 1.0 / targets.rate
-        self._acceleration = np.inf if acceleration is None else acceleration
+        self._acceleration = acceleration
         objectives: list[Any] = []
         for part, one in table.followers.items():
             places, turns = targets.positions[part], one.orientation if part in targets.rotations else 0.0
@@ -95,16 +94,11 @@ class Retargeting:
             elif one.position > 0.0:
                 samples = tasks.Samples(places, period=self._period)
                 objectives.append(tasks.Position(one.frame, target=samples, weight=one.position, **asked))
-        objectives += [
-            tasks.Damping(weight=_STAY),
-            tasks.Posture(robot.q0, weight=_NEAR, rate=1.0 / _DT, name="reference"),
-        ]
+        reference = tasks.Posture(robot.q0, weight=_NEAR, rate=1.0 / _DT, name="reference")
+        objectives += [tasks.Damping(weight=_STAY), reference]
         self.contacts = _contacts(robot, table, targets)
-        self._held = [
-            frozenset(one.name for part, one in self.contacts.items() if targets.contacts[part][k])
-            for k in range(targets.frames)
-        ]
-        self._schedule = _Frames([one.name for one in self.contacts.values()], self._held)
+        names, flags = [one.name for one in self.contacts.values()], [targets.contacts[part] for part in self.contacts]
+        self._schedule = _Frames([frozenset(compress(names, held)) for held in zip(*flags, strict=True)])
         hands = [table.followers[f"{side}_wrist"].frame for side in SIDES]
         limits: list[Any] = [tasks.JointPositionLimits()]
         limits += [tasks.HalfSpaceLimit(hand, normal=[0.0, 0.0, 1.0], offset=0.0) for hand in hands]
@@ -135,17 +129,15 @@ class Retargeting:
             held = self._targets.contacts[part]
             if held[k] and (k == 0 or not held[k - 1]):
                 contact.target = anchor(contact, self._targets, part, k)
-        self._schedule.held, self._schedule.bounds = self._held[k], _NOTHING
+        self._schedule.frame, self._schedule.bounds = k, None
         found, ok = self._converged(k, q)
-        T, most = self._period, self._robot.limits.v_max
-        v = (found[7:] - q[7:]) / T
-        if k and max((np.abs(v) - most).max(), np.abs(v - self._v).max() - self._acceleration * T) > SAME / T:
-            self._schedule.bounds = Overrides(position=self._within_reach(q[7:]))
-            found, ok = self._converged(k, q)
-            v = (found[7:] - q[7:]) / T
-        if not ok:
-            self.unsolved.append(k)
-        self._v = v if k else self._v
+        if k:
+            low, high = self._within_reach(q[7:])
+            if max((low - found[7:]).max(), (found[7:] - high).max()) > SAME:
+                self._schedule.bounds = Overrides(position=(low, high))
+                found, ok = self._converged(k, q)
+            self._v = (found[7:] - q[7:]) / self._period
+        self.unsolved += [k] * (not ok)
         return found
 
     def _converged(self, k: int, q: Vec) -> tuple[Vec, bool]:
@@ -162,9 +154,9 @@ class Retargeting:
         limits, T = self._robot.limits, self._period
         least = np.maximum(-limits.v_max, self._v - self._acceleration * T)
         most = np.minimum(limits.v_max, self._v + self._acceleration * T)
-        near = np.clip(joints, limits.q_min, limits.q_max)
-        low = np.clip(near + T * least, limits.q_min, limits.q_max)  # a joint that comes too fast to its limit stops
-        return low, np.maximum(np.clip(near + T * most, limits.q_min, limits.q_max), low)
+        near = joints.clip(limits.q_min, limits.q_max)
+        low = (near + T * least).clip(limits.q_min, limits.q_max)  # a joint that comes too fast to its limit stops
+        return low, np.maximum((near + T * most).clip(limits.q_min, limits.q_max), low)
 
 
 def _contacts(robot: PinocchioModel, table: Table, targets: Motion) -> dict[str, Contact]:
@@ -212,21 +204,19 @@ def retarget(
         ((240, 37), 1.0)
     """
     checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(..., base='floating')")
-    if acceleration is not None:
-        acceleration = checks.number("acceleration", acceleration, low=0.0, strict=True)
+    most = np.inf if acceleration is None else checks.number("acceleration", acceleration, low=0.0, strict=True)
     collisions, repair = checks.truth("collisions", collisions), checks.truth("repair", repair)
     if not callable(progress):
         raise InvalidInput(f"progress is {checks.shown(progress)}; it must be a function of a share and a word")
     motion = motion if isinstance(motion, Motion) else Motion.read(motion)
     table = Table.of(robot, mapping)
     asked, scale = targets(motion, robot, table)
-    stack = Retargeting(robot, table, asked, acceleration=acceleration, collisions=collisions)
+    stack = Retargeting(robot, table, asked, acceleration=most, collisions=collisions)
     share = 0.25 if repair else 0.5
     q = stack.frames(lambda done: progress(share * done, "retargeting"))
-    found = Retargeted(robot, motion, table, asked, scale, stack.contacts, q, (), tuple(stack.unsolved))
     witness = Witness(robot, stack.contacts, collisions=collisions)
-    verdicts = witness.judge(q, motion.rate, found.holds, lambda done: progress(share * (1.0 + done), "judging"))
-    found = replace(found, verdicts=tuple(verdicts))
+    judged = witness.judge(q, motion.rate, asked.contacts, lambda done: progress(share * (1.0 + done), "judging"))
+    found = Retargeted(robot, motion, table, asked, scale, stack.contacts, q, judged, tuple(stack.unsolved))
     if not repair or found.certified == 1.0:
         return found
     return repaired(found, witness, lambda done, word: progress(0.5 + 0.5 * done, word))

@@ -29,11 +29,11 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import InvalidInput
 from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.clip import NEEDED, SIDES, Flags, Motion
+from wbc.motion.clip import NEEDED, SIDES, Motion
 from wbc.motion.mapping import Table
 from wbc.report.measure import spans
 from wbc.stack.contact import Anchor, Contact
-from wbc.types import Mat, Vec
+from wbc.types import Flags, Mat, Vec
 
 #: The robot stretches its legs to this share of what the person does, so that its knees stay bent a little.
 _STRETCH = 0.97
@@ -109,8 +109,7 @@ def targets(person: Motion, robot: PinocchioModel, table: Table) -> tuple[Motion
         hand, _ = _anchored(hand, still, _stands(hand, still, body.contacts[wrist], None), rate)
         places |= {f"{side}_shoulder": shoulder, f"{side}_elbow": elbow, wrist: hand}
     for part, follower in table.followers.items():
-        if any(follower.offset):
-            places[part] = places[part] + turned.get(part, turned["chest"]) @ np.array(follower.offset)
+        places[part] = places[part] + turned.get(part, turned["chest"]) @ np.array(follower.offset)
     return Motion(rate, places, turned, body.contacts, person.name), scale
 
 
@@ -124,10 +123,8 @@ def _reference(robot: PinocchioModel, table: Table) -> dict[str, Vec]:
     """Places (3,) of a robot's frames by part, upright with straight arms and legs; and of its ankles."""
     feet = {side: table.followers[f"{side}_foot"].frame for side in SIDES}
     if robot.nq - robot.nj != 7 or not all(foot in robot.feet for foot in feet.values()):
-        raise InvalidInput(
-            f"{robot.name} needs a floating base and feet {' and '.join(feet.values())}; "
-            f"its feet are: {', '.join(robot.feet) or 'none'}"
-        )
+        asked, known = " and ".join(feet.values()), ", ".join(robot.feet) or "none"
+        raise InvalidInput(f"{robot.name} needs a floating base and feet {asked}; its feet are: {known}")
     state = robot.state()
     state.update(0.0, robot.on_ground(robot.q0), np.zeros(robot.nv))
     found = {part: state.frame(one.frame).position.copy() for part, one in table.followers.items()}
@@ -216,11 +213,9 @@ def posed(motion: Motion) -> Motion:
     holds: dict[str, Flags] = {}
     for side in SIDES:
         ankle, toe, wrist = (p[f"{side}_{part}"] for part in ("ankle", "toe", "wrist"))
-        heights = np.maximum(ankle[:, 2] - standing(ankle), toe[:, 2] - standing(toe))
-        speeds = np.maximum(_speed(ankle, motion.rate), _speed(toe, motion.rate))
-        stands = holds[f"{side}_foot"] = _said(motion, f"{side}_ankle", (heights < _NEAR) & (speeds < _SLOW))
-        low = wrist[:, 2] < _HAND + standing(toe)
-        holds[f"{side}_wrist"] = _said(motion, f"{side}_wrist", low & (_speed(wrist, motion.rate) < _SLOW))
+        rests = [_rests(part, standing(part) + _NEAR, motion.rate) for part in (ankle, toe)]
+        stands = holds[f"{side}_foot"] = _said(motion, f"{side}_ankle", rests[0] & rests[1])
+        holds[f"{side}_wrist"] = _said(motion, f"{side}_wrist", _rests(wrist, standing(toe) + _HAND, motion.rate))
         turned[f"{side}_foot"] = _foot(toe - ankle, stands)
     for part in ("pelvis", "head", *(f"{side}_ankle" for side in SIDES)):
         if part in motion.rotations:
@@ -235,8 +230,10 @@ def standing(places: Mat) -> float:
     return float(np.percentile(places[:, 2], _SHARE))
 
 
-def _speed(places: Mat, rate: float) -> Vec:
-    return np.asarray(np.linalg.norm(np.gradient(places, axis=0), axis=1) * rate)
+def _rests(places: Mat, below: float, rate: float) -> Flags:
+    """In which frames a part is low and slow enough to hold."""
+    slow = np.linalg.norm(np.gradient(places, axis=0), axis=1) * rate < _SLOW
+    return np.asarray(slow & (places[:, 2] < below))
 
 
 def _said(motion: Motion, part: str, found: Flags) -> Flags:

@@ -27,13 +27,12 @@ from wbc import checks
 from wbc.models.along import placed, velocities
 from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.clip import Flags
 from wbc.qp import QP, solve
 from wbc.qp.relax import relaxed
 from wbc.report.measure import spans
 from wbc.stack.contact import Contact, cones
 from wbc.tasks import CollisionAvoidance
-from wbc.types import Mat, Status, Vec
+from wbc.types import Flags, Mat, Status, Vec
 
 #: Kinds of faults and the units of their amounts, beyond the limit. What causes others stands first: the forces of a
 #: motion that jumps, or whose feet slip, say little.
@@ -162,7 +161,7 @@ class Witness:
 
     def judge(
         self, q: Mat, rate: float, holds: Mapping[str, Flags], progress: Any = lambda done: None
-    ) -> list[Verdict]:
+    ) -> tuple[Verdict, ...]:
         """A verdict for each frame of configurations q (N, nq) at ``rate`` [1/s]; ``holds`` {part: (N,)}.
 
         Raises:
@@ -189,7 +188,7 @@ class Witness:
                 held = [contact for part, contact in self._contacts.items() if holds[part][k]]
                 faults += lacking(self._robot, self._state, a[k], held)[0]
             progress((k + 1) / len(found))
-        return [Verdict(tuple(sorted(faults, key=lambda fault: KINDS.index(fault.kind)))) for faults in found]
+        return tuple(Verdict(tuple(sorted(faults, key=lambda one: KINDS.index(one.kind)))) for faults in found)
 
     def _of_joints(self, joints: Mat, steps: Mat, rate: float) -> list[_Told]:
         limits, names = self._robot.limits, self._robot.joint_names

@@ -10,6 +10,7 @@ from wbc.report import measure
 from wbc.report.document import Event
 from wbc.report.why import held
 from wbc.sim.scenario import ScenarioResult, failed_first
+from wbc.types import Flags
 
 #: How a disturbance says when it began, and perhaps ended.
 SINCE = re.compile(r" from ([\d.e+-]+) s(?: to ([\d.e+-]+) s)?")
@@ -82,7 +83,7 @@ def _held(result: ScenarioResult, begin: float) -> list[Event]:
     run = result.run
     if "active.row" not in run:
         return []
-    late, owners = measure.times(run) >= begin, dict[str, measure.Mask]()
+    late, owners = measure.times(run) >= begin, dict[str, Flags]()
     for name, mask in held(run).items():
         owner = name.partition(": " if name.startswith("friction") else ", ")[0]
         owners[owner] = owners.get(owner, np.zeros(run.rows, dtype=bool)) | (mask & late)

@@ -10,16 +10,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.sim.scenario import Place
-from wbc.types import Vec
+from wbc.types import Flags, Vec
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
-
-Mask = NDArray[np.bool_]
-
 
 #: A robot put onto soft contacts sinks into them first; slip counts from then on [s].
 SETTLED = 0.3
@@ -82,7 +78,7 @@ def statuses(run: Run) -> dict[str, int]:
     return {names[i]: int(n) for i, n in zip(found, counts, strict=True)}
 
 
-def solved(run: Run) -> Mask:
+def solved(run: Run) -> Flags:
     """Which ticks (N,) ended SOLVED, that is with a certified answer."""
     return np.asarray(np.array(_status_names(run))[np.asarray(run.columns["status"], dtype=int)] == "SOLVED")
 
@@ -92,13 +88,13 @@ def pushes(run: Run) -> list[tuple[float, float]]:
     return intervals(run, np.linalg.norm(run.columns["push"], axis=1) > 0) if "push" in run.columns else []
 
 
-def intervals(run: Run, mask: Mask) -> list[tuple[float, float]]:
+def intervals(run: Run, mask: Flags) -> list[tuple[float, float]]:
     """Intervals (start, end) [s] of the rows ``mask`` (N,)."""
     t = np.append(times(run), seconds(run))
     return [(float(t[i]), float(t[j])) for i, j in spans(mask)]
 
 
-def spans(mask: Mask) -> list[tuple[int, int]]:
+def spans(mask: Flags) -> list[tuple[int, int]]:
     """First row and row after the last of every run of rows of ``mask`` (N,).
 
     Example:
@@ -111,7 +107,7 @@ def spans(mask: Mask) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def standing(run: Run) -> dict[str, Mask]:
+def standing(run: Run) -> dict[str, Flags]:
     """Of each contact with a force the rows (N,) on which it carries more than 1 % of its largest load."""
     tracks = {
         name: contact_track(run, name, true=True) or contact_track(run, name, true=False)
@@ -132,7 +128,7 @@ def errors(run: Run, task: str) -> dict[str, Vec]:
     return {unit: error[:, [i for i, u in enumerate(units) if u == unit]] for unit in dict.fromkeys(units)}
 
 
-def tracking(run: Run, *, keep: Mask | None = None) -> dict[str, dict[str, float]]:
+def tracking(run: Run, *, keep: Flags | None = None) -> dict[str, dict[str, float]]:
     """{task: {"rms", "max"}} of the Euclidean norm of the error, over the rows ``keep`` (N,).
 
     A task with two units gives two entries, the second named "task [unit]".

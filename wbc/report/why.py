@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 import numpy as np
 
 from wbc.report import measure
-from wbc.types import Mat, Vec
+from wbc.types import Flags, Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
@@ -77,7 +77,7 @@ def shares(run: Run) -> dict[str, Vec]:
     return {task: 100.0 * cost / np.where(total > 0.0, total, np.nan) for task, cost in costs.items()}
 
 
-def held(run: Run) -> dict[str, measure.Mask]:
+def held(run: Run) -> dict[str, Flags]:
     """On which ticks (N,) each row was active, the one that was longest first."""
     codes = run["active.row"]
     masks = {name: (codes == k).any(axis=1) for k, name in enumerate(row_names(run))}
