@@ -145,9 +145,18 @@ class UnknownRobot(UnknownName):
 
 
 class UnknownSolver(UnknownName):
-    """No such QP solver."""
+    """No such QP solver; ``told`` says which are installed, and how others are."""
 
     kind = "solver"
+
+    def __init__(self, name: object, available: Iterable[str], told: str = "") -> None:
+        self._told = told
+        super().__init__(name, available)
+
+    def _sentence(self) -> str:
+        if self.near or not self._told:
+            return super()._sentence()
+        return f"there is no solver {self.name!r}; {self._told}"
 
 
 class UnknownScenario(UnknownName):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
+import re
 import sys
+import tomllib
 from dataclasses import FrozenInstanceError, dataclass, fields
 from pathlib import Path
 from typing import Any, final
@@ -15,7 +18,20 @@ from tests.qp.zoo import random_qp, sequence
 from wbc.errors import InvalidInput, InvalidProblem, SolverMissing, UnknownSolver, WbcError
 from wbc.qp import QP, Session, Shape, Solver, solve
 from wbc.qp.solver import Answer
-from wbc.qp.solvers import SOLVERS, Clarabel, Daqp, Osqp, Piqp, ProxQp, QpSolvers, by_name, names, table, usable
+from wbc.qp.solvers import (
+    EXTRAS,
+    SOLVERS,
+    Clarabel,
+    Daqp,
+    Osqp,
+    Piqp,
+    ProxQp,
+    QpSolvers,
+    by_name,
+    names,
+    table,
+    usable,
+)
 from wbc.qp.solvers.kept import KeptSession
 from wbc.types import Status
 
@@ -92,6 +108,31 @@ def test_an_unknown_name_is_answered_with_near_ones(wrong: str, near: str):
         solve(random_qp(0, 2, 0, 0), wrong)
     assert near in caught.value.available
     assert wrong == "OSQP" or f"did you mean '{near}'" in str(caught.value)
+
+
+def test_an_unknown_name_is_answered_with_the_installed_solvers_first(monkeypatch: pytest.MonkeyPatch):
+    missing = {"piqp", "highspy", "scs", "quadprog", "gurobipy"}
+    find = importlib.util.find_spec
+    monkeypatch.setattr("wbc.qp.solver.find_spec", lambda module: None if module in missing else find(module))
+    with pytest.raises(UnknownSolver, match=r"^there is no solver 'x'; installed: pdas, daqp") as said:
+        by_name("x")
+    here, *others = str(said.value).split("; ")[1:]
+    assert here == f"installed: {', '.join(usable())}"
+    extras = ("[solvers]' for highs, piqp, scs", "[gpl]' for quadprog")
+    assert others[:2] == [f"pip install 'wbc-qp{extra}" for extra in extras]
+    assert others[2].startswith("packages of their own for ") and "gurobi" in others[2] and "daqp" not in others[2]
+    monkeypatch.setattr("wbc.qp.solver.find_spec", lambda module: module)
+    with pytest.raises(UnknownSolver) as said:
+        by_name("x")
+    assert str(said.value) == f"there is no solver 'x'; installed: {', '.join(names())}"
+
+
+def test_the_extras_bring_what_is_said_of_them():
+    described = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))
+    packages = {solver.name: solver.package.removeprefix("qpsolvers ") for solver in SOLVERS}
+    for extra, brought in EXTRAS.items():
+        listed = described["project"]["optional-dependencies"][extra]
+        assert [re.match("[a-z]+", one)[0] for one in listed] == [packages[name] for name in sorted(brought)]
 
 
 def test_a_solver_that_is_not_installed_says_what_to_install(monkeypatch: pytest.MonkeyPatch):

@@ -8,6 +8,7 @@ Example:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 
 from wbc.errors import UnknownSolver
@@ -23,7 +24,7 @@ from wbc.qp.solvers.qpsolvers_ import BACKENDS, QpSolvers
 from wbc.qp.solvers.quadprog_ import Quadprog
 
 __all__ = [
-    "SOLVERS", "Clarabel", "Daqp", "Guarded", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
+    "EXTRAS", "SOLVERS", "Clarabel", "Daqp", "Guarded", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
     "by_name", "names", "table", "usable",
 ]  # fmt: skip
 
@@ -38,6 +39,8 @@ SOLVERS: tuple[Solver, ...] = (
     Quadprog(),
     *(QpSolvers(name) for name in BACKENDS),
 )
+#: What the extras of this package bring.
+EXTRAS: Mapping[str, tuple[str, ...]] = {"solvers": ("highs", "piqp", "scs"), "gpl": ("quadprog",)}
 
 
 def names() -> list[str]:
@@ -62,9 +65,20 @@ def by_name(name_or_solver: str | Solver) -> Solver:
         if isinstance(name_or_solver, str) and solver.name == name_or_solver:
             found = solver
     if found is None:
-        raise UnknownSolver(name_or_solver, names())
+        raise UnknownSolver(name_or_solver, names(), _told())
     found.require()
     return found
+
+
+def _told() -> str:
+    """Which solvers are installed, and what installs the others."""
+    others, told = [name for name in names() if name not in usable()], [f"installed: {', '.join(usable())}"]
+    for extra, brought in EXTRAS.items():
+        if some := [name for name in brought if name in others]:
+            told.append(f"pip install 'wbc-qp[{extra}]' for {', '.join(some)}")
+    if own := [name for name in others if not any(name in brought for brought in EXTRAS.values())]:
+        told.append(f"packages of their own for {', '.join(own)}")
+    return "; ".join(told)
 
 
 def table() -> str:
