@@ -142,7 +142,10 @@ def test_feet_are_given_by_frame_or_whole():
     assert measured.friction == 0.7 and measured.half_size == pytest.approx((0.11, 0.05))
     with pytest.raises(UnknownFrame, match="'left_soul'; did you mean 'left_sole'"):
         load(path, base="floating", feet=["left_soul"])
-    for wrong, sentence in (("left_sole", "it must be a list"), ([3], r"feet\[0\] is 3; it must be a frame or a Foot")):
+    for wrong, sentence in (
+        ("left_sole", "it must be a frame or a Foot, in a list"),
+        ([3], r"feet\[0\] is 3; it must be a frame or a Foot"),
+    ):
         with pytest.raises(InvalidInput, match=sentence):
             load(path, feet=wrong)  # type: ignore[arg-type]
 

@@ -97,12 +97,12 @@ def load(
     """
     if base is not None:
         checks.one_of("base", base, ("fixed", "floating", "planar"))
-    folders = [located(folder) for folder in _listed("packages", packages, (str, Path), "the path of a folder")]
+    folders = [located(folder) for folder in _listed("packages", packages, str | Path, "the path of a folder")]
     entry, name, urdf, model = _described(robot, folders)
     own: Base = entry.base if urdf.base is None else "floating"
     wanted = _Wanted(base or own, name, entry)
     if feet is not None:
-        wanted.feet = _listed("feet", feet, (str, Foot), "a frame or a Foot")
+        wanted.feet = _listed("feet", feet, str | Foot, "a frame or a Foot")
     loaded = wanted.robot(urdf, model if base in (None, own) else None, srdf, q0)
     oddities = urdf.oddities()
     if loaded.weightless:
@@ -174,14 +174,9 @@ def _is_mjcf(file: Path) -> bool:
         return b"<mujoco" in content.read(_HEAD)
 
 
-def _listed(name: str, given: Any, kinds: tuple[type, ...], what: str) -> list[Any]:
-    if isinstance(given, str | Path) or not isinstance(given, Iterable):
-        raise InvalidInput(f"{name} is {checks.shown(given)}; it must be a list, each {what}")
-    listed = list(given)
-    for i, item in enumerate(listed):
-        if not isinstance(item, kinds):
-            raise InvalidInput(f"{name}[{i}] is {checks.shown(item)}; it must be {what}")
-    return listed
+def _listed(name: str, given: Any, kind: Any, what: str) -> list[Any]:
+    items = enumerate(checks.items(name, given, what))
+    return [checks.instance(f"{name}[{i}]", item, kind, what) for i, item in items]
 
 
 def _entry(name: str) -> tuple[Entry, Path]:
