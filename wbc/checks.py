@@ -149,6 +149,17 @@ def instance(name: str, value: Any, kind: type[_T], what: str) -> _T:
     return value
 
 
+def function(name: str, value: Any, what: str) -> Any:
+    """``value``, which can be called; ``what`` it is in words.
+
+    Raises:
+        InvalidInput: something else.
+    """
+    if not callable(value):
+        raise InvalidInput(f"{name} is {shown(value)}; it must be {what}")
+    return value
+
+
 def truth(name: str, value: Any) -> bool:
     """``value`` as True or False.
 
@@ -227,6 +238,19 @@ def pairs(name: str, value: Any, what: str) -> list[tuple[Any, Any]]:
         if len(entry) != 2:
             raise InvalidInput(f"{name}[{i}] is {shown(one)}; it must be ({what})")
         found.append((entry[0], entry[1]))
+    return found
+
+
+def moments(name: str, value: Any) -> list[tuple[float, Any, Any]]:
+    """``value`` as a list of states (t, q, v); what is in them is not looked at.
+
+    Raises:
+        InvalidInput: it is no list, or one of its entries is not three values; with its index.
+    """
+    found = items(name, value, "(t, q, v)")
+    for i, one in enumerate(found):
+        if not isinstance(one, tuple | list) or len(one) != 3:
+            raise InvalidInput(f"{name}[{i}] is {shown(one)}; it must be (t, q, v)")
     return found
 
 

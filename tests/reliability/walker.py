@@ -23,6 +23,7 @@ import wbc.methods
 import wbc.models
 import wbc.robots
 import wbc.tasks
+import wbc.testing
 from wbc.errors import WbcError
 
 
@@ -32,13 +33,14 @@ def nonsense() -> dict[str, Any]:
         "nan": np.nan, "inf": np.inf, "text": "nonsense", "complex": 1j, "date": np.datetime64("2026-01-01"),
         "None": None, "another shape": np.zeros((2, 3, 4)), "huge": 1e300, "an object": object(), "negative": -1,
         "a list of text": ["a", "b"], "NaN among numbers": np.array([0.0, np.nan, 0.0]), "beyond floats": 10**400,
+        "a mapping": {"a": 1.0},
     }  # fmt: skip
 
 
 def public() -> dict[str, Any]:
     """Classes and functions that a user may call, by the name they are imported by."""
     found: dict[str, Any] = {}
-    for package in (wbc, wbc.methods, wbc.models, wbc.robots, wbc.tasks):
+    for package in (wbc, wbc.methods, wbc.models, wbc.robots, wbc.tasks, wbc.testing):
         for name in dir(package):
             value = getattr(package, name)
             if not name.startswith("_") and callable(value) and _is_ours(value):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, final
@@ -65,11 +65,7 @@ def run_many(
         (4, 7)
     """
     workers = int(checks.number("workers", workers, low=1))
-    if not hasattr(states, "__len__") or isinstance(states, Mapping):
-        raise InvalidInput(f"states is {checks.shown(states)}; it must be a list of (t, q, v)")
-    for i, state in enumerate(states):
-        if not isinstance(state, tuple | list) or len(state) != 3:
-            raise InvalidInput(f"states[{i}] is {checks.shown(state)}; it must be (t, q, v)")
+    states = checks.moments("states", states)
     if not isinstance(plans, Controller):
         if not isinstance(plans, list | tuple) or not all(isinstance(one, Controller) for one in plans):
             raise InvalidInput(f"plans is {checks.shown(plans)}; it must be a Controller, or one for each state")

@@ -27,7 +27,6 @@ from wbc import checks
 from wbc.control.controller import Controller
 from wbc.control.twin import Twin
 from wbc.control.watchdog import KEPT, Times, times
-from wbc.errors import InvalidInput
 
 #: How much earlier than it takes a dry tick begins; how many of the last ones are looked at.
 _SPARE, _LAST = 1.25, 16
@@ -70,10 +69,9 @@ class Rate:
     ) -> None:
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
         for name, given in (("clock", clock), ("sleep", sleep)):
-            if not callable(given):
-                raise InvalidInput(f"{name} is {given!r}; it must be a function of seconds")
-        if not isinstance(warm, Controller | None):
-            raise InvalidInput(f"warm is {checks.shown(warm)}; it must be a controller")
+            checks.function(name, given, "a function of seconds")
+        if warm is not None:
+            checks.instance("warm", warm, Controller, "a controller")
         self._clock, self._sleep = clock, sleep
         self._dry = None if warm is None else Twin(warm)
         #: Dry ticks that were made.

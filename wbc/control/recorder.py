@@ -345,6 +345,7 @@ class Recorder:
 
         ``meta`` is added to the metadata of the controller, and overrides it.
         """
+        meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
         n = self.rows
         begun = n - len(self._full) * self.capacity
         parts = [*self._full, (self._numbers[:begun], self._vectors[:begun])]
@@ -364,7 +365,7 @@ class Recorder:
 
         ticks = self._ticks
         known = about(ticks.controller) | ticks.found() | {"duration": n * ticks.controller.dt}
-        run = Run(columns, known | dict(meta or {}))
+        run = Run(columns, known | dict(meta))
         run.failed = ticks.failed
         return run
 

@@ -16,7 +16,7 @@ from wbc.errors import NotSupported
 from wbc.export.logs import TICK, Log, Series, log
 from wbc.files import written
 from wbc.report.marks import Mark
-from wbc.report.shapes import Part
+from wbc.report.shapes import Part, check_kinds
 from wbc.sim.scenario import Progress, silent
 from wbc.types import Vec
 
@@ -43,6 +43,7 @@ def to_mcap(
         NotSupported: the package mcap is not installed.
         InvalidInput: a run without ticks, or a place that cannot be written.
     """
+    check_kinds(run, robot)
     try:
         from mcap.writer import Writer
     except ImportError as cause:

@@ -13,18 +13,18 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.export.stage import Stage
-from wbc.files import written
+from wbc.files import located, written
+from wbc.models.model import RobotModel
 from wbc.report import measure
 from wbc.report.marks import RED, marks, strained
 from wbc.report.motion import Motion, motion, quaternions
 from wbc.report.replay import BUDGET
-from wbc.report.shapes import VIEW, Part, parts, thinned, view
+from wbc.report.shapes import VIEW, Part, check_kinds, parts, thinned, view
 from wbc.sim.scenario import Progress, silent
 from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
-    from wbc.models.model import RobotModel
 
 FORMATS = (".gif", ".webp", ".mp4")
 #: What writes each format beside Pillow, which puts the words onto the pictures.
@@ -77,7 +77,8 @@ def movie(
             cannot be written.
         NotSupported: a package is missing, or OpenGL; the message says what to install.
     """
-    target = Path(path)
+    check_kinds(run, checks.instance("robot", robot, RobotModel, "a robot from wbc.load(...)"))
+    target = located(path)
     kind = target.suffix.lower()
     if kind not in FORMATS:
         raise InvalidInput(

@@ -12,6 +12,7 @@ from wbc.errors import NotSupported
 from wbc.export.logs import Log, log
 from wbc.files import written
 from wbc.report.marks import Mark
+from wbc.report.shapes import check_kinds
 from wbc.sim.scenario import Progress, silent
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def to_rerun(
         NotSupported: the package rerun-sdk is not installed.
         InvalidInput: a run without ticks, or a place that cannot be written.
     """
+    check_kinds(run, robot)
     try:
         import rerun as rr
     except ImportError as cause:

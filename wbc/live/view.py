@@ -17,6 +17,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.control.answer import active
+from wbc.control.controller import Controller
 from wbc.control.ticks import about, outcome
 from wbc.errors import InvalidInput, NotSupported, WbcError
 from wbc.live.knobs import Knobs
@@ -26,7 +27,6 @@ from wbc.types import Vec
 
 if TYPE_CHECKING:
     from wbc.control.command import Command
-    from wbc.control.controller import Controller
     from wbc.models.collision import Obstacle
 
 PERIOD = 1.0 / 30.0  # between two pictures [s]
@@ -82,6 +82,7 @@ class View:
         pausing: bool = False,
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
+        checks.instance("controller", controller, Controller, "a wbc.Controller")
         if find_spec("viser") is None:
             raise NotSupported("a view in the browser needs viser; pip install 'wbc-qp[live]'")
         self.controller, self.paused = controller, False

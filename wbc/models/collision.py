@@ -159,6 +159,7 @@ class Distances:
         ahead: float = 0.0,
         close: float | None = None,
     ) -> None:
+        checks.instance("model", model, RobotModel, "a robot from wbc.load(...)")
         if not isinstance(model, PinocchioModel) or not model.collisions:
             raise NotSupported(f"{model.name} has no collision shapes, so nothing is known about distances")
         self.model, self.reach = model, checks.number("reach", reach, low=0.0, strict=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import qr, solve_triangular
 
+from wbc import checks
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
 from wbc.models.pinocchio_ import PinocchioModel
@@ -49,6 +50,7 @@ class InertialRegressor:
     """
 
     def __init__(self, model: RobotModel) -> None:
+        checks.instance("model", model, RobotModel, "a robot from wbc.load(...)")
         if not isinstance(model, PinocchioModel):
             raise NotSupported(f"{model.name} is a {type(model).__name__}; a regressor needs a robot from a URDF")
         if model.nb:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import compress
+from os import PathLike
 from typing import Any, final
 
 import numpy as np
@@ -206,8 +207,9 @@ def retarget(
     checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(..., base='floating')")
     most = np.inf if acceleration is None else checks.number("acceleration", acceleration, low=0.0, strict=True)
     collisions, repair = checks.truth("collisions", collisions), checks.truth("repair", repair)
-    if not callable(progress):
-        raise InvalidInput(f"progress is {checks.shown(progress)}; it must be a function of a share and a word")
+    checks.function("progress", progress, "a function of a share and a word")
+    if not isinstance(motion, Motion | str | PathLike):
+        raise InvalidInput(f"motion is {checks.shown(motion)}; it must be a Motion or the path of a file")
     motion = motion if isinstance(motion, Motion) else Motion.read(motion)
     table = Table.of(robot, mapping)
     asked, scale = targets(motion, robot, table)

@@ -156,6 +156,8 @@ class Witness:
     """
 
     def __init__(self, robot: PinocchioModel, contacts: Mapping[str, Contact], *, collisions: bool = True) -> None:
+        checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(...)")
+        checks.instance("contacts", contacts, Mapping, "contacts by the names of parts")
         self._robot, self._contacts, self._state = robot, dict(contacts), robot.state()
         self._apart = CollisionAvoidance(margin=0.0, reach=0.02) if collisions and robot.collisions else None
 

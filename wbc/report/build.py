@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import NotSupported
 from wbc.report import measure
 from wbc.report.document import Clock, Report, Scene, Tile, formatted
@@ -29,6 +30,7 @@ def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report
     Raises:
         NotSupported: a package that draws is not installed; the message says what to install.
     """
+    checks.instance("result", result, ScenarioResult, "a ScenarioResult, such as Scenario.run gives")
     sections = []
     for i, section in enumerate(SECTIONS):
         progress(i / len(SECTIONS))

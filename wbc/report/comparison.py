@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.files import located
 from wbc.report import measure
 from wbc.report.build import scene
 from wbc.report.document import (
@@ -81,10 +83,11 @@ def save_comparison(
         ...     save_comparison(runs, Path(folder) / "gains", robot=robot).name
         'report.html'
     """
+    checks.instance("runs", runs, Mapping, "runs by name")
     if len(runs) < 2:
         raise InvalidInput(f"{len(runs)} run is nothing to compare; give two or more")
-    results = {name: judged(run, checked(run, robot) or named(run)) for name, run in runs.items()}
-    target = Path(folder)
+    results = {name: judged(run, checked(run, robot, f"runs[{name!r}]") or named(run)) for name, run in runs.items()}
+    target = located(folder)
     with replaced(target) as pending:
         write(comparison(results, progress=progress), pending)
     return target / HTML

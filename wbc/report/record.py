@@ -14,12 +14,13 @@ import numpy as np
 
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput, WbcError
+from wbc.files import located
 from wbc.report import measure
 from wbc.report.build import require_extras, run_report
 from wbc.report.folder import HTML, replaced, write
 from wbc.report.kept import keep_sections, kept_sections
 from wbc.report.markdown import FIGURES
-from wbc.report.shapes import described
+from wbc.report.shapes import check_kinds, described
 from wbc.sim.provenance import machine, versions
 from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_first, silent
 
@@ -64,7 +65,7 @@ def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel |
     """
     checked(run, robot)
     run = Run(run.columns, {"versions": versions(), "machine": machine(), **run.meta})
-    target = Path(folder)
+    target = located(folder)
     with replaced(target) as pending:
         report = run_report(judged(run, robot))
         run.save(pending)
@@ -212,13 +213,14 @@ def missing(run: Run) -> list[str]:
     return [*(name for name in NEEDED_META if name not in run.meta), *(name for name in NEEDED if name not in run)]
 
 
-def checked(run: Run, robot: RobotModel | None) -> RobotModel | None:
-    """The robot, once it is sure that a report can be made of the run and of it.
+def checked(run: Run, robot: RobotModel | None, name: str = "run") -> RobotModel | None:
+    """The robot, once it is sure that a report can be made of the run, which its giver calls ``name``, and of it.
 
     Raises:
-        InvalidInput: a run without the columns and metadata that a report needs, or of another robot.
+        InvalidInput: no run, one without the columns and metadata that a report needs, or of another robot.
         NotSupported: a package that reports need is not installed.
     """
+    check_kinds(run, robot, name)
     lacks = missing(run)
     if lacks or not run.rows:
         what = f"has no {', '.join(lacks)}" if lacks else "has no ticks"

@@ -13,6 +13,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc import checks
+from wbc.control.recorder import Run
 from wbc.errors import NotSupported
 from wbc.models.chain import Chain
 from wbc.models.collision import Obstacle
@@ -96,6 +98,17 @@ class _Described(PlanarRobot):
 
     def regressor(self, q: ArrayLike, v: ArrayLike, v_reference: ArrayLike, a: ArrayLike) -> Mat:
         raise NotSupported("a planar robot of a record has no regressor")
+
+
+def check_kinds(run: Run, robot: RobotModel | None, name: str = "run") -> None:
+    """That these are a run, called ``name`` by who gave it, and a robot or None.
+
+    Raises:
+        InvalidInput: something else.
+    """
+    checks.instance(name, run, Run, "a wbc.Run, such as wbc.Recorder.run() gives")
+    if robot is not None:
+        checks.instance("robot", robot, RobotModel, "a robot from wbc.load(...)")
 
 
 def described(name: str, planar: Mapping[str, Any], limits: JointLimits) -> PlanarRobot:

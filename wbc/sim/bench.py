@@ -47,6 +47,7 @@ def bench(
         ModelError: the extra ``robots`` is not installed.
         UnknownSolver, SolverMissing, NotSupported: a solver that cannot do it.
     """
+    checks.instance("scenario", scenario, Scenario, "a Scenario, such as wbc.sim.scenario.find(name) gives")
     repeats = int(checks.number("repeats", repeats, low=1))
     pause = checks.number("pause", pause, low=0.0)
     p = scenario.complete_parameters(hierarchy=hierarchy, solver=solver)

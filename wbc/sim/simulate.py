@@ -79,6 +79,16 @@ def simulate(
     """
     driver = controller
     controller = driver.controller if isinstance(driver, Setpoint) else driver
+    checks.instance("controller", controller, Controller, "a wbc.Controller or wbc.Setpoint")
+    checks.instance("plant", plant, Plant, "a plant, such as wbc.sim.plant.IntegratorPlant")
+    for name, called in (("before_tick", before_tick), ("progress", progress)):
+        if called is not None:
+            checks.function(name, called, "a function of a number")
+    meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
+    recorder, stop_when_fallen = checks.truth("recorder", recorder), checks.truth("stop_when_fallen", stop_when_fallen)
+    disturbances = checks.items("disturbances", disturbances, "disturbances")
+    for i, one in enumerate(disturbances):
+        checks.instance(f"disturbances[{i}]", one, Disturbance, "a Disturbance, such as wbc.sim.disturbance.Push")
     ticks = _ticks(controller, plant, duration)
     feedback = driver.feedback if isinstance(driver, Setpoint) else "measured"
     if feedback == "commanded" and plant.takes == "torque":
@@ -122,7 +132,7 @@ def simulate(
         interrupted, ended = True, f"interrupted at t = {plant.t:.3f} s"
     told = {**about(controller), **_about(plant, disturbances, duration), "feedback": feedback}
     told |= {"ended": ended, "fallen": plant.fallen, **watched.found()}
-    run = record.run({**told, **(meta or {})})
+    run = record.run({**told, **meta})
     run.failed = watched.failed
     if interrupted:
         raise Interrupted(run, controller.model) from None

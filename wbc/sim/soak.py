@@ -19,6 +19,7 @@ from typing import Any, final
 
 import numpy as np
 
+from wbc import checks
 from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput, WbcError
@@ -73,6 +74,7 @@ def soak(
     Raises:
         InvalidInput: another ``kind``, or no ticks.
     """
+    checks.instance("scenario", scenario, Scenario, "a Scenario, such as wbc.sim.scenario.find(name) gives")
     if kind not in KINDS or ticks < 1:
         raise InvalidInput(f"a soak is of kind {', '.join(KINDS)} and has ticks, not {kind!r} and {ticks}")
     control = scenario.first_setup(scenario.complete_parameters(solver=solver)).controller(solver)

@@ -7,7 +7,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.files import located
 from wbc.report.document import Report
 from wbc.report.folder import replaced
 from wbc.report.folder import write as write_report
@@ -47,7 +49,8 @@ def sweep(
         InvalidInput: a place that cannot be written, an unfinished sweep there, no scheduler at that address.
         NotSupported: the extra ``sweep`` is not installed.
     """
-    out = Path(out)
+    checks.instance("plan", plan, Sweep, "a wbc.sweep.Sweep")
+    out = located(out)
     folder = made(fresh(out, RESULTS, "sweep"))
     header = {
         "scenario": Path(plan.scenario).name,

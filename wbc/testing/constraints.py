@@ -7,8 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from wbc import checks
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, Constraints, JointInterval, LinearConstraint
+from wbc.stack.constraint import (
+    Barrier,
+    BarrierRows,
+    ConstraintRows,
+    Constraints,
+    JointInterval,
+    LinearConstraint,
+)
+from wbc.stack.member import Member
 from wbc.stack.task import Exactly
 from wbc.testing.differences import along, in_time, velocity_names
 from wbc.testing.failure import differs, require, worst
@@ -42,7 +51,8 @@ def check_constraint(
     if isinstance(constraint, Exactly):
         check_task(constraint.task, model, states)
         return
-    given = None if states is None else list(states)
+    checks.instance("constraint", constraint, Member, "a constraint, or task.exactly()")
+    given = None if states is None else checks.moments("states", states)
 
     def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact, ContactRows
 from wbc.stack.task import Reaction, Task
@@ -40,7 +41,8 @@ def check_contact(contact: Contact, model: RobotModel | None = None, states: Ite
         assert isinstance(contact.task, Task), "a reaction is made by a task"
         check_task(contact.task, model, states)
         return
-    given = None if states is None else list(states)
+    checks.instance("contact", contact, Contact, "a contact")
+    given = None if states is None else checks.moments("states", states)
 
     def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from wbc.errors import NotSupported
+from wbc import checks
+from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
 from wbc.stack.contact import Contact
 from wbc.stack.formulation import AccelerationLevel, Formulation, InverseDynamics, VelocityLevel
+from wbc.stack.member import Member
 from wbc.stack.stack import Stack
 from wbc.stack.task import Objective, Task, TaskRows
 
@@ -36,7 +38,10 @@ def levels_of(member: Any, model: RobotModel, *, contacts: Iterable[Contact] = (
         >>> [level.name for level in levels_of(TorqueLimits(), wbc.load("arm"))]
         ['inverse dynamics']
     """
-    stack, found = stack_with(member, contacts), []
+    checks.instance("model", model, RobotModel, "a robot from wbc.load(...)")
+    if not isinstance(member, Member | Component):
+        raise InvalidInput(f"member is {checks.shown(member)}; it must be a task, constraint, contact or component")
+    stack, found = stack_with(member, checks.items("contacts", contacts, "contacts")), []
     for level in LEVELS:
         try:
             level.compile(model, stack, dt=1e-3)

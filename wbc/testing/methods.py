@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import NoClosedForm, SolverFailed
 from wbc.methods.method import Method
 from wbc.qp.solver import Solver
@@ -45,7 +46,9 @@ def check_method(method: Method, solvers: Iterable[str | Solver] | None = None) 
         >>> from wbc.testing import check_method
         >>> check_method(ProjectedGradientStep([0.0, 0.5], [1.0, 1.0], v_min=[-1, -1], v_max=[1, 1]))
     """
-    chosen = [by_name(solver) for solver in (usable() if solvers is None else solvers)]
+    checks.instance("method", method, Method, "a wbc.methods.Method")
+    named = usable() if solvers is None else checks.items("solvers", solvers, "solvers")
+    chosen = [by_name(solver) for solver in named]
     answers = [(solver.name, _answer(method, solver)) for solver in chosen]
     try:
         reference = method.closed_form()

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import UnknownName, WbcError
 from wbc.models import load
 from wbc.models.model import RobotModel
@@ -33,7 +34,8 @@ def moments(model: RobotModel, count: int = 3, seed: int = 0) -> list[Moment]:
         >>> len(moments(robots()[0], count=5))
         5
     """
-    rng = np.random.default_rng(seed)
+    checks.instance("model", model, RobotModel, "a robot from wbc.load(...)")
+    count, rng = int(checks.number("count", count, low=1)), np.random.default_rng(checks.seed("seed", seed))
     return [
         (float(rng.uniform(0.1, 1.9)), model.random_configuration(rng), rng.normal(size=model.nv)) for _ in range(count)
     ]
@@ -46,6 +48,7 @@ def on_robots(member: Any, model: RobotModel | None, check: Callable[[Any, Robot
         CheckFailed: by ``check``; or none of our robots will do, with the reasons.
     """
     if model is not None:
+        checks.instance("model", model, RobotModel, "a robot from wbc.load(...)")
         check(bound(member, model), model)
         return
     refused = []

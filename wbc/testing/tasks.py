@@ -8,6 +8,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc import checks
 from wbc.models.model import RobotModel
 from wbc.stack.task import LinearRows, LinearTask, Objective, Task, TaskRows
 from wbc.testing.differences import (
@@ -54,7 +55,8 @@ def check_task(
         >>> from wbc.testing import check_task
         >>> check_task(CenterOfMass(target=[0.0, 0.0, 0.5]))
     """
-    given = None if states is None else list(states)
+    checks.instance("task", task, Objective, "a task")
+    given = None if states is None else checks.moments("states", states)
 
     def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given
