@@ -93,7 +93,6 @@ class ArmActuatorLoss(Scenario):
     def build(self, p: Parameters) -> Setup:
         robot = wbc.load(p["robot"])
         plant, fault = MujocoPlant(robot), ActuatorFault(joint=p["joint"], start=p["start"])
-        plant.reset(robot.q0)
         observer = MomentumObserver(gain=GAIN, threshold=THRESHOLD, persistence=2, release=0.5)
         lines = {"nothing": [], "release": [When("total", [Release()])], "brake": [When("total", [Brake(plant.brake)])]}
         reaction = FaultReaction(observer, table=lines[p["answer"]])

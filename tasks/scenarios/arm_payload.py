@@ -80,7 +80,6 @@ class ArmPayload(Scenario):
         adaptive.frozen = not p["adapts"]
         friction = ROUGH["friction"] if noisy else 0.0
         plant = MujocoPlant(robot, dt=p["dt"], settings=PhysicsSettings(joint_friction=friction))
-        plant.reset(robot.q0)
         noise = [SensorNoise(position=ROUGH["position"], velocity=ROUGH["velocity"])] if noisy else []
         return Setup(
             stack=wbc.Stack([adaptive.torque], components=[adaptive], subject_to=[TorqueLimits()]), plant=plant,

@@ -96,7 +96,6 @@ def way(robot: RobotModel) -> Sinusoid:
 def arm_plant(robot: RobotModel, kind: str = "mujoco", *, level: str = "acceleration") -> Plant:
     """An arm at its reference, in MuJoCo or on the integrator at a ``level``."""
     plant: Plant = MujocoPlant(robot) if kind == "mujoco" else IntegratorPlant(robot, level=level)
-    plant.reset(robot.q0)
     return plant
 
 

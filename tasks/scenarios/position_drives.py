@@ -75,7 +75,6 @@ class PositionControl(Scenario):
             robot = wbc.load(name, base="fixed")
             stack, path = arm_reach.following(robot), arm_reach.way(robot)
             plant = MujocoPlant(robot, drives=mode.drives)
-            plant.reset(robot.q0)
         return Setup(stack=stack, plant=plant, feedback=mode.feedback, about=path)
 
     def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:

@@ -55,7 +55,6 @@ class ReachStrict(Scenario):
             plant: Plant = standing_plant(robot, stance, held_by_damping(robot))
         else:
             plant = IntegratorPlant(robot, level="acceleration")
-            plant.reset(robot.q0)
         return Setup(
             stack=_stack(robot, stance, p["reach"]), plant=plant, hierarchy=HIERARCHIES[p["hierarchy"]], about=stance
         )

@@ -39,8 +39,8 @@ class Plant(ABC):
     """A robot that moves: a true state (t, q, v), and ``step``, which lets it move for ``dt`` seconds.
 
     ``q`` and ``v`` are ordered as :mod:`wbc.types` says and are read-only; every step makes new ones. Time is
-    start + k dt, so it does not drift. ``takes`` is what of a command moves it: "velocity", "acceleration", "torque" or
-    "position", which every level decides.
+    start + k dt, so it does not drift. A plant begins at rest in the q0 of its model. ``takes`` is what of a command
+    moves it: "velocity", "acceleration", "torque" or "position", which every level decides.
     """
 
     takes: str = "torque"
