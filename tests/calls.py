@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import threading
 import time
@@ -101,11 +102,32 @@ class Chosen:
         items[:] = sorted((item for item in items if item.nodeid in place), key=lambda item: place[item.nodeid])
 
 
+def users(root: Path, file: str, function: str) -> list[str]:
+    """Files of ours that use a compiled function from Python.
+
+    These are the files that name it, as ``"limit.half_spaces"``; else those that import from its module, or from the
+    compiled modules that import from it.
+    """
+    texts = {str(path.relative_to(root)): path.read_text(encoding="utf-8")
+             for folder in ("wbc", "tasks") for path in (root / folder).rglob("*.py")}  # fmt: skip
+    kernel = f'"{Path(file).stem.removesuffix("_kernel")}.{function}"'
+    found = [name for name, text in texts.items() if kernel in text]
+    seen, modules = {file}, {file}
+    while modules and not found:
+        module = "|".join(re.escape(name.removesuffix(".py").replace("/", ".")) for name in modules)
+        imports = re.compile(rf"^from (?:{module}) import ", re.MULTILINE)
+        using = {name for name, text in texts.items() if imports.search(text)} - seen
+        modules = {name for name in using if "/compiled/" in name}
+        found, seen = sorted(using - modules), seen | using
+    return found
+
+
 @dataclass
 class Calls:
     """What each test file calls: its seconds before the first test, and per test its seconds and functions."""
 
     files: dict[str, dict[str, Any]] = field(default_factory=dict)
+    root: Path = Path()
 
     def _callers(self, wanted: Any) -> list[tuple[float, str, list[str]]]:
         result = []
@@ -126,7 +148,7 @@ class Calls:
         """Test files with the tests that call this function, the fastest first, for ``patience`` seconds at most.
 
         What is no function's own (a constant of a module, a default of a class) belongs to all functions around it;
-        what is only called compiled belongs to all that is called of its folder.
+        what is only called compiled belongs to the files that use it, and then to all that is called of its folder.
         """
         parts = function.split(".") if function else []
         names = [".".join(parts[:i]) for i in range(len(parts), 0, -1)]
@@ -136,7 +158,14 @@ class Calls:
             if found:
                 break
         found = found or self._callers(lambda called: called.startswith(file + ":") and not called.endswith(":"))
-        found = found or self._callers(lambda called: called.startswith(os.path.dirname(file) + "/"))
+        if not found:
+            methods = re.compile(
+                rf"(?:{'|'.join(map(re.escape, users(self.root, file, function)))}):(?:.*\.)?[a-z_]\w*"
+            )
+            found = self._callers(methods.fullmatch)  # whoever imports a file runs the bodies of its classes
+            known = {test_file for _, test_file, _ in found}
+            folder = self._callers(lambda called: called.startswith(os.path.dirname(file) + "/"))
+            found += [entry for entry in folder if entry[1] not in known]
         for seconds, test_file, tests in found:
             patience -= seconds
             yield test_file, tests, seconds
@@ -205,4 +234,4 @@ def map_of(
     )
     files = [str(path.relative_to(root)) for path in paths]
     with ThreadPoolExecutor(jobs) as pool:
-        return Calls({file: found for file, found in zip(files, pool.map(entry, files), strict=True) if found})
+        return Calls({file: found for file, found in zip(files, pool.map(entry, files), strict=True) if found}, root)

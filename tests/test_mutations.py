@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.calls import map_of
+from tests.calls import Calls, map_of, users
 from tests.mutations import ROOT, SOURCES, drawn, verdicts
 from tests.slips import slips
 
@@ -128,3 +129,30 @@ def test_a_test_file_that_does_not_end_is_left_out(tmp_path: Path):
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests" / "test_hangs.py").write_text("import time\n\ndef test_it():\n    time.sleep(600.0)\n")
     assert map_of(tmp_path, tmp_path / "calls", jobs=1, hung=2.0).files == {}
+
+
+def test_a_compiled_function_is_judged_by_the_tests_of_the_files_that_use_it(tmp_path: Path):
+    sources = {
+        "wbc/compiled/limit_kernel.py": "def plane(at):\n    return at\n\ndef share(at):\n    return at\n",
+        "wbc/compiled/fill_kernel.py": "from wbc.compiled.limit_kernel import share\n",
+        "wbc/plan.py": "from wbc.compiled.fill_kernel import fill\n",
+        "tasks/half_space.py": 'KERNEL = "limit.plane"\n',
+        "tasks/other.py": "",
+    }
+    for name, text in sources.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    kernel = "wbc/compiled/limit_kernel.py"
+    assert users(tmp_path, kernel, "plane") == ["tasks/half_space.py"]
+    assert users(tmp_path, kernel, "share") == ["wbc/plan.py"]
+
+    def entry(seconds: float, *called: str) -> dict[str, Any]:
+        return {"names": list(called), "seconds": seconds, "shared": [], "tests": {"it": (0.0, [*range(len(called))])}}
+
+    calls = Calls({
+        "tests/slow.py": entry(9.0, "tasks/half_space.py:HalfSpace.rows"),
+        "tests/class.py": entry(1.0, "tasks/half_space.py:HalfSpace"),
+        "tests/other.py": entry(1.0, "tasks/other.py:rows"),
+        "tests/folder.py": entry(1.0, "wbc/compiled/row_memory.py:write"),
+    }, tmp_path)  # fmt: skip
+    assert [file for file, _, _ in calls.plan(kernel, "plane", 100.0)] == ["tests/slow.py", "tests/folder.py"]
