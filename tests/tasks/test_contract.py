@@ -9,6 +9,7 @@ from inspect import Parameter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,6 +49,25 @@ def test_a_member_keeps_the_contract(member: Any, robot: RobotModel):
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
 def test_a_member_has_samples(member: Any):
     assert any(member.samples(robot) for robot in robots())
+
+
+@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+def test_gains_by_default_settle_in_seconds_and_weights_by_default_are_one(member: Any):
+    """ë + kd ė + kp e = 0, or ė + kd e = 0 of a task on rates; no gain stated is critical damping."""
+    default = {name: argument.default for name, argument in inspect.signature(member).parameters.items()}
+    assert default.get("weight", 1.0) in (1.0, Parameter.empty)
+    kp, kd = default.get("kp"), default.get("kd")
+    if kp is None and kd is None:
+        return
+    rates = -np.roots([1.0, 2.0 * np.sqrt(kp) if kd is None else kd, kp] if kp else [1.0, kd]).real
+    assert 1.0 <= min(rates) and max(rates) <= 100.0
+
+
+@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Contact)], ids=lambda m: m.__name__)
+def test_a_contact_gives_forces_in_newtons_and_moments_in_newton_metres(member: Any):
+    for sample in (sample for robot in robots() for sample in member.samples(robot)):
+        for label, unit in sample.force_labels():
+            assert unit == {"f": "N", "m": "N m"}[label[0]]
 
 
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)

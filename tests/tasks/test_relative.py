@@ -91,5 +91,6 @@ def test_two_frames_are_needed_and_both_must_exist(kind: Any):
     target = {RelativeFrame: np.eye(4), RelativePosition: np.zeros(3), RelativeOrientation: np.eye(3)}[kind]
     with pytest.raises(InvalidInput, match="'head' seen from itself never moves"):
         kind("head", reference="head", target=target).prepare(HUMANOID)
-    with pytest.raises(UnknownFrame, match="no frame 'heads'; did you mean 'head'"):
-        kind("left_hand", reference="heads", target=target).prepare(HUMANOID)
+    for frame, reference in (("left_hand", "heads"), ("heads", "left_hand")):
+        with pytest.raises(UnknownFrame, match="no frame 'heads'; did you mean 'head'"):
+            kind(frame, reference=reference, target=target).prepare(HUMANOID)

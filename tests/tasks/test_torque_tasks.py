@@ -111,6 +111,11 @@ def test_stiffness_may_be_assigned_between_ticks_by_name_too():
             r"target must have shape \(7,\)",
         ),
         (lambda: JointImpedance(ARM.q0, stiffness=-1.0, damping=1.0), InvalidInput, "stiffness is -1; it must be >= 0"),
+        (
+            lambda: JointImpedance(ARM.q0, stiffness=1.0, damping=1.0, coriolis=1),  # type: ignore[arg-type]
+            InvalidInput,
+            "coriolis is 1; it must be True or False",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(make: Any, error: Any, says: str):
