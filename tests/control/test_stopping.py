@@ -17,6 +17,7 @@ from tasks import JointLimits, JointPositionLimits, JointVelocityLimits, Positio
 from tests.control.random_arms import arm, holding_torque, restless_posture, walk
 from wbc.models.model import RobotModel
 from wbc.stack.component import Component
+from wbc.stack.stopping import Stopping
 from wbc.types import Vec
 
 
@@ -126,17 +127,69 @@ def test_an_arm_that_stopped_moves_on_where_it_can() -> None:
     assert np.abs(controller.tick(2e-3, q, v).v).max() > 1e-3
 
 
-def test_a_fast_arm_is_braked_while_its_motor_can_still_stop_it(tmp_path: Path) -> None:
-    """One joint without gravity: with the deceleration τ / I it comes to rest at its limit, at most 15 % earlier."""
-    inertia, tau_max, limit = 2.0, 3.0, 1.5
-    path = tmp_path / "turntable.urdf"
+def turntable(folder: Path, *, inertia: float, tau_max: float, limit: float) -> RobotModel:
+    """One joint without gravity."""
+    path = folder / "turntable.urdf"
     path.write_text(
         '<robot name="turntable"><link name="a"/><link name="b"><inertial><mass value="1"/>'
         f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
         '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
         f'<limit lower="-{limit}" upper="{limit}" velocity="10" effort="{tau_max}"/></joint></robot>'
     )
-    robot = wbc.load(str(path))
+    return wbc.load(str(path))
+
+
+def stopping_of(robot: RobotModel, limits: list[Any]) -> Stopping:
+    """The one of a plan with these limits."""
+    found = wbc.InverseDynamics().compile(robot, wbc.Stack([Posture(robot.q0)], subject_to=limits), dt=1e-3).stopping
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("inertia, tau_max, limit", [(2.0, 3.0, 1.5), (200.0, 300.0, 0.5), (0.02, 0.03, 1.0)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_way_to_rest_leaves_a_twentieth_of_the_torque_range_on_either_side(
+    inertia: float, tau_max: float, limit: float, side: float, tmp_path: Path
+) -> None:
+    """So the fastest state that is safe is the one that nine tenths of the torque bring to rest at the limit."""
+    stopping = stopping_of(turntable(tmp_path, inertia=inertia, tau_max=tau_max, limit=limit), [JointLimits()])
+    safe, unsafe = 0.0, 10.0
+    while unsafe - safe > 1e-6:
+        speed = 0.5 * (safe + unsafe)
+        is_safe = stopping.is_safe(0.0, np.zeros(1), np.array([side * speed]))
+        safe, unsafe = (speed, unsafe) if is_safe else (safe, speed)
+    assert safe == pytest.approx(np.sqrt(2.0 * 0.9 * tau_max / inertia * limit), rel=1e-3)
+
+
+def stops_together(robot: RobotModel, tau_max: Vec, q: Vec, v: Vec, seconds: float) -> bool:
+    """Whether motors can bring all joints to rest at one time, each at its own rate, with 15 % of the torques left."""
+    limits, data, a = robot.limits, robot.pinocchio.createData(), -v / seconds
+    end = q + 0.5 * v * seconds
+    if not ((end <= limits.q_max - 0.02) & (end >= limits.q_min + 0.02)).all():
+        return False
+    moments = [(q + v * t + 0.5 * a * t * t, v + a * t, a) for t in np.linspace(0.0, seconds, 40)]
+    moments.append((end, 0.0 * v, 0.0 * v))
+    return all((np.abs(pinocchio.rnea(robot.pinocchio, data, *one)) <= 0.85 * tau_max).all() for one in moments)
+
+
+@pytest.mark.parametrize("seed", [0, 28, 37])
+def test_a_state_from_which_all_joints_can_stop_together_is_safe(seed: int, tmp_path: Path) -> None:
+    robot, tau_max = arm(seed, tmp_path, share=0.6)
+    low, high, fast, braking = robot.limits.q_min, robot.limits.q_max, robot.limits.v_max, 3.0
+    limits = [JointPositionLimits(braking=braking), JointVelocityLimits(), TorqueLimits(tau_max)]
+    stopping, rng, count = stopping_of(robot, limits), np.random.default_rng(seed), 0
+    for _ in range(300):
+        q, v = rng.uniform(low, high), rng.uniform(-1.0, 1.0, robot.nj) * fast * rng.choice([0.3, 1.0])
+        if stops_together(robot, tau_max, q, v, 1.001 * float(np.abs(v).max()) / braking):
+            assert stopping.is_safe(0.0, q, v), (q, v)
+            count += 1
+    assert count
+
+
+def test_a_fast_arm_is_braked_while_its_motor_can_still_stop_it(tmp_path: Path) -> None:
+    """One joint without gravity: with the deceleration τ / I it comes to rest at its limit, at most 15 % earlier."""
+    inertia, tau_max, limit = 2.0, 3.0, 1.5
+    robot = turntable(tmp_path, inertia=inertia, tau_max=tau_max, limit=limit)
     stack = wbc.Stack([Posture(lambda t: np.array([9.0 * (t > 0.0)]), kp=400.0)], subject_to=[JointLimits()])
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=5e-3)
     q, v, fastest = np.array([-1.4]), np.zeros(1), 0.0
