@@ -16,13 +16,14 @@ from hypothesis import strategies as st
 
 import tasks
 import wbc
+from tests.tasks.rows_of import rows
 from wbc.models.model import RobotModel
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
-from wbc.stack.member import UnknownArgument, UnknownSetting, WrongArguments
-from wbc.stack.task import Objective
-from wbc.testing import check_constraint, check_contact, check_task, robots
+from wbc.stack.member import UnknownArgument, UnknownSetting, WrongArguments, bound
+from wbc.stack.task import Objective, Task
+from wbc.testing import check_constraint, check_contact, check_task, moments, robots
 
 KINDS = {Objective: check_task, Constraint: check_constraint, Contact: check_contact}
 LIBRARY = Path(tasks.__file__).parent
@@ -61,6 +62,26 @@ def test_gains_by_default_settle_in_seconds_and_weights_by_default_are_one(membe
         return
     rates = -np.roots([1.0, 2.0 * np.sqrt(kp) if kd is None else kd, kp] if kp else [1.0, kd]).real
     assert 1.0 <= min(rates) and max(rates) <= 100.0
+
+
+@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Task)], ids=lambda m: m.__name__)
+def test_samples_ask_for_motions_of_a_robots_size_and_speed(member: Any):
+    """Random stacks are made of them: what asks for kilometres, or settles within hours, tests nothing there."""
+    for robot in robots():
+        state, when = robot.state(), moments(robot)
+        for sample in (bound(sample, robot) for sample in member.samples(robot)):
+            filled = []
+            for moment in when:
+                state.update(*moment)
+                filled.append(rows(sample, state))
+            size, slope, rate, change = (
+                max(np.abs(getattr(one, what)).max() for one in filled) for what in ("e", "J", "rate_ref", "acc_ref")
+            )
+            assert size < 10.0 and slope < 100.0 and rate < 100.0 and change < 2e3, sample
+            assert rate == 0.0 or rate > 0.01, f"{sample} has a target that moves and hardly does"
+            for kp, kd in zip(*sample.gains()[:2], strict=True):
+                settles = -np.roots([1.0, kd, kp] if kp else [1.0, kd]).real
+                assert kd == 0.0 or (settles.min() >= 0.1 and settles.max() <= 100.0), sample
 
 
 @pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Contact)], ids=lambda m: m.__name__)
