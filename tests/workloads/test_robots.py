@@ -49,6 +49,13 @@ def test_feet_start_on_the_ground(recipe: RobotRecipe, soles: tuple[str, ...]):
     assert heights == pytest.approx([0.0] * len(soles), abs=1e-6)
 
 
+@pytest.mark.parametrize(("recipe", "soles"), SOLES[::2], ids=("g1", "talos"))
+def test_soles_start_level_and_upright_bodies_upright(recipe: RobotRecipe, soles: tuple[str, ...]):
+    made = recipe.made()
+    for frame in (*soles, made.robot.frame_names[0]):
+        np.testing.assert_allclose(made.placement(frame).rotation[:, 2], [0.0, 0.0, 1.0], atol=0.01)
+
+
 @each_robot
 def test_the_robot_starts_inside_its_limits(recipe: RobotRecipe):
     made = recipe.made()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tasks.workloads import WORKLOADS
@@ -48,6 +50,33 @@ def test_limits_and_cones_hold_at_every_tick(name: str):
 @each_workload
 def test_the_answer_obeys_the_equations_of_motion(name: str):
     assert short(name)["quality"].get("dyn_residual_max", 0.0) <= 1e-8
+
+
+@each_workload
+def test_moving_targets_go_to_and_fro_by_centimetres_on_each_axis_that_moves(name: str):
+    workload = WORKLOADS[name]
+    asked = workload.complete_parameters()
+    setup = workload.first_setup(asked)
+    when = np.arange(0.0, asked.settings.duration, 10.0 * setup.plant.dt)
+    moving = [task.target for task in setup.stack.tasks if callable(getattr(task, "target", None))]
+    assert moving
+    for target in moving:
+        values = [value[0] if isinstance(value, tuple) else value for value in map(target, when)]
+        way = np.array([getattr(value, "translation", value) for value in values])
+        moves = np.ptp(way, axis=0)
+        turns = (np.diff(np.sign(np.diff(way, axis=0)), axis=0) != 0).sum(axis=0)
+        assert moves.any() and turns[moves > 0.0].min() >= 2, "an axis does not come back"
+        assert moves[moves > 0.0].min() > 0.01 and moves.max() < 0.5
+
+
+def test_errors_at_the_end_are_those_of_the_last_tick():
+    for name in ("W1", "W3"):
+        workload = WORKLOADS[name]
+        setup = workload.first_setup(workload.complete_parameters())
+        made, problem = setup.about
+        told = replace(setup, about=(made, replace(problem, errors=lambda data, k: (float(k), 10.0 * k))))
+        trial = told.run(duration=45 * setup.plant.dt)
+        assert [value for key, value in workload.quality(trial).items() if "_final" in key] == [44.0, 440.0]
 
 
 @each_workload
