@@ -1,0 +1,175 @@
+"""What verdicts on robots that lose motors demand: good outcomes meet it, and each flaw fails what speaks of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import Damping, feet
+from tasks.components.diagnosis import Diagnosis
+from tasks.scenarios.fault_scenario import FaultScenario, reason
+from tasks.scenarios.fault_statistics import Fault, FaultStatistics, Stretch
+from tasks.scenarios.fault_trials import Case, Outcome, Pair, Stand
+from tasks.scenarios.humanoid_joint_loss import HumanoidJointLoss
+from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.least_torque import least_torque
+from tasks.scenarios.quadruped_actuator_weak import QuadrupedActuatorWeak
+from tasks.scenarios.quadruped_joint_loss import QuadrupedJointLoss
+from wbc.control.recorder import Run
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.plant import ForwardDynamicsPlant
+from wbc.sim.scenario import Check, Parameters, Settings, Trial
+from wbc.sim.simulate import simulate
+
+HUMANOID = wbc.load("humanoid", base="floating")
+JOINT, FAULT, LEFT = "the joint", 1.0, 0.5
+TIMES = 1e-3 * np.arange(4000)
+each_scenario = pytest.mark.parametrize(
+    "scenario", [HumanoidJointLoss(), QuadrupedJointLoss(), QuadrupedActuatorWeak()], ids=lambda one: one.name
+)
+
+
+def outcome(
+    *, stands: bool, error: float, delay: float = 3e-3, named: str | None = JOINT, share: float = LEFT
+) -> Outcome:
+    """A robot that stands or not, off by ``error`` [m]; ``named`` the joint that was diagnosed after ``delay`` [s]."""
+    at = FAULT + delay
+    said = [] if named is None else [Diagnosis("total", 0, named, at, at, np.zeros(1))]
+    run = Run({"t": TIMES, "signal.FaultReaction.share": np.where(TIMES < at, 1.0, share)[:, None]})
+    trial: Any = SimpleNamespace(run=run)
+    fault = ActuatorFault(joint=JOINT, start=FAULT)
+    return Outcome(trial, fault, said, stands, np.full(len(TIMES), error), slip=1e-3)
+
+
+LOST, MENDED = {"stands": False, "error": 0.3}, {"stands": True, "error": 1e-3}
+#: What is wrong with one of four outcomes with an answer, and how the demands begin that this fails.
+FLAWS: dict[str, tuple[dict[str, Any], set[str]]] = {
+    "it falls": ({"stands": False}, {"with it, it stands"}),
+    "it is off by a decimetre": ({"error": 0.1}, {"CoM error"}),
+    "another joint is named": ({"named": "another joint"}, {"first diagnosis names the joint"}),
+    "the answer takes a tenth of a second": ({"delay": 0.1}, {"longest from fault to answer"}),
+    "no answer comes": ({"named": None}, {"first diagnosis names the joint", "longest from fault to answer"}),
+}
+
+
+def demanded(
+    scenario: FaultScenario, without: list[dict[str, Any]], answered: list[dict[str, Any]], *, noise: bool = False
+) -> list[Check]:
+    robot = "quadruped" if "quadruped" in scenario.name else "humanoid"
+    p = Parameters(scenario.parse([f"robot={robot}", f"noise={noise}"]), Settings("mujoco", "weighted", 1.0))
+    return list(scenario.demand([outcome(**one) for one in without], [outcome(**one) for one in answered], p))
+
+
+def failed(checks: list[Check]) -> set[str]:
+    return {check.text for check in checks if not check.ok}
+
+
+@each_scenario
+@pytest.mark.parametrize("noise", [False, True], ids=["clean", "noise"])
+def test_good_outcomes_meet_every_demand_in_words_and_a_unit(scenario: FaultScenario, noise: bool) -> None:
+    checks = demanded(scenario, 4 * [LOST], 4 * [MENDED], noise=noise)
+    assert checks and not failed(checks)
+    assert len({check.text for check in checks}) == len(checks)
+    assert all(isinstance(check.text, str) and check.text and check.unit for check in checks)
+
+
+@each_scenario
+@pytest.mark.parametrize("noise", [False, True], ids=["clean", "noise"])
+@pytest.mark.parametrize("flaw", FLAWS)
+def test_a_flaw_of_one_outcome_fails_the_demand_that_speaks_of_it(
+    scenario: FaultScenario, noise: bool, flaw: str
+) -> None:
+    spoilt, texts = FLAWS[flaw]
+    found = failed(demanded(scenario, 4 * [LOST], [*3 * [MENDED], MENDED | spoilt], noise=noise))
+    assert len(found) == len(texts) and all(text.startswith(tuple(texts)) for text in found)
+
+
+@each_scenario
+def test_a_fault_that_harms_nothing_needs_no_answer_and_is_no_success(scenario: FaultScenario) -> None:
+    (text,) = failed(demanded(scenario, 4 * [MENDED], 4 * [MENDED]))
+    assert "without an answer" in text
+
+
+def test_what_came_of_a_trial_is_read_from_its_plant_and_its_record() -> None:
+    for fallen in (False, True):
+        error = np.tile([[3e-3, 0.0, 4e-3]], (len(TIMES), 1))
+        slip = np.linspace(0.0, 0.02, len(TIMES))[:, None] * [[1.0, 0.0]]
+        run = Run(
+            {"t": TIMES, "error.CenterOfMass": error, "plant.slip.foot": slip, "plant.slip.other": 0.0 * slip},
+            {"dt": 1e-3},
+        )
+        case = Case(Stand("humanoid", STANCES["humanoid"], 0.5), ActuatorFault(joint=JOINT, start=FAULT), None)  # type: ignore[arg-type]
+        plant = SimpleNamespace(fallen=fallen, feet=[SimpleNamespace(name="other"), SimpleNamespace(name="foot")])
+        before = Diagnosis("total", 0, JOINT, 0.5, 0.5, np.zeros(1))
+        reaction = SimpleNamespace(events=[(before, ()), (replace(before, t=FAULT + 2e-3), ())])
+        trial: Any = SimpleNamespace(about=(case, reaction), run=run, setup=SimpleNamespace(plant=plant))
+        came = Outcome.of(trial)
+        assert came.stands is not fallen and came.fate.startswith("falls" if fallen else "stands")
+        assert came.false_alarms == 1 and came.delay == pytest.approx(2e-3)
+        assert came.rms == pytest.approx(5e-3) and 0.015 < came.slip < 0.02
+
+
+def test_the_least_torque_is_that_at_the_fault_and_the_most_that_of_the_sway_before_it() -> None:
+    leans = np.linspace(0.0, 0.06, 161)
+    q = np.tile(HUMANOID.q0, (len(leans), 1))
+    q[:, -HUMANOID.nj + HUMANOID.joint("waist_pitch")] += leans - leans[80]
+    run = Run({"t": 0.01 * np.arange(161), "plant.q": q})
+    fault = ActuatorFault(joint="waist_pitch", start=1.6)
+    without: Any = SimpleNamespace(run=run, fault=fault)
+    stand = Stand("humanoid", STANCES["humanoid"], 0.5)
+    now, most = reason(stand, Pair("", without, without))
+    robot = stand.robot()
+    torques = [least_torque(robot, feet(robot), q[k], "waist_pitch") for k in (40, 160)]
+    assert now == pytest.approx(torques[1], abs=1e-6) and most >= max(torques) - 1e-6
+    assert abs(torques[1] - torques[0]) > 0.1
+
+
+def test_a_fault_is_laid_to_the_joint_that_is_largest_when_its_alarm_rings() -> None:
+    """Whatever comes later. An alarm takes two ticks; sizes and peaks count in thresholds."""
+    threshold, at = np.array([1.0, 2.0, 0.5]), 200
+    residual = np.zeros((600, 3))
+    residual[at + 8 :, 1], residual[at + 20 :, 2] = 3.0, 5.0
+    residual[at + 3, 0] = 9.0  # for one tick
+    fault = ActuatorFault(joint="second", effectiveness=1.0, bias=6.0, start=1e-3 * at, end=1e-3 * (at + 60))
+    waving: Any = SimpleNamespace(threshold=threshold)
+    stretch = Stretch(waving, 0.6, [(100, 1, "bias", fault)], seed=0)
+    run = Run({"tau": np.zeros((600, 3)), "signal.MomentumObserver.residual": residual})
+    (found,) = stretch.found(run)
+    assert (found.joint, found.kind, found.found) == (1, "bias", 1)
+    assert (found.size, found.peak, found.delay) == pytest.approx((3.0, 1.5, 9e-3))
+    assert stretch.sound(run) == [(100, 0.0)]
+
+
+CLEAR = Fault(joint=1, kind="total", size=4.0, peak=5.0, delay=5e-3, found=1)
+SEEN: dict[str, tuple[list[Fault], tuple[int, float], str]] = {
+    "three of a hundred are missed": (
+        [*97 * [CLEAR], *3 * [replace(CLEAR, peak=0.5, delay=np.inf, found=-1)]], (10**6, 0.5), "detected",
+    ),
+    "one of ten is laid to another joint": ([*90 * [CLEAR], *10 * [replace(CLEAR, found=2)]], (10**6, 0.5), "laid to"),
+    "alarms take a tenth of a second": (100 * [replace(CLEAR, delay=0.1)], (10**6, 0.5), "median delay"),
+    "one of a thousand sound ticks rings": (100 * [CLEAR], (10**3, 1.5), "alarms without a fault"),
+    "nothing": (100 * [CLEAR], (10**6, 0.5), ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("flaw", SEEN)
+def test_statistics_of_faults_demand_each_of_their_figures(flaw: str) -> None:
+    faults, window, said = SEEN[flaw]
+    robot, scenario, none = wbc.load("arm"), FaultStatistics(), cast("Any", None)
+    about = SimpleNamespace(
+        found=lambda run: faults, sound=lambda run: [window], waving=SimpleNamespace(threshold=np.ones(robot.nj))
+    )
+    setup: Any = SimpleNamespace(robot=None, plant=SimpleNamespace(model=robot), about=about)
+    p = Parameters(scenario.parse(["robot=arm"]), Settings("mujoco", "weighted", 1.0))
+    plant = ForwardDynamicsPlant(robot)
+    plant.reset(robot.q0)
+    run = simulate(wbc.Controller(robot, wbc.Stack([Damping()]), level=wbc.InverseDynamics()), plant, duration=2e-3)
+    result = scenario.judge(iter([Trial("", setup, none, run)]), p)
+    texts = failed(list(result.verdict))
+    assert len(texts) == len(said and [said]) and all(said in text for text in texts)
+    assert result.ok is not bool(said)
