@@ -26,21 +26,20 @@ class Prediction:
 
     def reset(self) -> None:
         """Start with the next tick: the filters are empty, so that W = 0 and τ_F = 0 there."""
-        self._sent: Vec | None = None
-        self._Y_p: Mat = np.zeros((0, 0))
-        self._Y_beta: Mat = np.zeros((0, 0))
+        self._last: tuple[Mat, Mat, Vec] | None = None
 
     def error(self, state: RobotState, tau: Vec, a_hat: Vec, dt: float) -> tuple[Mat, Vec]:
         """W (nj, p) of the links and ε = τ_F − W â (nj,) at this tick; ``tau`` was decided for what follows it."""
         inertial, p = self._law.inertial, self._law.p_links
         Y_p, Y_beta = inertial.momentum(state.q, state.v), inertial.drive(state.q, state.v)
-        if self._sent is None:
+        if self._last is None:
             self._momentum, self._drive, self._torque = Y_p.copy(), np.zeros_like(Y_beta), np.zeros(len(tau))
         else:
+            last_Y_p, last_Y_beta, sent = self._last
             share = -np.expm1(-self._rate * dt)
-            self._momentum += share * (0.5 * (Y_p + self._Y_p) - self._momentum)
-            self._drive += share * (0.5 * (Y_beta + self._Y_beta) - self._drive)
-            self._torque += share * (self._sent - self._torque)
-        self._Y_p, self._Y_beta, self._sent = Y_p, Y_beta, np.array(tau)
+            self._momentum += share * (0.5 * (Y_p + last_Y_p) - self._momentum)
+            self._drive += share * (0.5 * (Y_beta + last_Y_beta) - self._drive)
+            self._torque += share * (sent - self._torque)
+        self._last = Y_p, Y_beta, np.array(tau)
         W = self._rate * (Y_p - self._momentum) + self._drive
         return W, self._torque - W @ a_hat[:p]
