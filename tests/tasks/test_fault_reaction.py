@@ -122,6 +122,8 @@ def test_the_answer_is_in_the_problem_of_the_tick_of_the_decision() -> None:
     assert run["signal.FaultReaction.kind"][tick] == 1.0
     assert np.count_nonzero(run["signal.FaultReaction.kind"]) == 1
     assert (run["signal.FaultReaction.share"][tick:, 1] == 0.0).all()
+    residual = run["signal.MomentumObserver.residual"][tick]
+    assert np.flatnonzero(residual == 0.0).tolist() == [1], "the residual of its joint starts anew, and no other"
     assert (run["status"] == 0).all(), "a joint that falls through its limits must not contradict them"
     assert run["plant.q"][:, 1].max() > ARM.limits.q_max[1] or run["plant.q"][:, 1].min() < ARM.limits.q_min[1]
 

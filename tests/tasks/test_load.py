@@ -161,6 +161,8 @@ def test_a_load_that_was_taken_for_a_push_is_recognised_and_carried() -> None:
     assert kinds[0] == "external" and kinds[-1] == "payload"
     found = reaction.events[-1][0].load
     assert found is not None and found.mass == pytest.approx(2.0, abs=0.02)
+    carried = round(reaction.events[-1][0].t * 1e3)
+    assert not run["signal.MomentumObserver.residual"][carried].any(), "all residuals start anew"
     lost, _ = waving([load], carries=False)
     error, before = (np.abs(r["error.Posture"]).max(axis=1) for r in (run, lost))
     assert error[-200:].max() < 0.1 * before[-200:].max()
