@@ -68,6 +68,13 @@ def test_the_tool_goes_round_what_it_would_go_through(level: Any):
     assert min(smallest(towards(goal, [], level), constraint, 1.5)) < 0.0
 
 
+def test_obstacles_of_its_samples_leave_every_robot_room_where_it_starts():
+    for robot in robots():
+        for sample in CollisionAvoidance.samples(robot):
+            nearest = sample.closest(robot.state())
+            assert nearest and nearest[0][2] > sample.margin
+
+
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 def test_from_inside_one_another_shapes_come_apart_again(level: Any):
     constraint = CollisionAvoidance([Obstacle("ball", Sphere(0.1), at(START))], self_collision=False, margin=MARGIN)

@@ -39,6 +39,21 @@ def test_any_start_has_a_certified_answer(name: str):
         )
 
 
+@pytest.mark.parametrize("name", SOAKS)
+def test_a_soak_starts_within_what_it_draws(name: str):
+    control = SOAKS[name].first_setup(SOAKS[name].complete_parameters()).controller()
+    rng, drawn = np.random.default_rng(0), []
+
+    def now() -> np.ndarray:
+        return np.concatenate([np.append(np.ravel(task.target), task.weight) for task in control.stack.tasks])
+
+    start = now()
+    for _ in range(300):
+        SOAKS[name].stir(control, rng)
+        drawn.append(now())
+    assert (np.min(drawn, axis=0) <= start).all() and (start <= np.max(drawn, axis=0)).all()
+
+
 @pytest.mark.parametrize(("spoil", "finding"), [("nan", "not_finite"), ("more", "beyond"), ("raises", "exceptions")])
 def test_a_soak_finds_what_it_looks_for(spoil: str, finding: str, monkeypatch: pytest.MonkeyPatch):
     decode = wbc.Controller.decode
