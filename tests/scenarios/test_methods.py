@@ -65,6 +65,10 @@ def test_the_adaptive_law_is_the_command_from_the_first_tick_on():
     assert pictures(result) == [
         "coefficients-moving", "coefficients-rest", "adaptive-error", "adaptive-lyapunov",
     ]  # fmt: skip
+    (shown,) = (item for item in result.sections[1].items if isinstance(item, Plot) and item.name == "adaptive-error")
+    for curve, which in zip(shown.curves, ("moving", "still"), strict=True):
+        last = curve.values[shown.x >= shown.x[-1] - 2.0].max()
+        assert last == pytest.approx(1e3 * result.figures[f"last_error_{which}_m"])
 
 
 @pytest.mark.slow

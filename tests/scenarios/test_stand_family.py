@@ -19,6 +19,15 @@ def test_our_quadruped_is_pushed_from_both_sides_alike() -> None:
     assert section.title == "From all sides"
 
 
+@pytest.mark.physics
+def test_our_humanoid_bears_its_usual_load_in_either_hand() -> None:
+    result = run("stand-family", "robot=humanoid", "push=0", duration=1.8)
+    assert result.ok
+    left, right = result.figures["rows"]
+    assert [left["what"], right["what"]] == ["load in left_hand", "load in right_hand"]
+    assert left["most_mm"] == pytest.approx(right["most_mm"], rel=0.1)
+
+
 def test_parameters_that_make_no_sense_are_refused_before_the_first_tick() -> None:
     with pytest.raises(UnknownRobot, match="talos"):
         run("stand-family", "robot=talo")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.humanoid_stand import STANCES
-from tasks.scenarios.quadruped_trot import LANDING, SWING, swinging
+from tasks.scenarios.quadruped_trot import LANDING, SWING, swinging, swings, timeline
 from tasks.scenarios.walking import Gait, walk
 from tests.scenarios.test_standing import failed, needs_examples, run
 from wbc.errors import InvalidInput, UnknownRobot
@@ -65,6 +66,22 @@ def test_a_foot_that_trots_does_not_brake_where_the_ground_may_be(height: float,
     np.testing.assert_allclose(x - place, [0.0, 0.0, height], atol=1e-9)
     np.testing.assert_allclose(rate, [0.0, 0.0, -LANDING], atol=1e-9)
     np.testing.assert_allclose(acceleration, 0.0, atol=1e-6)
+
+
+@given(duration=st.floats(0.0, 12.0))
+def test_a_trot_lifts_pairs_across_in_turn_and_ends_on_four_feet(duration: float) -> None:
+    feet = ["front left", "front right", "rear left", "rear right"]
+    trot = swings(feet, duration)
+    (begin, standing), *entries = timeline(feet, trot)
+    assert begin == 0.0 and standing == feet
+    assert [t for t, _ in entries] == sorted(t for swing in trot for t in (swing.lifted, swing.down))
+    for k, (t, names) in enumerate(entries):
+        up = set(feet) - set(names)
+        assert t <= duration and up == (set(trot[k // 2].feet) if k % 2 == 0 else set())
+    for swing, after in pairwise(trot):
+        assert swing.down < after.lifted and set(swing.feet) | set(after.feet) == set(feet)
+    for front, rear in (sorted(swing.feet) for swing in trot):
+        assert front.split()[0] == "front" and rear.split()[0] == "rear" and front.split()[1] != rear.split()[1]
 
 
 @needs_examples
