@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks import MomentumObserver, Point, Posture, Sole, TorqueLimits, feet
+from tasks import ContactForce, MomentumObserver, Point, Posture, Sole, TorqueLimits, feet
 from wbc.control.fallback import BRAKE_TIME, Fallback
 from wbc.errors import NotSupported
 from wbc.testing.strategies import states
@@ -24,6 +24,16 @@ def test_where_nothing_else_is_a_number_the_last_torques_take_energy_out_of_ever
     tau = Fallback(PLAN.plan).torque(state, np.full(7, np.nan), None, before)
     damping = tau - (0.0 if before is None else before)
     np.testing.assert_allclose(damping, -np.diag(state.M) * state.v / BRAKE_TIME, rtol=1e-9, atol=1e-9)
+
+
+def test_on_legs_what_brakes_the_robot_does_not_depend_on_what_its_tasks_want():
+    torques, moving = [], np.linspace(-0.2, 0.2, QUADRUPED.nv)
+    for wanted in ([], [ContactForce(feet(QUADRUPED)[0].frame, target=[5.0, 0.0, 90.0])]):
+        stack = wbc.Stack([Posture(QUADRUPED.q0), *wanted], contacts=feet(QUADRUPED), subject_to=[TorqueLimits()])
+        controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
+        controller.tick(0.0, QUADRUPED.q0, moving)
+        torques.append(Fallback(controller.plan).torque(controller.state, -moving, None, None))
+    np.testing.assert_allclose(torques[0], torques[1], rtol=0, atol=1e-6 * np.abs(torques[0]).max())
 
 
 @given(kp=st.floats(1e-2, 1e4))

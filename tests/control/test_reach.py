@@ -68,6 +68,21 @@ def test_tasks_of_lower_levels_choose_among_the_answers() -> None:
     assert np.linalg.norm(near.q - ARM.q0) <= np.linalg.norm(alone.q - ARM.q0) + 1e-9
 
 
+def test_a_configuration_within_the_tolerance_is_an_answer_as_it_stands() -> None:
+    """With levels below there is still something to choose: a step may then lead on."""
+    target = pose(ARM, "tool", ARM.q0)
+    target[:3, 3] += [3e-3, -3e-3, 3e-3]
+    found = wbc.reach(ARM, [Frame("tool", target=target)], tolerance=1e-2)
+    assert found.ok and (found.steps, found.attempts) == (0, 1)
+    np.testing.assert_array_equal(found.q, ARM.q0)
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_every_attempt_takes_the_steps_that_it_may_where_it_has_not_arrived(steps: int) -> None:
+    far = [[Position("tool", target=[4.0, 0.0, 0.5])], [Posture(ARM.q0)]]
+    assert wbc.reach(ARM, far, attempts=2, steps=steps).steps == 2 * steps
+
+
 def test_the_same_seed_gives_the_same_answer_and_the_tasks_stay_as_they_were() -> None:
     task = Frame("tool", target=pose(ARM, "tool", ARM.random_configuration(np.random.default_rng(4))), rate=3.0)
     start = ARM.limits.q_min

@@ -19,9 +19,10 @@ from tasks import (
     TorqueLimits,
     feet,
 )
-from tests.reliability.faults import A_MAX, FAULTS, V_MAX, excess, limited, sabotaged
+from tests.reliability.faults import A_MAX, FAULTS, V_MAX, Saboteur, excess, limited, sabotaged
 from wbc.control.fallback import Fallback
 from wbc.errors import InvalidInput
+from wbc.qp.certificate import TOLERANCE
 from wbc.types import Status
 
 LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
@@ -44,6 +45,24 @@ def test_another_solver_answers_what_the_one_asked_for_does_not(level: Any, faul
     assert command.fallback_level == ("solved" if fault == "late" else "other solver")
     decided, before = ((c.v if level.order == 1 else c.a) for c in (command, good))
     np.testing.assert_allclose(decided, before, atol=1e-4)
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+@pytest.mark.parametrize(
+    "faults", [("iterations", "unproved"), ("unproved", "iterations"), ("unproved", "unproved")], ids="/".join
+)
+def test_an_answer_within_the_limits_that_is_not_proved_best_serves_whichever_solver_found_it(
+    level: Any, faults: tuple[str, str]
+):
+    control, script = sabotaged(ARM, level)
+    second = Saboteur()
+    control.mode.second = wbc.Weighted().open(control.plan.problem, second)
+    control.tick(0.0, ARM.q0, STILL)
+    script.fault, second.script.fault = faults
+    command = control.tick(1e-3, ARM.q0, STILL)
+    assert (command.status, command.fallback_level) == (Status.INACCURATE, "not certified")
+    assert not command.certificate.ok and command.certificate.primal <= TOLERANCE
+    assert excess(control, command) <= 1e-9
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)

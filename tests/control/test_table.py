@@ -94,6 +94,12 @@ def test_any_run_is_read_back_to_the_bit(tmp_path_factory: pytest.TempPathFactor
     np.testing.assert_array_equal(found.reshape(run.rows, len(headings)), np.hstack([np.empty((run.rows, 0)), *wanted]))
 
 
+def test_a_column_of_a_users_has_places_where_one_of_ours_has_axes_and_units():
+    run = Run({"push": np.zeros((2, 3)), "plant.slip.foot": np.zeros((2, 2)), "own": np.zeros((2, 2))})
+    slip = ["plant.slip.foot.x [m]", "plant.slip.foot.y [m]"]
+    assert list(frame_of(run)) == ["push.x [N]", "push.y [N]", "push.z [N]", *slip, "own.0", "own.1"]
+
+
 @given(joints=st.integers(1, 4), base=st.booleans(), rows=st.integers(0, 3))
 def test_metadata_that_do_not_fit_give_places_instead_of_names(joints: int, base: bool, rows: int):
     about = {"joint_names": [f"j{i}" for i in range(joints)], "joint_units": ["rad"] * joints}
