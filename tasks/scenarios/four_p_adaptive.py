@@ -59,7 +59,7 @@ class Adapted(NamedTuple):
     def rise(self) -> float:
         """Largest rise of V in one tick, relative to V(0)."""
         V = self.signal("V")
-        return float(max(0.0, np.diff(V).max()) / V[0])
+        return float(np.diff(V).max(initial=0.0) / V[0])
 
     @property
     def off(self) -> Vec:

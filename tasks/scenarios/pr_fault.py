@@ -8,6 +8,7 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
+from wbc.errors import InvalidInput
 from wbc.methods import FaultFraction
 from wbc.models import PlanarPR
 from wbc.report import measure
@@ -79,6 +80,8 @@ class PrFault(Scenario):
     duration = 1.0
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
+        if p.settings.duration <= AT:
+            raise InvalidInput(f"duration is {p.settings.duration:g} s; residuals are read at {AT:g} s: give more")
         return {kind: {"faults": faults} for kind, faults in FAULTS.items()}
 
     def build(self, p: Parameters) -> Setup:

@@ -31,6 +31,8 @@ def test_our_humanoid_bears_its_usual_load_in_either_hand() -> None:
 def test_parameters_that_make_no_sense_are_refused_before_the_first_tick() -> None:
     with pytest.raises(UnknownRobot, match="talos"):
         run("stand-family", "robot=talo")
+    with pytest.raises(InvalidInput, match=r"come at 1\.2 s"):
+        run("stand-family", "robot=quadruped", duration=1.2)
     with pytest.raises(InvalidInput, match="nothing"):
         run("stand-family", "robot=quadruped", "push=0")
     with pytest.raises(InvalidInput, match="load"):
