@@ -11,6 +11,7 @@ from tests.qp.zoo import INFEASIBLE, SOLVABLE, UNBOUNDED, Case, random_qp, seque
 from wbc.errors import InvalidInput
 from wbc.qp import QP, Solution, Solver
 from wbc.qp.solvers import by_name, usable
+from wbc.qp.solvers.kept import KeptSession
 from wbc.types import Status
 
 #: They end at a vertex of the active set, exact to rounding; the others come as near as their tolerance lets them.
@@ -69,6 +70,18 @@ def test_warm_answers_are_cold_answers(solver: Solver):
             np.testing.assert_allclose(warm.x, cold.x, atol=1e-5)
     # A back end that is not for control may fail now and then, as long as it is seen to.
     assert solved >= (20 if solver.offline else 25)
+
+
+def test_a_workspace_is_kept_while_problems_are_alike(solver: Solver):
+    first, *others = sequence(10)
+    session = solver.open(first.shape)
+    if isinstance(session, KeptSession):
+        session.solve(first)
+        kept = session._workspace
+        assert kept is not None
+        for qp in others:
+            session.solve(qp)
+            assert session._workspace is kept
 
 
 def test_two_fresh_sessions_give_the_same_bits(solver: Solver):

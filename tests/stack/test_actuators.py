@@ -58,6 +58,19 @@ def test_a_controller_sends_what_gives_the_torque_it_decided() -> None:
     np.testing.assert_allclose(known, sound * np.array([1, 2, *[1] * (arm.nj - 2)]))
 
 
+@pytest.mark.parametrize("motor", [None, "ab", (), (0.5,), (0.5, 0.0, 0.0), np.array([0.5, 0.0]), {0.5: 0.0}])
+def test_what_is_neither_a_motor_nor_a_share_is_refused_by_joint(motor: Any) -> None:
+    arm = wbc.load("arm")
+    applied = wbc.InverseDynamics().compile(arm, wbc.Stack([Posture(arm.q0)]), dt=1e-3).applied
+    with pytest.raises(InvalidInput, match=r"mine\.motors\[1\]\.share"):
+        applied.apply([("mine", wbc.Overrides(motors={1: motor}))])
+    assert (applied.actuators.share == 1.0).all()
+    share: Any = 0.5
+    for half in (share, (share, 0.0), wbc.Motor(share)):
+        applied.apply([("mine", wbc.Overrides(motors={1: half}))])
+        assert applied.actuators.share.tolist() == [1.0, 0.5, *[1.0] * (arm.nj - 2)]
+
+
 def test_a_command_stays_within_the_torque_limits_whatever_is_known_of_its_motor() -> None:
     """Torques are bounded by what commands within the limits give, so that no command is divided beyond them."""
     arm = wbc.load("arm")

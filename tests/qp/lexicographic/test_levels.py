@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import wbc
 from tasks import Position, Posture
 from tests.families.hierarchies import FAMILIES, problem
+from tests.qp.lexicographic.hierarchies import random_hierarchy
+from wbc.qp.answer import Counts
 from wbc.qp.certificate import Certificate
 from wbc.qp.lexicographic.compiled.rank import decide, prove
 from wbc.qp.lexicographic.compiled.stage import fill
 from wbc.qp.lexicographic.function import _level, _row_problem
 from wbc.qp.lexicographic.levels import Levels, Report
-from wbc.qp.lexicographic.stages import StagedProblem
+from wbc.qp.lexicographic.solver import LexicographicSolver
+from wbc.qp.lexicographic.stages import Stage, StagedProblem
+from wbc.qp.rows import RowProblem
 from wbc.qp.rows.compiled.work import SOLVED
+from wbc.types import Status
+
+
+def rows_of(levels: Any, lb: Any, ub: Any) -> tuple[RowProblem, list[Stage]]:
+    """The rows of a hierarchy under bounds, and its levels."""
+    named = [_level(i, *level) for i, level in enumerate(levels)]
+    A, lo, hi = (np.concatenate([level[i] for level in named]) for i in range(3))
+    rows, stages = _row_problem(A, lo, hi, np.cumsum([0] + [len(level[1]) for level in named]))
+    rows.lb[: A.shape[1]], rows.ub[: A.shape[1]] = lb, ub
+    return rows, [*stages, []]
 
 
 def first_level(family, index: int) -> Levels:
     """The first level of a drawn hierarchy, decided by itself."""
     drawn = problem(family, 77, index)
-    named = [_level(i, *level) for i, level in enumerate(drawn.levels)]
-    A, lo, hi = (np.concatenate([level[i] for level in named]) for i in range(3))
-    rows, stages = _row_problem(A, lo, hi, np.cumsum([0] + [len(level[1]) for level in named]))
-    rows.lb[: A.shape[1]], rows.ub[: A.shape[1]] = drawn.lb, drawn.ub
-    staged = StagedProblem(rows, [*stages, []])
+    staged = StagedProblem(*rows_of(drawn.levels, drawn.lb, drawn.ub))
     levels = Levels(staged)
     fill(staged.address)
     assert decide(levels._ranking.address, 0, True) == SOLVED
@@ -58,6 +70,20 @@ def test_an_answer_is_no_farther_from_the_least_than_its_certificate_says(family
             off = np.abs(residual(levels) - least)
             for name, place in levels.staged.parts[0].items():
                 assert off[place].max(initial=0.0) <= bounds[name] * (1.0 + 1e-6) + 1e-9
+
+
+def test_every_level_that_is_decided_counts_once_and_takes_a_step_at_least() -> None:
+    """However it is decided: with the first guess, with a few more, or by the finite method."""
+    ways = Counts()
+    for seed in range(60):
+        solver = LexicographicSolver(*rows_of(*random_hierarchy(seed)), budget=40)
+        counts, levels, before = solver.counts, solver.levels, 0
+        for _ in range(3):
+            assert solver.solve() in (Status.SOLVED, Status.INACCURATE)
+            assert levels.ended - levels.began < counts.total - before <= solver.iterations
+            before = counts.total
+        ways = Counts(ways.first + counts.first, ways.repaired + counts.repaired, ways.fallback + counts.fallback)
+    assert min(ways.first, ways.repaired, ways.fallback) > 0
 
 
 @pytest.mark.parametrize("weight", [1.0, 1e-3])
