@@ -6,14 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
 
 import wbc
 from tasks.scenarios.arm_actuator_loss import out_of_reach
-from tasks.scenarios.arm_collision import moved_links
+from tasks.scenarios.arm_collision import jacobian, moved_links
 from tasks.scenarios.arm_payload import heaviest
 from tests.scenarios.test_faults import run
 from tests.scenarios.test_standing import failed, needs_examples
 from wbc.errors import InvalidInput, UnknownFrame, UnknownRobot
+from wbc.models.model import RobotState
+from wbc.testing.strategies import states
 
 ARM = wbc.load("arm")
 
@@ -54,8 +57,15 @@ def test_links_stand_in_the_order_of_their_joints() -> None:
     links = moved_links(ARM)
     assert len(links) == ARM.nj
     J = [ARM.state().frame(link).jacobian() for link in links]
-    for i, jacobian in enumerate(J):
-        assert np.abs(jacobian[:, i]).max() > 0.1 and not jacobian[:, i + 1 :].any()
+    for i, columns in enumerate(J):
+        assert np.abs(columns[:, i]).max() > 0.1 and not columns[:, i + 1 :].any()
+
+
+@given(states(ARM))
+def test_bodies_of_links_move_the_centre_of_mass_together(state: RobotState) -> None:
+    masses = [inertia.mass for inertia in list(ARM.pinocchio.inertias)[1:]]
+    momentum = sum(m * jacobian(ARM, link, state.q) for m, link in zip(masses, moved_links(ARM), strict=True))
+    np.testing.assert_allclose(momentum, ARM.mass * state.com_jacobian, atol=1e-9)
 
 
 def test_parameters_that_make_no_sense_are_refused() -> None:

@@ -12,6 +12,8 @@ import pytest
 import wbc
 from tasks import Damping, feet
 from tasks.components.diagnosis import Diagnosis
+from tasks.scenarios import fault_scenario
+from tasks.scenarios.fault_family import PERIOD
 from tasks.scenarios.fault_scenario import FaultScenario, reason
 from tasks.scenarios.fault_statistics import Fault, FaultStatistics, Stretch
 from tasks.scenarios.fault_trials import Case, Outcome, Pair, Stand
@@ -143,6 +145,30 @@ def test_a_fault_is_laid_to_the_joint_that_is_largest_when_its_alarm_rings() -> 
     assert (found.joint, found.kind, found.found) == (1, "bias", 1)
     assert (found.size, found.peak, found.delay) == pytest.approx((3.0, 1.5, 9e-3))
     assert stretch.sound(run) == [(100, 0.0)]
+
+
+def test_a_calm_run_is_looked_at_in_seconds_once_the_robot_has_settled() -> None:
+    waving: Any = SimpleNamespace(threshold=np.array([2.0]))
+    residual = np.zeros((2600, 1))
+    residual[:400], residual[900:902], residual[2000] = 50.0, 3.0, 50.0
+    run = Run({"signal.MomentumObserver.residual": residual})
+    assert Stretch(waving, 2.6, [], seed=0).sound(run) == [(1000, 1.5), (1000, 0.0), (100, 0.0)]
+
+
+@each_scenario
+def test_motors_fail_at_moments_of_one_period_of_the_full_sway_each_without_and_with_an_answer(
+    scenario: FaultScenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fault_scenario, "learnt", lambda stand, solver: None)
+    robot = "quadruped" if "quadruped" in scenario.name else "humanoid"
+    p = Parameters(scenario.parse([f"robot={robot}"]), Settings("mujoco", "weighted", 1.0))
+    cases = [case["case"] for case in scenario.cases(p).values()]
+    for without, answered in zip(cases[::2], cases[1::2], strict=True):
+        assert answered.react and vars(without) == vars(answered) | {"react": False}
+    moments = [case.fault.start for case in cases[::2] if case.label.startswith("fault at")]
+    assert len(moments) == p["moments"] and moments == sorted(set(moments))
+    assert moments[0] > 1.0 and moments[-1] < PERIOD + moments[0]
+    assert all(case.fault.start in moments for case in cases)
 
 
 CLEAR = Fault(joint=1, kind="total", size=4.0, peak=5.0, delay=5e-3, found=1)

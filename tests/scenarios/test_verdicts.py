@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 
 from tasks.scenarios import SCENARIOS
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
 from wbc.sim.scenario import Parameters, Settings, Trial
+from wbc.stack.task import Task
 
 pytestmark = pytest.mark.physics
 
@@ -95,3 +97,23 @@ def test_a_run_of_one_tick_is_judged_or_refused_before_it_starts(name: str) -> N
         assert "duration is 0.001 s" in str(refused)
     else:
         assert result.run.rows == 1 and result.verdict
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_targets_that_move_go_millimetres_or_milliradians_at_least_and_no_metres_a_second(name: str) -> None:
+    scenario = SCENARIOS[name]
+    p = Parameters(
+        scenario.parse(RUNS[name][0]), Settings(**scenario.choose(plant=None, hierarchy=None, duration=None))
+    )
+    when = np.arange(0.0, scenario.duration, 0.01)
+    for task in scenario.first_setup(p).stack.tasks:
+        target = getattr(task, "target", None)
+        if not isinstance(task, Task) or not callable(target):
+            continue
+        values, rates, _ = zip(*map(target, when), strict=True)
+        if isinstance(values[0], pinocchio.SE3):
+            first = values[0].rotation
+            values = [np.append(v.translation, pinocchio.log3(v.rotation @ first.T)) for v in values]  # type: ignore[assignment]
+        ways = np.ptp(np.array(values), axis=0)
+        assert (ways[ways > 1e-9] > 1e-3).all(), task.name
+        assert np.abs(np.array(rates)).max() < 5.0, task.name

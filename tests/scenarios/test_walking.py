@@ -120,6 +120,8 @@ def test_every_target_of_a_walk_goes_on_where_it_was(
             before, after = foot(t - 1e-9)[0], foot(t + 1e-9)[0]
             assert np.abs(before.homogeneous - after.homogeneous).max() < 1e-7
     for step in way.steps:
+        for t in np.linspace(step.lifted, step.down, 5):
+            assert not way.com(t)[1].any(), "the weight rests while a foot is up"
         np.testing.assert_allclose(way.feet[step.frame](step.down)[0].translation, step.position, atol=1e-12)
         assert [names for t, names in way.timeline if t == step.lifted] == [
             [n for n in HUMANOID.feet if n != step.frame]

@@ -64,6 +64,14 @@ def test_gains_by_default_settle_in_seconds_and_weights_by_default_are_one(membe
     assert 1.0 <= min(rates) and max(rates) <= 100.0
 
 
+@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+def test_a_target_by_default_is_zero_or_the_identity(member: Any):
+    target = inspect.signature(member).parameters.get("target")
+    if target is not None and target.default not in (None, Parameter.empty):
+        value = np.asarray(target.default)
+        assert not value.any() or np.array_equal(value, np.eye(3))
+
+
 @pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Task)], ids=lambda m: m.__name__)
 def test_samples_ask_for_motions_of_a_robots_size_and_speed(member: Any):
     """Random stacks are made of them: what asks for kilometres, or settles within hours, tests nothing there."""
