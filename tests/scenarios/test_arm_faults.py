@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 
 import wbc
+from tasks.scenarios import SCENARIOS
 from tasks.scenarios.arm_actuator_loss import out_of_reach
 from tasks.scenarios.arm_collision import jacobian, moved_links
 from tasks.scenarios.arm_payload import heaviest
@@ -16,6 +17,9 @@ from tests.scenarios.test_faults import run
 from tests.scenarios.test_standing import failed, needs_examples
 from wbc.errors import InvalidInput, UnknownFrame, UnknownRobot
 from wbc.models.model import RobotState
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.disturbance import Push
+from wbc.sim.scenario import Parameters
 from wbc.testing.strategies import states
 
 ARM = wbc.load("arm")
@@ -59,6 +63,17 @@ def test_links_stand_in_the_order_of_their_joints() -> None:
     J = [ARM.state().frame(link).jacobian() for link in links]
     for i, columns in enumerate(J):
         assert np.abs(columns[:, i]).max() > 0.1 and not columns[:, i + 1 :].any()
+
+
+@pytest.mark.parametrize("name", ["arm-actuator-loss", "arm-collision"])
+def test_what_happens_to_an_arm_leaves_it_time_to_show(name: str) -> None:
+    scenario = SCENARIOS[name]
+    p = scenario.complete_parameters({"robot": "arm"})
+    for case in scenario.cases(p).values():
+        (disturbance,) = scenario.build(Parameters({**p, **case}, p.settings)).disturbances
+        assert isinstance(disturbance, ActuatorFault | Push)
+        end = disturbance.start + (disturbance.duration if isinstance(disturbance, Push) else 0.0)
+        assert 1.0 <= disturbance.start and end + 0.5 < p.settings.duration
 
 
 @given(states(ARM))

@@ -52,26 +52,6 @@ def test_a_member_has_samples(member: Any):
     assert any(member.samples(robot) for robot in robots())
 
 
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
-def test_gains_by_default_settle_in_seconds_and_weights_by_default_are_one(member: Any):
-    """ë + kd ė + kp e = 0, or ė + kd e = 0 of a task on rates; no gain stated is critical damping."""
-    default = {name: argument.default for name, argument in inspect.signature(member).parameters.items()}
-    assert default.get("weight", 1.0) in (1.0, Parameter.empty)
-    kp, kd = default.get("kp"), default.get("kd")
-    if kp is None and kd is None:
-        return
-    rates = -np.roots([1.0, 2.0 * np.sqrt(kp) if kd is None else kd, kp] if kp else [1.0, kd]).real
-    assert 1.0 <= min(rates) and max(rates) <= 100.0
-
-
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
-def test_a_target_by_default_is_zero_or_the_identity(member: Any):
-    target = inspect.signature(member).parameters.get("target")
-    if target is not None and target.default not in (None, Parameter.empty):
-        value = np.asarray(target.default)
-        assert not value.any() or np.array_equal(value, np.eye(3))
-
-
 @pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Task)], ids=lambda m: m.__name__)
 def test_samples_ask_for_motions_of_a_robots_size_and_speed(member: Any):
     """Random stacks are made of them: what asks for kilometres, or settles within hours, tests nothing there."""
@@ -97,6 +77,15 @@ def test_a_contact_gives_forces_in_newtons_and_moments_in_newton_metres(member: 
     for sample in (sample for robot in robots() for sample in member.samples(robot)):
         for label, unit in sample.force_labels():
             assert unit == {"f": "N", "m": "N m"}[label[0]]
+
+
+@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Contact)], ids=lambda m: m.__name__)
+def test_rows_of_a_cone_of_four_sides_are_called_by_what_they_bound(member: Any):
+    for sample in (sample for robot in robots() for sample in member.samples(robot) if sample.sides == 4):
+        forces = [name for name, _ in sample.force_labels()]
+        for row, (label, _) in zip(sample.cone(), sample.cone_labels(), strict=True):
+            bounded = label.split()[0]
+            assert row[forces.index(bounded.removeprefix("-"))] * (-1.0 if bounded.startswith("-") else 1.0) > 0.0
 
 
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)

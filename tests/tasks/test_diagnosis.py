@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import Thresholds
 from tasks.components.diagnosis import Diagnoser, Diagnosis
+from wbc.errors import InvalidInput
 
 NAMES = ("hip", "knee", "ankle")
 
@@ -62,6 +63,15 @@ def test_thresholds_are_seven_standard_deviations_and_one_and_a_half_times_the_l
     learnt = Thresholds.learnt(residual, gain=100.0, dt=1e-3, floor=floor)
     expected = np.maximum(7.0 * np.asarray(deviation) + 1.5 * np.abs(mean), floor)
     np.testing.assert_allclose(learnt.value, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("dt", "ticks"), [(1e-3, 200), (2e-3, 100), (0.2, 1), (1.0, 1)])
+def test_two_windows_of_a_fifth_of_a_second_or_of_a_tick_are_enough_for_thresholds(dt: float, ticks: int):
+    residual = np.repeat([[1.0], [-3.0]], ticks, axis=0)
+    learnt = Thresholds.learnt(residual, gain=100.0, dt=dt)
+    assert learnt.deviation == 0.0 and learnt.value == pytest.approx(1.5 * 3.0)
+    with pytest.raises(InvalidInput, match=f"at least two windows of {ticks}"):
+        Thresholds.learnt(residual[1:], gain=100.0, dt=dt)
 
 
 def test_predicted_thresholds_are_seven_of_the_deviations_that_noise_of_the_velocity_gives():
