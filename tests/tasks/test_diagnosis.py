@@ -51,6 +51,36 @@ def test_a_share_between_015_and_13_is_a_loss_total_above_08_and_any_other_is_a_
         assert said.kind == "bias"
 
 
+@pytest.mark.parametrize(
+    ("joint", "left", "wait"), [(0, True, 0.1), (0, False, 0.1), (1, True, 0.3), (1, False, 0.3)],
+    ids=["the same, left alone", "the same", "another, first left alone", "another"],
+)  # fmt: skip
+def test_the_same_joint_is_judged_again_once_it_has_settled_and_another_after_the_lockout(
+    joint: int, left: bool, wait: float
+):
+    watcher = Diagnoser(
+        NAMES, noise=np.zeros(3), lockout=0.3, settle=0.1, recheck=5.0, dominance=3.0, start=0.0
+    )  # fmt: skip
+    command, decided = np.full(3, 10.0), list[tuple[float, int]]()
+    for tick in range(500):
+        missing = np.zeros(3)
+        if not decided:
+            missing[0] = 4.0
+        elif tick > round(1e3 * decided[0][0]) + 1:  # the first alarm has fallen
+            missing[joint] = 4.0
+        observer = SimpleNamespace(
+            command=command, known=np.zeros(3), missing=missing, residual=missing, threshold=np.full(3, 1e-3),
+            alarm=missing > 1e-3, dt=1e-3, rows=None,
+        )  # fmt: skip
+        said = watcher.tick(SimpleNamespace(t=1e-3 * tick), observer)  # type: ignore[arg-type]
+        if said is not None:
+            decided.append((said.t, said.joint))
+            if left:
+                watcher.leave(said)
+    assert [who for _, who in decided[:2]] == [0, joint]
+    assert decided[1][0] - decided[0][0] == pytest.approx(wait, abs=3e-3)
+
+
 @given(
     deviation=st.lists(st.floats(1e-3, 1e2), min_size=3, max_size=3),
     mean=st.lists(st.floats(-10.0, 10.0), min_size=3, max_size=3), floor=st.sampled_from([0.0, 1.0]),
