@@ -11,6 +11,7 @@ import pytest
 import wbc
 from tasks import CenterOfMass, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
 from tests.stack.conftest import moving, standing
+from wbc.control.answer import distances
 from wbc.errors import InvalidInput, NotSupported, UnknownSolver, WbcError
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
@@ -340,6 +341,19 @@ def test_explain_names_tasks_rows_and_multipliers_in_units(humanoid: Any) -> Non
     assert sum(shares) == pytest.approx(100.0, abs=0.3)
     active = command.solution
     assert (np.abs(active.z) > 1e-6).sum() <= text.count("multiplier")
+
+
+def test_a_task_that_is_done_in_part_is_as_near_as_its_direction_and_its_share_are_proved_to_be(arm: Any) -> None:
+    reach = Position("tool", target=[1.5, 1.2, 0.8], weight=[4.0, 9.0, 16.0])
+    stack = wbc.Stack([[reach], [Posture(arm.q0)]], subject_to=[JointVelocityLimits()])
+    controller = wbc.Controller(arm, stack, level=wbc.VelocityLevel(), hierarchy=wbc.Scaled())
+    proof, p = controller.tick(0.0, arm.q0, np.zeros(arm.nv)).certificate, controller.plan.problem
+    known = dict.fromkeys(proof.bounds, 0.0)
+    direction, share = f"direction of {reach.name}", f"share of {reach.name}"
+    assert proof.ok and {direction, share} <= known.keys()
+    for part, reached in ((direction, 1e-3), (share, 0.5e-3)):  # a share in the unit of the row of least weight, 4
+        assert distances(p, known | {part: 1e-3})[reach.name] == pytest.approx(reached)
+        assert np.isnan(distances(p, {name: bound for name, bound in known.items() if name != part})[reach.name])
 
 
 def test_explain_tells_which_limit_holds_a_joint(arm: Any) -> None:

@@ -104,6 +104,20 @@ def test_what_is_left_of_a_damped_level_is_told_of_what_was_asked(level: Any, hi
         assert first.residual == pytest.approx(float(np.sqrt(task.weights @ left**2)))
 
 
+@pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)
+def test_joints_that_a_task_of_their_level_holds_hard_need_no_damping(level: Any):
+    """And the weight that it has now is the one that counts."""
+    posture = Posture(ARM.q0 + 0.1, weight=1e-4)
+    levels = [[Position("tool", target=FAR), posture], [Damping()]]
+    controller = running(level(), wbc.Strict(), levels, seconds=0.02, limits=[JointLimits()])
+    (damping, *_) = controller.plan.damping.of_levels
+    assert damping.is_on
+    posture.weight = 1e6
+    for k in range(2):
+        controller.tick(0.02 + k * DT, np.array(ARM.q0), np.zeros(ARM.nv))
+    assert not damping.is_on
+
+
 def test_a_reset_ends_the_damping_of_every_level():
     controller = running(VelocityLevel(), wbc.Strict(), reaching(), seconds=0.1, limits=[JointLimits()])
     assert all(damping.is_on for damping in controller.plan.damping.of_levels)
