@@ -165,43 +165,6 @@ def test_a_subclass_that_writes_its_own_rows_is_asked_for_them():
     np.testing.assert_allclose(own.motion.wanted[:3], -plain.motion.wanted[:3], rtol=1e-12)
 
 
-@given(angle=st.floats(0.0, np.pi - 1e-6), axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3), near=st.booleans())
-def test_rotation_errors_of_any_angle_are_pinocchios(angle, axis, near):
-    from wbc.stack.compiled.geometry import log3, log6
-
-    direction = np.array(axis) if np.linalg.norm(axis) > 1e-3 else np.array([1.0, 0.0, 0.0])
-    direction /= np.linalg.norm(direction)
-    R = pinocchio.exp3((np.pi - 1e-3 * angle if near else angle) * direction)
-    w, e, p = np.zeros(3), np.zeros(6), np.array([0.3, -0.2, 0.1])
-    log3(R, w)
-    log6(R, p, np.zeros(3), e)
-    assert np.linalg.norm(w) <= np.pi + 1e-12
-    np.testing.assert_allclose(pinocchio.exp3(w), R, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pinocchio.SE3(R, p).homogeneous, rtol=0, atol=1e-12)
-    if not near:  # at π either way round is right
-        np.testing.assert_allclose(w, pinocchio.log3(R), rtol=0, atol=1e-9)
-        np.testing.assert_allclose(e, pinocchio.log6(pinocchio.SE3(R, p)).vector, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-5, 1e-4, 2e-3, 0.029, 0.031, 0.3])
-def test_twists_of_small_angles_lose_no_digits(angle):
-    from wbc.stack.compiled.geometry import log6
-
-    pose, e = pinocchio.SE3(pinocchio.exp3(angle * np.array([0.6, 0.0, 0.8])), np.array([0.3, -0.2, 0.1])), np.zeros(6)
-    log6(pose.rotation, pose.translation, np.zeros(3), e)
-    np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pose.homogeneous, rtol=0, atol=2e-13)
-
-
-@pytest.mark.parametrize("axis", [(4.0, 2.0, 3.0), (-1.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, -1.0, 1e-9)])
-@pytest.mark.parametrize("short_of_pi", [0.0, 1e-16, 1e-12, 1e-9, 1e-3])
-def test_half_a_turn_about_any_axis_is_read_from_its_rotation(axis, short_of_pi):
-    from wbc.stack.compiled.geometry import log3
-
-    R, w = pinocchio.exp3((np.pi - short_of_pi) * np.array(axis) / np.linalg.norm(axis)), np.zeros(3)
-    log3(R, w)
-    np.testing.assert_allclose(pinocchio.exp3(w), R, rtol=0, atol=1e-12)
-
-
 def test_targets_weights_and_gains_that_are_assigned_are_read_at_the_next_tick():
     tasks = reaching().tasks
     stack = Stack(list(tasks), subject_to=LIMITS)
