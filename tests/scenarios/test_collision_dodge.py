@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tasks.scenarios import SCENARIOS
+from tasks.scenarios.collision_dodge import PERIOD, obstacles, path
 from wbc.errors import InvalidInput
+from wbc.models.geometry import Cylinder
 from wbc.report import run_report
 from wbc.sim.scenario import ScenarioResult, Settings
 
@@ -29,6 +32,17 @@ def test_fifty_ticks_are_certified_and_have_a_report():
     where = result.verdict[0].place
     assert where.plot == "distance" and " and " in where.part and where.at is not None and 0.0 <= where.at < 0.05
     assert "Distances" in [section.title for section in run_report(result).sections]
+
+
+def test_the_post_stands_in_the_way_and_the_ball_swings_across_it():
+    post, ball = obstacles()
+    way = np.array([path(t)[0] for t in np.linspace(0.0, PERIOD, 200)])
+    shape, at = post.shape, post.at(0.0).translation
+    assert isinstance(shape, Cylinder)
+    inside = np.linalg.norm((way - at)[:, :2], axis=1) < shape.radius
+    assert (inside & (np.abs((way - at)[:, 2]) < 0.5 * shape.length)).any()
+    swings = np.array([ball.at(t).translation for t in np.linspace(0.0, PERIOD, 200)])
+    assert np.ptp(swings[:, 1]) > 0.3 and np.abs(np.diff(swings, axis=0)).max() < 0.05
 
 
 @pytest.mark.deep

@@ -265,6 +265,12 @@ def test_the_family_has_a_row_for_each_joint_and_says_why() -> None:
     assert section.title == "Every joint"
 
 
+def test_a_row_is_written_in_millimetres_and_milliseconds() -> None:
+    held = Held(np.array([0.01, -0.02, 0.0]), 0.5, 0.3)
+    row = fault_family.Row("knee", 4, 3, 4, 1, [0.5], delay=3e-3, error=2e-3, held=held, enough=True).as_dict()
+    assert (row["delay_ms"], row["com_rms_mm"], row["offset_mm"]) == (3.0, 2.0, [10.0, -20.0, 0.0])
+
+
 def test_family_parameters_that_make_no_sense_are_refused_before_the_first_tick() -> None:
     with pytest.raises(UnknownRobot, match="talos"):
         run("fault-family", "robot=talo")

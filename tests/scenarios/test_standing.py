@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
 
+import wbc
 from tasks.scenarios import SCENARIOS
+from tasks.scenarios.arm_reach import TOOLS, tool
+from tasks.scenarios.humanoid_stand import HumanoidStand
+from tasks.scenarios.quadruped_stand import QuadrupedStand
+from tasks.scenarios.standing import Demand, joint_constraints
 from wbc.errors import InvalidInput, ModelError, UnknownFrame, UnknownRobot
 from wbc.models.catalogue import example_robots
 from wbc.sim.scenario import ScenarioResult, Settings
@@ -66,6 +72,29 @@ def test_a_push_too_strong_is_a_verdict_of_no() -> None:
     result = run("humanoid-stand", "robot=humanoid", "push=900", duration=2.5)
     assert not result.ok
     assert "stays up through pushes: 1" in {check.text for check in failed(result)}
+
+
+@pytest.mark.parametrize("demands", [HumanoidStand.demands, QuadrupedStand.demands], ids=["humanoids", "quadrupeds"])
+def test_standing_is_demanded_to_the_millimetre(demands: Mapping[str, Demand]) -> None:
+    for demand in demands.values():
+        assert 5e-4 <= demand.com_rms <= 5e-3 and 5e-4 <= demand.slip <= 5e-3
+
+
+def test_what_is_kept_in_hand_lies_within_the_robots_limits_and_holds_its_reference() -> None:
+    robot = wbc.load("humanoid", base="floating")
+    limits, q = robot.limits, robot.q0[-robot.nj :]
+    _, speed, position = joint_constraints(robot)
+    low, high = speed.bounds(robot)
+    assert (-limits.v_max < low).all() and (high < limits.v_max).all() and (high > 0.5 * limits.v_max).all()
+    low, high = position.bounds(robot)
+    assert (limits.q_min <= low).all() and (low <= q).all() and (q <= high).all() and (high <= limits.q_max).all()
+    inner = (q > limits.q_min + 0.1) & (q < limits.q_max - 0.1)
+    assert inner.any() and ((low - limits.q_min)[inner] > 0.01).all() and ((limits.q_max - high)[inner] > 0.01).all()
+
+
+@pytest.mark.parametrize("name", [pytest.param("panda", marks=needs_examples), "arm"])
+def test_the_tool_of_an_arm_is_what_it_is_called(name: str) -> None:
+    assert tool(wbc.load(name)) == TOOLS[name]
 
 
 @pytest.mark.parametrize(

@@ -69,14 +69,17 @@ def test_moving_targets_go_to_and_fro_by_centimetres_on_each_axis_that_moves(nam
         assert moves[moves > 0.0].min() > 0.01 and moves.max() < 0.5
 
 
-def test_errors_at_the_end_are_those_of_the_last_tick():
+def test_errors_at_the_end_are_those_of_the_last_tick_and_speeds_are_shares_of_limits():
     for name in ("W1", "W3"):
         workload = WORKLOADS[name]
         setup = workload.first_setup(workload.complete_parameters())
         made, problem = setup.about
         told = replace(setup, about=(made, replace(problem, errors=lambda data, k: (float(k), 10.0 * k))))
         trial = told.run(duration=45 * setup.plant.dt)
-        assert [value for key, value in workload.quality(trial).items() if "_final" in key] == [44.0, 440.0]
+        quality, limits = workload.quality(trial), made.robot.limits
+        assert [value for key, value in quality.items() if "_final" in key] == [44.0, 440.0]
+        used = np.abs(np.vstack([trial.run["v"], trial.setup.plant.v])) / limits.v_max
+        assert used[:-1].max() * 0.99 <= quality["vel_use_max"] <= used.max() * 1.01
 
 
 @each_workload
