@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,7 +17,7 @@ from tasks.scenarios import fault_scenario
 from tasks.scenarios.fault_family import PERIOD
 from tasks.scenarios.fault_scenario import FaultScenario, reason
 from tasks.scenarios.fault_statistics import Fault, FaultStatistics, Stretch
-from tasks.scenarios.fault_trials import Case, Outcome, Pair, Stand
+from tasks.scenarios.fault_trials import Case, Outcome, Pair, Stand, true_error
 from tasks.scenarios.humanoid_joint_loss import HumanoidJointLoss
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.least_torque import least_torque
@@ -91,6 +92,17 @@ def test_a_flaw_of_one_outcome_fails_the_demand_that_speaks_of_it(
     assert len(found) == len(texts) and all(text.startswith(tuple(texts)) for text in found)
 
 
+@pytest.mark.parametrize("noise", [False, True], ids=["clean", "noise"])
+def test_of_eight_moments_one_may_be_survived_by_chance_and_one_lost_where_masses_are_not_known(noise: bool) -> None:
+    humanoid, fallen = HumanoidJointLoss(), MENDED | {"stands": False}
+    for unharmed, lost in product((0, 1, 2), (0, 1, 2)):
+        without = [*(8 - unharmed) * [LOST], *unharmed * [MENDED]]
+        answered = [*(8 - lost) * [MENDED], *lost * [fallen]]
+        found = failed(demanded(humanoid, without, answered, noise=noise))
+        assert ("without an answer it falls" in found) is (unharmed > 1)
+        assert ("with it, it stands" in found) is (lost > (1 if noise else 0))
+
+
 @each_scenario
 def test_a_fault_that_harms_nothing_needs_no_answer_and_is_no_success(scenario: FaultScenario) -> None:
     (text,) = failed(demanded(scenario, 4 * [MENDED], 4 * [MENDED]))
@@ -114,6 +126,21 @@ def test_what_came_of_a_trial_is_read_from_its_plant_and_its_record() -> None:
         assert came.stands is not fallen and came.fate.startswith("falls" if fallen else "stands")
         assert came.false_alarms == 1 and came.delay == pytest.approx(2e-3)
         assert came.rms == pytest.approx(5e-3) and 0.015 < came.slip < 0.02
+
+
+def test_where_masses_are_wrong_the_error_is_that_of_the_true_centre_of_mass() -> None:
+    stand = Stand("humanoid", STANCES["humanoid"], 0.5, masses=0.3, seed=3)
+    true, believed, rng = stand.robot(), stand.believed(), np.random.default_rng(0)
+    q = np.array([true.random_configuration(rng) for _ in range(3)])
+    target, errors, expected = np.array([0.1, 0.2, 0.9]), [], []
+    for robot, off in ((believed, errors), (true, expected)):
+        state = robot.state()
+        for one in q:
+            state.update(0.0, one, np.zeros(robot.nv))
+            off.append(target - state.com)
+    run = Run({"error.CenterOfMass": np.array(errors), "q": q, "plant.q": q})
+    np.testing.assert_allclose(true_error(run, stand), np.linalg.norm(expected, axis=1), atol=1e-12)
+    assert np.abs(np.array(errors) - expected).max() > 1e-3
 
 
 def test_the_least_torque_is_that_at_the_fault_and_the_most_that_of_the_sway_before_it() -> None:
@@ -145,6 +172,23 @@ def test_a_fault_is_laid_to_the_joint_that_is_largest_when_its_alarm_rings() -> 
     assert (found.joint, found.kind, found.found) == (1, "bias", 1)
     assert (found.size, found.peak, found.delay) == pytest.approx((3.0, 1.5, 9e-3))
     assert stretch.sound(run) == [(100, 0.0)]
+
+
+def test_drawn_faults_are_of_the_kind_that_they_are_called_and_leave_time_between_them() -> None:
+    robot = wbc.load("arm")
+    waving: Any = SimpleNamespace(
+        robot=robot, threshold=np.full(robot.nj, 0.5), random=np.random.default_rng(0), seed=lambda: 0
+    )
+    stretch, free = Stretch.of(waving, 60), 0.5
+    assert {kind for _, _, kind, _ in stretch.faults} == {"total", "partial", "bias"}
+    for before, joint, kind, fault in stretch.faults:
+        assert fault.joint == robot.joint_names[joint] and fault.start - 1e-3 * before == pytest.approx(free)
+        left = fault.effectiveness
+        assert {"total": left == 0.0, "partial": 0.2 < left < 0.8, "bias": left == 1.0}[kind]
+        assert (fault.bias != 0.0) is (kind == "bias") and abs(fault.bias) <= 8.0 * 0.5
+        assert fault.end is not None and 0.05 < fault.end - fault.start < 0.1
+        free = fault.end + 0.5
+    assert stretch.seconds == pytest.approx(free)
 
 
 def test_a_calm_run_is_looked_at_in_seconds_once_the_robot_has_settled() -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from tasks.scenarios import SCENARIOS
+from tasks.scenarios.pr_fault import FAULTS
 from wbc.errors import InvalidInput
 from wbc.report import run_report
 from wbc.report.document import Figure, Plot
@@ -49,6 +52,14 @@ def test_residuals_are_those_of_the_exercise_for_every_kind_of_fault():
     assert result.figures["largest_r2_Nm"] < 5e-4
     assert result.figures["share_lost_joint_1"] == pytest.approx(1.0, abs=1e-3)
     assert pictures(result) == ["fault-dead", "fault-healthy", "fault-0", "fault-1", "fault-2"]
+
+
+def test_a_fault_takes_the_share_that_its_name_says():
+    shares = {kind: re.search(r"(\d+) %", kind) for kind in FAULTS}
+    assert any(shares.values())
+    for kind, share in shares.items():
+        if share is not None:
+            assert 100.0 * (1.0 - FAULTS[kind][0].effectiveness) == pytest.approx(float(share[1]))
 
 
 def test_a_threshold_that_is_never_reached_is_not_called_a_detection():

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from tasks.scenarios.stand_family import LOAD, PUSH, STANCES
 from tests.scenarios.test_faults import run
+from tests.scenarios.test_standing import needs_examples
 from wbc.errors import InvalidInput, UnknownRobot
 
 
@@ -17,6 +19,21 @@ def test_our_quadruped_is_pushed_from_both_sides_alike() -> None:
     assert 0.5 < forward["most_mm"] / backward["most_mm"] < 2.0
     (section,) = result.sections
     assert section.title == "From all sides"
+
+
+@pytest.mark.parametrize("name", [*(pytest.param(n, marks=needs_examples) for n in ("talos", "g1", "go2")), "humanoid",
+                                  "quadruped"])  # fmt: skip
+def test_usual_pushes_and_loads_are_felt_and_are_no_robots_weight(name: str) -> None:
+    mass = STANCES[name].robot(name).mass
+    assert 0.02 < PUSH[name] / (9.81 * mass) < 0.5
+    assert name not in LOAD or 5e-3 < LOAD[name] / mass < 0.1
+
+
+@pytest.mark.parametrize("name", STANCES)
+def test_stances_are_the_same_on_both_sides(name: str) -> None:
+    joints = STANCES[name].joints
+    for joint, angle in joints.items():
+        assert abs(joints[joint.replace("left", "right") if "left" in joint else joint]) == abs(angle)
 
 
 @pytest.mark.physics

@@ -117,3 +117,11 @@ def test_targets_that_move_go_millimetres_or_milliradians_at_least_and_no_metres
         ways = np.ptp(np.array(values), axis=0)
         assert (ways[ways > 1e-9] > 1e-3).all(), task.name
         assert np.abs(np.array(rates)).max() < 5.0, task.name
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_scenario_says_what_it_is_and_takes_seconds_to_an_hour(name: str) -> None:
+    scenario = SCENARIOS[name]
+    assert scenario.name == name and scenario.summary
+    assert 0.05 <= scenario.duration <= 60.0
+    assert scenario.takes is None or 1.0 <= scenario.takes <= 7200.0

@@ -23,6 +23,7 @@ from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
 from wbc.stack.member import UnknownArgument, UnknownSetting, WrongArguments, bound
 from wbc.stack.task import LinearTask, Objective, Task
+from wbc.stack.tracking import Tracking
 from wbc.testing import check_constraint, check_contact, check_task, moments, robots
 
 KINDS = {Objective: check_task, Constraint: check_constraint, Contact: check_contact}
@@ -82,6 +83,13 @@ def test_samples_ask_for_torques_of_a_robots_size(member: Any):
                 state.update(*moment)
                 out = linear_rows(sample, state, robot.nj)
                 assert np.abs(out.A).max() < 1e3 and np.abs(out.b).max() < 1e3, sample
+
+
+@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Tracking)], ids=lambda m: m.__name__)
+def test_targets_of_samples_that_move_do_so_in_seconds(member: Any):
+    for sample in (bound(sample, robot) for robot in robots() for sample in member.samples(robot)):
+        rates = np.abs([sample.reference(t).rate for t in np.arange(0.1, 2.0, 0.3)]).max(axis=0)
+        assert ((rates == 0.0) | (rates > 5e-3)).all() and rates.max() < 100.0, sample
 
 
 @pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Contact)], ids=lambda m: m.__name__)
