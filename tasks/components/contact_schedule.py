@@ -39,7 +39,9 @@ class ContactSchedule(Schedule):
     Rates: while a contact is open, or its bound is below the robot's weight, the normal force of every contact changes
     by at most ``force_rate`` r m per ms from the last command, r in N per ms and kg (``inf``: no limit). The impact of
     one foot then does not make the forces of the others jump. This limit is relaxed first if the QP is infeasible
-    (:class:`~wbc.control.recovery.Recovery`). While all contacts are closed, forces may change as fast as a push needs.
+    (:class:`~wbc.control.recovery.Recovery`). ``standing_rate`` is the same limit for the rest of the time, while all
+    contacts are closed. By default forces may then change as fast as a push needs; where the state comes from noisy
+    sensors, a limit keeps their noise out of the forces.
 
     ``touching``: a function of a contact's name that says whether a sensor feels the ground. A contact then closes when
     it touches, at most ``early`` seconds before its time; if it touches later, it closes later.
@@ -47,7 +49,7 @@ class ContactSchedule(Schedule):
     Signals, in the order of ``names``: ``contacts`` (n,), 1 where one holds, and ``limits`` (n,) [N].
 
     Raises:
-        InvalidInput: an empty timeline, times that do not increase or are outside the period, a ramp or force rate that
+        InvalidInput: an empty timeline, times that do not increase or are outside the period, a ramp or rate that
             is not > 0.
         UnknownContact: a name the stack has not, when a controller is made.
 
@@ -61,16 +63,15 @@ class ContactSchedule(Schedule):
 
     def __init__(
         self, timeline: Sequence[tuple[float, Iterable[str]]], *, period: float | None = None, ramp: float = 0.03,
-        force_rate: float = 0.05, touching: Callable[[str], bool] | None = None, early: float = 0.05,
-        name: str | None = None,
+        force_rate: float = 0.05, standing_rate: float = inf, touching: Callable[[str], bool] | None = None,
+        early: float = 0.05, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name=name)
         self.period = None if period is None else checks.number(f"{self.name}.period", period, low=0.0, strict=True)
         starts, sets = self._read(timeline)
         self.ramp = checks.number(f"{self.name}.ramp", ramp, low=0.0, strict=True)
-        self.force_rate = inf
-        if not (isinstance(force_rate, float) and force_rate == inf):
-            self.force_rate = checks.number(f"{self.name}.force_rate", force_rate, low=0.0, strict=True)
+        self.force_rate = self._rate("force_rate", force_rate)
+        self.standing_rate = self._rate("standing_rate", standing_rate)
         self.touching = touching
         self.early = checks.number(f"{self.name}.early", early, low=0.0)
         self.names = tuple(sorted(frozenset().union(*sets)))
@@ -80,6 +81,10 @@ class ContactSchedule(Schedule):
         self._made, self._until, self._limits = [-inf] * n, [-inf] * n, np.zeros(n)
         self._held: frozenset[str] = frozenset()
         self._next_change = -inf
+
+    def _rate(self, what: str, given: float) -> float:
+        forever = isinstance(given, float) and given == inf
+        return inf if forever else checks.number(f"{self.name}.{what}", given, low=0.0, strict=True)
 
     def _read(self, timeline: Sequence[tuple[float, Iterable[str]]]) -> tuple[list[float], list[frozenset[str]]]:
         timeline = checks.pairs(f"{self.name}.timeline", timeline, "time, names")
@@ -165,8 +170,9 @@ class ContactSchedule(Schedule):
             self._limits[i] = step * max(min(t - made, until - plan.dt - t), first)
         limits: dict[str, float] = dict(zip(self.names, self._limits.tolist(), strict=True))
         floors: dict[str, float] = {}
-        if last is not None and min(limits.values()) < self._weight:
-            self._bound_rate(last.f, 1e3 * self.force_rate * plan.model.mass * plan.dt, limits, floors)
+        rate = self.force_rate if min(limits.values()) < self._weight else self.standing_rate
+        if last is not None and rate < inf:
+            self._bound_rate(last.f, 1e3 * rate * plan.model.mass * plan.dt, limits, floors)
         return Overrides(normal_limits=limits, normal_floors=floors)
 
     def _bound_rate(self, former: Any, most: float, limits: dict[str, float], floors: dict[str, float]) -> None:

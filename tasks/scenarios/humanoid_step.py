@@ -119,7 +119,7 @@ def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequen
         ],
         contacts=contacts,
         subject_to=joint_constraints(robot),
-        components=[ContactSchedule(way.timeline), PlanStep()],
+        components=[ContactSchedule(way.timeline, standing_rate=judge.FORCE_STEP), PlanStep()],
     )
 
 

@@ -105,10 +105,6 @@ def played(name: str, *settings: str, duration: float) -> ScenarioResult:
     return scenario.run(scenario.parse(settings), Settings(**chosen))
 
 
-#: Smooth torques and forces where feet come and go: noise is enough that one foot of two lands a millisecond early.
-SMOOTH = {"step of the torques at a change of plan", "step of a normal force"}
-
-
 @pytest.mark.physics
 @pytest.mark.slow
 @pytest.mark.parametrize(
@@ -129,10 +125,8 @@ def test_scenarios_stand_and_walk_with_the_estimate_in_the_loop(
     name: str, settings: list[str], duration: float, sensors: str
 ) -> None:
     result = played(name, *settings, f"sensors={sensors}", duration=duration)
-    broken = {check.text for check in result.verdict if not check.ok}
     exact = sensors == "exact"
-    assert broken <= (set() if exact else SMOOTH)
-    assert result.figures.get("plan_torque_step_Nm", 0.0) < (1.0 if exact else 3.0)
+    assert not [check.text for check in result.verdict if not check.ok]
     assert result.figures["estimate_drift_m"] < (5e-4 if exact else 2e-3)
     assert result.figures["estimate_velocity_rms_m_s"] < (5e-4 if exact else 5e-3)
     assert result.figures["estimate_lean_rms_rad"] < (1e-4 if exact else 2e-3)
@@ -146,7 +140,7 @@ def test_torques_serve_where_feet_have_no_sensors(monkeypatch: pytest.MonkeyPatc
     by_torques = {name: replace(sensors, feet="torques") for name, sensors in SENSORS.items()}
     monkeypatch.setattr("tasks.scenarios.estimated.SENSORS", by_torques)
     result = played("quadruped-trot-in-place", "robot=quadruped", "sensors=mti-300", duration=2.6)
-    assert {check.text for check in result.verdict if not check.ok} <= SMOOTH
+    assert not [check.text for check in result.verdict if not check.ok]
     assert result.figures["estimate_drift_m"] < 5e-3
 
 

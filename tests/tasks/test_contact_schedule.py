@@ -147,6 +147,16 @@ def test_a_robot_that_stands_may_change_its_forces_as_fast_as_it_has_to() -> Non
     np.testing.assert_array_equal(with_rate, without)
 
 
+@given(seed=st.integers(0, 2**32 - 1), rate=st.floats(0.02, 0.2))
+@settings(max_examples=5, phases=[Phase.generate])
+def test_a_standing_rate_bounds_the_normal_forces_of_a_robot_on_all_its_feet(seed: int, rate: float) -> None:
+    timeline = [(0.0, FEET), (10.0, FEET[1:])]
+    loop, forces = jolted(ContactSchedule(timeline, standing_rate=rate), seed)
+    steps = np.abs(np.diff(forces, axis=0)) / (1e3 * QUADRUPED.mass * DT)
+    assert steps.max() == pytest.approx(rate, rel=1e-6), "it is reached, and not exceeded"
+    assert not loop.fallbacks.counts
+
+
 def test_a_schedule_may_name_a_part_of_the_mechanism_which_has_no_normal_force() -> None:
     gear = JointCoupling(QUADRUPED.joint_names[0], to={QUADRUPED.joint_names[3]: 1.0}).with_reaction()
     stack, everything = standing(QUADRUPED), [*FEET, gear.name]
@@ -193,6 +203,7 @@ def test_a_run_that_starts_again_starts_on_its_feet() -> None:
         (lambda: ContactSchedule([(0.0, ["a"])], ramp=0.0), "ramp is 0"),
         (lambda: ContactSchedule([(0.0, ["a"])], force_rate=0.0), "force_rate is 0"),
         (lambda: ContactSchedule([(0.0, ["a"])], force_rate=np.nan), "force_rate is nan"),
+        (lambda: ContactSchedule([(0.0, ["a"])], standing_rate=-1.0), "standing_rate is -1"),
         (lambda: ContactSchedule([(np.nan, ["a"])]), r"timeline\[0\] time is nan"),
     ],
 )
