@@ -1,4 +1,4 @@
-"""Products and rotations for kernels are NumPy's and Pinocchio's: in machine code where Python can call it, and without.
+"""Products and rotations for kernels are NumPy's and Pinocchio's, in plain Python and where it can be called compiled.
 
 What is written into its callers has no machine code of its own.
 """
