@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import wbc
 from wbc.errors import Infeasible, InvalidInput, UnknownFrame
-from wbc.stack.component import Component
+from wbc.stack.component import Component, Schedule
 from wbc.tasks import (
     CenterOfMass,
     Damping,
@@ -185,6 +185,36 @@ def test_a_component_that_stays_keeps_its_memory_and_others_begin(order: list[st
     assert {name: member.prepared for name, member in members.items()} == prepared
     assert {name: member.resets for name, member in members.items()} == resets
     assert controller.status.ok
+
+
+class OnBothFeet(Schedule):
+    """Keeps all contacts, and which command it was told was the last."""
+
+    def __init__(self) -> None:
+        super().__init__(name="on both feet")
+        self.told: list[Any] = []
+
+    def contact_sets(self) -> list[list[str]]:
+        return [[sole.name for sole in feet(HUMANOID)]]
+
+    def contacts(self, state: Any, last: Any) -> list[str]:
+        self.told.append(last)
+        return self.contact_sets()[0]
+
+
+@pytest.mark.parametrize("others", [[], [Memory()]], ids=["alone", "with another"])
+def test_a_schedule_that_stays_is_told_the_last_command_and_a_new_one_none(others: list[Component]):
+    staying, new = OnBothFeet(), OnBothFeet()
+    stacks = [
+        wbc.Stack([Posture(HUMANOID.q0)], contacts=feet(HUMANOID), components=components)
+        for components in ([*others, staying], [staying, *others], [new, *others], others, [staying])
+    ]
+    controller = wbc.Controller(HUMANOID, stacks[0], level=LEVELS[2], dt=DT)
+    commands = [controller.tick(0.0, HUMANOID.q0, np.zeros(HUMANOID.nv))]
+    for k, stack in enumerate(stacks[1:], start=1):
+        controller.replace(stack)
+        commands.append(controller.tick(k * DT, HUMANOID.q0, np.zeros(HUMANOID.nv)))
+    assert staying.told == [None, commands[0], None] and new.told == [None]
 
 
 @pytest.mark.parametrize(
