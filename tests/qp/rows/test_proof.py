@@ -70,6 +70,22 @@ def test_no_task_is_farther_from_its_optimum_than_its_bound(seed: int, decades: 
             assert off <= found.bounds[p.rows[p.n_rows + p.n_u + j].owner] * (1.0 + 1e-6) + 1e-9
 
 
+@given(seed=st.integers(0, 10**6), decades=st.sampled_from([0.1, 1.0, 3.0]), size=st.sampled_from([1e-6, 1e-2]))
+def test_no_pushes_of_the_tasks_give_a_lower_bound_than_the_sharpened_ones(
+    seed: int, decades: float, size: float
+) -> None:
+    p, rng = free_problem(seed, decades), np.random.default_rng(seed)
+    move_to(p, optimum(p) + size * rng.normal(size=p.n_y))
+    push, judge = np.zeros(p.n_rows), CoreSolver(p)
+    push[p.soft] = p.weights / p.unit * p.value[p.first_row + p.soft.start : p.first_row + p.soft.stop]
+    judge.certify(push)
+    least = judge.sharpened()
+    bound, way = judge.certify(least).distance, np.abs(least - push)
+    for by in (1e-3, 1e-2, 0.1, 1.0):
+        for _ in range(8):
+            assert bound <= judge.certify(least + by * way * rng.normal(size=p.n_rows)).distance * (1.0 + 1e-8)
+
+
 def test_an_optimum_is_certified_and_a_worse_point_is_not() -> None:
     p = free_problem(3, 3.0)
     core = CoreSolver(p)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -212,6 +214,20 @@ def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved()
     assert solver.solve() is Status.INFEASIBLE
     p.G[:] = good
     assert solver.solve() is Status.SOLVED
+
+
+@pytest.mark.parametrize("make", [CoreSolver, lambda p: StandardSolver(p, by_name("daqp"))], ids=["core", "standard"])
+@pytest.mark.parametrize("what", ["contradiction", "not a number", "crossed bounds"])
+def test_of_a_problem_without_an_answer_nothing_is_proved_whatever_was_before(make: Any, what: str) -> None:
+    p = row_problem(3)
+    solver = make(p)
+    assert solver.solve() is Status.SOLVED and solver.certificate.ok
+    if what == "crossed bounds":
+        p.lb[p.n_u], p.ub[p.n_u] = 2.0, 1.0
+    else:
+        p.G[p.equal.start] = p.G[p.equal.start + 1]
+        p.G[p.equal.start, -1] += 1.0 if what == "contradiction" else np.nan
+    assert not solver.solve().ok and not solver.certificate.ok
 
 
 def test_a_law_given_twice_is_met_all_the_same() -> None:
