@@ -60,6 +60,7 @@ def test_a_reach_is_recorded_column_by_column():
     assert np.linalg.norm(run["error.Position[tool]"][-1]) < 1e-3
     assert run.meta["tasks"]["Position[tool]"]["units"] == ["m", "m", "m"]
     assert len(run.meta["tasks"]["Posture"]["units"]) == ARM.nj
+    assert run.meta["tasks"]["Position[tool]"]["point"] == "tool" and "point" not in run.meta["tasks"]["Posture"]
     assert run["distance.Position[tool]"].shape == (1500,) and 0.0 < run["distance.Position[tool]"].max() < 1e-6
     assert run.meta["distances"] == {"Position[tool]": "m/s", "Posture": "rad/s"}
     np.testing.assert_array_equal(run["signal.Counter.count"], np.arange(1, 1501))

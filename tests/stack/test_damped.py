@@ -86,6 +86,21 @@ def test_the_levels_below_keep_the_freedom_that_rows_leave_and_are_slowed_in_it(
     assert np.linalg.norm(p.x - np.linalg.pinv(J) @ at) > 1e-3
 
 
+@pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)
+def test_tasks_on_joints_and_damping_are_one_square_about_their_centre(level: Any):
+    """Σ w (x − t)² + d (x + rate v)² is (Σ w + d) (x − centre)² but for a constant; a velocity has no rate."""
+    postures = [Posture(ARM.q0 + 0.1, weight=3e-3), Posture(ARM.q0 - 0.2, weight=2e-4, name="other")]
+    levels = [[Position("tool", target=FAR, weight=2.0), *postures]]
+    controller = running(level(), wbc.Weighted(), levels, seconds=0.2, limits=[JointLimits()])
+    p, damping, v = controller.plan.problem, controller.plan.damping.in_metric, controller.state.v
+    assert damping.is_on and np.abs(v).max() > 0.1
+    _, one, two = p.levels[0]
+    brakes = damping.rate * v if controller.level.order > 1 else 0.0 * v
+    pulls = one.weights * one.wanted + two.weights * two.wanted - damping.applied * brakes
+    centre = p.centre[damping.columns]
+    np.testing.assert_allclose((damping.base + damping.applied) * centre, pulls, atol=1e-9 * np.abs(pulls).max())
+
+
 @pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda hierarchy: type(hierarchy).__name__)
 @pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)
 def test_what_is_left_of_a_damped_level_is_told_of_what_was_asked(level: Any, hierarchy: Any):
