@@ -121,6 +121,9 @@ def assert_same(plan: Any, other: Any, robot: RobotModel, monkeypatch: Any) -> N
             other.bind(same)
             other.fill(same)
         found, expected = rows_of(plan), rows_of(other)
+        plan.fill(state)
+        for what, values in rows_of(plan).items():
+            np.testing.assert_array_equal(values, found[what], err_msg=f"{what} of {plan}, written twice")
         for what, values in expected.items():
             tolerance = 1e-9 * (1.0 + np.abs(values).max(initial=0.0))
             np.testing.assert_allclose(found[what], values, rtol=0, atol=tolerance, err_msg=f"{what} of {plan}")
