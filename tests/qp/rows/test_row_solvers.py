@@ -230,6 +230,29 @@ def test_of_a_problem_without_an_answer_nothing_is_proved_whatever_was_before(ma
     assert not solver.solve().ok and not solver.certificate.ok
 
 
+@pytest.mark.parametrize("unit", [1e-3, 0.1, 1.0, 10.0, 1e3])
+@pytest.mark.parametrize("kind", ["range", "equal"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_row_against_a_bound_is_infeasible_in_any_unit_and_from_either_side(
+    side: float, kind: str, unit: float
+) -> None:
+    """One step inside, there is an answer."""
+    names = [Row("row"), Row("task"), Row("x0"), Row("x1")]
+    n_range, n_equal = int(kind == "range"), int(kind == "equal")
+    p = RowProblem(0, 2, n_range=n_range, n_soft=1, n_equal=n_equal, rows=names, regularisation=1e-6)
+    p.weights[:], p.metric[:] = 1.0, 1.0
+    p.G[p.soft] = [[1.0, 1.0, 0.0]]
+    (p.ub if side > 0.0 else p.lb)[0] = side
+    solver = CoreSolver(p)
+    for far, status in ((0.5, Status.SOLVED), (2.0, Status.INFEASIBLE), (0.5, Status.SOLVED)):
+        if n_range:
+            p.G[p.range] = [[unit, 0.0, 0.0]]
+            p.range_bounds()[0 if side > 0.0 else 1][:] = side * unit * far
+        else:
+            p.G[p.equal] = [[unit, 0.0, -side * unit * far]]
+        assert solver.solve() is status
+
+
 def test_a_law_given_twice_is_met_all_the_same() -> None:
     p = row_problem(4)
     p.G[p.equal.start] = p.G[p.equal.start + 1]
