@@ -68,8 +68,12 @@ def copied(root: Path, folder: Path) -> None:
             shutil.copy2(source, target)
 
 
-def _run(folder: str, plan: list[tuple[str, list[str], float]], note: Any) -> None:
-    """In a process of its own: run the tests of the plan, file by file, until one fails."""
+def _run(folder: str, plan: list[tuple[str, list[str], float]], note: Any, machine_code: str) -> None:
+    """In a process of its own: run the tests of the plan, file by file, until one fails.
+
+    Machine code is kept in the folder ``machine_code``; "": beside the sources.
+    """
+    os.environ["NUMBA_CACHE_DIR"] = machine_code
     os.chdir(folder)
     sys.path[:0] = [folder]
     sys.dont_write_bytecode = True
@@ -86,7 +90,11 @@ def _run(folder: str, plan: list[tuple[str, list[str], float]], note: Any) -> No
 
 
 def verdict(folder: Path, slip: Slip, calls: Calls, patience: float) -> str:
-    """What became of the slip in the copy ``folder``, which is as before afterwards."""
+    """What became of the slip in the copy ``folder``, which is as before afterwards.
+
+    A slip in a kernel is compiled into all that call it, apart from the machine code of the copy: that neither has the
+    slip, nor would be made anew for the next one.
+    """
     plan = list(calls.plan(slip.file, slip.function, patience))
     if not plan:
         return UNREACHED
@@ -94,9 +102,12 @@ def verdict(folder: Path, slip: Slip, calls: Calls, patience: float) -> str:
     source = path.read_bytes()
     times = path.stat()
     path.write_bytes(slip.applied(source))
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+    machine_code = TemporaryDirectory()
     try:
         here, there = forked().Pipe(duplex=False)
-        child = forked().Process(target=_run, args=(str(folder), plan, there))
+        apart = machine_code.name if "compiled" in path.parts else ""
+        child = forked().Process(target=_run, args=(str(folder), plan, there, apart))
         child.start()
         there.close()
         try:
@@ -116,6 +127,7 @@ def verdict(folder: Path, slip: Slip, calls: Calls, patience: float) -> str:
     finally:
         path.write_bytes(source)
         os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+        machine_code.cleanup()
 
 
 def diff(root: Path, slip: Slip) -> str:
