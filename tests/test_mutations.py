@@ -128,12 +128,14 @@ def test_slips_that_a_test_notices_are_told_from_those_that_none_does(project: P
 def test_machine_code_of_a_slip_is_not_what_the_next_slip_is_judged_with(tmp_path: Path):
     """A compiler that keeps the code of a caller does not see that what it calls has changed."""
     kernel = "import numba\n\n@numba.njit(cache=True)\n"
+    inner, outer = "def half(x):\n    return 0.5 * x\n", "def lower(x):\n    return half(x) - 1.0\n"
+    toy = "def f(x):\n    return [lower(x), len('untested') + 1][0]\n"
     sources = {
         "wbc/__init__.py": "",
         "wbc/compiled/__init__.py": "",
-        "wbc/compiled/inner.py": f"{kernel}def half(x):\n    return 0.5 * x\n",
-        "wbc/compiled/outer.py": f"from wbc.compiled.inner import half\n{kernel}def lower(x):\n    return half(x) - 1.0\n",
-        "wbc/toy.py": "from wbc.compiled.outer import lower\n\ndef f(x):\n    return [lower(x), len('untested') + 1][0]\n",
+        "wbc/compiled/inner.py": kernel + inner,
+        "wbc/compiled/outer.py": "from wbc.compiled.inner import half\n" + kernel + outer,
+        "wbc/toy.py": "from wbc.compiled.outer import lower\n\n" + toy,
         "tests/test_toy.py": "from wbc.toy import f\n\ndef test_f():\n    assert f(6.0) == 2.0\n",
         "pyproject.toml": "[tool.pytest.ini_options]\npythonpath = ['.']\n",
     }
@@ -141,11 +143,12 @@ def test_machine_code_of_a_slip_is_not_what_the_next_slip_is_judged_with(tmp_pat
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     calls = map_of(tmp_path, tmp_path / "cache", jobs=1)
-    inner, toy = (
+    noticed, unnoticed = (
         next(slip for slip in slips(name, sources[name]) if slip.old == old)
         for name, old in (("wbc/compiled/inner.py", "0.5 * x"), ("wbc/toy.py", "len('untested') + 1"))
     )
-    found = [said for _, said in verdicts(tmp_path, [toy, inner, toy], calls, jobs=1, patience=60.0)]
+    drawn_ = [unnoticed, noticed, unnoticed]
+    found = [said for _, said in verdicts(tmp_path, drawn_, calls, jobs=1, patience=60.0)]
     assert [said.startswith("noticed") for said in found] == [False, True, False]
 
 
