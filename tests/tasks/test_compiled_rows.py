@@ -194,7 +194,9 @@ def along(plan: Any, state: Any, moment: Any, read: Any, step: float = 1e-6) -> 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
 def test_compiled_jacobians_and_drifts_are_derivatives(member: Any, robot: RobotModel):
-    """J v = −de/dt for errors that are no rotation vectors; and for targets at rest the drift is d(J v)/dt at a = 0."""
+    """J v = −de/dt for errors that are no angles; e · J v = −e · de/dt for rotation vectors, whose derivative is not ω.
+    For targets at rest the drift is d(J v)/dt at a = 0.
+    """
     for plan in plans(member, robot):
         if not plan.layout.kinematic or plan.level.order == 1:
             continue
@@ -202,15 +204,18 @@ def test_compiled_jacobians_and_drifts_are_derivatives(member: Any, robot: Robot
         state, rows, task = robot.state(), block.motion, block.member
         J = plan.problem.G[block.rows, : robot.nv]
         has_error = np.array([task.unit(i) != "rad" for i in range(task.dim)]) & (task.gains()[0] > 0.0)
+        turns = [i for i in range(task.dim) if task.label(i) in ("roll", "pitch", "yaw")]
         for moment in moments(robot):
             v = moment[2]
             e_rate = along(plan, state, moment, lambda plan=plan, rows=rows: plan.motion.e[rows].copy())
             change = along(plan, state, moment, lambda J=J, v=v: J @ v)
             state.update(*moment)
             plan.fill(state)
-            drift = plan.motion.drift[rows]
+            drift, e = plan.motion.drift[rows], plan.motion.e[rows]
             moves = plan.motion.rate_ref[rows].any() or plan.motion.acc_ref[rows].any()
             size = 1e-5 * (1.0 + np.abs(change).max() + np.abs(J @ v).max())
             np.testing.assert_allclose((J @ v)[has_error], -e_rate[has_error], rtol=0, atol=size)
+            if len(turns) == 3 and not moves:
+                assert e[turns] @ (J @ v + e_rate)[turns] == pytest.approx(0.0, abs=size)
             if not moves:
                 np.testing.assert_allclose(drift, change, rtol=0, atol=size)
