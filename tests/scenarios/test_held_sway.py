@@ -113,6 +113,16 @@ def test_a_dead_knee_moves_the_sway_to_the_other_side_and_makes_it_smaller(wide:
     assert left.reserve == pytest.approx(right.reserve, abs=1e-3)
 
 
+def test_of_the_reserve_of_a_sway_is_taken_what_it_accelerates_itself(wide: HeldSway) -> None:
+    sways = wide.region(["left_knee"]).sways
+    resting = min(sway.reserve for sway in sways if sway.share == 0.0)
+    (whole,) = (sway for sway in sways if sway.share == 1.0)
+    stack = standing_stack(wide.robot, wide.stance)
+    target = next(task for task in stack.tasks if task.name == "CenterOfMass").target
+    most = max(float(np.linalg.norm(target(t)[2])) for t in np.arange(1.0, 11.0, 0.01))
+    assert most <= resting - whole.reserve <= 1.2 * most
+
+
 def test_what_nothing_else_can_do_is_not_answered_with_a_sway(wide: HeldSway) -> None:
     assert wide.held(["left_shoulder_pitch"]) is None
 

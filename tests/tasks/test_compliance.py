@@ -75,15 +75,18 @@ def test_an_admittance_moves_as_the_mass_it_stands_for(level: Any, stiffness: fl
     np.testing.assert_allclose(moved, x, atol=0.02 * np.linalg.norm(x))
 
 
-def test_a_held_force_moves_the_target_by_the_spring():
+@pytest.mark.parametrize("scale", [1.0, 1e-4], ids=["stiff", "soft"])
+def test_a_held_force_moves_the_target_by_the_spring(scale: float):
     state = moment(ARM, moments(ARM, count=1)[0][1])
-    here = state.frame(TOOL).placement
-    task = Admittance(TOOL, target=here, inertia=1.0, damping=10.0, stiffness=SPRING)
+    here, spring, push = state.frame(TOOL).placement, scale * SPRING, scale * PUSH
+    task = Admittance(TOOL, target=here, inertia=1.0, damping=10.0, stiffness=spring)
     assert np.abs(rows(task, state).e).max() < 1e-9
-    task.wrench = PUSH
-    np.testing.assert_allclose(rows(task, state).e, PUSH / SPRING, atol=1e-9)
-    task.wrench = lambda t: 2.0 * PUSH
-    np.testing.assert_allclose(rows(task, state).e[:3], 2.0 * (PUSH / SPRING)[:3], atol=1e-9)
+    task.wrench = push
+    np.testing.assert_allclose(rows(task, state).e, push / spring, atol=1e-9)
+    task.wrench = lambda t: 2.0 * push
+    np.testing.assert_allclose(rows(task, state).e[:3], 2.0 * (push / spring)[:3], atol=1e-9)
+    joints = JointAdmittance(state.q, inertia=1.0, damping=10.0, stiffness=scale * 50.0, torque=scale * 5.0)
+    np.testing.assert_allclose(rows(joints, state).e, 0.1, atol=1e-9)
 
 
 @pytest.mark.parametrize(

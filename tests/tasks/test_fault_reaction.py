@@ -222,6 +222,20 @@ def test_a_reset_takes_everything_back() -> None:
     np.testing.assert_array_equal(controller.plan.bounds("position"), limits)
 
 
+def test_tasks_no_longer_pull_a_released_joint_and_still_damp_it() -> None:
+    observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2)
+    reaction = FaultReaction(observer, table=[When("total", [Release()])], start=0.0)
+    posture = Posture(ARM.q0, kp=50.0)
+    stack = wbc.Stack([posture], subject_to=[TorqueLimits()], components=[observer, reaction])
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    plant = ForwardDynamicsPlant(ARM)
+    plant.reset(ARM.q0)
+    simulate(controller, plant, duration=0.05, disturbances=[ActuatorFault(joint=SHOULDER)])
+    kp, kd, _ = controller.plan.stack.tasks[0].gains()
+    np.testing.assert_array_equal(kp, np.where(np.arange(ARM.nj) == 1, 0.0, 50.0))
+    np.testing.assert_allclose(kd, 2.0 * np.sqrt(50.0))
+
+
 def test_a_brake_leaves_the_joint_at_rest_and_its_torque_free() -> None:
     braked: list[str] = []
     observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -23,6 +24,8 @@ from tasks import (
     TorqueLimits,
     When,
 )
+from tasks.components.diagnosis import Diagnosis
+from tasks.components.draft import Draft
 from tasks.components.load import BLOCK, Load, LoadFit, LoadRegressor
 from wbc.errors import UnknownFrame
 from wbc.models.pinocchio_ import PinocchioModel
@@ -60,6 +63,16 @@ def test_weight_and_inertia_are_the_difference_that_the_load_makes(robot: Pinocc
     np.testing.assert_allclose(load.inertia(state), M - state.M, atol=1e-10)
     g = pin.computeGeneralizedGravity(model, data, q)
     np.testing.assert_allclose(load.weight(state), g - state.g, atol=1e-9)
+
+
+def test_two_loads_weigh_and_resist_together() -> None:
+    state, draft = ARM.state(), Draft(cast("Any", None))
+    loads = [Load("tool", 1.0, np.array([0.0, 0.1, 0.0])), Load("forearm", 0.5, np.zeros(3))]
+    for load in loads:
+        carried = Diagnosis("payload", 0, ARM.joint_names[0], 0.0, 0.0, np.zeros(ARM.nj), load=load)
+        Carry(MomentumObserver(gain=1.0)).hold(carried, state, draft)
+    np.testing.assert_allclose(draft.bias, loads[0].weight(state) + loads[1].weight(state), atol=1e-12)
+    np.testing.assert_allclose(draft.inertia, loads[0].inertia(state) + loads[1].inertia(state), atol=1e-12)
 
 
 def along(robot: PinocchioModel, q: Vec, v: Vec, a: Vec, t: float) -> tuple[Vec, Vec]:
