@@ -87,6 +87,20 @@ def test_all_links_stay_bodies_whatever_is_learnt(seed: int) -> None:
         assert (law.a_hat[law.p_links :] >= 0.0).all()
 
 
+@pytest.mark.parametrize("links", [None, [LAST]], ids=["all links", "one"])
+def test_V_counts_parameters_by_the_gain_that_they_are_adapted_with(links: Any) -> None:
+    """½ |a − â|² in Γ⁻¹ falls at the rate (a − â)ᵀ g while â' = Γ g: what V needs to be a Lyapunov function."""
+    law = InertialLaw("law", ARM, gain=10.0, start=None, links=links, friction_gain=2.0, length=0.3, floor=1e-6)
+    rng, start, h = np.random.default_rng(0), law.a_hat.copy(), 1e-6
+    for _ in range(10):
+        gradient, off = 1e-2 * np.abs(rng.standard_normal((2, len(start))))
+        law.reset()
+        moved = (law.step(gradient, h) - start) / h
+        fallen = 0.5 * (law.squared(off) - law.squared(off - h * moved)) / h
+        adapted = moved != 0.0
+        assert fallen == pytest.approx(float(off[adapted] @ gradient[adapted]), rel=1e-3)
+
+
 @settings(max_examples=max(20, settings.default.max_examples // 10))
 @given(seed=st.integers(0, 9999))
 def test_the_projection_never_moves_away_from_any_body(seed: int) -> None:
