@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import os
+import re
 import resource
 import shutil
 import signal
@@ -22,7 +23,8 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
@@ -68,16 +70,67 @@ def copied(root: Path, folder: Path) -> None:
             shutil.copy2(source, target)
 
 
-def _run(folder: str, plan: list[tuple[str, list[str], float]], note: Any, machine_code: str) -> None:
+def taken_in(root: Path, file: str) -> list[str]:
+    """The files of kernels that are compiled with those of ``file`` in them, itself among them."""
+    texts = {
+        str(path.relative_to(root)): path.read_text(encoding="utf-8") for path in root.glob("wbc/**/compiled/*.py")
+    }
+    found, new = set[str](), {file} & set(texts)
+    while new:
+        found |= new
+        names = "|".join(re.escape(_module(name)) for name in new)
+        imports = re.compile(rf"^from (?:{names}) import ", re.MULTILINE)
+        new = {name for name, text in texts.items() if imports.search(text)} - found
+    return sorted(found)
+
+
+def _module(file: str) -> str:
+    return file.removesuffix(".py").replace("/", ".")
+
+
+def _kept(folder: Path, files: list[str]) -> list[Path]:
+    """The machine code that is kept of these files."""
+    found = ((folder / file).parent.glob(f"__pycache__/{Path(file).stem}.*.nb[ic]") for file in files)
+    return [path for paths in found for path in paths]
+
+
+@contextmanager
+def _slipped(folder: Path, slip: Slip, files: list[str]) -> Iterator[None]:
+    """The slip is in the sources of ``folder``; machine code of ``files`` is that of before afterwards."""
+    path = folder / slip.file
+    source, times = path.read_bytes(), path.stat()
+    with TemporaryDirectory(dir=folder) as aside:
+        moved = [(kept, Path(aside) / str(i)) for i, kept in enumerate(_kept(folder, files))]
+        for kept, place in moved:
+            kept.rename(place)
+        try:
+            path.write_bytes(slip.applied(source))
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # or all machine code would be made anew
+            yield
+        finally:
+            path.write_bytes(source)
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+            for made in _kept(folder, files):
+                made.unlink()
+            for kept, place in moved:
+                place.rename(kept)
+
+
+def _run(folder: str, plan: list[tuple[str, list[str], float]], note: Any, compiled: list[str]) -> None:
     """In a process of its own: run the tests of the plan, file by file, until one fails.
 
-    Machine code is kept in the folder ``machine_code``; "": beside the sources.
+    The files ``compiled`` are compiled first, which the time of no test is for.
     """
-    os.environ["NUMBA_CACHE_DIR"] = machine_code
     os.chdir(folder)
     sys.path[:0] = [folder]
     sys.dont_write_bytecode = True
     with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+        try:
+            for file in compiled:
+                import_module(_module(file))
+        except Exception:
+            note.send("the compiler")
+            return
         for file, tests, seconds in plan:
             used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
             end = int(used + 60.0 + 6.0 * seconds)
@@ -90,24 +143,14 @@ def _run(folder: str, plan: list[tuple[str, list[str], float]], note: Any, machi
 
 
 def verdict(folder: Path, slip: Slip, calls: Calls, patience: float) -> str:
-    """What became of the slip in the copy ``folder``, which is as before afterwards.
-
-    A slip in a kernel is compiled into all that call it, apart from the machine code of the copy: that neither has the
-    slip, nor would be made anew for the next one.
-    """
+    """What became of the slip in the copy ``folder``, which is as before afterwards."""
     plan = list(calls.plan(slip.file, slip.function, patience))
     if not plan:
         return UNREACHED
-    path = folder / slip.file
-    source = path.read_bytes()
-    times = path.stat()
-    path.write_bytes(slip.applied(source))
-    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
-    machine_code = TemporaryDirectory()
-    try:
+    compiled = taken_in(folder, slip.file)
+    with _slipped(folder, slip, compiled):
         here, there = forked().Pipe(duplex=False)
-        apart = machine_code.name if "compiled" in path.parts else ""
-        child = forked().Process(target=_run, args=(str(folder), plan, there, apart))
+        child = forked().Process(target=_run, args=(str(folder), plan, there, compiled))
         child.start()
         there.close()
         try:
@@ -124,10 +167,6 @@ def verdict(folder: Path, slip: Slip, calls: Calls, patience: float) -> str:
         finally:
             child.kill()
             child.join()
-    finally:
-        path.write_bytes(source)
-        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
-        machine_code.cleanup()
 
 
 def diff(root: Path, slip: Slip) -> str:
