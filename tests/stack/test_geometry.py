@@ -5,7 +5,6 @@ What is written into its callers has no machine code of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,21 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.plain import plain
 from wbc.stack.compiled import geometry
 from wbc.types import Vec
 
-
-def plain(kernel: Any) -> Any:
-    """The function that a kernel is made of."""
-    return getattr(kernel, "py_func", kernel)
-
-
-@pytest.fixture(params=["compiled", "plain"])
-def form(request: pytest.FixtureRequest) -> Callable[[Any], Any]:
-    """Which of the two is called."""
-    return plain if request.param == "plain" else lambda kernel: kernel
-
-
+FORMS: dict[str, Any] = {"compiled": geometry, "plain": plain(geometry)}
+PLAIN = FORMS["plain"]
 vectors = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 
 
@@ -45,15 +35,15 @@ def test_products_are_numpys(a: Any, b: Any, s: float, rows: Any) -> None:
         ("three", (np.array([7.0, *a, 7.0]), 1), x), ("cross", (a, b), np.cross(x, y)), ("dot", (a, b), x @ y),
         ("plus", (a, s, b), x + s * y), ("times", (R.ravel(), a), R @ x), ("back", (R.ravel(), a), R.T @ x),
     ):  # fmt: skip
-        found = plain(getattr(geometry, name))(*given_)
+        found = getattr(PLAIN, name)(*given_)
         np.testing.assert_allclose(found, known, rtol=0, atol=1e-12, err_msg=name)
 
 
 @given(w=vectors, r=st.floats(-3.0, 3.0) | st.sampled_from([0.0, 1e-9]), at=vectors)
 def test_turning_is_the_exponential_map(w: Any, r: float, at: Any) -> None:
     R, out = pinocchio.exp3(np.array(at)), np.zeros(9)
-    for turn_by in (geometry.turn_by, plain(geometry.turn_by)):
-        turn_by(r, np.array(w), R.ravel(), out)
+    for form in FORMS.values():
+        form.turn_by(r, np.array(w), R.ravel(), out)
         np.testing.assert_allclose(out.reshape(3, 3), pinocchio.exp3(r * np.array(w)) @ R, rtol=0, atol=1e-12)
 
 
@@ -61,9 +51,9 @@ def test_turning_is_the_exponential_map(w: Any, r: float, at: Any) -> None:
 def test_rotation_errors_of_any_angle_are_pinocchios(angle: float, axis: Any, near: bool) -> None:
     R = pinocchio.exp3((np.pi - 1e-3 * angle if near else angle) * unit(axis))
     w, e, p = np.zeros(3), np.zeros(6), np.array([0.3, -0.2, 0.1])
-    for form in (plain, lambda kernel: kernel):
-        assert form(geometry.log3)(R, w) == pytest.approx(np.linalg.norm(w), abs=1e-12)
-        form(geometry.log6)(R, p, np.zeros(3), e)
+    for form in FORMS.values():
+        assert form.log3(R, w) == pytest.approx(np.linalg.norm(w), abs=1e-12)
+        form.log6(R, p, np.zeros(3), e)
         assert np.linalg.norm(w) <= np.pi + 1e-12
         np.testing.assert_allclose(pinocchio.exp3(w), R, rtol=0, atol=1e-12)
         np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pinocchio.SE3(R, p).homogeneous, rtol=0, atol=1e-12)
@@ -73,15 +63,17 @@ def test_rotation_errors_of_any_angle_are_pinocchios(angle: float, axis: Any, ne
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-5, 1e-4, 2e-3, 0.029, 0.031, 0.3])
-def test_twists_of_small_angles_lose_no_digits(form: Any, angle: float) -> None:
+@pytest.mark.parametrize("form", FORMS)
+def test_twists_of_small_angles_lose_no_digits(form: str, angle: float) -> None:
     pose, e = pinocchio.SE3(pinocchio.exp3(angle * np.array([0.6, 0.0, 0.8])), np.array([0.3, -0.2, 0.1])), np.zeros(6)
-    form(geometry.log6)(pose.rotation, pose.translation, np.zeros(3), e)
+    FORMS[form].log6(pose.rotation, pose.translation, np.zeros(3), e)
     np.testing.assert_allclose(pinocchio.exp6(e).homogeneous, pose.homogeneous, rtol=0, atol=2e-13)
 
 
 @pytest.mark.parametrize("axis", [(4.0, 2.0, 3.0), (-1.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, -1.0, 1e-9)])
 @pytest.mark.parametrize("short_of_pi", [0.0, 1e-16, 1e-12, 1e-9, 1e-3])
-def test_half_a_turn_about_any_axis_is_read_from_its_rotation(form: Any, axis: Any, short_of_pi: float) -> None:
+@pytest.mark.parametrize("form", FORMS)
+def test_half_a_turn_about_any_axis_is_read_from_its_rotation(form: str, axis: Any, short_of_pi: float) -> None:
     R, w = pinocchio.exp3((np.pi - short_of_pi) * unit(axis)), np.zeros(3)
-    form(geometry.log3)(R, w)
+    FORMS[form].log3(R, w)
     np.testing.assert_allclose(pinocchio.exp3(w), R, rtol=0, atol=1e-12)

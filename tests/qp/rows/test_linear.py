@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -10,13 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.plain import plain
 from wbc.qp.rows.compiled import linear
 
-PLAIN: dict[str, Any] = dict(vars(linear))
-for _name, _kernel in vars(linear).items():
-    if hasattr(_kernel, "py_func"):  # as Python functions, which call one another as such
-        PLAIN[_name] = FunctionType(_kernel.py_func.__code__, PLAIN, _name)
-FORMS = {"plain": PLAIN, "compiled": vars(linear)}
+FORMS: dict[str, Any] = {"plain": plain(linear), "compiled": linear}
+PLAIN = FORMS["plain"]
 sizes = st.integers(0, 9)
 
 
@@ -27,12 +24,12 @@ def test_sums_of_rows_are_numpys(first: int, size: int, n: int, seed: int, sign:
     A, row = rng.normal(size=(last + 2, n + 2)), rng.normal(size=n + 2)
     for shares in (rng.normal(size=last + 2), np.zeros(last + 2), *np.eye(last + 2)):
         out, wanted = row.copy(), row.copy()
-        PLAIN["add_rows"](sign, shares, A, first, last, n, out)
+        PLAIN.add_rows(sign, shares, A, first, last, n, out)
         wanted[:n] += sign * shares[first:last] @ A[first:last, :n]
         np.testing.assert_allclose(out, wanted, rtol=0, atol=1e-12)
     out = rng.normal(size=last + 2)
     wanted = out.copy()
-    PLAIN["times"](A, row, first, last, n, out)
+    PLAIN.times(A, row, first, last, n, out)
     wanted[first:last] = A[first:last, :n] @ row[:n]
     np.testing.assert_allclose(out, wanted, rtol=0, atol=1e-12)
 
@@ -49,7 +46,7 @@ def test_a_factor_solves_what_its_independent_rows_say(form: str, first: int, si
     everything = rng.normal(size=(last + 4, last + 4))
     everything[first:last, first:last] = rows @ rows.T
     L = everything.copy()
-    assert call["factor"](L, first, last, 1e-10) == len(dependent)
+    assert call.factor(L, first, last, 1e-10) == len(dependent)
     inside = np.zeros(L.shape, dtype=bool)
     inside[first:last, first:last] = True
     np.testing.assert_array_equal(L[~inside], everything[~inside])
@@ -58,8 +55,8 @@ def test_a_factor_solves_what_its_independent_rows_say(form: str, first: int, si
     kept = np.setdiff1d(np.arange(size), dependent)
     wanted = rng.normal(size=last + 4)
     found = wanted.copy()
-    call["forward"](L, first, last, found)
-    call["backward"](L, first, last, found)
+    call.forward(L, first, last, found)
+    call.backward(L, first, last, found)
     block = everything[first:last, first:last][np.ix_(kept, kept)]
     wanted[first + dependent] = 0.0
     wanted[first + kept] = np.linalg.solve(block, wanted[first + kept])
@@ -75,12 +72,12 @@ def test_a_factor_without_a_row_is_the_factor_of_what_is_left(
     rows = rng.normal(size=(size, size)) + 5.0 * np.eye(size)
     L = np.zeros((last, last))
     L[first:, first:] = rows @ rows.T
-    call["factor"](L, first, last, 0.0)
+    call.factor(L, first, last, 0.0)
     gone = at % size
     left = np.delete(rows, gone, axis=0)
-    call["remove"](L, first, last, first + gone)
+    call.remove(L, first, last, first + gone)
     b = rng.normal(size=last)
     wanted = np.linalg.solve(left @ left.T, b[first : last - 1]) if size > 1 else np.zeros(0)
-    call["forward"](L, first, last - 1, b)
-    call["backward"](L, first, last - 1, b)
+    call.forward(L, first, last - 1, b)
+    call.backward(L, first, last - 1, b)
     np.testing.assert_allclose(b[first : last - 1], wanted, rtol=0, atol=1e-9 * (1.0 + np.abs(wanted).max(initial=0.0)))
