@@ -194,8 +194,8 @@ def along(plan: Any, state: Any, moment: Any, read: Any, step: float = 1e-6) -> 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
 def test_compiled_jacobians_and_drifts_are_derivatives(member: Any, robot: RobotModel):
-    """J v = −de/dt; of rotation vectors, whose derivative is not ω, e · J v = −e · de/dt where they are whole. For targets
-    at rest the drift is d(J v)/dt at a = 0.
+    """J v = −de/dt; of whole rotation vectors, whose derivative is not ω, e · J v = −e · de/dt. For targets that stand
+    still the drift is d(J v)/dt at a = 0.
     """
     for plan in plans(member, robot):
         if not plan.layout.kinematic or plan.level.order == 1:
