@@ -51,11 +51,14 @@ def array(
     Raises:
         InvalidInput: not real numbers, another shape, or (with ``finite``) NaN or inf.
     """
+    wanted = tuple(shape)
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == wanted:
+        if abs(value).max(initial=0.0) <= LARGEST:  # not where one is NaN; all that follows costs more, in a loop
+            return value.copy()
     try:
         result = floats(value)
     except Exception as cause:  # a conversion may raise whatever it likes
         raise error(f"{name} must be an array of numbers, not {shown(value)}") from cause
-    wanted = tuple(shape)
     if result.ndim != len(wanted) or any(w is not None and w != s for w, s in zip(wanted, result.shape, strict=True)):
         text = "(" + ", ".join("any" if w is None else str(w) for w in wanted) + ("," if len(wanted) == 1 else "") + ")"
         raise error(f"{name} must have shape {text}, not {result.shape}")
@@ -86,6 +89,8 @@ def number(
     Raises:
         InvalidInput: not a finite number, or out of range.
     """
+    if type(value) is float and max(low, -LARGEST) <= value <= min(high, LARGEST) and not (strict and value == low):
+        return value
     try:
         if isinstance(value, str | bytes | bytearray):
             raise TypeError("text")

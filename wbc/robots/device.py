@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -23,6 +22,9 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots.joint_map import JointMap
 from wbc.types import Mat, Vec
+
+_UNKNOWN = np.full(4, np.nan)
+_UNKNOWN.setflags(write=False)
 
 
 class BadFrame(InvalidInput):
@@ -44,11 +46,11 @@ class Reading:
     dq: Vec
     tau: Vec
     time: float = float("nan")
-    quaternion: Vec = field(default_factory=partial(np.full, 4, np.nan))
-    gyro: Vec = field(default_factory=partial(np.full, 3, np.nan))
-    acceleration: Vec = field(default_factory=partial(np.full, 3, np.nan))
-    feet: Vec = field(default_factory=partial(np.zeros, 0))
-    sent: Vec = field(default_factory=partial(np.zeros, 0))
+    quaternion: Vec = field(default_factory=lambda: _UNKNOWN[:4])
+    gyro: Vec = field(default_factory=lambda: _UNKNOWN[:3])
+    acceleration: Vec = field(default_factory=lambda: _UNKNOWN[:3])
+    feet: Vec = field(default_factory=lambda: _UNKNOWN[:0])
+    sent: Vec = field(default_factory=lambda: _UNKNOWN[:0])
     mode_machine: int = 0
     mode_pr: int = 0
 
@@ -85,10 +87,12 @@ class Order:
 
     def _sound(self) -> bool:
         """Whether all is as it should be already, as in a loop, where every check costs more than the order."""
-        given = (self.q, self.dq, self.tau, self.kp, self.kd)
+        given = [self.q, self.dq, self.tau, self.kp, self.kd]
+        if type(self.gravity) is not float or self.gravity != 0.0:
+            given.append(self.gravity)
         if not all(type(one) is np.ndarray and one.dtype == np.float64 and one.ndim == 1 for one in given):
             return False
-        if len({len(one) for one in given}) != 1 or type(self.gravity) is not float or self.gravity != 0.0:
+        if len({len(one) for one in given}) != 1:
             return False
         finite = abs(np.concatenate(given)).max(initial=0.0) < checks.LARGEST
         return bool(finite and min(self.kp.min(), self.kd.min(), self.weight, 1.0 - self.weight) >= 0.0)

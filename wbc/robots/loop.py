@@ -293,7 +293,7 @@ class Loop:
 
     @staticmethod
     def _known(values: Vec) -> Vec:
-        return np.nan_to_num(values, nan=0.0)
+        return np.where(np.isnan(values), 0.0, values)
 
     def _begin(self) -> tuple[Vec, Vec]:
         """The first q (nq,), v (nv,): a floating base stands at rest on its feet, as the IMU says how."""

@@ -136,6 +136,7 @@ class MotorBoard:
                 raise InvalidInput(f"feet: the plant knows no contact force of {checks.shown(link)}")
         self._joints = np.array([robot.joint(name) for name in self.joint_map.joints])
         self._stiffness, self._damping = holding_gains(robot)
+        self._at_rest = robot.state()
         self._own = plant.q[-robot.nj :].copy()
         self._effects = [
             checks.instance("an entry of disturbances", one, Disturbance, "a Disturbance").begin(plant)
@@ -228,9 +229,8 @@ class MotorBoard:
 
     def _gravity(self) -> Vec:
         robot = self.plant.model
-        state = robot.state()
-        state.update(self.plant.t, self.plant.q, np.zeros(robot.nv))
-        gravity: Vec = state.h[robot.nb :]
+        self._at_rest.update(self.plant.t, self.plant.q, np.zeros(robot.nv))
+        gravity: Vec = self._at_rest.h[robot.nb :]
         return gravity
 
     # ---- what the sensors say
