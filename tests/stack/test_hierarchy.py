@@ -187,6 +187,27 @@ def test_a_task_on_torques_can_rank_above_one_on_motion() -> None:
     np.testing.assert_allclose(command.tau, tau, atol=1e-5)
 
 
+@pytest.mark.parametrize("regularisation", [1e-3, 1e-1])
+@pytest.mark.parametrize("name", ["quadruped", "humanoid"])
+def test_what_levels_leave_free_has_the_least_cost_of_motion_torques_and_forces(
+    name: str, regularisation: float
+) -> None:
+    """No limit is active, so the last level is a linear system: its cost under the levels above as equalities."""
+    robot = wbc.load(name)
+    state = robot.state()
+    state.update(0.0, robot.q0, np.zeros(robot.nv))
+    two = [CenterOfMass(target=state.com + np.array([x, 0.0, 0.0]), kp=10.0, name=f"to {x}") for x in (0.01, -0.02)]
+    stack = wbc.Stack([two, [Posture(robot.q0)]], contacts=feet(robot), subject_to=[TorqueLimits()])
+    level = wbc.InverseDynamics(regularisation=regularisation)
+    controller = wbc.Controller(robot, stack, level=level, hierarchy=wbc.Strict())
+    command = controller.tick(0.0, robot.q0, np.zeros(robot.nv))
+    assert command.status.ok and not controller.active_count
+    qp = controller.qp
+    system = np.block([[qp.H, qp.A.T], [qp.A, np.zeros((qp.n_eq, qp.n_eq))]])
+    least = np.linalg.lstsq(system, np.concatenate([-qp.g, qp.b]))[0][: qp.n]
+    np.testing.assert_allclose(command.solution.x, least, atol=1e-8)
+
+
 def test_a_soft_constraint_is_an_inequality_at_its_level() -> None:
     goal = Position("tool", target=np.array([2.0, 0.0, 0.0]), rate=5.0)
     slow = JointVelocityLimits(0.1).softly()
