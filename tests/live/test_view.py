@@ -110,6 +110,9 @@ def test_steps_are_single_ticks_however_fast_they_come():
 
     with View(made(Position("tool", target=[0.4, 0.2, 0.5])), port=8160, pausing=True) as shown:
         ticks(shown, 2)
+        while not shown._ready:  # the window is another process
+            sleep(0.01)
+            shown._listen()
         for _ in range(5):
             shown._do("step")
         stopped = threading.Timer(1.5, lambda: setattr(shown, "paused", False))

@@ -16,7 +16,10 @@ from wbc.testing import robots
 
 #: Names of arguments that are one where nothing is said, that bound nothing, and that are directions.
 ONE = {"weight", "persistence", "release", "gain", "damping"}
-BOUNDS_NOTHING = {"lower": -np.inf, "upper": np.inf, "linear": np.inf, "angular": np.inf, "threshold": np.inf}
+BOUNDS_NOTHING = {
+    "lower": -np.inf, "upper": np.inf, "linear": np.inf, "angular": np.inf, "threshold": np.inf,
+    "standing_rate": np.inf,
+}  # fmt: skip
 DIRECTIONS = {"direction", "normal", "axle", "axis"}
 #: Ranges of those that are chosen, in SI units: what is farther off is of another scale than robots are.
 CHOSEN = {

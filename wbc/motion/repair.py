@@ -29,10 +29,10 @@ sequential quadratic programming.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import pinocchio
@@ -179,13 +179,13 @@ class _Program:
         each, size = sparse.eye_array(nv), (count, count)
         rates = sparse.kron(sparse.diags_array([-0.5, 0.5], offsets=[-1, 1], shape=size) * rate, each)
         seconds = sparse.kron(sparse.diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=size) * rate**2, each)
-        on_q, on_v, on_a = (sparse.block_diag([R[:, n : n + nv] for R in rows]) for n in (0, nv, 2 * nv))
-        on_forces = sparse.block_diag([R[:, 3 * nv :] for R in rows])
+        on_q, on_v, on_a = (_diagonal([R[:, n : n + nv] for R in rows]) for n in (0, nv, 2 * nv))
+        on_forces = _diagonal([R[:, 3 * nv :] for R in rows])
         steps_of = sparse.kron(sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count)), self._joints)
         fast, taken = np.tile(self._robot.limits.v_max / rate, count - 1), steps[start : stop - 1, 6:].ravel()
         rest = sparse.diags_array(np.concatenate(weights))
         answer = solve_sparse(
-            sparse.block_diag([sparse.block_diag(costs) + _SMOOTH * seconds.T @ seconds, rest]),
+            _diagonal([_diagonal(costs) + _SMOOTH * seconds.T @ seconds, rest]),
             np.concatenate([*gradient, rest.diagonal() * 0.0]),
             sparse.block_array([[on_q + on_v @ rates + on_a @ seconds, on_forces], [steps_of, None]]),
             np.concatenate([*low, -fast - taken]), np.concatenate([*high, fast - taken]),
@@ -241,3 +241,8 @@ class _Program:
         there, room, inside = needed[rows] / size[:, 0], np.where(rows < 6, 0.0, _TORQUE), np.zeros(len(cone))
         low, high = np.concatenate([low, -room - there, inside - np.inf]), np.concatenate([high, room - there, inside])
         return matrix, low, high, weights
+
+
+def _diagonal(blocks: Sequence[Any]) -> Any:
+    """A sparse array of ``blocks`` along its diagonal; of matrices, versions of SciPy make one or the other."""
+    return sparse.block_diag([sparse.coo_array(block) for block in blocks])
