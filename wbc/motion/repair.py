@@ -29,7 +29,7 @@ sequential quadratic programming.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, final
@@ -179,15 +179,14 @@ class _Program:
         each, size = sparse.eye_array(nv), (count, count)
         rates = sparse.kron(sparse.diags_array([-0.5, 0.5], offsets=[-1, 1], shape=size) * rate, each)
         seconds = sparse.kron(sparse.diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=size) * rate**2, each)
-        on_q, on_v, on_a = (_diagonal([R[:, n : n + nv] for R in rows]) for n in (0, nv, 2 * nv))
-        on_forces = _diagonal([R[:, 3 * nv :] for R in rows])
+        on_q, on_v, on_a, on_f = map(_diagonal, zip(*(np.hsplit(R, [nv, 2 * nv, 3 * nv]) for R in rows), strict=True))
         steps_of = sparse.kron(sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count)), self._joints)
         fast, taken = np.tile(self._robot.limits.v_max / rate, count - 1), steps[start : stop - 1, 6:].ravel()
         rest = sparse.diags_array(np.concatenate(weights))
         answer = solve_sparse(
             _diagonal([_diagonal(costs) + _SMOOTH * seconds.T @ seconds, rest]),
             np.concatenate([*gradient, rest.diagonal() * 0.0]),
-            sparse.block_array([[on_q + on_v @ rates + on_a @ seconds, on_forces], [steps_of, None]]),
+            sparse.block_array([[on_q + on_v @ rates + on_a @ seconds, on_f], [steps_of, None]]),
             np.concatenate([*low, -fast - taken]), np.concatenate([*high, fast - taken]),
         )  # fmt: skip
         if answer is None:
@@ -243,6 +242,6 @@ class _Program:
         return matrix, low, high, weights
 
 
-def _diagonal(blocks: Sequence[Any]) -> Any:
+def _diagonal(blocks: Iterable[Any]) -> Any:
     """A sparse array of ``blocks`` along its diagonal; of matrices, versions of SciPy make one or the other."""
     return sparse.block_diag([sparse.coo_array(block) for block in blocks])
