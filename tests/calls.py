@@ -102,6 +102,13 @@ class Chosen:
         items[:] = sorted((item for item in items if item.nodeid in place), key=lambda item: place[item.nodeid])
 
 
+def importers(texts: dict[str, str], files: set[str]) -> set[str]:
+    """Of the files with these texts those that import from one of ``files``."""
+    modules = "|".join(re.escape(name.removesuffix(".py").replace("/", ".")) for name in files)
+    imports = re.compile(rf"^from (?:{modules}) import ", re.MULTILINE)
+    return {name for name, text in texts.items() if imports.search(text)}
+
+
 def users(root: Path, file: str, function: str) -> list[str]:
     """Files of ours that use a compiled function from Python.
 
@@ -114,9 +121,7 @@ def users(root: Path, file: str, function: str) -> list[str]:
     found = [name for name, text in texts.items() if kernel in text]
     seen, modules = {file}, {file}
     while modules and not found:
-        module = "|".join(re.escape(name.removesuffix(".py").replace("/", ".")) for name in modules)
-        imports = re.compile(rf"^from (?:{module}) import ", re.MULTILINE)
-        using = {name for name, text in texts.items() if imports.search(text)} - seen
+        using = importers(texts, modules) - seen
         modules = {name for name in using if "/compiled/" in name}
         found, seen = sorted(using - modules), seen | using
     return found

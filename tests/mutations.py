@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import difflib
 import os
-import re
 import resource
 import shutil
 import signal
@@ -32,7 +31,7 @@ from typing import Any
 
 import pytest
 
-from tests.calls import CACHE, HUNG, OPTIONS, Calls, Chosen, forked, map_of
+from tests.calls import CACHE, HUNG, OPTIONS, Calls, Chosen, forked, importers, map_of
 from tests.slips import Slip, slips
 
 ROOT = Path(__file__).parent.parent
@@ -78,14 +77,8 @@ def taken_in(root: Path, file: str) -> list[str]:
     found, new = set[str](), {file} & set(texts)
     while new:
         found |= new
-        names = "|".join(re.escape(_module(name)) for name in new)
-        imports = re.compile(rf"^from (?:{names}) import ", re.MULTILINE)
-        new = {name for name, text in texts.items() if imports.search(text)} - found
+        new = importers(texts, new) - found
     return sorted(found)
-
-
-def _module(file: str) -> str:
-    return file.removesuffix(".py").replace("/", ".")
 
 
 def _kept(folder: Path, files: list[str]) -> list[Path]:
@@ -127,7 +120,7 @@ def _run(folder: str, plan: list[tuple[str, list[str], float]], note: Any, compi
     with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
         try:
             for file in compiled:
-                import_module(_module(file))
+                import_module(file.removesuffix(".py").replace("/", "."))
         except Exception:
             note.send("the compiler")
             return

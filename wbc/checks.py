@@ -52,9 +52,10 @@ def array(
         InvalidInput: not real numbers, another shape, or (with ``finite``) NaN or inf.
     """
     wanted = tuple(shape)
-    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == wanted:
-        if abs(value).max(initial=0.0) <= LARGEST:  # not where one is NaN; all that follows costs more, in a loop
-            return value.copy()
+    # A loop converts sound arrays in every period; what follows costs several times as much. NaN fails the comparison.
+    is_numbers = type(value) is np.ndarray and value.dtype == np.float64 and value.shape == wanted
+    if is_numbers and abs(value).max(initial=0.0) <= LARGEST:
+        return value.copy()  # type: ignore[no-any-return]
     try:
         result = floats(value)
     except Exception as cause:  # a conversion may raise whatever it likes
