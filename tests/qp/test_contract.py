@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -58,6 +60,18 @@ def test_what_has_no_minimum_is_unbounded(solver: Solver, case: Case):
     answer = solver.solve(case.make())
     assert answer.status is Status.UNBOUNDED
     assert np.isnan(everything(answer)).all()
+
+
+def test_solvers_print_nothing():
+    script = """
+from tests.qp.zoo import random_qp
+from wbc.qp import solve
+from wbc.qp.solvers import usable
+for name in usable():
+    solve(random_qp(0, 4, 1, 3), name)
+"""
+    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    assert done.stdout == done.stderr == ""
 
 
 def test_warm_answers_are_cold_answers(solver: Solver):

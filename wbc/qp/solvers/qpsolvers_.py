@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from time import perf_counter
 from types import MappingProxyType
 from typing import Any, NamedTuple, final
@@ -66,6 +67,8 @@ class QpSolversSession(Session):
     def __init__(self, solver: QpSolvers, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._settings = solver.settings
+        if solver.name == "highs":
+            _greet_unseen()
 
     def _solve(self, qp: QP) -> Answer:
         import qpsolvers
@@ -127,6 +130,16 @@ class QpSolvers(Solver):
         """The settings of the back end."""
         backend = BACKENDS[self.name]
         return dict.fromkeys(backend.tolerances, self.accuracy) | dict(backend.others)
+
+
+@cache
+def _greet_unseen() -> None:
+    """Let the first object of HiGHS in this process, which prints a greeting, be one that may not print."""
+    import highspy
+
+    first: Any = highspy.Highs.__base__()  # Highs itself greets before it can be told anything
+    first.setOptionValue("log_to_console", False)
+    first.run()
 
 
 def _vector(values: Any, size: int) -> Vec:
