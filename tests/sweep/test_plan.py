@@ -9,13 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput, UnknownName, WbcError
 from wbc.sim.scenario import find
-from wbc.sweep import Choice, Range, Sweep
+from wbc.sweep import Choice, Range, Sweep, sweep
 from wbc.sweep.draw import RandomDelay, RandomNoise, RandomPayload, RandomPush, at_frame, read_range
 from wbc.sweep.plan import read_variations
 
 FLIP = f"{Path(__file__).with_name('flipping.py')}:flip"
+REACH = f"{Path(__file__).parents[1] / 'report' / 'solvers' / 'reaching.py'}:reach"
 
 
 def plan(**settings: object) -> Sweep:
@@ -91,6 +92,49 @@ def test_variations_without_meaning_are_refused(text: str):
 def test_what_does_not_exist_is_refused_before_any_run(settings: dict[str, object]):
     with pytest.raises((InvalidInput, UnknownName)):
         plan(**settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "why"),
+    [
+        ({"disturbances": (RandomPayload("tool", Range(1, 2)),)}, "IntegratorPlant cannot change its masses"),
+        ({"disturbances": (RandomNoise(Range(0, 1)), RandomPush("tool", Range(1, 2)))}, "knows no forces"),
+        ({"disturbances": (RandomPayload("tool", Range(1, 2)),), "vary": {"way": Range(0.1, 0.2)}}, "cannot change"),
+        ({"fixed": {"robot": "nobody"}}, "nobody"),
+        ({"vary": {"robot": Choice(("no-one", "nobody"))}}, "nobody|no-one"),
+        ({"solvers": ("highs",)}, "offline"),
+        ({"duration": 1e-4}, "shorter than one tick"),
+    ],
+)
+def test_a_sweep_whose_runs_are_all_refused_is_refused_before_any_run(
+    settings: dict[str, object], why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("wbc.sweep.run.do_all", lambda *_, **__: pytest.fail("a run was begun"))
+    with pytest.raises(WbcError, match=why):
+        sweep(Sweep(REACH, **{"runs": 5, **settings}), out=tmp_path / "out")
+    assert not list(tmp_path.iterdir())
+
+
+class Begun(Exception):
+    """Runs are given to workers."""
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"vary": {"robot": Choice(("nobody", "arm"))}}, {"solvers": ("highs", "pdas")},
+        {"disturbances": (RandomNoise(Range(0, 1)),)},
+    ],
+)  # fmt: skip
+def test_a_sweep_of_which_a_run_can_begin_is_begun(
+    settings: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def begun(*_: object, **__: object) -> None:
+        raise Begun
+
+    monkeypatch.setattr("wbc.sweep.run.do_all", begun)
+    with pytest.raises(Begun):
+        sweep(Sweep(REACH, **{"runs": 20, **settings}), out=tmp_path / "out")
 
 
 def test_ranges_and_choices_make_sense():

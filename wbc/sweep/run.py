@@ -20,7 +20,7 @@ from wbc.sim.scenario import Progress, ScenarioResult, silent
 from wbc.sweep.cluster import do_all
 from wbc.sweep.plan import Sweep
 from wbc.sweep.summary import page_of, summary
-from wbc.sweep.trial import done
+from wbc.sweep.trial import done, refusal
 
 RESULTS = "results.jsonl"
 _HEADER = {"scenario", "sweep", "runs", "seed", "date", "machine", "versions", "plan"}
@@ -48,9 +48,12 @@ def sweep(
     Raises:
         InvalidInput: a place that cannot be written, an unfinished sweep there, no scheduler at that address.
         NotSupported: the extra ``sweep`` is not installed.
+        WbcError: why the first run is refused, if all of them are: a frame that the robot does not have, a disturbance
+            that the plant cannot have.
     """
     checks.instance("plan", plan, Sweep, "a wbc.sweep.Sweep")
     out = located(out)
+    _begins(plan)
     folder = made(fresh(out, RESULTS, "sweep"))
     header = {
         "scenario": Path(plan.scenario).name,
@@ -62,6 +65,19 @@ def sweep(
     }
     lines = Journal.begin(folder / RESULTS, "run", header)
     return _finished(plan, lines, out, progress, scheduler=scheduler, workers=workers)
+
+
+def _begins(plan: Sweep) -> None:
+    """Refuse a sweep of which no run would reach its first tick; how strong disturbances are makes no difference."""
+    alike = not plan.vary and len(plan.solvers) == 1 and len(plan.hierarchies) < 2
+    first = None
+    for trial in plan.trials(range(1 if alike else plan.runs)):
+        found = refusal(trial)
+        if found is None:
+            return
+        first = first or found
+    assert first is not None, "a sweep has runs"
+    raise first
 
 
 def resume(

@@ -5,13 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from typing import Any
+from typing import Any, final
 
 from wbc.errors import WbcError
 from wbc.report import measure
 from wbc.report.record import demands, outline, plain
+from wbc.sim.disturbance import Disturbance, Effect
 from wbc.sim.joining import joined
-from wbc.sim.scenario import ScenarioResult, Settings, find
+from wbc.sim.plant import Plant
+from wbc.sim.scenario import Parameters, ScenarioResult, Settings, find
 from wbc.sweep.draw import axes
 from wbc.sweep.plan import Trial
 
@@ -30,12 +32,8 @@ def done(trial: Trial, keep: Callable[[ScenarioResult], object] | None = None) -
         "disturbances": [str(one) for one in trial.disturbances],
         "axes": {key: plain(value) for key, value in axes(trial.disturbances).items()},
     }
-    parameters = dict(trial.parameters)
     try:
-        scenario = find(trial.scenario)
-        parameters = {key: _as(scenario.parameters[key], value) for key, value in parameters.items()}
-        with joined(disturbances=trial.disturbances), redirect_stdout(sys.stderr):
-            result = scenario.run(parameters, Settings(**trial.settings, solver=trial.solver))
+        result = _run(trial)
     except WbcError as refusal:
         return {**about, "ok": False, "error": str(refusal)}
     except Exception as bug:  # a scenario's own, of any kind: one line of a thousand
@@ -50,6 +48,40 @@ def done(trial: Trial, keep: Callable[[ScenarioResult], object] | None = None) -
         "units": {task: next(iter(measure.errors(run, task)), "") for task in measure.tasks(run)},
         "figures": {key: plain(x) for key, x in result.figures.items() if isinstance(x, bool | int | float | str)},
     }
+
+
+def refusal(trial: Trial) -> WbcError | None:
+    """Why the run would be refused before its first tick, or None. It goes as far as that, and simulates nothing."""
+    try:
+        if find(trial.scenario).cases(Parameters(trial.parameters, Settings(**trial.settings))):
+            _run(trial, _Stop())
+    except WbcError as cause:
+        return cause
+    except Exception:  # where it stops, or a bug, which is the result of the run
+        pass
+    return None
+
+
+class _Stopped(Exception):
+    """A run is ready for its first tick."""
+
+
+@final
+class _Stop(Disturbance):
+    """Joins a run last, and ends it when it begins."""
+
+    def begin(self, plant: Plant) -> Effect:
+        raise _Stopped
+
+    def __str__(self) -> str:
+        return "stop at the start"
+
+
+def _run(trial: Trial, *more: Disturbance) -> ScenarioResult:
+    scenario = find(trial.scenario)
+    parameters = {key: _as(scenario.parameters[key], value) for key, value in trial.parameters.items()}
+    with joined(disturbances=[*trial.disturbances, *more]), redirect_stdout(sys.stderr):
+        return scenario.run(parameters, Settings(**trial.settings, solver=trial.solver))
 
 
 def _as(default: Any, value: Any) -> Any:

@@ -137,7 +137,8 @@ def _greet_unseen() -> None:
     """Let the first object of HiGHS in this process, which prints a greeting, be one that may not print."""
     import highspy
 
-    first: Any = highspy.Highs.__base__()  # Highs itself greets before it can be told anything
+    (plain,) = highspy.Highs.__bases__  # Highs itself greets before it can be told anything
+    first = plain()
     first.setOptionValue("log_to_console", False)
     first.run()
 
