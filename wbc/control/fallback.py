@@ -46,21 +46,33 @@ class Fallback:
         return self._within(state, a)
 
     def torque(self, state: RobotState, a: Vec, held: Vec | None, carrying: Vec | None) -> Vec:
-        """(nj,): the held one, or what brakes, cut to the bounds of this tick.
+        """(nj,) for the motors: the held command, or one that brakes; the torques it gives are cut to their bounds.
 
         Fixed base: τ = M a + h. On legs τ of the QP  minimise ½ ‖a + v / T‖² + ½ ε ‖f‖²  under the constraints of the
         stack (contacts, friction, torques), solved by the default solver, whatever solver failed. Where neither is a
-        number: ``carrying``, the torques that last carried the robot, less damping.
+        number: ``carrying``, the command that last carried the robot, less damping. Motors, loads and bounds are those
+        that components said last.
         """
-        low, high = self._plan.torque_range
-        if held is None:
-            held = self._standing(state) if self._plan.layout.nf else self._inverse_dynamics(state, a)
-            if not np.isfinite(held).all():
-                held = np.zeros(len(low)) if carrying is None else carrying
+        motors = self._plan.applied.actuators
+        if held is not None:
+            torque = motors.torque(held)
+        else:
+            torque = self._standing(state) if self._plan.layout.nf else self._inverse_dynamics(state, a)
+            if not np.isfinite(torque).all():
+                torque = np.zeros(len(torque)) if carrying is None else motors.torque(carrying)
                 damping = state.M.diagonal()[self._plan.model.nb :] / self._slowly * state.v_joints
-                held = held - np.nan_to_num(damping)
-        torque: Vec = np.clip(held, low, high)
-        return torque
+                torque = torque - np.nan_to_num(damping)
+        return motors.command(np.clip(torque, *self._torque_bounds(state)))
+
+    def _torque_bounds(self, state: RobotState) -> tuple[Vec, Vec]:
+        """Bounds on torques (nj,) in this state; those at any speed where users' code leaves none that are sound."""
+        low, high = self._plan.torque_bounds
+        try:
+            lower, upper = self._plan.torques_at(state)
+        except Exception:  # it raised in the fill, too, which told of it
+            return low, high
+        sound = (low <= lower) & (lower <= upper) & (upper <= high) & (lower < np.inf) & (upper > -np.inf)
+        return np.where(sound, lower, low), np.where(sound, upper, high)
 
     def _most(self) -> Vec:
         """By how much a velocity (nv,) may fall in a tick."""
@@ -73,7 +85,9 @@ class Fallback:
 
     def _inverse_dynamics(self, state: RobotState, a: Vec) -> Vec:
         """Without contacts; a floating base accelerates as it must."""
-        nb, M, h = self._plan.model.nb, state.M, state.h
+        nb, applied = self._plan.model.nb, self._plan.applied
+        M = state.M if applied.inertia is None else state.M + applied.inertia
+        h = state.h + applied.bias
         if nb and np.isfinite(M).all():
             a = a.copy()
             a[:nb] = -np.linalg.lstsq(M[:nb, :nb], M[:nb, nb:] @ a[nb:] + h[:nb])[0]  # links may have no mass

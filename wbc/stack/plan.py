@@ -36,7 +36,7 @@ from wbc.stack.motion import MotionRows
 from wbc.stack.overrides import Overrides
 from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
-from wbc.types import Status
+from wbc.types import Status, Vec
 
 
 @final
@@ -388,12 +388,16 @@ class Plan(Filled):
             now[:] = bound
 
     def _narrow_torques(self, state: RobotState) -> None:
-        """Bounds on torques that move with speed, from those that components may write into."""
-        lower, upper = self._torque_range
-        self._take_torque_bounds()
+        for now, bound in zip(self._torque_range, self.torques_at(state), strict=True):
+            now[:] = bound
+
+    def torques_at(self, state: RobotState) -> tuple[Vec, Vec]:
+        """Bounds on torques (lower, upper), (nj,) each, at the speed of a state; the problem keeps its own."""
+        lower, upper = self.torque_bounds[0].copy(), self.torque_bounds[1].copy()
         for constraint in self._by_speed:
             constraint.narrow(state.v_joints, lower, upper)
         np.minimum(lower, upper, out=lower)  # a component may have left less than the speed leaves
+        return lower, upper
 
     def _bound_normals(self) -> None:
         """What contacts say of their normal forces, and, before that, what components allow."""
