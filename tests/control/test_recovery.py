@@ -62,6 +62,7 @@ def test_an_answer_within_the_limits_that_is_not_proved_best_serves_whichever_so
     command = control.tick(1e-3, ARM.q0, STILL)
     assert (command.status, command.fallback_level) == (Status.INACCURATE, "not certified")
     assert not command.certificate.ok and command.certificate.primal <= TOLERANCE
+    assert control.why and control.why in control.explain()
     assert excess(control, command) <= 1e-9
 
 
@@ -99,6 +100,27 @@ def test_fallback_levels_follow_one_another_down_to_a_stop_and_back(level: Any):
     ]
     assert control.fallbacks.log[-1].why == "solved again after 5 failures"
     assert control.fallbacks.counts["damped"] == 3
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+@pytest.mark.parametrize("answer", ["solved", "other solver", "relaxed"])
+@pytest.mark.parametrize("wait", [1, 3])
+def test_a_stop_ends_after_as_many_answers_in_a_row_as_were_asked_for_and_none_before_is_ok(
+    level: Any, answer: str, wait: int
+):
+    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
+    stack = limited(ARM, level, extra=(up,) if answer == "relaxed" else ())
+    control, script = sabotaged(ARM, level, stack=stack, recovery=wbc.Recovery(hold_ticks=0, resume_after=wait))
+    lost = np.full(ARM.nq, np.nan)
+    for start in (0, 10):
+        assert control.tick(1e-3 * start, lost, STILL).fallback_level == "damped"
+        script.fault = "iterations" if answer == "other solver" else ""
+        for k in range(1, wait + 1):
+            command = control.tick(1e-3 * (start + k), ARM.q0, STILL)
+            assert command.fallback_level == ("damped" if k < wait else answer)
+            assert command.status.ok == (k == wait and answer != "relaxed")
+            assert command.certificate.ok == (k == wait)
+            assert bool(control.why) != command.status.ok
 
 
 def test_a_row_that_is_not_a_number_is_held_not_solved():

@@ -46,7 +46,7 @@ def explain(controller: Solving) -> str:
 def _failure(controller: Solving) -> list[str]:
     """Why there is no answer, which rows cannot hold together, and what was commanded instead."""
     found = conflict_of(controller)
-    why = controller.why or controller.status.value
+    why = controller.why
     if found is None and controller.status is Status.INFEASIBLE:
         why = "no point was found, but no rows contradict each other by more than rounding; look at the scaling"
     lines = [f"  {why}"] if found is None else _conflict(found)

@@ -13,7 +13,7 @@
 The first level solves the problem of the tick, with a certificate: its status is ok. The status of every other level is
 not ok. The next three levels solve a weaker problem within all constraints, a relaxed solution is certified for the
 relaxed problem, and the others are failures. After ``hold_ticks`` failures in a row only the last level is used, until
-the problem has been solved again for ``resume_after`` ticks. Every level keeps the limits on position, velocity,
+``resume_after`` ticks in a row have an answer that is no failure. Every level keeps the limits on position, velocity,
 acceleration and torque, except for those that the relaxed problem relaxes. ``controller.fallbacks.log`` has every such
 tick.
 """
@@ -73,7 +73,7 @@ class Recovery:
             schedule on normal forces), "constraints" (exact tasks and linear constraints), "contacts" (their motion),
             "barriers", "joint limits" (position, velocity, acceleration). Torque limits, friction and the dynamics
             never do. () for nothing.
-        resume_after: solved ticks in a row that end a stop.
+        resume_after: ticks in a row with an answer that is no failure; so many end a stop.
         budget: time [s] of a tick after which no further solver is tried; None for no limit.
 
     Raises:
@@ -121,7 +121,7 @@ class FallbackSequence:
     """
 
     __slots__ = (
-        "_controller", "_solved", "counts", "failures", "good", "log", "recovery",
+        "_answered", "_controller", "counts", "failures", "good", "log", "recovery",
     )  # fmt: skip
 
     def __init__(self, controller: Solving, recovery: Recovery | None = None) -> None:
@@ -136,7 +136,7 @@ class FallbackSequence:
         """No failure yet."""
         self.good: Command | None = None
         self.failures = 0
-        self._solved = 0
+        self._answered = 0
 
     @np.errstate(all="ignore")
     def invalid(self) -> Command:
@@ -158,7 +158,6 @@ class FallbackSequence:
         """The command of the first fallback level that has one."""
         controller, start = self._controller, perf_counter()
         controller.why = controller.why or controller.plan.not_finite()
-        self._solved = 0
         if not controller.plan.not_finite():
             weaker = self._weaker(status)
             if status is not Status.INFEASIBLE and (weaker is None or weaker.level != NOT_OPTIMISED):
@@ -179,16 +178,23 @@ class FallbackSequence:
                 if found is not None:
                     return self._certified(status, "relaxed", q, v, found)
                 if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
-                    return self._answer(status, "closed form", q, v, _NO_PROOF)
+                    self.failures += 1
+                    return self._note(controller.decode(q, v, status, "closed form", _NO_PROOF))
         return self._fail(status, q, v)
 
     def resume(self, command: Command, q: Vec, v: Vec) -> Command:
-        """The command of a solved tick after failures: itself, or a brake until enough of them came in a row."""
-        self._solved += 1
+        """The command of an answered tick: after a stop a brake, until enough ticks in a row have an answer."""
         stopped = self.failures > self.recovery.hold_ticks
-        if stopped and self._solved < self.recovery.resume_after:
-            return self._note(self._bounded(Status.SOLVED, "damped", q, v, None), "waiting to resume")
-        self._note(command, f"solved again after {self.failures} failures")
+        self._answered += 1
+        if stopped and self._answered < self.recovery.resume_after:
+            controller = self._controller
+            controller.status = Status.FAILED
+            controller.why = (
+                f"braking until {self.recovery.resume_after} ticks in a row have an answer: {self._answered} so far"
+            )
+            return self._note(self._bounded(Status.FAILED, "damped", q, v, None))
+        solved_again = self.failures and command.status.ok
+        self._note(command, f"solved again after {self.failures} failures" if solved_again else "")
         self.good, self.failures = command, 0
         return command
 
@@ -302,21 +308,14 @@ class FallbackSequence:
 
     # ---- commands
     def _certified(self, status: Status, level: str, q: Vec, v: Vec, proof: Proof) -> Command:
-        command = self._answer(status, level, q, v, proof)
-        self.good, self.failures = command, 0
-        return command
-
-    def _answer(self, status: Status, level: str, q: Vec, v: Vec, proof: Proof) -> Command:
-        if proof is _NO_PROOF:
-            self.failures += 1
         self._controller.status = status
-        return self._note(self._controller.decode(q, v, status, level, proof))
+        return self.resume(self._controller.decode(q, v, status, level, proof), q, v)
 
     def _fail(self, status: Status, q: Vec, v: Vec) -> Command:
         """Hold, or brake."""
         controller = self._controller
         self.failures += 1
-        self._solved = 0
+        self._answered = 0
         controller.status = status
         held = self.good if self.failures <= self.recovery.hold_ticks else None
         return self._note(self._bounded(status, "damped" if held is None else "hold", q, v, held))
@@ -345,8 +344,11 @@ class FallbackSequence:
         return last.q, last.v
 
     def _note(self, command: Command, why: str = "") -> Command:
+        controller = self._controller
+        if not command.status.ok:
+            controller.why = controller.why or command.status.value
         self.counts[command.fallback_level] += 1
-        self._write_down(command, why or self._controller.why or command.status.value)
+        self._write_down(command, why or controller.why or command.status.value)
         return command
 
     def _write_down(self, command: Command, why: str) -> None:
