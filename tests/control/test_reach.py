@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio
@@ -10,13 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tasks
 import wbc
 from tasks import Damping, Frame, HalfSpaceLimit, Position, Posture, TorqueLimits
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
+from wbc.stack.task import Task
 from wbc.types import Mat, Vec
 
 ARM, BODY = wbc.load("arm"), wbc.load("humanoid", base="fixed")
+TASKS = [kind for _, kind in sorted(vars(tasks).items()) if isinstance(kind, type) and issubclass(kind, Task)]
 
 
 def pose(robot: RobotModel, frame: str, q: Vec) -> Mat:
@@ -42,6 +46,15 @@ def test_a_point_out_of_reach_is_told_by_task_axis_and_distance() -> None:
     assert not found.ok and found.attempts == 2
     off = float(np.abs(found.errors["Position[tool]"]).max())
     assert found.reason == f"Position[tool] stays {off:.3g} m off in x" and off > 2.0
+
+
+@pytest.mark.parametrize("kind", TASKS, ids=lambda kind: kind.__name__)
+def test_any_task_with_an_error_is_met_or_told_by_name(kind: Any) -> None:
+    start = ARM.q0 + 0.1
+    for task in kind.samples(ARM):
+        found = wbc.reach(ARM, [task], start=start, attempts=1, steps=3)
+        assert found.ok == (not found.reason) and found.reason.startswith("" if found.ok else f"{task.name} stays ")
+        assert found.ok == bool(np.abs(found.errors[task.name]).max() <= 1e-5)
 
 
 def test_the_limit_that_stands_in_the_way_is_named() -> None:

@@ -162,13 +162,13 @@ class _Search:
         self._robot, self._levels, self._limits, self._tolerance = robot, levels, limits, tolerance
         self._damped, level = damped, VelocityLevel() if damped else VelocityLevel(lm_damping=0.0)
         quick = [[self._quick(task) for task in level] for level in levels]
-        self._must = [task for task in quick[0] if isinstance(task, Task)]
         most = np.full(robot.nj, _STEP / _DT)
         steps = _Limits("length of a step", "velocity", -most, most)
         self._controller = Controller(
             robot, Stack(quick, subject_to=[*limits, steps]), level=level,
             hierarchy=Strict() if len(levels) > 1 else Weighted(), dt=_DT,
         )  # fmt: skip
+        self._must = [task for task in self._controller.plan.stack.levels[0] if isinstance(task, Task)]
 
     @staticmethod
     def _quick(task: Objective) -> Objective:
