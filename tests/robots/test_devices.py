@@ -21,6 +21,9 @@ from wbc.robots.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Unitr
 
 STRUCTURES = layouts.structures()
 UNITREE: list[Unitree] = [UnitreeG1(), UnitreeG1Arms(), UnitreeG1Arms(waist=True), UnitreeGo2()]
+DEVICES: list[Device] = [
+    *UNITREE, Franka(), Ros2Control(["b", "a"]), Ros2Control(["b", "a"], interface="position"), LeRobot(),
+]  # fmt: skip
 SLOTS = {"UnitreeG1": [*range(29)], "UnitreeGo2": [*range(12)]}
 seeds = st.integers(0, 2**32 - 1)
 
@@ -160,9 +163,7 @@ def same(one: Reading, other: Reading) -> bool:
     return all(np.array_equal(getattr(one, k), getattr(other, k), equal_nan=True) for k in vars(other))
 
 
-@pytest.mark.parametrize(
-    "device", [*UNITREE, Franka(), Ros2Control(["b", "a"], interface="position"), LeRobot()], ids=repr
-)
+@pytest.mark.parametrize("device", DEVICES, ids=repr)
 @given(seed=seeds)
 def test_readings_and_orders_come_back_as_they_went(device: Device, seed: int):
     reading = reading_for(device, seed)
@@ -210,16 +211,97 @@ def test_frames_that_a_robot_would_not_take_are_named():
     assert UnitreeGo2(check=False).unpack(bytes(1180)).time == 0.0
 
 
+JUNK = [
+    None,
+    "text",
+    b"",
+    bytes(812),
+    3.0,
+    [],
+    {},
+    np.zeros(3),
+    np.zeros((2, 2)),
+    [None, "x"],
+    SimpleNamespace(),
+    object,
+]
+JUNK += [SimpleNamespace(name=["b", "a"], position=["x", 1], velocity=[], effort=[]), SimpleNamespace(name=None)]
+JUNK += [SimpleNamespace(name=["b", "a"], position=[], velocity=[], effort=[])]
+JUNK += [SimpleNamespace(time=None, q=np.zeros(7), dq=np.zeros(7), tau_J=np.zeros(7), tau_J_d=np.zeros(7))]
+JUNK += [SimpleNamespace(time=0.0, q=np.zeros(6), dq=np.zeros(6), tau_J=np.zeros(6), tau_J_d=np.zeros(6))]
+
+
+@pytest.mark.parametrize("device", DEVICES, ids=repr)
+def test_what_is_no_frame_at_all_is_a_bad_frame(device: Device):
+    for junk in JUNK:
+        with pytest.raises(BadFrame):
+            device.unpack(junk)
+        with pytest.raises(BadFrame):
+            device.decode(junk, reading_for(device, 0))
+
+
+def spoilt(device: Device, frame: Any, bad: float, rng: np.random.Generator) -> Any:
+    """A frame of which one number that the device reads is ``bad``."""
+    if isinstance(device, Unitree):
+        commanded = len(frame) == device.command.itemsize
+        record = np.frombuffer(frame, device.command if commanded else device.state).copy()
+        part, names = ("motor_cmd", "q dq tau kp kd") if commanded else ("motor_state", "q dq tau_est")
+        if not commanded and rng.random() < 0.4:
+            record["imu_state"][rng.choice(["quaternion", "gyroscope", "accelerometer"])][0, rng.integers(3)] = bad
+        else:
+            record[part][rng.choice(names.split())][0, rng.choice(slots(device))] = bad
+        return device._sealed(record)
+    if isinstance(frame, np.ndarray):
+        frame[rng.integers(len(frame))] = bad
+    elif isinstance(frame, dict):
+        frame[rng.choice(list(frame))] = bad
+    elif isinstance(frame, SimpleNamespace):
+        frame.position[rng.integers(2)] = bad
+    else:
+        name = rng.choice(["q", "dq", "tau_J", "tau_J_d"])
+        frame = frame._replace(**{name: np.where(np.arange(7) == rng.integers(7), bad, getattr(frame, name))})
+    return frame
+
+
+@pytest.mark.parametrize("device", DEVICES, ids=repr)
+@given(seed=seeds, bad=st.sampled_from([np.nan, np.inf, -np.inf, 1e30]))
+def test_a_frame_with_a_number_that_is_none_is_a_bad_frame(device: Device, seed: int, bad: float):
+    rng, reading = np.random.default_rng(seed), reading_for(device, seed)
+    with pytest.raises(BadFrame):
+        device.unpack(spoilt(device, device.report(reading), bad, rng))
+    answered = device.unpack(device.report(reading))
+    with pytest.raises(BadFrame):
+        device.decode(spoilt(device, device.encode(order_for(device, seed), answered), bad, rng), answered)
+
+
+def test_a_state_that_no_order_can_answer_is_a_bad_frame():
+    g1 = UnitreeG1()
+    state = np.frombuffer(g1.report(reading_for(g1, 0)), HG_STATE).copy()
+    state["mode_pr"] = 2
+    with pytest.raises(BadFrame, match="mode_pr is 2; it must be 0 or 1"):
+        g1.unpack(g1._sealed(state))
+
+
+def test_unknown_velocities_brake_nothing():
+    group = Ros2Control(["a", "b"])
+    reading = group.unpack(SimpleNamespace(name=["a", "b"], position=[1.0, 2.0], velocity=[], effort=[]))
+    order = Order([1.5, 2.0], dq=0.5, tau=[10.0, 20.0], kp=2.0, kd=1.0)
+    np.testing.assert_allclose(group.encode(order, reading), [11.5, 20.5])
+
+
 @pytest.mark.parametrize("size", [11, 13, 20])
 def test_an_order_for_other_motors_is_refused(size: int):
     with pytest.raises(InvalidInput, match="12 motors"):
         UnitreeGo2().pack(np.zeros(size), 0.0, 0.0, 1.0, 1.0)
 
 
-@pytest.mark.parametrize("bad", [{"kp": -1.0}, {"tau": np.nan}, {"dq": [1.0, 2.0]}, {"weight": 1.5}])
+@pytest.mark.parametrize(
+    "bad", [{"kp": -1.0}, {"tau": np.nan}, {"dq": [1.0, 2.0]}, {"weight": 1.5}, {"weight": np.nan}, {"weight": "all"}]
+)
 def test_an_order_that_makes_no_sense_is_refused(bad: dict[str, Any]):
+    sound = dict.fromkeys(("dq", "tau", "kp", "kd"), np.zeros(3))
     with pytest.raises(InvalidInput, match=next(iter(bad))):
-        Order(np.zeros(3), **bad)
+        Order(np.zeros(3), **{**sound, **bad})
 
 
 @given(seed=seeds)

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
 from tests.robots.test_devices import order_for
+from tests.robots.test_loop_processes import device as go2
 from wbc.errors import InvalidInput
-from wbc.robots import LeRobot, Loop, MotorBoard, Ros2Control
-from wbc.robots.device import Order
+from wbc.robots import BaseEstimator, LeRobot, Loop, MotorBoard, Ros2Control
+from wbc.robots.device import Order, rotation
 from wbc.robots.port import DeviceSilent
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.tasks import JointVelocityLimits, Posture
+from wbc.tasks import JointVelocityLimits, Posture, feet
 
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.physics
@@ -62,10 +65,10 @@ class Spoiled:
         self.board.send(frame)
 
 
-def torque_loop(spoil: Any = lambda k, frame: frame, **settings: Any) -> tuple[Loop, Spoiled]:
+def torque_loop(spoil: Any = lambda k, frame: frame, *, far: float = 0.1, **settings: Any) -> tuple[Loop, Spoiled]:
     plant = arm_plant()
     port = Spoiled(MotorBoard(Ros2Control(ARM.joint_names, rate=500.0), plant), spoil)
-    target = ARM.q0 + 0.1
+    target = ARM.q0 + far
     controller = wbc.Controller(ARM, wbc.Stack([Posture(target, kp=100)]), level=wbc.InverseDynamics(), dt=2e-3)
     return Loop(port, controller, rate=500, hold=tuple(GAINS), ramp=0.5, **settings), port
 
@@ -81,7 +84,7 @@ def test_a_run_reaches_its_target_without_a_jump_and_ends_in_hold():
     steps = np.abs(np.diff(sent, axis=0)).max(axis=1)
     assert steps.max() < 1.0 and steps[-1] < 0.2
     before = port.board.plant.q
-    held = Order(loop.reading.q, 0.0, loop._order.tau, *loop._hold)
+    held = loop._held()
     for _ in range(500):  # what is sent on holds the robot
         port.sleep(2e-3)
         assert loop._receive()
@@ -125,7 +128,7 @@ def test_silence_ends_a_run_in_hold():
     loop, port = torque_loop(lambda k, frame: frame if k < 100 else None)
     run = loop.run(5.0)
     assert run.meta["ended"].startswith("no new state for 100 ms") and run.rows < 160
-    np.testing.assert_allclose(port.sent[-1], loop._held(loop._order.tau).torque(loop.reading.q, loop.reading.dq))
+    np.testing.assert_allclose(port.sent[-1], loop._held().torque(loop.reading.q, loop.reading.dq))
 
 
 def test_without_a_first_state_nothing_is_sent():
@@ -152,9 +155,143 @@ def test_an_interrupt_and_an_error_end_in_hold_and_are_recorded(raised: type[Bas
         run = loop.run(5.0, before_tick=before_tick)
         assert run.meta["ended"] == "interrupted"
     assert 300 < run.rows < 400
-    # It brakes with the damping of the hold; nothing else changes at once.
-    braking = GAINS[1] * np.abs(loop.reading.dq)
-    assert (np.abs(port.sent[-1] - port.sent[-2]) <= braking + 0.3).all()
+    braked(loop, port)
+
+
+def braked(loop: Loop, port: Spoiled) -> None:
+    """The hold brakes with its damping, as strong as another one before it; nothing else changes at once."""
+    assert (
+        np.abs(port.sent[-1] - port.sent[-2]) <= 2.0 * GAINS[1] * np.abs(np.nan_to_num(loop.reading.dq)) + 1.0
+    ).all()
+
+
+@pytest.mark.parametrize("at_end", ["hold", "release"])
+@pytest.mark.parametrize("tick", [1, 60, 249, 300, 510, 749])
+def test_a_run_that_is_interrupted_in_any_phase_ends_in_hold_without_a_jump(tick: int, at_end: str, tmp_path: Path):
+    """It comes in until tick 250, ends at 500 and, where it is released, has let go at 750."""
+    loop, port = torque_loop(far=1.0, at_end=at_end)
+    sleep = port.sleep
+
+    def interrupted(seconds: float) -> None:
+        if len(port.sent) == tick:
+            port.sleep = loop.port.sleep = sleep
+            raise KeyboardInterrupt
+        sleep(seconds)
+
+    port.sleep = interrupted
+    run = loop.run(1.0, out=tmp_path)
+    over = tick >= 500 and at_end == "hold"
+    assert run.meta["ended"] == ("complete" if over else "interrupted") == wbc.Run.load(tmp_path).meta["ended"]
+    assert run.rows == min(tick, 500) and gc.isenabled()
+    if at_end == "hold":
+        assert len(port.sent) == min(tick, 500) + 1
+    if tick >= 500 or at_end == "hold":
+        braked(loop, port)
+
+
+@pytest.mark.parametrize("fails", ["send", "receive"])
+def test_a_port_that_fails_leaves_a_record(fails: str, tmp_path: Path):
+    loop, port = torque_loop()
+    works = getattr(port, fails)
+
+    def failing(*frame: Any) -> Any:
+        if len(port.sent) >= 100:
+            raise OSError("the network is unreachable")
+        return works(*frame)
+
+    setattr(port, fails, failing)
+    with pytest.raises(OSError, match="unreachable"):
+        loop.run(1.0, out=tmp_path)
+    assert wbc.Run.load(tmp_path).meta["ended"] == "OSError: the network is unreachable" and gc.isenabled()
+
+
+@pytest.mark.parametrize(("part", "sound"), [("position", False), ("velocity", True), ("effort", True)])
+@pytest.mark.parametrize("until", [101, 1000])
+def test_numbers_that_are_none_reach_no_motor(part: str, sound: bool, until: int):
+    """Without a position a state counts as bad; velocities and efforts are known by some robots only."""
+
+    def spoil(k: int, frame: Any) -> Any:
+        if 100 <= k < until:
+            getattr(frame, part)[2] = float("nan")
+        return frame
+
+    loop, port = torque_loop(spoil)
+    run = loop.run(1.0)
+    assert np.isfinite(port.sent).all()
+    lost = not sound and until > 200
+    assert run.meta["ended"].startswith("no new state for 100 ms" if lost else "complete")
+    assert run.meta["loop"]["bad"] == (0 if sound else len(port.sent) - 99 if lost else 1)
+    braked(loop, port)
+
+
+class Listening:
+    """A guard that listens: when it was told something, by the port's clock, and what."""
+
+    def __init__(self, port: Any, *, silence: float, hold_for: float) -> None:
+        self.port, self.silence, self.told, self.dismissed = port, silence, [], False
+
+    def tell(self, order: Order, reading: Any, *, now: bool = False) -> None:
+        torque = order.torque(reading.q, 0.0 * reading.q)
+        self.told.append((self.port.clock(), torque, now))
+
+    def dismiss(self) -> None:
+        self.dismissed = True
+
+
+@pytest.mark.parametrize("at_end", ["hold", "release"])
+def test_a_guard_hears_all_the_time_what_would_hold_the_robot(at_end: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("wbc.robots.loop.Guard", Listening)
+    monkeypatch.setattr(Spoiled, "shared", True)
+    loop, port = torque_loop(far=1.0, at_end=at_end)
+    guards: list[Any] = []
+    loop.run(1.0, before_tick=lambda t: guards.append(loop.guard))
+    guard = guards[-1]
+    times = [t for t, _, _ in guard.told]
+    assert np.diff([*times, port.clock()]).max() < guard.silence, "it would take the robot over"
+    assert guard.dismissed == (at_end == "release") and guard.told[-1][2] == (at_end == "hold")
+    most = np.abs(np.diff(np.array([torque for _, torque, _ in guard.told]), axis=0)).max()
+    assert most < 60.0, "what holds the robot follows what is sent"
+
+
+@pytest.mark.parametrize("turned", [(0.0, 0.0, 1.57), (3.1, 0.0, 0.0), (0.3, -0.5, 2.0)])
+@pytest.mark.parametrize("heading", [0.0, 2.97])
+def test_a_base_begins_as_its_imu_says_however_that_is_mounted(turned: tuple[float, ...], heading: float):
+    robot, mount = wbc.load("quadruped"), pinocchio.exp3(np.array(turned))
+    plant = MujocoPlant(robot, contacts=feet(robot), settings=PhysicsSettings(armature=0.01))
+    q = robot.q0.copy()
+    q[3:7] = pinocchio.Quaternion(pinocchio.exp3(np.array([0.0, 0.0, heading]))).coeffs()
+    plant.reset(robot.on_ground(q))
+    device, joint_map = go2(robot)
+    board = MotorBoard(device, plant, joint_map=joint_map, imu=mount, timeout=10.0, on_timeout="hold")
+    base = BaseEstimator(robot, tilt=1e-4)
+    base.mount[:] = mount
+    controller = wbc.Controller(
+        robot,
+        wbc.Stack([Posture(q, kp=100)], contacts=feet(robot, kp=0.0, kd=20.0)),
+        level=wbc.InverseDynamics(),
+        dt=2e-3,
+    )
+    run = Loop(board, controller, joint_map=joint_map, base=base, ramp=0.2).run(0.4)
+    told, true = (rotation(one[3:7]) for one in (run["q"][-1], plant.q))
+    assert np.linalg.norm(pinocchio.log3(told.T @ true)) < 0.01 and not base.why
+
+
+def test_an_imu_that_says_no_orientation_begins_no_run():
+    robot = wbc.load("quadruped")
+    plant = MujocoPlant(robot, contacts=feet(robot))
+    device, joint_map = go2(robot)
+    board = MotorBoard(device, plant, joint_map=joint_map)
+
+    def spoil(k: int, frame: bytes) -> bytes:
+        state = np.frombuffer(frame, device.state).copy()
+        state["imu_state"]["quaternion"] = 0.0
+        return bytes(device._sealed(state))
+
+    port = Spoiled(board, spoil)
+    controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.VelocityLevel(), dt=2e-3)
+    with pytest.raises(InvalidInput, match="says no orientation"):
+        Loop(port, controller, joint_map=joint_map, base=BaseEstimator(robot)).run(0.1)
+    assert port.sent == []
 
 
 def test_a_setpoint_drives_positions_in_degrees():
@@ -169,7 +306,15 @@ def test_a_setpoint_drives_positions_in_degrees():
 
 @pytest.mark.parametrize(
     ("bad", "match"),
-    [({"rate": 1000}, "give it dt"), ({"ramp": 0.0}, "ramp"), ({"at_end": "fall"}, "at_end"), ({"kp": -1.0}, "kp")],
+    [
+        ({"rate": 1000}, "give it dt"),
+        ({"ramp": 0.0}, "ramp"),
+        ({"at_end": "fall"}, "at_end"),
+        ({"kp": -1.0}, "kp"),
+        ({"hold_for": -1.0}, "hold_for"),
+        ({"hold_for": np.nan}, "hold_for"),
+        ({"hold_for": "long"}, "hold_for"),
+    ],
 )
 def test_settings_that_make_no_sense_are_refused(bad: dict[str, Any], match: str):
     loop, port = torque_loop()

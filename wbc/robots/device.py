@@ -11,6 +11,8 @@ of a robot into them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, final
 
@@ -31,15 +33,33 @@ class BadFrame(InvalidInput):
     """A frame that a robot would not take, or that is not from this robot; the message says what is wrong with it."""
 
 
+@contextmanager
+def opened(frame: Any) -> Iterator[None]:
+    """Inside, whatever is wrong with ``frame``, which may be anything, is a :class:`BadFrame`."""
+    try:
+        yield
+    except BadFrame:
+        raise
+    except InvalidInput as cause:
+        raise BadFrame(str(cause)) from cause
+    except Exception as cause:
+        raise BadFrame(f"{checks.shown(frame)} is no frame of this robot: {cause}") from cause
+
+
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reading:
-    """What a robot reports: ``q``, ``dq`` and ``tau`` (n,) in the order and units of its motors; NaN where it has none.
+    """What a robot reports: ``q``, ``dq`` and ``tau`` (n,) in the order and units of its motors.
+
+    NaN is what it does not know; a position it must know.
 
     ``time`` [s] is the robot's own clock, not the time of day. ``quaternion`` (4,) is **x y z w**, from the axes of
     the IMU to the world; ``gyro`` (3,) [rad/s] and ``acceleration`` (3,) [m/s²] (at rest: 9.81 upwards) in the axes
     of the IMU. ``feet``: what sensors in the feet say, in the device's order and unit. ``sent`` (n,) [N m] is the
     torque that the robot got last, where it says so.
+
+    Raises:
+        InvalidInput: a position that is not finite, a number that is infinite, other sizes of ``dq`` or ``tau``.
     """
 
     q: Vec
@@ -53,6 +73,15 @@ class Reading:
     sent: Vec = field(default_factory=lambda: _UNKNOWN[:0])
     mode_machine: int = 0
     mode_pr: int = 0
+
+    def __post_init__(self) -> None:
+        parts = self.q, self.dq, self.tau, self.quaternion, self.gyro, self.acceleration, self.feet, self.sent
+        if not self.q.shape == self.dq.shape == self.tau.shape == (len(self.q),):
+            raise InvalidInput(f"q, dq and tau have the shapes {self.q.shape}, {self.dq.shape} and {self.tau.shape}")
+        if not abs(self.q).max(initial=0.0) <= checks.LARGEST:
+            checks.array("q", self.q, self.q.shape)
+        if (abs(np.concatenate(parts)) > checks.LARGEST).any() or abs(self.time) > checks.LARGEST:
+            raise InvalidInput(f"a number of the state is larger than {checks.LARGEST:g}")
 
 
 @final
@@ -94,8 +123,10 @@ class Order:
             return False
         if len({len(one) for one in given}) != 1:
             return False
+        if type(self.weight) is not float or not 0.0 <= self.weight <= 1.0:
+            return False
         finite = abs(np.concatenate(given)).max(initial=0.0) < checks.LARGEST
-        return bool(finite and min(self.kp.min(), self.kd.min(), self.weight, 1.0 - self.weight) >= 0.0)
+        return bool(finite and min(self.kp.min(), self.kd.min()) >= 0.0)
 
     def torque(self, q: Vec, dq: Vec) -> Vec:
         """τ (n,) of a motor that stands at q (n,) and turns with dq (n,)."""

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 from wbc import checks
-from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.device import BadFrame, Device, Order, Reading, opened
 from wbc.types import Vec
 
 
@@ -64,15 +64,15 @@ class Franka(Device):
         return sent
 
     def unpack(self, frame: Any) -> Reading:
-        try:
+        with opened(frame):
             time = frame.time.to_sec() if hasattr(frame.time, "to_sec") else frame.time
-            q, dq, tau, sent = (np.array(getattr(frame, name), float) for name in ("q", "dq", "tau_J", "tau_J_d"))
-        except (AttributeError, TypeError, ValueError) as cause:
-            raise BadFrame(f"{checks.shown(frame)} is not a state of the robot: {cause}") from cause
-        return Reading(q=q, dq=dq, tau=tau, time=float(time), sent=sent)
+            names = "q", "dq", "tau_J", "tau_J_d"
+            q, dq, tau, sent = (checks.array(name, getattr(frame, name), (7,)) for name in names)
+            return Reading(q=q, dq=dq, tau=tau, time=float(time), sent=sent)
 
     def decode(self, frame: Any, reading: Reading) -> Order:
-        torque = checks.array("torques", frame, (7,), error=BadFrame)
+        with opened(frame):
+            torque = checks.array("torques", frame, (7,))
         most = np.abs(torque - reading.sent).max() if len(reading.sent) else 0.0
         if most > 1.0 + 1e-9:
             raise BadFrame(f"a torque changes by {most:.3g} N m from one frame to the next; at most 1 N m is allowed")

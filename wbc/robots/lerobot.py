@@ -12,7 +12,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from wbc import checks
-from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.device import BadFrame, Device, Order, Reading, opened
 
 SO101 = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 
@@ -44,11 +44,13 @@ class LeRobot(Device):
 
     def unpack(self, frame: Any) -> Reading:
         nothing = np.full(len(self.motors), np.nan)
-        return Reading(q=self._positions(frame), dq=nothing, tau=nothing)
+        with opened(frame):
+            return Reading(q=self._positions(frame), dq=nothing, tau=nothing)
 
     def decode(self, frame: Any, reading: Reading) -> Order:
         del reading
-        return Order(self._positions(frame))
+        with opened(frame):
+            return Order(self._positions(frame))
 
     def report(self, reading: Reading) -> dict[str, float]:
         return self.encode(Order(reading.q), reading)
@@ -58,4 +60,4 @@ class LeRobot(Device):
             raise BadFrame(f"{checks.shown(frame)} is no dictionary of positions")
         if missing := [name for name in self.motors if f"{name}.pos" not in frame]:
             raise BadFrame(f"there is no {missing[0] + '.pos'!r} in what was observed")
-        return checks.array("positions", [frame[f"{name}.pos"] for name in self.motors], (None,), error=BadFrame)
+        return checks.array("positions", [frame[f"{name}.pos"] for name in self.motors], (None,))

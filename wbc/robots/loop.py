@@ -3,7 +3,7 @@
     begin    the first state decides where the robot is held; over ``ramp`` seconds the controller's order replaces that
     tick     newest state → base estimate → controller → order τ*, q*, q̇*, kp, kd → frame
     end      the robot is held where it is: q* = q, τ* = the last torque, stiffness and damping of ``hold``; or it is
-             let go over ``ramp`` seconds ("release")
+             let go over ``ramp`` seconds ("release"), and held where that is interrupted
 
 Torques are continuous at both ends, but for the damping of what moves. What is watched, and counted in the run's
 metadata:
@@ -25,6 +25,7 @@ from math import isnan
 from typing import Any, Protocol, final
 
 import numpy as np
+import pinocchio
 from threadpoolctl import threadpool_limits
 
 from wbc import checks
@@ -35,12 +36,12 @@ from wbc.control.recorder import Recorder, Run
 from wbc.control.setpoint import Setpoint
 from wbc.errors import InvalidInput
 from wbc.files import Place
-from wbc.robots.device import BadFrame, Order, Reading
+from wbc.robots.device import BadFrame, Order, Reading, rotation
 from wbc.robots.guard import Guard
 from wbc.robots.joint_map import JointMap
 from wbc.robots.motor_board import holding_gains
 from wbc.robots.port import DeviceSilent, Port
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 AT_END = ("hold", "release")
 #: How often a guard is told where the robot is [Hz]; rows that are set aside for a run without end.
@@ -52,6 +53,10 @@ class Base(Protocol):
 
     def reset(self, q: Any, v: Any) -> None:
         """Begin at q (nq,), v (nv,)."""
+
+    @property
+    def mount(self) -> Mat:
+        """The rotation (3, 3) from the axes of the IMU to those of the base."""
 
     def update(
         self, t: float, joint_q: Any, joint_v: Any, gyro_in_imu: Any, acceleration_in_imu: Any, *, joint_tau: Any
@@ -138,7 +143,8 @@ class Loop:
         self._ramp = checks.number("ramp", ramp, low=0.0, strict=True)
         self._at_end = checks.one_of("at_end", at_end, AT_END)
         self._patience = checks.number("patience", patience, low=0.0, strict=True)
-        self._guarded, self._hold_for = checks.truth("guard", guard) and port.shared, hold_for
+        self._guarded = checks.truth("guard", guard) and port.shared
+        self._hold_for = hold_for if hold_for == np.inf else checks.number("hold_for", hold_for, low=0.0, strict=True)
         self.guard: Guard | None = None
         self._gravity = robot.state() if port.device.adds_gravity else None
 
@@ -182,12 +188,14 @@ class Loop:
             ended = f"{type(cause).__name__}: {cause}"
             raise
         finally:
-            self._finish()
-            if collects:
-                gc.enable()
-            run = self._run(ended)
-            if out is not None and run.rows:
-                run.save(out)
+            try:
+                ended = self._finish(ended)
+            finally:
+                if collects:
+                    gc.enable()
+                run = self._run(ended)
+                if out is not None and run.rows:
+                    run.save(out)
         return run
 
     def _wait(self) -> None:
@@ -202,7 +210,7 @@ class Loop:
         self.driver.reset()
         self._start = self._heard
         self._q, self._v = self._begin()
-        self._order = self._held(self._known(self.reading.tau))
+        self._order = Order(self.reading.q, tau=self._known(self.reading.tau))
 
     @property
     def reading(self) -> Reading:
@@ -211,8 +219,7 @@ class Loop:
         return self._reading
 
     def _ticks(self, ticks: int | None, before_tick: Callable[[float], None] | None) -> str:
-        k, first, fresh = 0, self._order, False
-        tell = max(1, round(1.0 / (_TELL * self.dt)))
+        k, first, fresh = 0, self._held(), False
         while ticks is None or k < ticks:
             self._rate.sleep()
             fresh = self._receive()
@@ -229,29 +236,37 @@ class Loop:
                 **{"device.q": self.reading.q, "device.tau": self.reading.tau},
             )  # fmt: skip
             share = min(1.0, (k + 1) * self.dt / self._ramp)
-            self._order = self._asked(command)
-            self._send(first.mixed(self._order, share) if share < 1.0 else self._order)
-            if self.guard is not None and k % tell == 0:
-                self.guard.tell(self._held(self._order.tau), self.reading)
+            order = self._asked(command)
+            self._give(k, first.mixed(order, share) if share < 1.0 else order)
             self.controller.compile_waiting()
             k += 1
         return "complete"
 
-    def _finish(self) -> None:
-        """Hold the robot, or let it go."""
-        if self._reading is None:
-            return
-        held = self._held(self._order.tau)
-        if self._at_end == "hold":
-            self._send(held)
-            if self.guard is not None:
-                self.guard.tell(held, self.reading, now=True)
-            return
+    def _finish(self, ended: str) -> str:
+        """Hold the robot, or let it go; how the run ended."""
+        released = False
+        try:
+            if self._at_end == "release":
+                self._let_go()
+                released = True
+        except KeyboardInterrupt:
+            ended = "interrupted"
+        finally:
+            if not released:
+                held = self._held()
+                self._send(held)
+                if self.guard is not None:
+                    self.guard.tell(held, self.reading, now=True)
+        return ended
+
+    def _let_go(self) -> None:
+        held = self._held()
         free = Order(held.q, kd=held.kd, weight=0.0)
-        for k in range(round(self._ramp / self.dt)):
+        ticks = max(1, round(self._ramp / self.dt))
+        for k in range(ticks):
             self._rate.sleep()
             self._receive()
-            self._send(held.mixed(free, (k + 1) * self.dt / self._ramp))
+            self._give(k, held.mixed(free, (k + 1) / ticks))
         self.release()
 
     def release(self) -> None:
@@ -301,8 +316,11 @@ class Loop:
         q, v = robot.q0.copy(), np.zeros(robot.nv)
         q[-robot.nj :], v[-robot.nj :], _ = self._joint_state()
         if self.base is not None and robot.nb:
-            if not np.isnan(self.reading.quaternion).any():
-                q[3:7] = self.reading.quaternion / np.linalg.norm(self.reading.quaternion)
+            told = self.reading.quaternion
+            if not np.isnan(told).any():
+                if not np.linalg.norm(told) > 0.5:
+                    raise InvalidInput(f"the quaternion of the IMU is {told}; it says no orientation")
+                q[3:7] = pinocchio.Quaternion(rotation(told) @ self.base.mount.T).coeffs()
             q = robot.on_ground(q)  # type: ignore[attr-defined]
             self.base.reset(q, v)
         return q, v
@@ -326,9 +344,10 @@ class Loop:
             joint_map.torque_to_device(tau), *self._gains, gravity=self._gravity_torques(),
         )  # fmt: skip
 
-    def _held(self, tau: Vec) -> Order:
-        """The order that holds the robot where it is, with torques (n,) of the motors."""
-        return Order(self.reading.q, 0.0, tau, *self._hold, gravity=self._gravity_torques())
+    def _held(self) -> Order:
+        """The order that holds the robot where it is, with the torques of the last order but for their damping."""
+        last, q = self._order, self.reading.q
+        return Order(q, 0.0, last.tau + last.kp * (last.q - q), *self._hold, gravity=self._gravity_torques())
 
     def _gravity_torques(self) -> Any:
         """What gravity asks of the motors (n,); 0 where the robot does not add it by itself."""
@@ -336,6 +355,13 @@ class Loop:
             return 0.0
         self._gravity.update(0.0, self._q, np.zeros(self.robot.nv))
         return self.joint_map.torque_to_device(self._gravity.h[self.robot.nb :][self._joints])
+
+    def _give(self, k: int, order: Order) -> None:
+        """Send the order of tick k; now and then the guard is told what would hold the robot."""
+        self._order = order
+        self._send(order)
+        if self.guard is not None and k % max(1, round(1.0 / (_TELL * self.dt))) == 0:
+            self.guard.tell(self._held(), self.reading)
 
     def _send(self, order: Order) -> None:
         self.port.send(self.port.device.encode(order, self.reading))

@@ -13,7 +13,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.device import BadFrame, Device, Order, Reading, opened
 from wbc.types import Vec
 
 INTERFACES = ("effort", "position")
@@ -56,25 +56,27 @@ class Ros2Control(Device):
             position: Vec = order.q.copy()
             return position
         gravity = order.gravity if self.adds_gravity else 0.0
-        torque: Vec = order.torque(reading.q, reading.dq) - gravity
+        torque: Vec = order.torque(reading.q, np.nan_to_num(reading.dq)) - gravity
         return torque
 
     def unpack(self, frame: Any) -> Reading:
-        names = list(frame.name)
-        if missing := [joint for joint in self.motors if joint not in names]:
-            raise BadFrame(f"the joint state has no {missing[0]!r}; it has {', '.join(names)}")
-        order = [names.index(joint) for joint in self.motors]
-        values = {}
-        for name in ("position", "velocity", "effort"):
-            given = np.asarray(getattr(frame, name), dtype=np.float64)
-            values[name] = given[order] if len(given) == len(names) else np.full(len(order), np.nan)
-        stamp = getattr(getattr(frame, "header", None), "stamp", None)
-        time = float("nan") if stamp is None else stamp.sec + 1e-9 * stamp.nanosec
-        return Reading(q=values["position"], dq=values["velocity"], tau=values["effort"], time=time)
+        with opened(frame):
+            names = list(frame.name)
+            if missing := [joint for joint in self.motors if joint not in names]:
+                raise BadFrame(f"the joint state has no {missing[0]!r}; it has {', '.join(names)}")
+            order = [names.index(joint) for joint in self.motors]
+            values = {}
+            for name in ("position", "velocity", "effort"):
+                given = np.asarray(getattr(frame, name), dtype=np.float64)
+                values[name] = given[order] if len(given) == len(names) else np.full(len(order), np.nan)
+            stamp = getattr(getattr(frame, "header", None), "stamp", None)
+            time = float("nan") if stamp is None else stamp.sec + 1e-9 * stamp.nanosec
+            return Reading(q=values["position"], dq=values["velocity"], tau=values["effort"], time=time)
 
     def decode(self, frame: Any, reading: Reading) -> Order:
-        data = checks.array("data", frame, (len(self.motors),), error=BadFrame)
-        return Order(data) if self.law == "position" else Order(reading.q, tau=data)
+        with opened(frame):
+            data = checks.array("data", frame, (len(self.motors),))
+            return Order(data) if self.law == "position" else Order(reading.q, tau=data)
 
     def report(self, reading: Reading) -> SimpleNamespace:
         seconds = 0.0 if np.isnan(reading.time) else reading.time

@@ -16,7 +16,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.robots.device import BadFrame, Device, Order, Reading
+from wbc.robots.device import BadFrame, Device, Order, Reading, opened
 from wbc.types import Index, Vec
 
 #: What the makers send to motors that are not there: position [rad] and velocity [rad/s] that mean "none".
@@ -143,14 +143,17 @@ class Unitree(Device):
     def unpack(self, frame: Any) -> Reading:
         state = self._opened(frame, self.state, check=self.check)
         motors, imu = state["motor_state"][self.index], state["imu_state"]
-        more: dict[str, Any] = {name: int(state[name]) for name in self.echoed}
-        if self.feet is not None:
-            more["feet"] = _doubles(state[self.feet])
-        return Reading(
-            q=_doubles(motors["q"]), dq=_doubles(motors["dq"]), tau=_doubles(motors["tau_est"]),
-            time=int(state["tick"]) / 1000, quaternion=np.roll(_doubles(imu["quaternion"]), -1),
-            gyro=_doubles(imu["gyroscope"]), acceleration=_doubles(imu["accelerometer"]), **more,
-        )  # fmt: skip
+        with opened(frame):
+            more: dict[str, Any] = {
+                name: checks.one_of(name, int(state[name]), allowed) for name, allowed in self.echoed.items()
+            }
+            if self.feet is not None:
+                more["feet"] = _doubles(state[self.feet])
+            return Reading(
+                q=_doubles(motors["q"]), dq=_doubles(motors["dq"]), tau=_doubles(motors["tau_est"]),
+                time=int(state["tick"]) / 1000, quaternion=np.roll(_doubles(imu["quaternion"]), -1),
+                gyro=_doubles(imu["gyroscope"]), acceleration=_doubles(imu["accelerometer"]), **more,
+            )  # fmt: skip
 
     def decode(self, frame: Any, reading: Reading) -> Order:
         command = self._opened(frame, self.command, check=True)
@@ -165,9 +168,10 @@ class Unitree(Device):
             motor = self.motors[int(motors["mode"].argmin())]
             raise BadFrame(f"the mode of motor {motor} is 0, so it is off; it must be 1")
         slot = self.weight_slot
-        weight = 1.0 if slot is None else min(max(float(command["motor_cmd"]["q"][slot]), 0.0), 1.0)
+        weight = 1.0 if slot is None else float(np.clip(command["motor_cmd"]["q"][slot], 0.0, 1.0))
         q, dq, tau, kp, kd = (_doubles(motors[name]) for name in _DRIVE)
-        return Order(q, dq, tau, kp, kd, weight=weight)
+        with opened(frame):
+            return Order(q, dq, tau, kp, kd, weight=weight)
 
     def report(self, reading: Reading) -> bytes:
         frame = self._begun(self.state, reading)
@@ -293,5 +297,8 @@ class UnitreeGo2(Unitree):
 
 
 def _doubles(values: Any) -> Vec:
+    """Numbers of a frame, all of which a sound one has."""
     result: Vec = values.astype(np.float64)
+    if np.isnan(result).any():
+        raise BadFrame("a number of the frame is nan")
     return result
