@@ -137,7 +137,8 @@ def _greet_unseen() -> None:
     """Let the first object of HiGHS in this process, which prints a greeting, be one that may not print."""
     import highspy
 
-    (plain,) = highspy.Highs.__bases__  # Highs itself greets before it can be told anything
+    # Highs itself may greet before it can be told anything; the class that it extends does not.
+    plain = next(kind for kind in reversed(highspy.Highs.__mro__) if hasattr(kind, "setOptionValue"))
     first = plain()
     first.setOptionValue("log_to_console", False)
     first.run()
