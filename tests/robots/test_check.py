@@ -119,6 +119,24 @@ def test_a_mistake_that_is_applied_to_what_it_does_gives_the_robot_back(seed: in
         np.testing.assert_allclose(getattr(back, name), getattr(true, name), rtol=1e-9)
 
 
+@pytest.mark.parametrize("fingers", [2, 6, 7, 20])
+def test_limbs_that_are_alike_are_exchanged_each_with_each(fingers: int, tmp_path: Path):
+    """A hand of many fingers has too many ways to exchange several pairs at once."""
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    text = '<robot name="hand"><link name="palm"/>'
+    for k in range(fingers):
+        text += f'<link name="f{k}">{mass}</link><joint name="j{k:02}" type="revolute"><parent link="palm"/>'
+        text += f'<child link="f{k}"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="9" velocity="1"/></joint>'
+    (tmp_path / "hand.urdf").write_text(text + "</robot>")
+    found = Candidates(Expected(wbc.load(tmp_path / "hand.urdf", base="fixed"), np.eye(3))).limbs()
+    orders = {tuple(one.order.tolist()) for one in found}
+    assert len(orders) == len(found)
+    assert all((np.array(order)[list(order)] == np.arange(fingers)).all() for order in orders), "in pairs"
+    moved = [int((np.array(order) != np.arange(fingers)).sum()) for order in orders]
+    assert moved.count(2) == fingers * (fingers - 1) // 2
+    assert len(found) == (75 if fingers == 6 else moved.count(2))
+
+
 def test_a_floating_base_is_refused():
     robot = wbc.load("quadruped")
     with pytest.raises(InvalidInput, match="fixed base"):

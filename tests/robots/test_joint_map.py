@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 import wbc
 from wbc.errors import InvalidInput, UnknownJoint, UnknownSlot, WbcError
-from wbc.robots import JointMap
+from wbc.robots import JointMap, LeRobot
 
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 SLOTS = ("m0", "m1", "m2", "m3")
@@ -125,6 +127,36 @@ def test_of_refuses_what_is_no_robot_and_joints_it_does_not_have():
         JointMap.of(robot, robot.joint_names, signs=1)
     with pytest.raises(InvalidInput, match="robot is 'arm'; it must be a robot"):
         JointMap.of("arm", robot.joint_names)  # type: ignore[arg-type]
+
+
+def sliding(folder: Path) -> Any:
+    """An arm of LeRobot whose gripper slides."""
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    names, kinds = ("base", "lift", "elbow", "gripper"), ("revolute", "revolute", "revolute", "prismatic")
+    text = '<robot name="own"><link name="l0"/>'
+    for k, (name, kind) in enumerate(zip(names, kinds, strict=True)):
+        text += f'<link name="l{k + 1}">{inertial}</link><joint name="{name}" type="{kind}"><parent link="l{k}"/>'
+        text += (
+            f'<child link="l{k + 1}"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="9" velocity="1"/></joint>'
+        )
+    place = folder / "own.urdf"
+    place.write_text(text + "</robot>")
+    return wbc.load(place, base="fixed")
+
+
+@given(given_=st.dictionaries(st.sampled_from(["base", "elbow", "gripper"]), st.sampled_from(["rad", "m"])))
+def test_a_device_keeps_its_unit_for_the_joints_that_are_not_named(given_: dict[str, str]):
+    with TemporaryDirectory() as folder:
+        robot = sliding(Path(folder))
+    arm = LeRobot(robot.joint_names)
+    usual = dict.fromkeys(robot.joint_names, "deg") | {"gripper": "m"}
+    joint_map = arm.joint_map(robot, unit=given_) if given_ else arm.joint_map(robot)
+    assert dict(zip(joint_map.joints, joint_map.unit, strict=True)) == usual | given_
+    ones = [180.0 / np.pi if unit == "deg" else 1.0 for unit in joint_map.unit]
+    np.testing.assert_allclose(joint_map.position_to_device(np.ones(4)), ones)
+    for unit in ("deg", {"gripper": "deg"}):
+        with pytest.raises(InvalidInput, match="gripper is deg; it slides, so it must be m"):
+            arm.joint_map(robot, unit=unit)
 
 
 def test_values_that_are_no_numbers_are_refused():

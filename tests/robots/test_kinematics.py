@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
+from tests.robots.test_joint_map import sliding
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
 from wbc.robots import RobotKinematics
 
@@ -110,6 +111,15 @@ def test_joints_in_another_order_and_joints_that_are_not_named():
     goal[2, 3] -= 0.02
     there = some.inverse_kinematics(q[:6], goal, orientation_weight=0.0)
     assert some.found.ok and abs(some.found.q[6] - some.robot.q0[6]) < 1e-9 and there.shape == (6,)
+
+
+def test_joints_that_slide_have_no_degrees(tmp_path: Path):
+    sliding(tmp_path)
+    with pytest.raises(InvalidInput, match="joint 'gripper' slides"):
+        RobotKinematics(tmp_path / "own.urdf", "l4")
+    angles = RobotKinematics(tmp_path / "own.urdf", "l4", ["base", "lift", "elbow"])
+    turned = angles.forward_kinematics([90.0, 0.0, 0.0])
+    np.testing.assert_allclose(turned[:3, :3] @ [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], atol=1e-12)
 
 
 def test_names_and_shapes_are_checked():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -320,6 +321,15 @@ def test_settings_that_make_no_sense_are_refused(bad: dict[str, Any], match: str
     loop, port = torque_loop()
     with pytest.raises(InvalidInput, match=match):
         Loop(port, loop.controller, **bad)
+
+
+def test_a_robot_that_nothing_would_hold_is_not_moved():
+    weak = ARM.replace(limits=replace(ARM.limits, tau_max=np.array([9.0, 9, 0, 9, 9, 9, 9])))
+    controller = wbc.Controller(weak, wbc.Stack([Posture(weak.q0)]), level=wbc.InverseDynamics(), dt=2e-3)
+    port = torque_loop()[1]
+    with pytest.raises(InvalidInput, match=f"{ARM.joint_names[2]!r} has a torque limit of 0"):
+        Loop(port, controller)
+    Loop(port, controller, hold=(100.0, 5.0))
 
 
 def test_a_floating_base_needs_an_estimate():

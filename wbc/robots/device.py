@@ -11,7 +11,7 @@ of a robot into them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, final
@@ -177,12 +177,17 @@ class Device(ABC):
     def joint_map(self, robot: RobotModel, **conventions: Any) -> JointMap:
         """The map of a robot whose joints are called as the motors; those that it does not have are idle.
 
-        ``conventions`` as for :meth:`~wbc.robots.joint_map.JointMap.of`.
+        ``conventions`` as for :meth:`~wbc.robots.joint_map.JointMap.of`; a joint that ``unit`` does not name has the
+        device's, or "m" if it slides.
         """
-        names = conventions.get("names") or {}
-        wanted = {names.get(joint, joint) for joint in conventions.get("joints") or robot.joint_names}
+        names, joints = conventions.get("names") or {}, conventions.get("joints") or robot.joint_names
+        wanted = {names.get(joint, joint) for joint in joints}
         idle = [motor for motor in self.motors if motor not in wanted]
-        return JointMap.of(robot, self.motors, **{"unit": self.unit, "idle": idle} | conventions)
+        unit = conventions.pop("unit", {})
+        if isinstance(unit, Mapping):
+            slides = [robot.joint_units[robot.joint(joint)] == "m" for joint in joints]
+            unit = {joint: "m" if m else self.unit for joint, m in zip(joints, slides, strict=True)} | dict(unit)
+        return JointMap.of(robot, self.motors, **{"unit": unit, "idle": idle} | conventions)
 
     @abstractmethod
     def encode(self, order: Order, reading: Reading) -> Any:

@@ -132,7 +132,8 @@ class JointMap:
             **conventions: ``sign``, ``offset``, ``gear``, ``unit``, as above.
 
         Raises:
-            InvalidInput, UnknownSlot, UnknownJoint: as above, and for a joint that the robot does not have.
+            InvalidInput, UnknownSlot, UnknownJoint: as above, for a joint that the robot does not have, and for degrees
+                of a joint that slides.
 
         Example:
             >>> import wbc
@@ -151,9 +152,13 @@ class JointMap:
         for joint in (*wanted, *called):
             robot.joint(joint)
         try:
-            return cls(wanted, [called.get(joint, joint) for joint in wanted], device, idle=idle, **conventions)
+            made = cls(wanted, [called.get(joint, joint) for joint in wanted], device, idle=idle, **conventions)
         except TypeError as cause:
             raise InvalidInput(f"{cause}; a map has sign, offset, gear and unit") from cause
+        for joint, unit in zip(made.joints, made.unit, strict=True):
+            if unit == "deg" and robot.joint_units[robot.joint(joint)] == "m":
+                raise InvalidInput(f"unit of {joint} is deg; it slides, so it must be m")
+        return made
 
     @property
     def size(self) -> int:

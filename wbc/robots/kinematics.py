@@ -58,6 +58,9 @@ class RobotKinematics:
         names = self.robot.joint_names if joint_names is None else checks.names("joint_names", joint_names)
         self.joint_names = list(names)
         self._index = np.array([self.robot.joint(name) for name in names])
+        for name, k in zip(names, self._index, strict=True):
+            if self.robot.joint_units[k] == "m":
+                raise InvalidInput(f"joint {name!r} slides; name those that turn as joint_names")
         others = [name for name in self.robot.joint_names if name not in names]
         self._limits = [JointLimits(), *([FrozenJoints(others).exactly()] if others else [])]
         self._q: Vec = self.robot.q0.copy()

@@ -84,7 +84,8 @@ class Loop:
         hold_for: how long a guard holds [s].
 
     Raises:
-        InvalidInput: another rate than the controller's, a floating base without ``base``, an argument out of range.
+        InvalidInput: another rate than the controller's, a floating base without ``base``, an argument out of range, a
+            joint without torque limit where ``hold`` is not given.
 
     Example:
         >>> import numpy as np, wbc
@@ -137,6 +138,9 @@ class Loop:
         self.joint_map = checks.instance("joint_map", joint_map, JointMap, "a JointMap")
         self._joints = np.array([robot.joint(name) for name in self.joint_map.joints])
         stiffness, damping = holding_gains(robot) if hold is None else checks.pair("hold", hold, "stiffness, damping")
+        if hold is None and not (stiffness[self._joints] > 0.0).all():
+            weak = self.joint_map.joints[int(stiffness[self._joints].argmin())]
+            raise InvalidInput(f"joint {weak!r} has a torque limit of 0, so nothing would hold it; give hold")
         self._hold = self._gain("hold", stiffness), self._gain("hold", damping)
         usual = (0.0, 0.0) if self.controller.level.dynamics else (stiffness, damping)
         self._gains = self._gain("kp", usual[0] if kp is None else kp), self._gain("kd", usual[1] if kd is None else kd)

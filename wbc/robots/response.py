@@ -33,6 +33,8 @@ from wbc.types import Index, Mat, Vec
 
 #: What measured torques may differ from the model's by: so much [N m], and this share.
 _DYNAMIC, _STATIC, _SHARE = 0.02, 0.1, 0.12
+#: Of so many limbs that are alike, several pairs may be exchanged at once.
+_FEW = 6
 #: What a motor may add to its joint: inertia of the rotor [kg m², kg], friction [N m s/rad, N s/m].
 _ROTOR, _FRICTION = 0.02, 3.0
 
@@ -270,18 +272,15 @@ def _least(cost: Callable[[float], float], start: float, stepped: Callable[[floa
 
 
 def _pairings(n: int) -> list[tuple[int, ...]]:
-    """All ways to exchange some of n things in pairs, but for the one that leaves all."""
-    if n < 2:
-        return []
+    """All ways to exchange some of n things in pairs, but for the one that leaves all; of many, one pair at a time."""
     found = [tuple(range(n))]
     for i in range(n):
         for j in range(i + 1, n):
-            for order in list(found):
+            for order in list(found) if n <= _FEW else found[:1]:
                 if order[i] == i and order[j] == j:
                     swapped = list(order)
                     swapped[i], swapped[j] = j, i
-                    if tuple(swapped) not in found:
-                        found.append(tuple(swapped))
+                    found.append(tuple(swapped))
     return found[1:]
 
 
