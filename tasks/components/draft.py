@@ -61,15 +61,17 @@ class Draft:
         """Settings of a task in this tick: ``weight``, ``active``, ``kp``, ``kd``, ``rate``, ``target``."""
         self._settings.setdefault(name, {}).update(settings)
 
-    def so_far(self, task: Objective, what: str) -> Any:
-        """A setting of a task as earlier reactions left it."""
-        return self._settings.get(task.name, {}).get(what, getattr(task, what))
+    def weights(self, task: Objective) -> Vec:
+        """Weights (dim,) of a task as earlier reactions left them, a copy."""
+        return np.array(self._so_far(task).get("weight", task.weights()))
 
     def gains(self, task: Task) -> tuple[Vec, Vec]:
         """kp and kd (dim,) of a task as earlier reactions left them, copies."""
-        kp = np.broadcast_to(self.so_far(task, "kp"), task.dim).copy()
-        kd = self.so_far(task, "kd")
-        return kp, np.broadcast_to(2.0 * np.sqrt(kp) if kd is None else kd, task.dim).copy()
+        (kp, kd, _), said = task.gains(), self._so_far(task)
+        return np.array(said.get("kp", kp)), np.array(said.get("kd", kd))
+
+    def _so_far(self, task: Objective) -> dict[str, Any]:
+        return self._settings.get(task.name, {})
 
     @property
     def share(self) -> Vec:

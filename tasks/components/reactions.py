@@ -161,7 +161,7 @@ class Weigh(Reaction):
     factor: float
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
-        draft.set(self.task, weight=np.asarray(draft.so_far(draft.task(self.task), "weight")) * self.factor)
+        draft.set(self.task, weight=draft.weights(draft.task(self.task)) * self.factor)
 
     def prepare(self, plan: PlanView) -> None:
         checks.number("Weigh.factor", self.factor, low=0.0)
@@ -212,7 +212,7 @@ class Comply(Reaction):
 @final
 @dataclass(frozen=True)
 class Stop(Reaction):
-    """Tasks on the joints hold the configuration of this moment, all other tasks are dropped."""
+    """Tasks on the positions of joints hold the configuration of this moment, all other tasks are dropped."""
 
     def decide(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> Any:
         return np.array(state.q_joints)
@@ -239,4 +239,5 @@ def soften(draft: Draft, joint: int) -> None:
 
 
 def _holds_joints(task: Any) -> bool:
-    return bool(getattr(task, "on_joints", False)) and hasattr(task, "target")
+    """Whether the target is a configuration: without kp it would be a velocity."""
+    return isinstance(task, Task) and task.on_joints and hasattr(task, "target") and bool(task.gains()[0].any())
