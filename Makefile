@@ -1,8 +1,9 @@
 # Needs make and a python >= 3.11 with pip; everything else goes into .venv. Choose another python with PYTHON=...
 PYTHON ?= python3
 SCENARIO ?= humanoid-stand
-# Tests run in one process for each core, eight at most; a file's tests stay together. PARALLEL= runs them in one.
-PARALLEL ?= -n logical --maxprocesses 8 --dist loadfile
+# Tests run in one process for each core, eight at most; a file's tests stay together, files with slow tests first.
+# PARALLEL= runs them in one process.
+PARALLEL ?= -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 MUTATIONS ?= --count 200 --seed 1 --jobs 2
 VENV := .venv
 VENV_PYTHON := $(VENV)/bin/python

@@ -120,6 +120,7 @@ def test_readme_concepts_and_guides_show_programs():
     assert len(FILES) >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", FILES, ids=lambda path: path.name)
 def test_the_files_of_a_document_run(document: Path, tmp_path: Path):
     for block in blocks(document.read_text()):
@@ -170,6 +171,7 @@ def test_docstrings_name_files_that_exist():
     assert [(name, place) for name, place in named if not (ROOT / place).exists()] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_commands_in_documents_exist(document: Path, tmp_path: Path):
     targets = set(TARGET.findall((ROOT / "Makefile").read_text()))

@@ -106,6 +106,7 @@ def test_slips_of_each_kind(source: str, changed: list[str]):
     assert {slip.applied(source.encode()).decode() for slip in slips("file.py", source)} == set(changed)
 
 
+@pytest.mark.slow
 def test_every_slip_in_the_sources_can_be_parsed_and_the_draw_depends_on_the_seed_alone():
     first = drawn(ROOT, 300, 1)
     for slip in first:

@@ -56,6 +56,7 @@ def drawn(folder: Path, *options: str, **environment: str) -> tuple[list[str], s
     return sorted(numbers.read_text().splitlines()), done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", [{}, {"CI": "true"}], ids=["by hand", "in CI"])
 def test_a_seed_repeats_the_examples_and_another_one_draws_others(tmp_path: Path, machine: dict[str, str]):
     first, text = drawn(tmp_path, WBC_TEST_SEED="202607", **machine)
@@ -66,6 +67,7 @@ def test_a_seed_repeats_the_examples_and_another_one_draws_others(tmp_path: Path
     assert len(set(first) & set(other)) < len(set(first)) / 2
 
 
+@pytest.mark.slow
 def test_processes_that_share_the_tests_draw_the_same_as_one(tmp_path: Path):
     """Also where a module was loaded by a test that ran before in the same process."""
     alone = drawn(tmp_path, WBC_TEST_SEED="202607")[0]

@@ -215,6 +215,7 @@ class Carries(Component):
         return wbc.Overrides(bias=self.bias)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3, 6])
 def test_what_components_say_that_motors_carry_is_counted_in_the_way_to_rest(seed: int, tmp_path: Path) -> None:
     robot, tau_max = arm(seed, tmp_path, share=0.5)

@@ -133,6 +133,7 @@ def told(make: Any, level: Any, hierarchy: Any, seed: int, *, dry: bool) -> list
     return [*seen, asked[before:]]
 
 
+@pytest.mark.slow
 @settings(max_examples=12, phases=[Phase.explicit, Phase.generate])
 @given(st.integers(0, 2**32 - 1), st.sampled_from(LEVELS), st.sampled_from(HIERARCHIES), st.booleans())
 def test_nobody_notices_a_dry_tick(seed: int, level: Any, hierarchy: Any, steps: bool):

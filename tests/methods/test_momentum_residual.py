@@ -259,6 +259,7 @@ def test_noise_of_the_momentum_has_the_variance_of_the_formula(scheme: str):
 
 
 # ---- forces of others
+@pytest.mark.slow
 @few
 @given(st.integers(0, 2**32 - 1))
 def test_a_collision_shows_with_the_opposite_sign_and_a_measured_force_is_compensated(seed: int):

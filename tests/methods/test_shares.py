@@ -40,6 +40,7 @@ def of_distribution(problem: ForceDistribution) -> Signs:
     return {"active": active, "infeasible": not found.feasible, "deficient": short_of_rank(problem.G)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("strategy", "signs"),
     [

@@ -138,6 +138,7 @@ def test_the_lyapunov_function_never_grows_and_falls_as_computed(seed: int):
     assert np.allclose(V[2:] - V[:-2], integrals, rtol=1e-5, atol=1e-5 * np.abs(integrals).max())
 
 
+@pytest.mark.slow
 @few
 @given(seed=seeds)
 def test_errors_vanish_from_any_start_with_any_adaptation_gain(seed: int):

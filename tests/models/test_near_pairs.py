@@ -171,6 +171,7 @@ def things(rng: np.random.Generator) -> list[Obstacle]:
     return flying
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(SEEDS, st.sampled_from([ARM, QUADRUPED, HUMANOID]))
 def test_asking_few_pairs_says_what_asking_all_says(seed: int, robot: Any):

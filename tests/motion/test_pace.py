@@ -28,6 +28,7 @@ def test_moments_are_nowhere_faster_than_the_pace_asked(seed: int):
     assert len(moments(np.ones(50), 60.0)) == 50
 
 
+@pytest.mark.slow
 def test_the_pace_found_is_the_fastest_possible_one():
     found = retargeted("squat")
     robot, contacts = found.robot, list(found.contacts.values())
@@ -46,6 +47,7 @@ def test_the_pace_found_is_the_fastest_possible_one():
         assert not possible(robot, contacts, hurried.q[k], r * v[k], r**2 * a[k], 0.99)
 
 
+@pytest.mark.slow
 def test_a_squat_faster_than_its_fall_is_slowed_down():
     squat = made("squat")
     found = wbc.retarget(

@@ -45,6 +45,7 @@ def possible(robot, contacts, q, v, a, share: float) -> bool:
     return bool(found.status == 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["squat", "walk"])
 def test_forces_exist_where_the_oracle_finds_some(name: str):
     found = retargeted(name)

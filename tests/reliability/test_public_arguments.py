@@ -12,6 +12,7 @@ from wbc.errors import InvalidInput
 PUBLIC = walker.public()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLIC)
 def test_nonsense_is_refused_by_an_error_of_the_library(name: str):
     assert walker.walk(PUBLIC[name]) == []

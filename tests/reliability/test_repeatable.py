@@ -10,6 +10,7 @@ import sys
 import pytest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["arm-torque", "humanoid"])
 def test_commands_are_equal_to_the_bit_across_processes(name: str, tmp_path):
     digests = set()

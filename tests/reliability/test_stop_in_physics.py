@@ -13,6 +13,7 @@ from tests.reliability.faults import Saboteur
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["quadruped", "humanoid"])
 def test_a_robot_that_sways_stops_and_stands_when_all_solvers_fail(name: str):
     stance = (quadruped_stand if name == "quadruped" else humanoid_stand).STANCES[name]

@@ -21,6 +21,7 @@ RUNS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), RUNS)
 def test_a_robot_stands_through_its_bytes_and_is_held(name: str, seed: int):
     one = stood(name, seed)
@@ -28,6 +29,7 @@ def test_a_robot_stands_through_its_bytes_and_is_held(name: str, seed: int):
     assert one.largest > 2e-3, "nobody pushed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), RUNS)
 def test_a_robot_whose_script_is_killed_is_held(name: str, seed: int):
     one = killed(name, seed)

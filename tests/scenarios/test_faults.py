@@ -26,6 +26,7 @@ def run(name: str, *parameters: str, duration: float | None = None) -> ScenarioR
     return scenario.run(scenario.parse(parameters), Settings(**chosen))
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_our_humanoid_falls_without_its_knee_unless_it_is_answered() -> None:
     result = run("humanoid-joint-loss", "robot=humanoid", "moments=1", "variants=false", duration=1.6)

@@ -104,6 +104,7 @@ def wide() -> HeldSway:
     return HeldSway(stance.robot("humanoid"), stance, least=0.2)
 
 
+@pytest.mark.slow
 def test_a_dead_knee_moves_the_sway_to_the_other_side_and_makes_it_smaller(wide: HeldSway) -> None:
     left, right = wide.held(["left_knee"]), wide.held(["right_knee"])
     assert left is not None and right is not None
@@ -265,6 +266,7 @@ def test_g1_without_either_knee_stands_where_the_sway_asks_most_of_it(g1: Stand,
         assert outcome.slip < 5e-3 or not react
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_the_family_has_a_row_for_each_joint_and_says_why() -> None:
     result = run("fault-family", "robot=quadruped", "joints=front_left_hip_roll", "moments=1", duration=0.3)

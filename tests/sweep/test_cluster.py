@@ -44,6 +44,7 @@ def check_complete(folder: Path, runs: int = RUNS) -> None:
     assert (folder / "report.html").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_worker_of_our_own_that_is_killed_midway_loses_nothing(tmp_path: Path):
     deadly = tmp_path / "deadly"
 

@@ -84,6 +84,7 @@ def test_within_limits_the_command_is_the_law_cut_off():
     np.testing.assert_allclose(run["tau"], wanted, atol=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 999), physical=st.booleans())
 def test_V_never_rises_and_bounds_what_it_is_made_of(seed: int, physical: bool):
@@ -113,6 +114,7 @@ def test_V_falls_as_its_formula_says():
     np.testing.assert_allclose(found[2:-2], expected[2:-2], atol=2e-2 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_errors_vanish_and_an_exciting_motion_identifies_every_coefficient():
     """Property 40."""
     run = adapted(ALL, duration=20.0, gain=60.0, dt=4e-3)

@@ -34,6 +34,7 @@ def column(found: dict[str, Any], solver: str, mode: str = "cold") -> dict[str, 
     return next(m for m in found["measures"] if m["solver"] == solver and m["mode"] == mode)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["cold", "warm"])
 def test_what_hangs_or_crashes_loses_only_the_problem_it_hung_or_crashed_on(found: dict[str, Any], mode: str):
     for solver, reason in (("hanging", "no answer within 3 s"), ("crashing", "crashed: SIGSEGV")):

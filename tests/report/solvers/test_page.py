@@ -35,6 +35,7 @@ def tables(report: Report, section: str) -> list[Table]:
     return [i for s in report.sections if s.title == section for i in s.items if isinstance(i, Table)]
 
 
+@pytest.mark.slow
 def test_all_sections_are_there(report: Report):
     assert [section.title for section in report.sections] == [
         "Which solver", "ticks", "reach", "mixed", "In the closed loop", "Torture", "Failures", "Settings",

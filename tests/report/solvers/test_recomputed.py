@@ -137,6 +137,7 @@ def test_what_is_told_of_others_problems_is_so_for_every_solver(tmp_path: Path):
                 check(measure, list(found.qps), data["classes"][measure["class"]])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not (OTHERS / "mpc").is_dir(), reason="no problems of others; set WBC_QPS to a folder with mpc/")
 def test_what_is_told_of_some_of_others_problems_is_so(tmp_path: Path):
     (tmp_path / "some").mkdir()

@@ -46,6 +46,7 @@ def lines(journal: Path) -> int:
     return journal.read_bytes().count(b"\n") if journal.exists() else 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.deep), pytest.param(3, marks=pytest.mark.deep)])
 def test_killed_at_any_moment_and_taken_up_it_gives_the_same_data(tmp_path: Path, seed: int):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
