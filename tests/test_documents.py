@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -171,9 +172,14 @@ def test_docstrings_name_files_that_exist():
     assert [(name, place) for name, place in named if not (ROOT / place).exists()] == []
 
 
-@pytest.mark.slow
+@cache
+def help_of(*verbs: str) -> subprocess.CompletedProcess[str]:
+    """What a command of ours says of itself."""
+    return run(["wbc", *verbs, "--help"], ROOT)
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_commands_in_documents_exist(document: Path, tmp_path: Path):
+def test_commands_in_documents_exist(document: Path):
     targets = set(TARGET.findall((ROOT / "Makefile").read_text()))
     for words in commands(document.read_text()):
         if words[0] == "make":
@@ -181,7 +187,7 @@ def test_commands_in_documents_exist(document: Path, tmp_path: Path):
         elif words[0] == "wbc":
             options = [w.partition("=")[0] for w in words if w.startswith("--")]
             verbs = words[1:3] if words[1] in ("report", "derive") else words[1:2]
-            answer = run(["wbc", *verbs, "--help"], tmp_path)
+            answer = help_of(*verbs)
             assert answer.returncode == 0, f"{document.name}: {' '.join(words)}"
             assert [option for option in options if option not in answer.stdout] == []
         else:
