@@ -152,6 +152,7 @@ class MomentumObserver(Component):
     def check(self, plan: PlanView) -> None:
         if not plan.level.dynamics:
             raise NotSupported(f"{self.name} observes torques, which the {plan.level.name} does not decide")
+        self._plan = plan
 
     def _refuse(self, plan: PlanView) -> None:
         if plan.stack.contacts and self.wrenches is None:

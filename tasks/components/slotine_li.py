@@ -111,7 +111,6 @@ class SlotineLi(Component):
         self._links = links
         #: Whether â stays as it is.
         self.frozen = False
-        self._tau: Vec | float = 0.0
         #: The task that asks for τ_SL, which is its target in each tick.
         self.torque = Torque(0.0, weight=weight, name=f"{self.name} torque")
 
@@ -140,10 +139,13 @@ class SlotineLi(Component):
             self._reference = TaskReference(f"{self.name}.target", self.target, model, self.frame, number["rate"])
         self._excitation = Excitation(inertial, number["window"]) if inertial and number["window"] else None
         self._prediction = Prediction(inertial, number["filter"]) if inertial and number["composite"] else None
-        self._s, self._V, self._used = np.zeros(n), np.nan, False
+        self._s, self._tau, self._V, self._used = np.zeros(n), np.zeros(n), np.nan, False
+        #: The regressor of a tick whose state is not learnt from yet.
+        self._Y: Mat | None = None
 
     def reset(self, state: RobotState) -> None:
         self._law.reset()
+        self._Y = None
         for memory in (self._excitation, self._prediction):
             if memory is not None:
                 memory.reset()
@@ -155,9 +157,9 @@ class SlotineLi(Component):
     def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides:
         e, e_rate, v_r, a_r = self._reference.at(state)
         self._s = v_r - state.v
-        self._Y = self._law.regressor(state.q, state.v, v_r, a_r)
+        self._Y = Y = self._law.regressor(state.q, state.v, v_r, a_r)
         feedback = self._kd * self._s if e is None else self._kp * e + self._kd * e_rate
-        self._tau = self._Y @ self._law.a_hat + feedback
+        self._tau = Y @ self._law.a_hat + feedback
         self._dt = plan.dt
         self._V = self._lyapunov(state, e)
         asked = {self.torque.name: {"target": self._tau}}
@@ -168,11 +170,14 @@ class SlotineLi(Component):
         return Overrides(tasks=asked, bias=bias, inertia=inertia)
 
     def after(self, state: RobotState, command: Any) -> None:
-        if not np.isfinite(self._tau).all():
+        Y, self._Y = self._Y, None
+        if Y is None or not np.isfinite(self._tau).all():
+            if self._prediction is not None:  # its filters have not seen this tick
+                self._prediction.reset()
             return
-        gradient = self._Y.T @ self._s
+        gradient = Y.T @ self._s
         if self._excitation is not None:
-            self._excitation.add(self._Y, self._dt)
+            self._excitation.add(Y, self._dt)
         if self._prediction is not None:
             W, off = self._prediction.error(state, command.tau, self._law.a_hat, self._dt)
             gradient[: W.shape[1]] += self._numbers["composite"] * (W.T @ off)
