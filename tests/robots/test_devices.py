@@ -8,16 +8,29 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
 from tests.robots import layouts
 from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, UnknownSlot
-from wbc.robots import Franka, LeRobot, Ros2Control, UnitreeG1, UnitreeG1Arms, UnitreeGo2
+from wbc.robots import (
+    Franka,
+    JointMap,
+    LeRobot,
+    Loop,
+    MotorBoard,
+    Ros2Control,
+    UnitreeG1,
+    UnitreeG1Arms,
+    UnitreeGo2,
+)
+from wbc.robots.check import check
 from wbc.robots.device import BadFrame, Device, Order, Reading
 from wbc.robots.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Unitree, checksum
+from wbc.sim.plant import ForwardDynamicsPlant
+from wbc.tasks import Posture
 
 STRUCTURES = layouts.structures()
 UNITREE: list[Unitree] = [UnitreeG1(), UnitreeG1Arms(), UnitreeG1Arms(waist=True), UnitreeGo2()]
@@ -348,6 +361,27 @@ def test_dictionaries_of_degrees_become_radians_through_their_map():
 def test_motors_have_the_names_of_the_published_descriptions(name: str, device: Device):
     joint_map = device.joint_map(wbc.load(name))
     assert sorted(joint_map.index.tolist()) == [*range(len(device.motors))] and joint_map.idle == ()
+
+
+@given(order=st.permutations(range(7)))
+@settings(max_examples=5)
+def test_a_map_of_other_motors_drives_none(order: list[int]):
+    """Of other names, or of the same in another order: a torque would go to another motor."""
+    robot = wbc.load("arm")
+    group = Ros2Control(robot.joint_names)
+    board = MotorBoard(group, ForwardDynamicsPlant(robot))
+    controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.InverseDynamics(), dt=2e-3)
+    for motors in ([robot.joint_names[k] for k in order], [f"m{k}" for k in order]):
+        joint_map = JointMap.of(robot, motors, names=dict(zip(robot.joint_names, motors, strict=True)))
+        if motors == [*robot.joint_names]:
+            continue
+        for use in (
+            lambda m: MotorBoard(group, ForwardDynamicsPlant(robot), joint_map=m),
+            lambda m: Loop(board, controller, joint_map=m),
+            lambda m: check(board, robot, joint_map=m),
+        ):
+            with pytest.raises(InvalidInput, match="the motors of the device are"):
+                use(joint_map)
 
 
 @needs_examples

@@ -32,8 +32,8 @@ def reaching(**other: Any) -> TargetEnv:
     stack = wbc.Stack([tool, Posture(robot.q0, weight=1e-5)], subject_to=[JointVelocityLimits()])
     controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=2e-3)
     plant = IntegratorPlant(robot, level="velocity", dt=2e-3)
-    given = {"targets": [(tool, LOW, HIGH)], "reward": distance, "duration": 0.4} | other
-    return TargetEnv(controller, plant, given.pop("targets"), **given)
+    given = {"plant": plant, "targets": [(tool, LOW, HIGH)], "reward": distance, "duration": 0.4} | other
+    return TargetEnv(controller, given.pop("plant"), given.pop("targets"), **given)
 
 
 def standing() -> TargetEnv:
@@ -120,6 +120,9 @@ def test_many_environments_are_stepped_by_the_vector_class():
         ({"targets": [(Position("tool", target=[0.4, 0.0, 0.5]), LOW, HIGH)]}, "a task of the stack"),
         ({"targets": [1]}, "targets"),
         ({"ticks": 0}, "ticks"),
+        ({"ticks": 2.5}, "ticks"),
+        ({"plant": IntegratorPlant(wbc.load("so101"), level="velocity", dt=2e-3)}, "the plant is"),
+        ({"plant": IntegratorPlant(wbc.load("arm"), dt=2e-3)}, "takes acceleration"),
         ({"duration": 0.0}, "duration"),
         ({"noise": -1.0}, "noise"),
     ],
@@ -135,6 +138,15 @@ def test_bounds_must_fit_the_target():
     for low, high, said in ((LOW[:2], HIGH, "low of targets"), (HIGH, LOW, "below its high")):
         with pytest.raises(InvalidInput, match=said):
             TargetEnv(env.controller, env.plant, [(task, low, high)], reward=distance)
+
+
+@pytest.mark.physics
+def test_drives_that_follow_positions_are_refused():
+    from wbc.sim.drives import PositionDrives
+    from wbc.sim.mujoco_ import MujocoPlant
+
+    with pytest.raises(InvalidInput, match="takes positions"):
+        reaching(plant=MujocoPlant(wbc.load("arm"), dt=2e-3, drives=PositionDrives()))
 
 
 def test_an_action_that_is_no_number_is_refused():

@@ -15,7 +15,7 @@ from wbc.robots.device import Device, Order, Reading
 from wbc.robots.unitree import UnitreeGo2
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.plant import IntegratorPlant
+from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
 
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.physics
@@ -140,11 +140,38 @@ def test_an_imu_sees_how_its_robot_stands_and_is_turned():
 
 
 @pytest.mark.parametrize(
-    "bad", [{"delay": -1.0}, {"timeout": 0.0}, {"on_timeout": "fall"}, {"imu": np.zeros(3)}, {"sensors": 0.1}]
+    "bad",
+    [
+        {"delay": -1.0},
+        {"timeout": 0.0},
+        {"on_timeout": "fall"},
+        {"sensors": 0.1},
+        {"imu": np.zeros(3)},
+        {"imu": np.ones((3, 3))},
+        {"imu": -np.eye(3)},
+    ],
 )
 def test_settings_that_make_no_sense_are_refused(bad: dict[str, Any]):
     with pytest.raises(InvalidInput, match=next(iter(bad))):
         board_for(**bad)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, np.nan, np.inf])
+def test_time_goes_on_and_never_back(seconds: float):
+    board = board_for()
+    with pytest.raises(InvalidInput, match="seconds"):
+        board.sleep(seconds)
+    board.sleep(0.01)
+    assert board.clock() == pytest.approx(0.01)
+
+
+def test_a_robot_is_held_at_an_attitude_by_physics_alone():
+    robot = wbc.load("arm")
+    group = Ros2Control(robot.joint_names)
+    with pytest.raises(InvalidInput, match="ForwardDynamicsPlant has a gravity that cannot be turned"):
+        MotorBoard(group, ForwardDynamicsPlant(robot)).tilt(np.eye(3))
+    with pytest.raises(InvalidInput, match="attitude"):
+        MotorBoard(group, MujocoPlant(robot)).tilt(2.0 * np.eye(3))
 
 
 def test_a_plant_that_takes_no_torques_is_refused():

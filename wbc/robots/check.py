@@ -463,7 +463,7 @@ def check(
         progress: called with a number in [0, 1].
 
     Raises:
-        InvalidInput: a floating base, or a map that leaves joints out.
+        InvalidInput: a floating base, a map that leaves joints out, or one of another device's motors.
 
     Example:
         >>> import wbc
@@ -483,7 +483,7 @@ def check(
     if robot.nb:
         raise InvalidInput("a check is made with a fixed base: the robot hangs or lies; load it with base='fixed'")
     device = device or port.device
-    taken = joint_map or device.joint_map(robot)
+    taken = device.accepted(joint_map, robot)
     checker = _Check(port, robot, device=device, joint_map=taken, hands=hands, progress=progress)
     result = checker.result
     if not (checker.listen() and checker.frames()):

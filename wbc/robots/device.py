@@ -189,6 +189,21 @@ class Device(ABC):
             unit = {joint: "m" if m else self.unit for joint, m in zip(joints, slides, strict=True)} | dict(unit)
         return JointMap.of(robot, self.motors, **{"unit": unit, "idle": idle} | conventions)
 
+    def accepted(self, joint_map: JointMap | None, robot: RobotModel) -> JointMap:
+        """A map that is given for a robot, or else that of equal names.
+
+        Raises:
+            InvalidInput: its slots are not the motors of this device, in their order.
+        """
+        if joint_map is None:
+            return self.joint_map(robot)
+        slots = checks.instance("joint_map", joint_map, JointMap, "a JointMap").device
+        if slots != tuple(self.motors):
+            raise InvalidInput(
+                f"joint_map is for the slots {', '.join(slots)}; the motors of the device are {', '.join(self.motors)}"
+            )
+        return joint_map
+
     @abstractmethod
     def encode(self, order: Order, reading: Reading) -> Any:
         """The frame to send; ``reading`` is the last one, for robots that want to be answered to it."""

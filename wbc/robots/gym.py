@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from wbc import checks
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput, SimulationError
-from wbc.sim.plant import Plant
+from wbc.sim.plant import Plant, whole
+from wbc.sim.simulate import check_fit
 from wbc.types import Vec
 
 Numbers = NDArray[np.float32]
@@ -83,11 +84,9 @@ class TargetEnv(gymnasium.Env[Numbers, Numbers]):
     ) -> None:
         self.controller = checks.instance("controller", controller, Controller, "a wbc.Controller")
         self.plant = checks.instance("plant", plant, Plant, "a plant, as MujocoPlant(robot)")
-        if abs(plant.dt - controller.dt) > 1e-12 or plant.takes not in controller.level.carries:
-            raise InvalidInput(
-                f"the plant takes {plant.takes} every {plant.dt:g} s, the controller's period is {controller.dt:g} s; "
-                "they must fit"
-            )
+        check_fit(controller, plant)
+        if plant.takes == "position":
+            raise InvalidInput("the plant takes positions, which would follow what is measured: it must take torques")
         self.targets: list[Any] = []
         lows, highs = [], []
         members = [task for level in controller.stack.levels for task in level]
@@ -108,7 +107,7 @@ class TargetEnv(gymnasium.Env[Numbers, Numbers]):
             if one is not None and not callable(one):
                 raise InvalidInput(f"{name} is {checks.shown(one)}; it must be a function of the environment")
         self._reward, self._observe = reward, observe
-        self._ticks = int(checks.number("ticks", ticks, low=1))
+        self._ticks = whole("ticks", ticks)
         self._duration = checks.number("duration", duration, low=0.0, strict=True)
         self._noise = checks.number("noise", noise, low=0.0)
         self._low, self._high = np.concatenate(lows), np.concatenate(highs)

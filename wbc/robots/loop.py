@@ -85,7 +85,7 @@ class Loop:
 
     Raises:
         InvalidInput: another rate than the controller's, a floating base without ``base``, an argument out of range, a
-            joint without torque limit where ``hold`` is not given.
+            map of another device's motors, a joint without torque limit where ``hold`` is not given.
 
     Example:
         >>> import numpy as np, wbc
@@ -134,8 +134,7 @@ class Loop:
         if robot.nb and base is None:
             raise InvalidInput(f"{robot.name} has a floating base, which no motor measures; give base")
         self.base = base
-        joint_map = port.device.joint_map(robot) if joint_map is None else joint_map
-        self.joint_map = checks.instance("joint_map", joint_map, JointMap, "a JointMap")
+        self.joint_map = port.device.accepted(joint_map, robot)
         self._joints = np.array([robot.joint(name) for name in self.joint_map.joints])
         stiffness, damping = holding_gains(robot) if hold is None else checks.pair("hold", hold, "stiffness, damping")
         if hold is None and not (stiffness[self._joints] > 0.0).all():
@@ -173,6 +172,8 @@ class Loop:
         Raises:
             DeviceSilent: no first state. Whatever the controller or ``before_tick`` raised, once the robot is held.
         """
+        if before_tick is not None:
+            checks.function("before_tick", before_tick, "a function of a number")
         ticks = None if seconds is None else max(1, round(checks.number("seconds", seconds, low=0.0) / self.dt))
         if self._guarded and self.guard is None:
             self.guard = Guard(self.port, silence=max(0.05, 5.0 * self.dt), hold_for=self._hold_for)

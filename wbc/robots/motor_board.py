@@ -30,6 +30,7 @@ from wbc.robots.joint_map import JointMap
 from wbc.robots.sensors import SENSORS, Errors, Sensors, felt
 from wbc.sim.disturbance import Disturbance
 from wbc.sim.plant import Plant
+from wbc.stack.tracking import rotation_target
 from wbc.types import Mat, Vec
 
 ON_TIMEOUT = ("hold", "damp", "limp")
@@ -81,7 +82,8 @@ class MotorBoard:
         seed: of the noises.
 
     Raises:
-        InvalidInput: an argument out of range; a plant that takes something other than torques.
+        InvalidInput: an argument out of range; a plant that takes something other than torques; a map of another
+            device's motors.
 
     Example:
         >>> import numpy as np, wbc
@@ -120,15 +122,14 @@ class MotorBoard:
         if plant.takes != "torque":
             raise InvalidInput(f"{type(plant).__name__} takes {plant.takes}s; motors give torques")
         self.device, self.plant = device, plant
-        joint_map = device.joint_map(robot) if joint_map is None else joint_map
-        self.joint_map = checks.instance("joint_map", joint_map, JointMap, "a JointMap")
+        self.joint_map = device.accepted(joint_map, robot)
         self._delay = checks.number("delay", delay, low=0.0)
         self._state_delay = checks.number("state_delay", state_delay, low=0.0)
         self._timeout = checks.number("timeout", timeout, low=0.0, strict=True)
         self._on_timeout = checks.one_of("on_timeout", on_timeout, ON_TIMEOUT)
         sensors = SENSORS["exact"] if sensors is None else checks.instance("sensors", sensors, Sensors, "a Sensors")
         self._errors = Errors(sensors, 1.0 / device.rate, checks.seed("seed", seed))
-        self.imu: Mat = np.eye(3) if imu is None else checks.array("imu", imu, (3, 3))
+        self.imu: Mat = np.eye(3) if imu is None else rotation_target("imu", imu, strict=True)
         self._feet, self._mode = checks.items("feet", feet, "names of links"), mode_machine
         felt: Any = plant.wrenches() if hasattr(plant, "wrenches") else {}
         for link in self._feet:
@@ -175,9 +176,9 @@ class MotorBoard:
         """Let the plant move for so long, in whole steps; the remainder, at most half a step, is added next time.
 
         Raises:
-            SimulationError: the plant diverged.
+            SimulationError: the plant diverged. InvalidInput: a time that is negative or not finite.
         """
-        self._ahead += seconds
+        self._ahead += checks.number("seconds", seconds, low=0.0)
         while self._ahead > 0.5 * self.plant.dt:
             self._ahead -= self.plant.dt
             self._step()
@@ -275,12 +276,15 @@ class MotorBoard:
         """Hold a robot with a fixed base at this rotation (3, 3) in the world, as hands do; physics sees gravity turn.
 
         Raises:
-            InvalidInput: a floating base.
+            InvalidInput: a floating base, another plant than :class:`~wbc.sim.mujoco_.MujocoPlant`, or no rotation.
         """
         if self.plant.model.nb:
             raise InvalidInput("only a base that is fixed can be held at an angle")
-        self._attitude = checks.array("attitude", attitude, (3, 3))
-        self.plant.physics.opt.gravity[:] = self._attitude.T @ self.plant.model.gravity  # type: ignore[attr-defined]
+        physics: Any = getattr(self.plant, "physics", None)
+        if physics is None:
+            raise InvalidInput(f"{type(self.plant).__name__} has a gravity that cannot be turned; use MujocoPlant")
+        self._attitude = rotation_target("attitude", attitude, strict=True)
+        physics.opt.gravity[:] = self._attitude.T @ self.plant.model.gravity
 
     def __repr__(self) -> str:
         return f"MotorBoard({self.device!r}, {self.plant!r})"

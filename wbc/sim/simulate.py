@@ -201,6 +201,19 @@ class _Columns(_FewColumns):
 
 def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
     checks.number("duration", duration, low=0.0, strict=True)
+    check_fit(controller, plant)
+    ticks = round(duration / plant.dt)
+    if ticks < 1:
+        raise InvalidInput(f"duration is {duration:g} s, shorter than one tick of {plant.dt:g} s")
+    return ticks
+
+
+def check_fit(controller: Controller, plant: Plant) -> None:
+    """Whether what a controller decides can move a plant.
+
+    Raises:
+        InvalidInput: different periods or joints, or a plant that takes what the level does not decide.
+    """
     if abs(controller.dt - plant.dt) > 1e-12:
         raise InvalidInput(f"the controller ticks every {controller.dt:g} s, the plant steps {plant.dt:g} s")
     if controller.model.joint_names != plant.model.joint_names or controller.model.nb != plant.model.nb:
@@ -211,10 +224,6 @@ def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
             f"{type(plant).__name__} takes {plant.takes}s, which the {level.name} does not decide; "
             f"use IntegratorPlant(robot, level='{'velocity' if level.order == 1 else 'acceleration'}')"
         )
-    ticks = round(duration / plant.dt)
-    if ticks < 1:
-        raise InvalidInput(f"duration is {duration:g} s, shorter than one tick of {plant.dt:g} s")
-    return ticks
 
 
 def _about(plant: Plant, disturbances: list[Disturbance], duration: float) -> dict[str, Any]:
