@@ -45,7 +45,7 @@ class Draft:
 
     def tasks(self) -> list[Any]:
         """All tasks of the stack, as they are so far: copies to be read."""
-        return [self.task(task.name) for task in self.plan.stack.tasks]
+        return [self.task(task.name) for task in self.plan.all_tasks]
 
     def task(self, name: str) -> Any:
         """A task as it is so far, a copy to be read.
@@ -95,7 +95,7 @@ def task_of(plan: PlanView, name: str) -> Any:
     Raises:
         UnknownName: the stack has no such task.
     """
-    for task in plan.stack.tasks:
+    for task in plan.all_tasks:
         if task.name == name:
             return task
-    raise UnknownName(name, [task.name for task in plan.stack.tasks], "a reaction speaks of a task of the stack")
+    raise UnknownName(name, [task.name for task in plan.all_tasks], "a reaction speaks of a task of the stack")

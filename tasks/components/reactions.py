@@ -225,7 +225,7 @@ class Stop(Reaction):
                 draft.set(task.name, active=False)
 
     def prepare(self, plan: PlanView) -> None:
-        if not any(_holds_joints(task) for task in plan.stack.tasks):
+        if not any(_holds_joints(task) for task in plan.all_tasks):
             raise NotSupported("Stop holds the joints by a task on them, such as Posture; the stack has none")
 
 

@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import Comply, JointAdmittance, JointVelocity, Position, Posture, Release, Stop, TorqueLimits, Weigh
+from tasks import (
+    Comply,
+    ContactForce,
+    ContactSchedule,
+    JointAdmittance,
+    JointVelocity,
+    Position,
+    Posture,
+    Release,
+    Stop,
+    TorqueLimits,
+    Weigh,
+    feet,
+)
 from tasks.components.diagnosis import Diagnosis
 from tasks.components.draft import Draft
 from tasks.components.reactions import Reaction
@@ -35,25 +48,24 @@ WRITTEN: dict[str, list[dict[str, Any]]] = {
 
 
 class Reacts(wbc.Component):
-    """The reactions to a diagnosis in every tick after the first."""
+    """The reactions to a diagnosis in the second tick, which stand from then on."""
 
     def __init__(self, *reactions: Reaction) -> None:
         super().__init__()
-        self.reactions, self.decided = reactions, dict[Reaction, Any]()
+        self.reactions = reactions
+        self.said: wbc.Overrides | None = None
 
     def check(self, plan: Any) -> None:
         for reaction in self.reactions:
             reaction.prepare(plan)
 
     def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides | None:
-        if last is None:
-            return None
-        draft = Draft(plan)
-        for reaction in self.reactions:
-            if reaction not in self.decided:
-                self.decided[reaction] = reaction.decide(DIAGNOSIS, state, plan)
-            reaction.apply(DIAGNOSIS, self.decided[reaction], draft)
-        return draft.overrides()
+        if last is not None and self.said is None:
+            draft = Draft(plan)
+            for reaction in self.reactions:
+                reaction.apply(DIAGNOSIS, reaction.decide(DIAGNOSIS, state, plan), draft)
+            self.said = draft.overrides()
+        return self.said
 
 
 def controller(tasks: list[Any], *reactions: Reaction) -> wbc.Controller:
@@ -100,3 +112,22 @@ def test_a_stop_drops_tasks_on_the_velocities_of_joints(velocities: list[Any]) -
     assert command.status.ok and np.abs(v).max() <= 1e-3 and np.abs(q - Q).max() <= 1e-3
     with pytest.raises(NotSupported, match="Stop holds"):
         controller(velocities, Stop())
+
+
+@pytest.mark.parametrize("reaction, share", [(Weigh("pressing", 0.25), 0.25), (Stop(), 0.0)], ids=["Weigh", "Stop"])
+def test_a_task_on_the_force_of_an_open_contact_is_changed_too(reaction: Reaction, share: float) -> None:
+    """The decision falls while the foot is up, and holds when it is down again."""
+    robot = wbc.load("quadruped")
+    held = feet(robot)
+    names, up = [foot.name for foot in held], held[0].name
+    pressing = ContactForce(up, target=[0.0, 0.0, 30.0], weight=0.01, name="pressing")
+    steps = ContactSchedule([(0.0, names[1:]), (0.005, names)])
+    stack = wbc.Stack(
+        [Posture(robot.q0), pressing], contacts=held, subject_to=[TorqueLimits()], components=[steps, Reacts(reaction)]
+    )
+    control = wbc.Controller(robot, stack, level=wbc.InverseDynamics())
+    for k in range(10):
+        command = control.tick(k * control.dt, robot.q0, np.zeros(robot.nv))
+        assert command.status.ok, control.explain()
+    (task,) = (task for task in control.plan.stack.tasks if task.name == "pressing")
+    np.testing.assert_allclose(task.weights(), share * pressing.weights())

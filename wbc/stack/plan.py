@@ -120,6 +120,7 @@ class Plan(Filled):
             applied = Applied(model, self.level, self.binding, contacts, intervals=intervals, torque=torque)
         else:
             applied = like.applied
+        self.all_tasks = self.stack.tasks if like is None else like.all_tasks
         self.applied, self.intervals, self.extra_bias = applied, applied.intervals, applied.bias
         self.places, self.torque_bounds = applied.places, applied.torque_bounds
         self.normal_limits, self.normal_floors = applied.normal_limits, applied.normal_floors

@@ -44,14 +44,17 @@ class PlanView:
     """Of which members a plan is made, and what holds in the present tick. Nothing here can be written."""
 
     __slots__ = (
-        "applied", "binding", "dt", "extra_bias", "intervals", "level", "model", "normal_floors", "normal_limits",
-        "places", "stack", "torque_bounds",
+        "all_tasks", "applied", "binding", "dt", "extra_bias", "intervals", "level", "model", "normal_floors",
+        "normal_limits", "places", "stack", "torque_bounds",
     )  # fmt: skip
 
     model: RobotModel
     level: Level
     dt: float
+    #: With the contacts that are closed in this tick alone.
     stack: Members
+    #: The tasks of the whole stack, also those on the force of contacts that are open.
+    all_tasks: tuple[Objective, ...]
     binding: Binding
     intervals: JointIntervals | None
     applied: Applied
