@@ -12,7 +12,18 @@ from wbc.control.recorder import UnknownColumn
 from wbc.errors import InvalidInput
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.simulate import simulate
-from wbc.tasks import Frame, JointAccelerationLimits, JointLimits, Position, Posture, feet
+from wbc.tasks import (
+    BoxLimits,
+    Frame,
+    HalfSpaceLimit,
+    JointAccelerationLimits,
+    JointLimits,
+    Point,
+    Position,
+    Posture,
+    Sole,
+    feet,
+)
 
 DT, TICKS = 0.002, 40
 
@@ -73,6 +84,61 @@ def test_a_recorder_belongs_to_one_controller():
     for nonsense in (None, "arm", first.model):
         with pytest.raises(InvalidInput, match=r"must be a wbc\.Controller"):
             wbc.Recorder(2).tick(nonsense, 0.0, first.model.q0, np.zeros(7))  # type: ignore[arg-type]
+
+
+class Says(wbc.Component):
+    """A signal of some size."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__(name="member")
+        self.size = size
+
+    def signals(self) -> dict[str, Any]:
+        return {"x": np.ones(self.size)}
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(
+    "members",
+    [
+        [
+            {"tasks": Position("left_hand", target=[0.4, 0.2, 1.0], name="member")},
+            {"tasks": Frame("left_hand", target=np.eye(4), name="member")},
+        ],
+        [
+            {"subject_to": BoxLimits("left_hand", lower=[-2.0] * 3, upper=[2.0] * 3, name="member")},
+            {"subject_to": HalfSpaceLimit("left_hand", normal=[0.0, 0.0, 1.0], offset=-2.0, name="member")},
+        ],
+        [
+            {"contacts": Point("left_sole", friction=0.5, name="member")},
+            {"contacts": Sole("left_sole", half_size=(0.1, 0.05), friction=0.5, name="member")},
+        ],
+        [{"components": Says(2)}, {"components": Says(3)}],
+    ],
+    ids=["task", "barrier", "contact", "signal"],
+)
+def test_a_stack_whose_member_has_the_name_but_not_the_size_is_recorded_without_it(members: Any, swapped: bool):
+    """A loop goes on: of the other member there is nothing in the columns of the first."""
+    robot = wbc.load("humanoid")
+    first, other = (
+        wbc.Stack(
+            [Posture(robot.q0), *([one["tasks"]] if "tasks" in one else [])],
+            **{place: [one[place]] for place in ("subject_to", "contacts", "components") if place in one},
+        )
+        for one in (reversed(members) if swapped else members)
+    )
+    driver, recorder = wbc.Controller(robot, first, level=wbc.InverseDynamics(), dt=DT), wbc.Recorder(8)
+    for k, stack in enumerate([first, other, first]):
+        if k:
+            driver.replace(stack)
+        recorder.tick(driver, DT * k, robot.q0, np.zeros(robot.nv))
+    run = recorder.run()
+    held = {
+        name: np.isfinite(values).all(axis=1)
+        for name, values in run.items()
+        if name in ("error.member", "margin.member", "f.member", "signal.member.x")
+    }
+    assert held and all(finite.tolist() == [True, False, True] for finite in held.values()), held
 
 
 def test_why_a_tick_had_no_answer_is_kept_with_its_problem():

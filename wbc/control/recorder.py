@@ -276,7 +276,7 @@ class Recorder:
         """Call ``controller.tick(t, q, v)``, time it, record its arguments and its command, and return the command.
 
         The first tick fixes the controller and, by its stack, the columns. If another stack replaces this one, only
-        columns of these names are recorded. ``more`` are columns of your own.
+        columns of these names and sizes are recorded. ``more`` are columns of your own.
 
         Raises:
             InvalidInput: another controller than before, or q or v of another shape.
@@ -310,7 +310,7 @@ class Recorder:
         microseconds = (perf_counter_ns() - start) / 1000.0
         row = self._ticks.row(float(t), np.asarray(q), np.asarray(v), command, microseconds)
         if self.rows and decides.stack is not self._ticks.stack:
-            row = {name: value for name, value in row.items() if name in self._place}
+            row = {name: value for name, value in row.items() if np.shape(value) == self._shape(name)}
         self.append(row | more)
         self._ticks.watch(float(t))
         return command
@@ -397,8 +397,7 @@ class Recorder:
     def _checked(self, name: str, value: float | Vec) -> Vec:
         if name not in self._place:
             raise UnknownColumn(name, self._place, "columns are fixed by the first row")
-        scalar, where = self._place[name]
-        wanted = () if scalar else (where.stop - where.start,)
+        wanted = self._shape(name)
         try:
             result = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as cause:
@@ -406,6 +405,13 @@ class Recorder:
         if result.shape != wanted:
             raise InvalidInput(f"column {name!r} has shape {wanted}, fixed by the first row; not {result.shape}")
         return result
+
+    def _shape(self, name: str) -> tuple[int, ...] | None:
+        """Of a column, fixed by the first row; None where there is none."""
+        scalar, where = self._place.get(name, (False, None))
+        if where is None:
+            return None
+        return () if scalar else (where.stop - where.start,)
 
     @property
     def grown(self) -> int:
