@@ -184,6 +184,8 @@ def test_what_is_not_a_plain_file_is_not_opened(tmp_path: Path):
         load(tmp_path / "missing.urdf")
     with pytest.raises(UnknownRobot, match=r"no robot 'robot'.*or give the path of a URDF or MJCF file"):
         load("robot")
+    with pytest.raises(ModelError, match="text of a description is no path"):
+        load(f"\n{GOOD}")
 
 
 # ---- meshes

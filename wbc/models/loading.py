@@ -134,6 +134,8 @@ def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf
             break
     if isinstance(robot, str | Path):
         text = str(robot)
+        if text.lstrip().startswith("<"):
+            raise ModelError("the text of a description is no path; write it to a file, and give the path of that")
         if isinstance(robot, Path) or os.sep in text or "." in text:
             path = _robot_file(located(robot, ModelError))
             return Entry(str(path)), None, read_description(path, packages=folders), None
