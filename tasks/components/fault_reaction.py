@@ -140,6 +140,7 @@ class FaultReaction(Component):
         #: The task that brings released joints back within their limits.
         self.limits = _ReleasedLimits(name=f"{self.name} limits")
         self._standing: list[_Standing] = []
+        self._fixed: Overrides | None = None
         self.events: list[tuple[Diagnosis, tuple[Reaction, ...]]] = []
 
     def prepare(self, model: RobotModel) -> None:
@@ -161,12 +162,13 @@ class FaultReaction(Component):
             for reaction in line.reactions:
                 reaction.prepare(plan)
         self._has_limits = any(task.name == self.limits.name for task in plan.stack.tasks)
+        self._fixed = None  # it speaks of the tasks of the stack before
 
     def reset(self, state: RobotState) -> None:
         self.events, self._standing = [], []
         self._diagnoser: Diagnoser | None = None
         self._share[:], self._last = 1.0, (0.0, -1.0)
-        self._fixed: Overrides | None = None
+        self._fixed = None
         self._made_of: tuple[int, Vec] = (-1, np.zeros(0))
 
     def before(self, state: RobotState, last: object, plan: PlanView) -> Overrides | None:

@@ -236,6 +236,32 @@ def test_tasks_no_longer_pull_a_released_joint_and_still_damp_it() -> None:
     np.testing.assert_allclose(kd, 2.0 * np.sqrt(50.0))
 
 
+@pytest.mark.parametrize(
+    "reaction, kp, active",
+    [(Release(), [50.0, 0.0], [True, True]), (Comply(0.1), [5.0, 5.0], [True, True]), (Stop(), [50.0, 50.0], [1, 0])],
+    ids=["Release", "Comply", "Stop"],
+)
+def test_a_decision_holds_for_the_tasks_of_a_stack_that_replaces_its_own(
+    reaction: Any, kp: list[float], active: list[bool]
+) -> None:
+    observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2)
+    answers = FaultReaction(observer, table=[When("total", [reaction])], start=0.0)
+    limits, watching = [TorqueLimits(), JointPositionLimits()], [observer, answers]
+    first = wbc.Stack([Posture(ARM.q0, kp=50.0, name="one")], subject_to=limits, components=watching)
+    reach = Position("tool", target=ARM.state().frame("tool").position, weight=0.1)
+    other = wbc.Stack([Posture(ARM.q0, kp=50.0, name="two"), reach], subject_to=limits, components=watching)
+    controller = wbc.Controller(ARM, first, level=wbc.InverseDynamics())
+    plant = ForwardDynamicsPlant(ARM)
+    plant.reset(ARM.q0)
+    simulate(controller, plant, duration=0.05, disturbances=[ActuatorFault(joint=SHOULDER)])
+    assert answers.events
+    controller.replace(other)
+    assert controller.tick(0.05, plant.q, plant.v).status.ok, controller.explain()
+    posture, reach = controller.plan.stack.tasks
+    np.testing.assert_allclose(posture.gains()[0][:2], kp)
+    assert [posture.active, reach.active] == active
+
+
 def test_a_brake_leaves_the_joint_at_rest_and_its_torque_free() -> None:
     braked: list[str] = []
     observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2)
