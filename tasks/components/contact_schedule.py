@@ -170,7 +170,8 @@ class ContactSchedule(Schedule):
             self._limits[i] = step * max(min(t - made, until - plan.dt - t), first)
         limits: dict[str, float] = dict(zip(self.names, self._limits.tolist(), strict=True))
         floors: dict[str, float] = {}
-        rate = self.force_rate if min(limits.values()) < self._weight else self.standing_rate
+        stands = len(self._held) == len(self.names) and min(limits.values(), default=inf) >= self._weight
+        rate = self.standing_rate if stands else self.force_rate
         if last is not None and rate < inf:
             self._bound_rate(last.f, 1e3 * rate * plan.model.mass * plan.dt, limits, floors)
         return Overrides(normal_limits=limits, normal_floors=floors)

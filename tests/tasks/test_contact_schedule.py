@@ -140,6 +140,23 @@ def test_while_a_contact_goes_no_normal_force_moves_faster_than_the_force_rate(s
     assert np.abs(np.diff(free, axis=0)).max() > most, "without the bound they would"
 
 
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=5, phases=[Phase.generate])
+def test_while_a_contact_is_open_the_force_rate_holds_without_ramps_too(seed: int) -> None:
+    timeline = [(0.0, FEET), (0.01, FEET[1:])]
+    _, forces = jolted(ContactSchedule(timeline, ramp=1e6), seed)
+    assert np.abs(np.diff(forces[11:], axis=0)).max() <= 1e3 * 0.05 * QUADRUPED.mass * DT + 1e-6
+
+
+def test_a_robot_may_be_in_the_air_from_beginning_to_end() -> None:
+    loop = controller(ContactSchedule([(0.0, [])]))
+    command = loop.tick(0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
+    assert command.status.ok and not any(wrench.any() for wrench in command.f.values())
+    state = QUADRUPED.state()
+    state.update(0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
+    np.testing.assert_allclose((state.M @ command.a + state.h)[:6], 0.0, atol=1e-6, err_msg="nothing holds the base")
+
+
 def test_a_robot_that_stands_may_change_its_forces_as_fast_as_it_has_to() -> None:
     with_rate, without = (
         jolted(ContactSchedule([(0.0, FEET), (10.0, FEET[1:])], force_rate=rate), seed=0)[1] for rate in (0.05, np.inf)
