@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointVelocityLimits, Posture, TorqueLimits
+from tasks import JointVelocityLimits, Posture, TorqueLimits, feet
 from wbc.stack.formulation import Formulation
 
 
@@ -36,3 +36,19 @@ def test_a_posture_alone_is_a_stack(level: Formulation, constraints: tuple[wbc.C
 def test_a_posture_under_torque_limits_carries_the_arm():
     answer = command(wbc.InverseDynamics(), TorqueLimits(), JointVelocityLimits())
     assert answer.status is wbc.Status.SOLVED and answer.solution.certificate.ok
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
+def test_no_array_of_a_command_can_be_written(level: Formulation):
+    """The controller goes on from what it commanded, and a loop may hold a command as long as it likes."""
+    robot = wbc.load("quadruped")
+    stack = wbc.Stack([Posture(robot.q0)], contacts=feet(robot), subject_to=[JointVelocityLimits()])
+    controller = wbc.Controller(robot, stack, level=level, recovery=wbc.Recovery(hold_ticks=1))
+    made = []
+    for q in (robot.q0, *[np.full(robot.nq, np.nan)] * 2):
+        decided = controller.tick(controller.dt * len(made), q, np.zeros(robot.nv))
+        made.append(decided.fallback_level)
+        for values in (decided.q, decided.v, decided.a, decided.tau, *decided.f.values()):
+            with pytest.raises(ValueError, match="read-only"):
+                values[0] = 0.0
+    assert made == ["solved", "hold", "damped"]

@@ -151,19 +151,23 @@ class Command:
         """Joint torques (nj,) [N m; N on prismatic joints]; NaN at levels without dynamics."""
         if self._tau is None:
             self._tau = np.full(self._owner.model.nj, np.nan)
+        self._tau.flags.writeable = False
         return self._tau
 
     @property
     def a(self) -> Vec:
         """Acceleration (nv,); NaN at the velocity level."""
-        # Not kept: ``q`` tells by it whether accelerations were decided.
-        return np.full(self._owner.model.nv, np.nan) if self._a is None else self._a
+        # Not kept where there is none: ``q`` tells by it whether accelerations were decided.
+        a = np.full(self._owner.model.nv, np.nan) if self._a is None else self._a
+        a.flags.writeable = False
+        return a
 
     @property
     def v(self) -> Vec:
         """Velocity (nv,) at the end of the tick: commanded, or v + a dt."""
         if self._v is None:
             self._v = self._v_before + self._owner.dt * self.a
+        self._v.flags.writeable = False
         return self._v
 
     @property
@@ -173,6 +177,7 @@ class Command:
             dt = self._owner.dt
             mean = self.v if self._a is None else self._v_before + 0.5 * dt * self._a
             self._q = self._owner.model.integrate(self._q_before, dt * mean)
+        self._q.flags.writeable = False
         return self._q
 
     @property

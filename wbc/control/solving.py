@@ -189,5 +189,6 @@ def _split(sizes: Mapping[str, int], frames: dict[str, str], forces: Vec | None)
     wrenches, start = {}, 0
     for name, dim in sizes.items():
         wrenches[name] = np.full(dim, np.nan) if forces is None else forces[start : start + dim]
+        wrenches[name].flags.writeable = False
         start += dim
     return Forces(wrenches, frames)
