@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from tasks import Posture, TorqueLimits
+from tasks import JointVelocityLimits, Posture, TorqueLimits, TorqueSpeedLimits
+from tests.stack.conftest import Saying
 from wbc.errors import InvalidInput
 from wbc.stack.overrides import Actuators
 
@@ -84,3 +85,37 @@ def test_a_command_stays_within_the_torque_limits_whatever_is_known_of_its_motor
     assert command.status.ok
     assert (np.abs(command.tau) <= arm.limits.tau_max + 1e-6).all()
     assert np.abs(command.tau[1]) > 0.999 * arm.limits.tau_max[1]
+
+
+ARM = wbc.load("arm")
+FREE = TorqueSpeedLimits(ARM.limits.v_max)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_a_command_stays_within_what_its_motor_has_at_its_speed(seed: int) -> None:
+    """What is known to be lost on the way to the joint does not make the motor stronger."""
+    rng = np.random.default_rng(seed)
+    v, share, offset = rng.uniform(-0.9, 0.9, ARM.nv) * ARM.limits.v_max, rng.uniform(0.1, 1.0, 7), rng.normal(size=7)
+    knows = Saying(wbc.Overrides(motors={i: wbc.Motor(share[i], 0.1 * offset[i]) for i in range(ARM.nj)}))
+    stack = wbc.Stack([Posture(ARM.q0 + np.sign(v), kp=1e4)], subject_to=[FREE], components=[knows])
+    command = wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).tick(0.0, ARM.q0, v)
+    assert command.status.ok
+    left = np.clip(1.0 - np.array([v, -v]) / ARM.limits.v_max, 0.0, 1.0) * ARM.limits.tau_max
+    for torque in (command.tau, Actuators(share, 0.1 * offset).torque(command.tau)):
+        assert (torque <= left[0] + 1e-6).all() and (-torque <= left[1] + 1e-6).all()
+    assert np.abs(np.array([command.tau, -command.tau]) - left).min() <= 1e-6, "one of them is used up"
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_joint_whose_torque_limits_are_lifted_is_held_at_any_speed(side: float) -> None:
+    """As by a brake, which has no torque-speed curve."""
+    held = np.where(np.arange(ARM.nj) == 1, 0.0, np.inf)
+    braked = wbc.Overrides(lifted={"torque": [1]}, motors={1: wbc.Motor(0.0)}, acceleration=(-held, held))
+    q, v = ARM.q0.copy(), np.zeros(ARM.nv)
+    q[1], v[1] = -1.5 * side, 0.9 * side * ARM.limits.v_max[1]  # upwards, so fast that a motor could not carry it
+    stack = wbc.Stack([Posture(q, kp=10.0)], subject_to=[FREE, JointVelocityLimits()], components=[Saying(braked)])
+    control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    command = control.tick(0.0, q, v)
+    assert command.status.ok, control.explain()
+    assert command.tau[1] == 0.0 and np.abs(command.a).max() <= 1e-4, "no other joint has to carry it"

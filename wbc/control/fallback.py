@@ -71,7 +71,13 @@ class Fallback:
             lower, upper = self._plan.torques_at(state)
         except Exception:  # it raised in the fill, too, which told of it
             return low, high
-        sound = (low <= lower) & (lower <= upper) & (upper <= high) & (lower < np.inf) & (upper > -np.inf)
+        sound = (
+            (np.minimum(low, upper) <= lower)
+            & (lower <= upper)
+            & (upper <= high)
+            & (lower < np.inf)
+            & (upper > -np.inf)
+        )
         return np.where(sound, lower, low), np.where(sound, upper, high)
 
     def _most(self) -> Vec:

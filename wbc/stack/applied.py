@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -122,14 +122,22 @@ class Applied:
                 if overrides.torque is not None or "torque" in overrides.lifted:
                     raise NotSupported(f"{name}: torques, which the {self._level.name} does not decide")
             return None
-        own_low, own_high = self._own_torque
-        with np.errstate(invalid="ignore"):  # 0 · inf of a motor that gives nothing and has no limit
-            low = np.maximum(own_low, np.where(share > 0.0, share * own_low, 0.0) - offset)
-            high = np.minimum(own_high, np.where(share > 0.0, share * own_high, 0.0) - offset)
+        low, high = _given(*self._own_torque, share, offset)
         if said:
             name = next((name for name, overrides in reversed(said) if overrides.motors), said[0][0])
             self._refuse_crossed(f"{name}.motors", "torque", low, high)
         return self._overridden("torque", low, high, said)
+
+    def torques_where(self, narrow: Callable[[Vec, Vec], None]) -> _Bounds:
+        """Bounds on the torques (lower, upper), (nj,) each, in a state in which ``narrow`` holds for commands too."""
+        low, high = self._own_torque[0].copy(), self._own_torque[1].copy()
+        narrow(low, high)
+        low, high = _given(low, high, self.actuators.share, self.actuators.offset)
+        for _, overrides in self._said:
+            lifted = list(overrides.lifted.get("torque", ()))
+            low[lifted], high[lifted] = -np.inf, np.inf
+        low, high = np.maximum(low, self._torque[0]), np.minimum(high, self._torque[1])
+        return np.minimum(low, high), high  # a component may have left less than the state leaves
 
     def _take_torques(self, bounds: _Bounds | None) -> None:
         if bounds is None or all(np.array_equal(new, old) for new, old in zip(bounds, self._torque, strict=True)):
@@ -271,6 +279,15 @@ class Applied:
 
 #: A motor that gives a smaller share is none: commands are divided by it.
 _LEAST_SHARE = 1e-3
+
+
+def _given(low: Vec, high: Vec, share: Vec, offset: Vec) -> _Bounds:
+    """Bounds on the torques that motors give, which hold for what they are sent too."""
+    with np.errstate(invalid="ignore"):  # 0 · inf of a motor that gives nothing and has no limit
+        return (
+            np.maximum(low, np.where(share > 0.0, share * low, 0.0) - offset),
+            np.minimum(high, np.where(share > 0.0, share * high, 0.0) - offset),
+        )
 
 
 def _read_only(array: Vec) -> Vec:

@@ -394,11 +394,12 @@ class Plan(Filled):
 
     def torques_at(self, state: RobotState) -> tuple[Vec, Vec]:
         """Bounds on torques (lower, upper), (nj,) each, at the speed of a state; the problem keeps its own."""
-        lower, upper = self.torque_bounds[0].copy(), self.torque_bounds[1].copy()
-        for constraint in self._by_speed:
-            constraint.narrow(state.v_joints, lower, upper)
-        np.minimum(lower, upper, out=lower)  # a component may have left less than the speed leaves
-        return lower, upper
+
+        def narrow(lower: Vec, upper: Vec) -> None:
+            for constraint in self._by_speed:
+                constraint.narrow(state.v_joints, lower, upper)
+
+        return self.applied.torques_where(narrow) if self._by_speed else self.torque_bounds
 
     def _bound_normals(self) -> None:
         """What contacts say of their normal forces, and, before that, what components allow."""
