@@ -9,11 +9,12 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput, NotSupported, UnknownJoint
 from wbc.methods import ParameterUpdate, PseudoInertia
 from wbc.models.inertial_regressor import InertialRegressor
 from wbc.models.model import RobotModel
 from wbc.models.planar import PlanarRobot
+from wbc.stack.by_name import all_meant, patterns
 from wbc.types import Mat, Vec
 
 #: Speed over which Coulomb friction turns its sign [rad/s, m/s].
@@ -26,6 +27,8 @@ class AdaptiveLaw(ABC):
     start: Vec
     a_hat: Vec
     names: Sequence[str]
+    #: Inertia of each joint beside Y â (nj,) [kg m², kg], known.
+    rotors: Vec
 
     @abstractmethod
     def regressor(self, q: Vec, v: Vec, v_r: Vec, a_r: Vec) -> Mat:
@@ -54,11 +57,10 @@ class PlanarLaw(AdaptiveLaw):
     """The dynamic coefficients of a planar robot, in the polyhedron of masses that are not negative or free."""
 
     def __init__(self, name: str, model: PlanarRobot, *, gain: Any, start: Any, physical: bool) -> None:
-        p = len(model.coefficients)
+        p, self.rotors = len(model.coefficients), np.zeros(model.nj)
         self._model = model
         self.names = tuple(f"a{i + 1}" for i in range(p))
-        given = np.asarray(gain, dtype=np.float64)
-        self._gain = checks.array(f"{name}.gain", given, (p,) * given.ndim) if given.ndim else given
+        self._gain = checks.array(f"{name}.gain", gain, (p,) * max(checks.ndim(gain), 0))
         self.start = spread(f"{name}.a_hat", 0.0 if start is None else start, p)
         self._possible: tuple[Any, Any] = model.possible_coefficients() if physical else (None, None)
         self.reset()
@@ -93,7 +95,9 @@ class InertialLaw(AdaptiveLaw):
         friction_gain: float, length: float, floor: float,
     ) -> None:  # fmt: skip
         self.inertial = regressor = InertialRegressor(model)
-        joints = range(model.nj) if links is None else sorted({model.joint(link) for link in links})
+        self.rotors = regressor.rotors
+        named = (".*",) if links is None else patterns(f"{name}.links", links)
+        joints = sorted(all_meant(f"{name}.links", named, model.joint_names, UnknownJoint))
         self._links = [slice(10 * i, 10 * i + 10) for i in joints]
         self._length, self._floor = length, floor
         self._gain = checks.number(f"{name}.gain", gain, low=0.0, strict=True)

@@ -54,7 +54,7 @@ class SlotineLi(Component):
         a_hat: â at the start, a number or (p,); default 0 on planar robots, the model's on arms.
         physical: on planar robots, keep â among the coefficients that masses can have, by a QP in the metric Γ⁻¹.
         truth: a (p,), for the signal V alone.
-        links: joints whose links are adapted, default all; a payload is in the last.
+        links: names or patterns of the joints whose links are adapted, default all; a payload is in the last.
         friction_gain: adapts viscous and Coulomb friction of each joint, if positive.
         composite: κ [1/N² m²]: the prediction error ε = τ_F − W â of torques filtered with ``filter`` [1/s] also
             adapts, â̇ = Γ (Yᵀ s + κ Wᵀ ε); no acceleration is needed for it.
@@ -159,7 +159,7 @@ class SlotineLi(Component):
         self._s = v_r - state.v
         self._Y = Y = self._law.regressor(state.q, state.v, v_r, a_r)
         feedback = self._kd * self._s if e is None else self._kp * e + self._kd * e_rate
-        self._tau = Y @ self._law.a_hat + feedback
+        self._tau = Y @ self._law.a_hat + self._law.rotors * a_r + feedback
         self._dt = plan.dt
         self._V = self._lyapunov(state, e)
         asked = {self.torque.name: {"target": self._tau}}
@@ -191,12 +191,11 @@ class SlotineLi(Component):
 
     def _estimate(self, state: RobotState, arm: InertialLaw) -> tuple[Vec | None, Mat | None]:
         """ĥ − h and M̂ − M, if M̂ is positive definite with the floor. Friction is no part of h."""
-        links = arm.a_hat[: arm.p_links]
-        M = arm.inertial.inertia(state.q, links)
-        if not np.linalg.eigvalsh(M)[0] >= self._numbers["estimate_floor"]:
+        off = arm.a_hat[: arm.p_links] - arm.inertial.parameters
+        more = arm.inertial.inertia(state.q, off)
+        if not np.linalg.eigvalsh(state.M + more)[0] >= self._numbers["estimate_floor"]:
             return None, None
-        zero = np.zeros_like(state.v)
-        return arm.inertial(state.q, state.v, state.v, zero) @ links - state.h, M - state.M
+        return arm.inertial(state.q, state.v, state.v, np.zeros_like(state.v)) @ off, more
 
     # ---- what others read
     @property
@@ -237,7 +236,8 @@ class SlotineLi(Component):
         regressor = self._law.regressor
         Y_inertia = regressor(state.q, rest, rest, self._s) - regressor(state.q, rest, rest, rest)
         stretched = 0.0 if e is None else float(e @ (self._kp * e))
-        return float(0.5 * self._s @ Y_inertia @ self._truth) + stretched + 0.5 * self._law.squared(off)
+        M_s = Y_inertia @ self._truth + self._law.rotors * self._s
+        return float(0.5 * self._s @ M_s) + stretched + 0.5 * self._law.squared(off)
 
     def _diagonal(self, what: str, size: int) -> Vec:
         values = spread(f"{self.name}.{what}", self._given[what], size)

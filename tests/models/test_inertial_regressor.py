@@ -12,9 +12,44 @@ import wbc
 from wbc.errors import NotSupported
 from wbc.models import PlanarPR
 from wbc.models.inertial_regressor import InertialRegressor
+from wbc.models.pinocchio_ import PinocchioModel
 
 ARM = wbc.load("arm")
 REGRESSOR = InertialRegressor(ARM)
+
+
+def chain(joints: int, rotors: float) -> PinocchioModel:
+    """A fixed chain of revolute and prismatic joints whose motors' rotors have inertias."""
+    model, joint = pin.Model(), 0
+    model.name = "chain"
+    kinds = pin.JointModelRX(), pin.JointModelPY(), pin.JointModelRZ()
+    rng = np.random.default_rng(joints)
+    for i in range(joints):
+        place = pin.SE3(pin.exp3(rng.standard_normal(3)), 0.3 * rng.standard_normal(3))
+        joint = model.addJoint(joint, kinds[i % 3], place, f"j{i}")
+        ball = pin.Inertia.FromSphere(1.0, 0.2)
+        model.appendBodyToJoint(joint, ball, pin.SE3(np.eye(3), 0.3 * rng.standard_normal(3)))
+    one = np.ones(joints)
+    model.armature = rotors * one
+    model.upperPositionLimit, model.lowerPositionLimit = 3.0 * one, -3.0 * one
+    model.velocityLimit, model.effortLimit = 10.0 * one, 1e3 * one
+    return wbc.load(model)
+
+
+@pytest.mark.parametrize("rotors", [0.0, 2.0])
+@pytest.mark.parametrize("joints", [1, 2, 5])
+def test_it_gives_the_dynamics_of_any_number_of_joints_and_rotors(joints: int, rotors: float) -> None:
+    arm = chain(joints, rotors)
+    regressor, rng = InertialRegressor(arm), np.random.default_rng(joints)
+    q, (v, a) = arm.random_configuration(rng), rng.standard_normal((2, joints))
+    tau = pin.rnea(arm.pinocchio, arm.pinocchio.createData(), q, v, a)
+    Y = regressor(q, v, v, a)
+    assert Y.shape == (joints, 10 * joints)
+    np.testing.assert_allclose(Y @ regressor.parameters + regressor.rotors * a, tau, atol=1e-10)
+    state = arm.state()
+    state.update(0.0, q, v)
+    links = regressor.inertia(q, regressor.parameters)
+    np.testing.assert_allclose(links + np.diag(regressor.rotors), state.M, atol=1e-10)
 
 
 @settings(max_examples=max(25, settings.default.max_examples // 2))

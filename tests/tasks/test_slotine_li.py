@@ -191,6 +191,7 @@ def test_the_gain_may_be_a_matrix_and_a_reset_forgets():
         ({"a_hat": [1.0, 2.0]}, r"SlotineLi.a_hat must have shape \(4,\)"),
         ({"gain": np.eye(3)}, r"SlotineLi.gain must have shape \(4, 4\)"),
         ({"gain": -1.0}, "gain"),
+        ({"gain": "much"}, "SlotineLi.gain must be an array of numbers, not 'much'"),
         ({"target": [0.0, 0.0]}, r"SlotineLi.target must have shape \(4,\)"),
         ({"physical": True, "a_hat": [0.0, 1.0, 0.0, 0.0]}, "a_hat"),
     ],

@@ -13,6 +13,7 @@ import wbc
 from tasks import Position, Posture, Sinusoid, SlotineLi, TorqueLimits
 from tasks.components.adaptive_law import InertialLaw
 from tasks.components.prediction import Prediction
+from tests.models.test_inertial_regressor import chain
 from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import PseudoInertia
 from wbc.models import Planar4P
@@ -63,6 +64,28 @@ def test_it_learns_a_load_and_follows_while_the_same_gains_alone_do_not() -> Non
     assert (signal(learning, "smallest") > 0.0).all()
     assert (signal(stubborn, "a_hat") == signal(stubborn, "a_hat")[0]).all()
     assert (signal(learning, "a_hat")[:, :60] == signal(learning, "a_hat")[0, :60]).all(), "one link is adapted"
+
+
+@pytest.mark.parametrize("rotors", [0.0, 2.0])
+@pytest.mark.parametrize("joints", [1, 3])
+def test_who_knows_the_links_of_an_arm_follows_and_learns_nothing_up_to_the_period(joints: int, rotors: float) -> None:
+    """Rotors are known: what they take is no error to be fed back, none to learn from, and no news to a plan."""
+    arm = chain(joints, rotors)
+    wave, truth = Sinusoid(arm.q0, amplitude=0.3, frequency=0.8, ramp=0.2), InertialRegressor(arm).parameters
+    found = []
+    for dt in (2e-3, 5e-4):
+        adaptive = SlotineLi(wave, kp=20.0, kd=5.0, gain=1.0, composite=1e-2, truth=truth, estimate_floor=1e-6)
+        stack = wbc.Stack([adaptive.torque], components=[adaptive])
+        controller = wbc.Controller(arm, stack, level=wbc.InverseDynamics(), dt=dt)
+        plant = ForwardDynamicsPlant(arm, dt=dt)
+        plant.reset(arm.q0)
+        run = simulate(controller, plant, duration=0.4)
+        assert (signal(run, "estimate_used") == 1.0).all()
+        off = run["plant.q"] - [wave(t)[0] for t in run["t"]]
+        surprise = np.diff(run["plant.v"], axis=0) / dt - run["a"][:-1]
+        learnt = signal(run, "a_hat") - truth
+        found.append([np.abs(part).max() for part in (off, surprise, learnt, signal(run, "V"))])
+    assert (np.array(found[1]) < 0.5 * np.array(found[0])).all()
 
 
 def test_V_falls_up_to_an_error_of_integration_that_falls_with_the_period() -> None:
@@ -202,7 +225,8 @@ def test_what_makes_no_sense_is_refused() -> None:
 
     for given_settings, said in (
         ({"gain": 0.0}, "gain is 0"), ({"leakage": -1.0}, "leakage is -1"), ({"length": 0.0}, "length is 0"),
-        ({"a_hat": -1.0}, "no body is like the link"), ({"truth": [1.0]}, r"truth must have shape \(70,\)"),
+        ({"a_hat": -1.0}, "no body is like the link"),
+        ({"links": []}, r"links is \[\]; it must be names"), ({"truth": [1.0]}, r"truth must have shape \(70,\)"),
     ):  # fmt: skip
         with pytest.raises(InvalidInput, match=said):
             compile(**given_settings)

@@ -24,10 +24,13 @@ MOTIONS = 50
 
 @final
 class InertialRegressor:
-    """Y (nj, p) with M(q) a_r + C(q, v) v_r + g(q) = Y(q, v, v_r, a_r) π, for arms that are URDFs on a fixed base.
+    """Y (nj, p) with M(q) a_r + C(q, v) v_r + g(q) = Y(q, v, v_r, a_r) π + rotors a_r, for arms on a fixed base.
 
     π (p,) are ten numbers a link, p = 10 nj: mass [kg], first moments [kg m], inertia [kg m²], all in the frame of the
-    joint that moves the link. Pinocchio knows Y for v_r = v; Coriolis terms are quadratic in v, so that polarisation,
+    joint that moves the link. :attr:`rotors` (nj,) are the inertias that MJCF calls armature, 0 in a URDF: they are on
+    the diagonal of M and no part of π.
+
+    Pinocchio knows Y for v_r = v; Coriolis terms are quadratic in v, so that polarisation,
 
         C(q, v) v_r = ½ [c(v + v_r) − c(v) − c(v_r)],   c(v) = C(q, v) v,
 
@@ -61,6 +64,8 @@ class InertialRegressor:
         self._pin, self._data = model.pinocchio, model.pinocchio.createData()
         self._zero = np.zeros(model.nv)
         links = [self._pin.inertias[i] for i in range(1, self._pin.njoints)]
+        #: Inertia of each joint's rotor (nj,) [kg m², kg], known.
+        self.rotors: Vec = np.array(self._pin.armature)
         #: π of the model (p,).
         self.parameters: Vec = np.concatenate([link.toDynamicParameters() for link in links])
         self.names = tuple(f"{joint} {name}" for joint in model.joint_names for name in NAMES)
@@ -75,7 +80,7 @@ class InertialRegressor:
         return result
 
     def momentum(self, q: Vec, v: Vec) -> Mat:
-        """Y_p (nj, p) with M(q) v = Y_p π."""
+        """Y_p (nj, p) with M(q) v = Y_p π + rotors v."""
         result: Mat = self._known(q, self._zero, v) - self._known(q, self._zero, self._zero)
         return result
 
@@ -89,13 +94,14 @@ class InertialRegressor:
         return result
 
     def inertia(self, q: Vec, parameters: Vec) -> Mat:
-        """M(q) (nj, nj) of the arm with other parameters (p,)."""
+        """M(q) (nj, nj) of links with other parameters (p,), without rotors."""
         columns = [(self.momentum(q, unit) @ parameters) for unit in np.eye(self.model.nv)]
         M = np.array(columns).T
         return 0.5 * (M + M.T)
 
     def _known(self, q: Vec, v: Vec, a: Vec) -> Mat:
-        return np.array(pin.computeJointTorqueRegressor(self._pin, self._data, q, v, a))
+        found = pin.computeJointTorqueRegressor(self._pin, self._data, q, v, a)
+        return np.array(found).reshape(self.model.nv, -1)  # of a single joint Pinocchio gives a vector
 
     def grouped(self, columns: Index) -> tuple[Index, Mat]:
         """A largest independent set (b,) of these columns of Y, and what groups their parameters, (b, len(columns)).
