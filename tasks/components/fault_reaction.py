@@ -144,9 +144,7 @@ class FaultReaction(Component):
         self.events: list[tuple[Diagnosis, tuple[Reaction, ...]]] = []
 
     def prepare(self, model: RobotModel) -> None:
-        noise = np.asarray(self.noise, dtype=np.float64)
-        self._noise = checks.array(f"{self.name}.noise", np.full(model.nj, noise) if noise.ndim == 0 else noise,
-                                   (model.nj,))  # fmt: skip
+        self._noise = checks.gains(f"{self.name}.noise", self.noise, model.nj)
         for hand in self.hands:
             model.check_frame(hand)
         self._names, self._share = model.joint_names, np.ones(model.nj)

@@ -102,7 +102,7 @@ class MomentumObserver(Component):
         self.gain = _each(f"{self.name}.gain", self._gain_given, nj)
         self.threshold = self._threshold
         self._viscous, self._coulomb = (
-            _each(f"{self.name}.{what}", np.asarray(value, dtype=np.float64), nj)
+            checks.gains(f"{self.name}.{what}", value, nj)
             for what, value in zip(("viscous", "coulomb"), self._friction_given, strict=True)
         )
         self._rubs = bool(self._viscous.any() or self._coulomb.any())

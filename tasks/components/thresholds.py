@@ -37,7 +37,7 @@ class Thresholds:
         inertia that hangs on it.
 
         Raises:
-            InvalidInput: fewer residuals than two windows.
+            InvalidInput: fewer residuals than two windows; a gain or period that is not positive, a negative floor.
 
         Example:
             >>> import numpy as np
@@ -47,7 +47,8 @@ class Thresholds:
             True
         """
         r = checks.array("residual", residual, (None, None))
-        length = max(round(WINDOW / checks.number("dt", dt, low=0.0, strict=True)), 1)
+        share, nj = _share(gain, dt, r.shape[1]), r.shape[1]
+        length = max(round(WINDOW / dt), 1)
         windows = len(r) // length
         if windows < 2:
             raise InvalidInput(f"residual has {len(r)} rows; thresholds need at least two windows of {length}")
@@ -55,8 +56,9 @@ class Thresholds:
         means = cut.mean(axis=1)
         deviation = np.sqrt(((cut - means[:, None]) ** 2).mean(axis=(0, 1)))
         slow = np.abs(means).max(axis=0)
-        value = np.maximum(SIGMAS * deviation + SLOW_PART * slow, np.maximum(floor, np.finfo(float).tiny))
-        return cls(value, _noise_of_one_tick(deviation, gain, dt), deviation, slow)
+        # √2 σ_p / dt from the residual's deviation, as if all of it were white noise of the velocity.
+        noise = deviation * np.sqrt(2.0 - share) / share
+        return cls(np.maximum(SIGMAS * deviation + SLOW_PART * slow, _least(floor, nj)), noise, deviation, slow)
 
     @classmethod
     def predicted(cls, state: RobotState, *, velocity: Any, gain: Any, dt: float, floor: Any = 0.0) -> Thresholds:
@@ -66,6 +68,9 @@ class Thresholds:
         variance is 2 φ² Σ_p / (dt² (2 − φ)), φ = 1 − e^(−K dt) (:class:`wbc.methods.MomentumResidual`). Wrong masses
         are not in it.
 
+        Raises:
+            InvalidInput: a gain or period that is not positive, a negative deviation or floor.
+
         Example:
             >>> import wbc
             >>> from wbc.tasks import Thresholds
@@ -73,11 +78,11 @@ class Thresholds:
             >>> bool((Thresholds.predicted(state, velocity=0.01, gain=100.0, dt=1e-3).value > 0.0).all())
             True
         """
-        spread = np.broadcast_to(np.asarray(velocity, dtype=np.float64), state.model.nj)
+        nj = state.model.nj
+        spread, share = checks.gains("velocity", velocity, nj), _share(gain, dt, nj)
         momentum = np.sqrt((_relative_inertia(state) ** 2) @ spread**2)
-        share = -np.expm1(-np.asarray(gain) * dt)
         deviation = np.sqrt(2.0 / (2.0 - share)) * share * momentum / dt
-        value = np.maximum(SIGMAS * deviation, np.maximum(floor, np.finfo(float).tiny))
+        value = np.maximum(SIGMAS * deviation, _least(floor, nj))
         return cls(value, np.sqrt(2.0) * momentum / dt, deviation, np.zeros_like(deviation))
 
 
@@ -89,8 +94,16 @@ def _relative_inertia(state: RobotState) -> Mat:
     return M
 
 
-def _noise_of_one_tick(deviation: Vec, gain: Any, dt: float) -> Vec:
-    """√2 σ_p / dt from the residual's deviation, as if all of it were white noise of the velocity."""
-    share = -np.expm1(-np.asarray(gain, dtype=np.float64) * dt)
-    noise: Vec = deviation * np.sqrt(2.0 - share) / share
-    return noise
+def _share(gain: Any, dt: Any, nj: int) -> Vec:
+    """φ = 1 − e^(−K dt) of each joint (nj,)."""
+    K = checks.gains("gain", gain, nj)
+    for i in (K == 0.0).nonzero()[0]:
+        raise InvalidInput(f"gain[{i}] is 0; it must be > 0")
+    result: Vec = -np.expm1(-K * checks.number("dt", dt, low=0.0, strict=True))
+    return result
+
+
+def _least(floor: Any, nj: int) -> Vec:
+    """The least thresholds (nj,), above zero."""
+    result: Vec = np.maximum(checks.gains("floor", floor, nj), np.finfo(float).tiny)
+    return result

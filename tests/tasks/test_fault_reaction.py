@@ -345,6 +345,13 @@ def test_what_makes_no_sense_is_refused() -> None:
     reaction = FaultReaction(observer)
     with pytest.raises(InvalidInput, match="needs its observer in the stack's components, before it"):
         first_tick(reaction, components=[reaction, observer])
+    for noise, said in (
+        (-1.0, r"noise\[0\] is -1"),
+        ("none", "noise must be .* 'none'"),
+        ([1.0, 2.0], "noise must have"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            first_tick(FaultReaction(observer, noise=noise))
     with pytest.raises(UnknownJoint, match="shoulder"):
         first_tick(FaultReaction(observer, table=[When("total", [Release()], joints=["sholder_pitch"])]))
     with pytest.raises(UnknownName, match="a reaction speaks of a task of the stack"):

@@ -158,6 +158,9 @@ def test_what_makes_no_sense_is_refused():
         (lambda: MomentumObserver(gain=[1.0, -2.0]), r"gain\[1\] is -2; it must be > 0"),
         (lambda: MomentumObserver(gain=np.inf), "gain is inf"),
         (lambda: MomentumObserver(gain=1.0, threshold=[1.0, np.nan]), r"threshold\[1\] is nan"),
+        (lambda: observed(PR, observer=MomentumObserver(gain=1.0, viscous=[0.0, -1.0])), r"viscous\[1\] is -1"),
+        (lambda: observed(PR, observer=MomentumObserver(gain=1.0, coulomb=np.inf)), "coulomb is inf"),
+        (lambda: observed(PR, observer=MomentumObserver(gain=1.0, coulomb="some")), "coulomb must be .* 'some'"),
         (lambda: observed(PR, observer=MomentumObserver(gain=[1.0, 2.0, 3.0])), r"gain must have shape \(2,\)"),
     ):
         with pytest.raises(InvalidInput, match=said):
