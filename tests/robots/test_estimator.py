@@ -278,6 +278,23 @@ def test_a_ball_that_rolls_does_not_slip() -> None:
     assert found[0.0] > 20.0 * found[0.02], "the feet hardly rolled"
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.02, 0.1])
+@pytest.mark.parametrize("tilt", [0.005, 0.02, 0.1])
+def test_a_correction_of_the_lean_is_no_roll(radius: float, tilt: float) -> None:
+    """A robot that stands still is taken to lean by no more than the covariance allows, on whatever feet."""
+    noise, dt = ImuNoise(gyro_bias=0.0, accelerometer_bias=0.0), 1e-3
+    round_feet = [replace(foot, radius=radius) for foot in POINTS]
+    q, rest = ROBOT.q0, np.zeros(ROBOT.nv)
+    white = np.repeat([noise.gyro, noise.accelerometer], 3) / np.sqrt(dt)
+    for seed in range(3):
+        one, rng = BaseEstimator(ROBOT, round_feet, noise=noise, tilt=tilt), np.random.default_rng(seed)
+        one.reset(q, rest)
+        for k in range(100):
+            felt = white * rng.standard_normal(6) + [0.0, 0.0, 0.0, *-GRAVITY]
+            lean = errors(*one.update(k * dt, q[7:], rest[6:], felt[:3], felt[3:]), q, rest)[3:5]
+            assert lean @ np.linalg.solve(one.covariance[3:5, 3:5], lean) < chi2.isf(1e-6, 2) and not one.why
+
+
 def rolled(radius: float) -> Motion:
     """A motion whose feet have rolled: each step is solved again until centres and rotations agree."""
     motion = standing(duration=1.0)

@@ -69,7 +69,7 @@ class Estimate(NamedTuple):
     position: Annotated[Mat, "c, 3"]
     rotation: Annotated[Mat, "3 * c, 3"]
     jacobian: Annotated[Mat, "6 * c, j"]
-    former: Annotated[Mat, "3 * c, 3"]  # rotation in the sample before
+    former: Annotated[Mat, "3 * c, 3"]  # rotation in the sample before, with the base as it was estimated then
     normal: Annotated[Vec, "c"]
     since: Annotated[Vec, "c"]  # when it began to press
     now_since: Annotated[Vec, "c"]
@@ -241,6 +241,21 @@ def _roll(e: Estimate, f: Filter) -> None:
             for i in range(3):
                 after, before = (i + 1) % 3, (i + 2) % 3
                 f.d[k, i] += e.radius[foot] * (e.six[after] * e.up[before] - e.six[before] * e.up[after])
+
+
+@kernel
+def _remember(e: Estimate, foreseen: Mat) -> None:
+    """How the feet are turned with the base as it is estimated now, not as ``foreseen`` (3, 3): a correction is no
+    roll."""
+    for foot in range(e.sizes[FEET]):
+        for j in range(3):
+            column = e.nine[:3]
+            for i in range(3):
+                column[i] = 0.0
+                for k in range(3):
+                    column[i] += foreseen[k, i] * e.rotation[3 * foot + k, j]
+            for i in range(3):
+                e.former[3 * foot + i, j] = dotted(e.base[i], column)
 
 
 @kernel
@@ -431,6 +446,8 @@ def settle(at: int) -> int:
         restore(f)
         return 1
     _land(e, f)
+    foreseen = e.gram[:3, :3]
+    foreseen[:] = e.base
     _attitude(e, f)
     _smooth(e)
     for i in range(3):
@@ -445,7 +462,8 @@ def settle(at: int) -> int:
         restore(f)
         return 1
     e.q[:], e.v[:], e.a[:] = e.now_q, e.now_v, e.now_a
-    e.former[:], e.since[:] = e.rotation, e.now_since
+    e.since[:] = e.now_since
+    _remember(e, foreseen)
     for i in range(e.sizes[FEET]):
         e.touches[i] = 1 if e.does[i] else 0
     e.clock[BEFORE], e.clock[HEIGHT] = e.clock[NOW], e.clock[NOW_HEIGHT]
