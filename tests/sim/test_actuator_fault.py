@@ -8,19 +8,17 @@ import pytest
 from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models import Planar4P
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.plant import ForwardDynamicsPlant
+from wbc.sim.plant import Delivered, ForwardDynamicsPlant
 
-
-class Wanted:
-    """A command."""
-
-    tau, a, v = np.array([5.0, -2.0, 1.0, 3.0]), np.ones(4), np.zeros(4)
+WANTED = Delivered(np.array([5.0, -2.0, 1.0, 3.0]), np.ones(4), np.zeros(4), np.full(4, 2.0))
 
 
 def delivered(fault: ActuatorFault, t: float) -> np.ndarray:
     effect = fault.begin(ForwardDynamicsPlant(Planar4P()))
     effect.push(t)
-    return effect.deliver(Wanted()).tau
+    arrived = effect.deliver(WANTED)
+    assert arrived.a is WANTED.a and arrived.v is WANTED.v and arrived.q is WANTED.q
+    return arrived.tau
 
 
 @pytest.mark.parametrize(

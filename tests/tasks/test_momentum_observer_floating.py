@@ -117,12 +117,12 @@ def test_a_joint_that_starts_anew_raises_its_alarm_as_at_first(persistence: int)
 def test_known_friction_is_no_fault() -> None:
     class Rubbing(Disturbance):
         def begin(self, plant: Any) -> Any:
-            from wbc.sim.actuator_fault import _Delivered
             from wbc.sim.disturbance import Effect
+            from wbc.sim.plant import Delivered
 
             class Rub(Effect):
                 def deliver(self, command: Any) -> Any:
-                    return _Delivered(command.tau - 0.5 * plant.v[6:], command)
+                    return Delivered(command.tau - 0.5 * plant.v[6:], command.a, command.v, command.q)
 
             return Rub()
 

@@ -215,7 +215,7 @@ class Loop:
         self.driver.reset()
         self._start = self._heard
         self._q, self._v = self._begin()
-        self._order = Order(self.reading.q, tau=self._known(self.reading.tau))
+        self._order = Order(self.reading.q, tau=np.nan_to_num(self.reading.tau))
 
     @property
     def reading(self) -> Reading:
@@ -307,13 +307,9 @@ class Loop:
         robot, joint_map, reading = self.robot, self.joint_map, self.reading
         q, v, tau = robot.q0[-robot.nj :].copy(), np.zeros(robot.nj), np.zeros(robot.nj)
         q[self._joints] = joint_map.position_from_device(reading.q)
-        v[self._joints] = joint_map.velocity_from_device(self._known(reading.dq))
-        tau[self._joints] = joint_map.torque_from_device(self._known(reading.tau))
+        v[self._joints] = joint_map.velocity_from_device(np.nan_to_num(reading.dq))
+        tau[self._joints] = joint_map.torque_from_device(np.nan_to_num(reading.tau))
         return q, v, tau
-
-    @staticmethod
-    def _known(values: Vec) -> Vec:
-        return np.where(np.isnan(values), 0.0, values)
 
     def _begin(self) -> tuple[Vec, Vec]:
         """The first q (nq,), v (nv,): a floating base stands at rest on its feet, as the IMU says how."""
@@ -342,7 +338,7 @@ class Loop:
     def _asked(self, command: Command) -> Order:
         """The order that a command is."""
         robot, joint_map, joints = self.robot, self.joint_map, self._joints
-        tau = self._known(command.tau)[joints]
+        tau = np.nan_to_num(command.tau)[joints]
         v = command.v[-robot.nj :][joints]
         return Order(
             joint_map.position_to_device(command.q[-robot.nj :][joints]), joint_map.velocity_to_device(v),

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
@@ -29,7 +28,7 @@ from wbc.robots.device import BadFrame, Device, Order, Reading, rotation
 from wbc.robots.joint_map import JointMap
 from wbc.robots.sensors import SENSORS, Errors, Sensors, felt
 from wbc.sim.disturbance import Disturbance
-from wbc.sim.plant import Plant
+from wbc.sim.plant import Delivered, Plant
 from wbc.stack.tracking import rotation_target
 from wbc.types import Mat, Vec
 
@@ -49,17 +48,6 @@ def holding_gains(robot: RobotModel) -> tuple[Vec, Vec]:
         endless = robot.joint_names[int(np.isfinite(most).argmin())]
         raise InvalidInput(f"joint {endless!r} has no torque limit to take a stiffness from")
     return most / DEFLECTION, most / DEFLECTION * DAMPING_TIME
-
-
-@final
-@dataclass(frozen=True)
-class _Torques:
-    """A command that is torques alone."""
-
-    tau: Vec
-    a: Vec
-    v: Vec
-    q: Vec
 
 
 @final
@@ -192,7 +180,7 @@ class MotorBoard:
             effect.push(plant.t)
         self._tau = self._torques()
         robot = plant.model
-        plant.step(_Torques(self._tau + self.hand, np.zeros(robot.nv), np.zeros(robot.nv), plant.q))
+        plant.step(Delivered(self._tau + self.hand, np.zeros(robot.nv), np.zeros(robot.nv), plant.q))
         if plant.t > self._due - 1e-9:
             self._due += 1.0 / self.device.rate
             self._last = self._read()

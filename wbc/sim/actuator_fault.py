@@ -10,8 +10,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
 from wbc.sim.disturbance import Disturbance, Effect
-from wbc.sim.plant import Drive, Plant
-from wbc.types import Vec
+from wbc.sim.plant import Delivered, Drive, Plant
 
 
 @final
@@ -86,24 +85,4 @@ class _Failing(Effect):
             return command
         tau = command.tau.copy()
         tau[self._joint] -= missing
-        return _Delivered(tau, command)
-
-
-@final
-class _Delivered:
-    """A command whose torques arrive otherwise."""
-
-    def __init__(self, tau: Vec, command: Drive) -> None:
-        self.tau, self._command = tau, command
-
-    @property
-    def a(self) -> Vec:
-        return self._command.a
-
-    @property
-    def v(self) -> Vec:
-        return self._command.v
-
-    @property
-    def q(self) -> Vec:
-        return self._command.q
+        return Delivered(tau, command.a, command.v, command.q)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol, final
 
 import numpy as np
@@ -33,6 +34,17 @@ class Drive(Protocol):
     @property
     def q(self) -> Vec:
         """Configuration (nq,) at the end of the tick."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Delivered:
+    """What reaches the actuators, where it is not a controller's command: a :class:`Drive`."""
+
+    tau: Vec
+    a: Vec
+    v: Vec
+    q: Vec
 
 
 class Plant(ABC):

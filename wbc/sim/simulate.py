@@ -40,7 +40,6 @@ def simulate(
     recorder: bool = True,
     before_tick: Callable[[float], None] | None = None,
     progress: Callable[[float], None] | None = None,
-    stop_when_fallen: bool = True,
     meta: Mapping[str, Any] | None = None,
 ) -> Run:
     """Let ``controller`` drive ``plant`` from its present state for ``duration`` seconds.
@@ -85,7 +84,7 @@ def simulate(
         if called is not None:
             checks.function(name, called, "a function of a number")
     meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
-    recorder, stop_when_fallen = checks.truth("recorder", recorder), checks.truth("stop_when_fallen", stop_when_fallen)
+    recorder = checks.truth("recorder", recorder)
     disturbances = checks.items("disturbances", disturbances, "disturbances")
     for i, one in enumerate(disturbances):
         checks.instance(f"disturbances[{i}]", one, Disturbance, "a Disturbance, such as wbc.sim.disturbance.Push")
@@ -121,7 +120,7 @@ def simulate(
                     ended = problem
                     break
                 controller.compile_waiting()
-                if stop_when_fallen and plant.fallen:
+                if plant.fallen:
                     ended = f"fallen at t = {plant.t:.3f} s"
                     break
         if progress is not None:
