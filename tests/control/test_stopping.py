@@ -13,8 +13,18 @@ import pinocchio
 import pytest
 
 import wbc
-from tasks import JointLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, Sinusoid, TorqueLimits
+from tasks import (
+    JointAccelerationLimits,
+    JointLimits,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Position,
+    Posture,
+    Sinusoid,
+    TorqueLimits,
+)
 from tests.control.random_arms import arm, holding_torque, restless_posture, walk
+from wbc.control.answer import active
 from wbc.models.model import RobotModel
 from wbc.stack.component import Component
 from wbc.stack.stopping import Stopping
@@ -57,6 +67,32 @@ def test_a_way_to_rest_that_no_longer_fits_is_looked_for_anew(seed: int, ticks: 
     """Joints that stop sooner than the way found before says need more torque; of the second arm no way fits at all."""
     robot, tau_max = arm(seed, tmp_path, share=np.random.default_rng(seed).uniform(0.3, 0.9))
     kept(robot, tau_max, seed, ticks)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_active_bound_that_is_said_to_be_of_a_velocity_is_what_the_velocity_limit_leaves(
+    seed: int, tmp_path: Path
+) -> None:
+    """What the way to rest within position limits takes away is not said to be of another limit."""
+    robot, tau_max = arm(seed, tmp_path)
+    limits = [JointPositionLimits(), JointVelocityLimits(), JointAccelerationLimits(150.0), TorqueLimits(tau_max)]
+    stack = wbc.Stack([Posture(restless_posture(robot, seed, 0.1), kp=400.0)], subject_to=limits)
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1e-3)
+    q, v = 0.5 * (robot.limits.q_min + robot.limits.q_max), np.zeros(robot.nv)
+    owners = set()
+    for k in range(400):
+        command = controller.tick(k * controller.dt, q, v)
+        for one in active(controller) if command.status.ok else ():
+            sign = 1.0 if one.upper else -1.0
+            if one.row.owner == "JointVelocityLimits":
+                joint = robot.joint(one.row.label)
+                left = (robot.limits.v_max[joint] - sign * v[joint]) / controller.dt
+                assert sign * one.bound == pytest.approx(left, rel=1e-6, abs=1e-6)
+            elif one.row.owner == "JointAccelerationLimits":
+                assert sign * one.bound == pytest.approx(150.0)
+            owners.add(one.row.owner)
+        q, v = command.q, command.v
+    assert "JointPositionLimits" in owners
 
 
 @pytest.mark.deep

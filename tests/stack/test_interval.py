@@ -157,7 +157,8 @@ def test_velocities_within_positions_and_velocities_alone_are_bounded_by_the_nea
         np.testing.assert_array_equal(lower, -up)
         assert intervals.recovering == outside
         nearer = "JointPositionLimits" if start is not q and near < 1.0 else "JointVelocityLimits"
-        assert intervals.owner(0, upper=not mirrored) == nearer
+        near_end = -upper[0] if mirrored else upper[0]
+        assert intervals.owner(0, near_end, upper=not mirrored) == nearer
 
 
 @given(SEEDS)
@@ -286,8 +287,8 @@ def test_bounds_that_make_no_sense_are_refused_and_change_nothing(arguments: Any
 def test_a_bound_knows_the_constraint_it_comes_from(q: float, v: float, upper: bool, owner: str):
     constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointAccelerationLimits(100.0)]
     intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
-    bounds(intervals, "acceleration", np.full(ARM.nj, q), np.full(ARM.nj, v))
-    assert intervals.owner(3, upper=upper) == owner
+    bound = bounds(intervals, "acceleration", np.full(ARM.nj, q), np.full(ARM.nj, v))[upper][3]
+    assert intervals.owner(3, bound, upper=upper) == owner
 
 
 def test_dt_must_be_positive():

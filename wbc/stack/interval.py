@@ -179,13 +179,18 @@ class JointIntervals:
             if quantity != "position" and not low <= 0.0 <= high:
                 raise InvalidInput(f"{who}: joint {joint!r} must be allowed a {quantity} of 0, not [{low:g}, {high:g}]")
 
-    def owner(self, joint: int, *, upper: bool) -> str:
-        """Which constraint gave a bound that was computed last, for reports."""
+    def owner(self, joint: int, bound: float, *, upper: bool) -> str:
+        """Which constraint gave ``bound`` to a joint in the tick that was computed last, for reports.
+
+        One that is nearer than the formulas' own leaves a way to rest within the position limits.
+        """
         if self._only_velocity:
             return self._owners["velocity"]
         at = joint if upper else joint + len(self.joint_names)
         if self._narrowed[at]:
             return self._owners["jerk"]
+        if (bound if upper else -bound) < self._bound[at]:
+            return self._owners["position"]
         if self._has_acceleration and self._bound[at] < self._free[at]:
             return self._owners["acceleration"]
         limited = self._wanted[at] == self._v[at]
