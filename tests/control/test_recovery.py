@@ -158,6 +158,21 @@ def test_the_three_rows_relaxed_most_are_named_the_largest_first(seed: int):
     assert [float(amount.split()[0]) for _, amount in said] == pytest.approx(beyond[most], abs=1e-3)
 
 
+@pytest.mark.parametrize("free", [(2,), (0, 3, 4, 6)])
+def test_nothing_is_relaxed_where_a_joint_has_no_limits_and_the_reason_names_it(free: tuple[int, ...]):
+    v_max = np.ones(ARM.nj)
+    v_max[list(free)] = np.inf
+    posture = Posture(ARM.q0 + 1.0, rate=5.0).exactly()
+    stack = wbc.Stack([Posture(ARM.q0, name="rest")], subject_to=[posture, JointVelocityLimits(v_max)])
+    control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel())
+    command = control.tick(0.0, ARM.q0, STILL)
+    assert command.status is Status.INFEASIBLE and command.fallback_level not in ("relaxed", "closed form")
+    named = [name for name in ARM.joint_names if name in control.why]
+    assert named == [ARM.joint_names[joint] for joint in free[:3]]
+    assert ("1 more" in control.why) == (len(free) > 3)
+    assert control.why in control.explain()
+
+
 def test_laws_give_before_joint_limits_do():
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     control = wbc.Controller(ARM, limited(ARM, LEVELS[1], extra=(up,)), level=LEVELS[1])

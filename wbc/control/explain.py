@@ -50,8 +50,8 @@ def _failure(controller: Solving) -> list[str]:
     if found is None and controller.status is Status.INFEASIBLE:
         why = "no point was found, but no rows contradict each other by more than rounding; look at the scaling"
     lines = [f"  {why}"] if found is None else _conflict(found)
-    if found is not None and controller.last is not None and controller.last.fallback_level == "relaxed":
-        lines.append(f"  {controller.why}")
+    if found is not None and why != controller.status.value:  # what was relaxed, or why nothing was
+        lines.append(f"  {why}")
     if controller.last is not None:
         level = controller.last.fallback_level
         lines.append(f"  instead: {_SAID.get(level, level)}, within its limits")

@@ -173,13 +173,18 @@ class FallbackSequence:
                 controller.answering = weaker.solver
                 return self._certified(weaker.status, weaker.level, q, v, weaker.solver.certificate)
             controller.status = status
-            if self._limited():
+            unlimited = self._unlimited()
+            if not unlimited:
                 found = self._relaxed(start) if status is Status.INFEASIBLE else None
                 if found is not None:
                     return self._certified(status, "relaxed", q, v, found)
                 if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
                     self.failures += 1
                     return self._note(controller.decode(q, v, status, "closed form", _NO_PROOF))
+            elif status is Status.INFEASIBLE:
+                more = [f"{len(unlimited) - 3} more"] if len(unlimited) > 3 else []
+                named = ", ".join([*unlimited[:3], *more])
+                controller.why = f"the rows contradict each other; none is relaxed, since nothing limits the joints {named}"
         return self._fail(status, q, v)
 
     def resume(self, command: Command, q: Vec, v: Vec) -> Command:
@@ -294,13 +299,14 @@ class FallbackSequence:
             torques = p.value[p.item(plan.layout.torque_row) :][: plan.model.nj]
             np.clip(torques, *plan.torque_range, out=torques)
 
-    def _limited(self) -> bool:
-        """Whether limits bound the joints' commands: the solution of a relaxed or simpler problem needs them."""
+    def _unlimited(self) -> list[str]:
+        """Joints whose commands nothing bounds: the solution of a relaxed or simpler problem needs limits on all."""
         plan = self._controller.plan
         p, joints = plan.problem, slice(plan.model.nb, plan.model.nv)
-        if np.isfinite(p.lb[joints]).all() and np.isfinite(p.ub[joints]).all():
-            return True
-        return plan.level.dynamics and bool(np.isfinite(plan.torque_bounds).all())
+        free = ~(np.isfinite(p.lb[joints]) & np.isfinite(p.ub[joints]))
+        if plan.level.dynamics and np.isfinite(plan.torque_bounds).all():
+            return []
+        return [plan.model.joint_names[joint] for joint in np.flatnonzero(free)]
 
     def _in_time(self, start: float) -> bool:
         budget = self.recovery.budget
