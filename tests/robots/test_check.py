@@ -11,15 +11,18 @@ from hypothesis import strategies as st
 
 import wbc
 from tests.robots.examples import needs_examples
+from tests.robots.test_joint_map import sliding
 from wbc.errors import InvalidInput
-from wbc.robots import MotorBoard, UnitreeGo2
-from wbc.robots.check import check
+from wbc.robots import JointMap, MotorBoard, Ros2Control, UnitreeGo2
+from wbc.robots.check import _Check, check
 from wbc.robots.response import Candidates, Expected, Response
+from wbc.sim.engine import PhysicsSettings
 
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.physics
 
 from tests.robots.mistakes import CLEAN, MISTAKES, Seeded, checked, page  # noqa: E402 - needs the physics engine
+from wbc.sim.mujoco_ import MujocoPlant  # noqa: E402
 
 QUICK = {"crc 0", "w first", "accelerometer in g", "stale states", "states at 50 Hz", "no states", "sign of joint 4"}
 QUICK |= {"joints 1 and 3", "offset of joint 4", "torques with the other sign", "clock in milliseconds"}
@@ -136,6 +139,24 @@ def test_limbs_that_are_alike_are_exchanged_each_with_each(fingers: int, tmp_pat
     moved = [int((np.array(order) != np.arange(fingers)).sum()) for order in orders]
     assert moved.count(2) == fingers * (fingers - 1) // 2
     assert len(found) == (75 if fingers == 6 else moved.count(2))
+
+
+@pytest.mark.parametrize(("share", "gear", "sign"), [(0.5, 1.0, 1), (0.3, 20.0, -1), (0.7, 0.1, 1)])
+def test_no_joint_swings_further_than_its_range(share: float, gear: float, sign: int, tmp_path: Path):
+    """A gripper that slides by centimetres, wherever it rests in the middle of them."""
+    robot = sliding(tmp_path, reach=0.03)
+    robot = robot.replace(q0=np.array([0.1, -0.2, 0.3, 0.03 * (share - 0.5)]))
+    group = Ros2Control(robot.joint_names, gains=([60, 60, 60, 400 / gear**2], [3, 3, 3, 20 / gear**2]))
+    joint_map = JointMap.of(robot, group.motors, gear={"gripper": gear}, sign={"gripper": sign})
+    board = MotorBoard(group, MujocoPlant(robot, settings=PhysicsSettings(armature=0.01)), joint_map=joint_map)
+    checker = _Check(board, robot, device=group, joint_map=joint_map, hands=None, progress=lambda done: None)
+    assert checker.listen() and checker.begin()
+    asked: list[np.ndarray] = []
+    send = checker._send
+    checker._send = lambda position: asked.append(joint_map.position_from_device(position)) or send(position)
+    assert checker.move() is not None
+    assert np.ptp(asked, axis=0)[:3].min() > 0.1 and np.ptp(asked, axis=0)[3] > 0.005
+    assert (np.abs(asked) <= robot.limits.q_max + 1e-9).all()
 
 
 def test_a_floating_base_is_refused():

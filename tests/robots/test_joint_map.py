@@ -129,16 +129,16 @@ def test_of_refuses_what_is_no_robot_and_joints_it_does_not_have():
         JointMap.of("arm", robot.joint_names)  # type: ignore[arg-type]
 
 
-def sliding(folder: Path) -> Any:
-    """An arm of LeRobot whose gripper slides."""
+def sliding(folder: Path, reach: float = 2.0) -> Any:
+    """An arm whose gripper slides by ``reach`` [m]."""
     inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
     names, kinds = ("base", "lift", "elbow", "gripper"), ("revolute", "revolute", "revolute", "prismatic")
     text = '<robot name="own"><link name="l0"/>'
     for k, (name, kind) in enumerate(zip(names, kinds, strict=True)):
         text += f'<link name="l{k + 1}">{inertial}</link><joint name="{name}" type="{kind}"><parent link="l{k}"/>'
-        text += (
-            f'<child link="l{k + 1}"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="9" velocity="1"/></joint>'
-        )
+        most = 1.0 if kind == "revolute" else 0.5 * reach
+        text += f'<child link="l{k + 1}"/><axis xyz="1 0 0"/>'
+        text += f'<limit lower="{-most}" upper="{most}" effort="9" velocity="1"/></joint>'
     place = folder / "own.urdf"
     place.write_text(text + "</robot>")
     return wbc.load(place, base="fixed")

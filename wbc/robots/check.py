@@ -18,6 +18,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots import imu_check
@@ -28,8 +29,9 @@ from wbc.robots.port import Port
 from wbc.robots.response import Candidates, Expected, Mistake, Response
 from wbc.types import Mat, Vec
 
-#: Motions: frequency [Hz], amplitude [rad, m], whole periods that it grows in and that are measured.
-FREQUENCY, AMPLITUDE, GROWS, MEASURED = 2.5, 0.06, 1, 2
+#: Motions: frequency [Hz], amplitude [rad, m] and as a share of the joint's range at most, whole periods that it grows
+#: in and that are measured.
+FREQUENCY, AMPLITUDE, SHARE, GROWS, MEASURED = 2.5, 0.06, 0.25, 1, 2
 #: A mistake must explain so much more of what was seen than the map as it is does, in units of the cost.
 CONVINCING = 5.0
 #: Orders that act later than this [s], and clocks that differ by more than this share, are findings.
@@ -91,7 +93,10 @@ class _Check:
         joints = [robot.joint(name) for name in joint_map.joints]
         if joints != [*range(robot.nj)]:
             raise InvalidInput("a check needs a map of all joints of the robot, in its order")
-        self.amplitude = AMPLITUDE * UNITS[device.unit]
+        # Of each motor. A map that is wrong can make it smaller, never larger.
+        ranges = np.minimum(robot.limits.q_max - robot.limits.q_min, checks.LARGEST)
+        own = SHARE * np.abs(joint_map.velocity_to_device(ranges))
+        self.amplitude: Vec = np.minimum(AMPLITUDE * UNITS[device.unit], np.where(own > 0.0, own, np.inf))
         self.reading: Reading | None = None
         self.attitude: Mat = np.eye(3)
 
@@ -146,9 +151,8 @@ class _Check:
             return False
         if self.device.law == "impedance":
             for name in ("q", "dq", "tau", "kp", "kd"):
-                wrong = np.abs(getattr(taken, name) - getattr(order, name)) > 1e-4 * (
-                    1.0 + np.abs(getattr(order, name))
-                )
+                theirs, ours = getattr(taken, name), getattr(order, name)
+                wrong = np.abs(theirs - ours) > 1e-4 * (1.0 + np.abs(ours))
                 if wrong.any():
                     motor = self.device.motors[int(wrong.argmax())]
                     self.result.add("frame", f"our frames say another {name} of {motor} than is meant", (motor,))
@@ -211,7 +215,7 @@ class _Check:
             t, position = k * self.period, self.still.copy()
             if motor is not None:
                 position[motor] += (
-                    self.amplitude * min(1.0, t * FREQUENCY / GROWS) * np.sin(2.0 * np.pi * FREQUENCY * t)
+                    self.amplitude[motor] * min(1.0, t * FREQUENCY / GROWS) * np.sin(2.0 * np.pi * FREQUENCY * t)
                 )
             order = self._send(position)
             self.port.sleep(self.period)
@@ -223,7 +227,7 @@ class _Check:
             q, tau = self._state()
             velocity = joint_map.velocity_from_device(rate)
             rows.append((q, velocity, tau, *(joint_map.torque_from_device(part) for part in (wanted, felt))))
-            if motor is not None and np.abs(reading.q - self.still).max() > 4.0 * self.amplitude:
+            if motor is not None and (np.abs(reading.q - self.still) > 4.0 * self.amplitude).any():
                 return self._record(rows, whole=False)
         return self._record(rows, whole=True)
 
@@ -266,7 +270,7 @@ class _Check:
                 add("command", moved, (name, *(names[k] for k in others[:1])))
                 return None
             swing = weigh @ (seen.q - self.rest)
-            if np.abs(self.joint_map.velocity_to_device(np.abs(swing).max(axis=0))).max() < 3e-3 * self.amplitude:
+            if (np.abs(self.joint_map.velocity_to_device(np.abs(swing).max(axis=0))) <= 3e-3 * self.amplitude).all():
                 add("command", f"{name} does not move by what it is sent", (name,))
                 return None
             Q[:, [j, n + j]], T[:, [j, n + j]] = swing.T, (weigh @ (seen.tau - self.weight)).T
@@ -330,7 +334,8 @@ class _Check:
             names = ", ".join(self.robot.joint_names[k] for k in self._odd(left)[:3])
             self.result.add("unknown", f"torques are not those of the model, most of all of {names}")
         if not found and self.result.ok:
-            self._by_hand(self._alike(whole, expected.ideal(seen)))
+            ideal = expected.ideal(seen)  # what a sound robot could not be told from
+            self._by_hand([one for one in whole if expected.cost(one.applied(ideal)) < 2.0 * CONVINCING])
 
     def _decided(self, best: Mistake, least: float, mistakes: list[Mistake], seen: Response) -> Mistake:
         """Of the mistakes that explain nearly as much as the best one, the one that joints moved by hand show."""
@@ -362,10 +367,6 @@ class _Check:
         own = np.maximum(dynamic[:, :n].max(axis=0), dynamic[:, n:].max(axis=0))
         return [int(k) for k in np.argsort(-(static + own + dynamic.max(axis=1)))]
 
-    def _alike(self, mistakes: list[Mistake], ideal: Response) -> list[Mistake]:
-        """The mistakes that a sound robot could not be told from."""
-        return [one for one in mistakes if self.expected.cost(one.applied(ideal)) < 2.0 * CONVINCING]
-
     def _by_hand(self, alike: list[Mistake]) -> None:
         moved: dict[str, tuple[str, float]] = {}
         for mistake in alike:
@@ -387,8 +388,7 @@ class _Check:
             self.result.add(fits[0].kind, fits[0].sentence, fits[0].joints)
             return
         for joint, seen in wrong:
-            how = seen if seen != joint else "itself, the other way round"
-            kind = "order" if seen != joint else "sign"
+            kind, how = ("order", seen) if seen != joint else ("sign", "itself, the other way round")
             self.result.add(kind, f"{joint}, moved by hand, is read as {how}", (joint,))
 
     def only_by_hand(self) -> None:
