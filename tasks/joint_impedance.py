@@ -53,6 +53,8 @@ class JointImpedance(Tracking, TorqueTask, KernelLinearTask):
         JointImpedance(weight=1.0)
     """
 
+    fixed = frozenset({"coriolis"})
+
     def __init__(
         self, target: Any, *, stiffness: Any, damping: Any, coriolis: bool = False, joints: Sequence[str] | None = None,
         weight: Any = 1.0, name: str | None = None,

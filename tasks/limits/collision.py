@@ -59,6 +59,8 @@ class CollisionAvoidance(Barrier):
 
     units = "m"
 
+    fixed = Barrier.fixed | {"count", "obstacles", "pairs", "reach", "self_collision"}
+
     def __init__(
         self, obstacles: Iterable[Obstacle] = (), *, pairs: Sequence[tuple[str, str]] | None = None,
         self_collision: bool = True, margin: float = 0.02, count: int | None = None, reach: float = 0.12,

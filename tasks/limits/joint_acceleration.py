@@ -29,6 +29,7 @@ class JointAccelerationLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "acceleration"
+    fixed = JointInterval.fixed | {"a_max"}
 
     def __init__(self, a_max: Any, *, name: str | None = None) -> None:
         super().__init__(name=name)

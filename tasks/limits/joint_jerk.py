@@ -33,6 +33,7 @@ class JointJerkLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "jerk"
+    fixed = JointInterval.fixed | {"j_max"}
 
     def __init__(self, j_max: Any, *, name: str | None = None) -> None:
         super().__init__(name=name)

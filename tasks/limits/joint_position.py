@@ -37,6 +37,7 @@ class JointPositionLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "position"
+    fixed = JointInterval.fixed | {"braking", "lower", "upper"}
 
     def __init__(
         self, *, lower: Any = None, upper: Any = None, braking: float | None = None, name: str | None = None

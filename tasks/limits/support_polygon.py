@@ -36,6 +36,8 @@ class SupportPolygon(KernelBarrier):
 
     units = "m"
 
+    fixed = KernelBarrier.fixed | {"margin"}
+
     def __init__(
         self, points: Any, *, margin: float = 0.0, rate: float = 10.0, slack: float | None = 1e6,
         name: str | None = None,

@@ -108,7 +108,8 @@ class Member(metaclass=_Built):
 
     Raises:
         UnknownSetting: an assignment to an attribute that does not exist, with the names that are near it.
-        InvalidInput: an assignment that a plan with this member cannot take, for example of another size.
+        InvalidInput: an assignment that a plan with this member cannot take, for example of another size, or of a
+            setting that is ``fixed``.
 
     Example:
         >>> from wbc.tasks import Damping
@@ -131,6 +132,8 @@ class Member(metaclass=_Built):
     _role: ClassVar[_Role] = _Role.BUILDING
     #: Attributes that are settings beside the properties.
     _settings: ClassVar[frozenset[str]] = frozenset()
+    #: Settings that are read when the member is made or compiled, and never again: they cannot be assigned.
+    fixed: ClassVar[frozenset[str]] = frozenset()
 
     @property
     def name(self) -> str:
@@ -191,6 +194,11 @@ class Member(metaclass=_Built):
             known = {n for n in (*dir(type(self)), *self.__dict__) if not n.startswith("_")}
             settings = [n for n in known if n in self.__dict__ or _is_setting(type(self), n)]
             raise UnknownSetting(name, settings, owner=self.name)
+        if name in self.fixed:
+            raise InvalidInput(
+                f"{self.name}.{name} is read once and cannot be assigned; make another {type(self).__name__}, and give "
+                "controller.replace a stack with it"
+            )
         with _COPIES:
             copies = tuple(self.__dict__.get("_copies", ()))
         if name in _STRUCTURE or not (name in self._settings or hasattr(type(self), name)):

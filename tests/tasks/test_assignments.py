@@ -1,0 +1,104 @@
+"""What is assigned to a member of a running controller holds from the next tick on, or is refused."""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import JointVelocityLimits, Point, Posture, feet
+from tests.tasks.test_contract import MEMBERS
+from wbc.errors import InvalidInput, WbcError
+from wbc.models.model import RobotModel
+from wbc.qp.problem import QP
+from wbc.stack.constraint import Constraint
+from wbc.stack.contact import Contact
+from wbc.testing import robots
+
+ARM, _, HUMANOID = robots()
+LEVEL = wbc.InverseDynamics(lm_damping=0.0)  # which remembers what the tick before left of a task
+#: Attributes that are no settings: what ``prepare`` writes, and gains that follow from a stiffness.
+OTHERS = {"dim", "units", "labels", "convert", "codes", "note", "name", "target_dim"}
+FOLLOW = {"JointAdmittance": {"kp", "kd"}}
+#: These need contacts of their own; the rows of the last depend on the ticks before.
+LEFT_OUT = {"CenterOfPressure", "ContactForce", "InternalForce", "CollisionAvoidance"}
+
+
+def another(value: Any) -> Any:
+    """Another number, or numbers, of the same kind; None where there is none."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int | float) or (isinstance(value, np.ndarray) and value.dtype == np.float64):
+        return 0.5 * value + 0.01
+    return None
+
+
+def settings_of(member: Any) -> list[str]:
+    """The public attributes that its constructor set, and properties that may be assigned."""
+    properties = {
+        name for name in dir(type(member)) if isinstance(p := getattr(type(member), name), property) and p.fset
+    }
+    others = OTHERS | FOLLOW.get(type(member).__name__, set())
+    return sorted(name for name in {*member.__dict__, *properties} - others if not name.startswith("_"))
+
+
+def controller(robot: RobotModel, member: Any) -> wbc.Controller:
+    """With a stack of the member, a posture, and the feet of a robot that has some."""
+    rows: dict[str, list[Any]] = {"tasks": [Posture(robot.q0, weight=1e-3, name="beside")]}
+    rows["contacts"] = feet(robot) if robot is HUMANOID and not isinstance(member, Contact) else []
+    place = "contacts" if isinstance(member, Contact) else "subject_to" if isinstance(member, Constraint) else "tasks"
+    rows.setdefault(place, []).append(member)
+    return wbc.Controller(robot, wbc.Stack(**rows), level=LEVEL)  # type: ignore[arg-type]
+
+
+def problem(control: wbc.Controller, t: float) -> QP:
+    """Of a tick in a state that is not at rest."""
+    robot = control.model
+    control.tick(t, robot.integrate(robot.q0, np.full(robot.nv, 0.05)), np.full(robot.nv, 0.1))
+    return control.qp
+
+
+def made_for(robot: RobotModel, kind: Any) -> bool:
+    """Whether its samples can stand in a stack for this robot."""
+    try:
+        for sample in kind.samples(robot):
+            controller(robot, sample)
+    except WbcError:
+        return False
+    return bool(kind.samples(robot))
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind in MEMBERS if kind.__name__ not in LEFT_OUT], ids=lambda kind: kind.__name__
+)
+def test_a_setting_is_what_a_new_controller_would_have_or_is_refused(kind: Any) -> None:
+    robot = HUMANOID if issubclass(kind, Contact) or not made_for(ARM, kind) else ARM
+    for sample in kind.samples(robot):
+        for name in settings_of(sample):
+            member = copy(sample)
+            value = another(getattr(member, name))
+            if value is None:
+                continue
+            control = controller(robot, member)
+            problem(control, 0.0)
+            try:
+                setattr(member, name, value)
+                anew = controller(robot, copy(member))
+            except WbcError:
+                continue
+            got, wanted = problem(control, control.dt), problem(anew, control.dt)
+            for part in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub"):
+                np.testing.assert_allclose(
+                    getattr(got, part), getattr(wanted, part), rtol=1e-9, atol=1e-12, err_msg=f"{name}: {part}"
+                )
+
+
+def test_what_cannot_be_assigned_is_named_with_a_way_to_change_it() -> None:
+    for member, name in ((JointVelocityLimits(), "v_max"), (Point("left_sole", friction=0.5), "friction")):
+        before = getattr(member, name)
+        with pytest.raises(InvalidInput, match=rf"\.{name} is read once and cannot be assigned.*controller\.replace"):
+            setattr(member, name, 0.2)
+        assert getattr(member, name) is before
