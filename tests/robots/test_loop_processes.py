@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.robots import JointMap, MotorBoard, UnitreeGo2
+from wbc.robots import JointMap, MotorBoard, Udp, UnitreeGo2
+from wbc.robots.device import Order, Reading
+from wbc.robots.guard import Guard
 from wbc.robots.port import serve
 
 ROOT = Path(__file__).parents[2]
@@ -97,6 +99,28 @@ def test_a_killed_script_ends_in_hold(robot: tuple[MotorBoard, int]):
     while board.plant.t - board._ordered < 0.5 and time.monotonic() < deadline:
         time.sleep(0.05)
     assert board.plant.t - board._ordered >= 0.5, "the guard ends after the time that it was given"
+
+
+@pytest.mark.slow
+def test_a_guard_that_is_stopped_stops_no_loop():
+    go2 = UnitreeGo2()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+        guard = Guard(Udp(go2, server.getsockname()), silence=0.05, hold_for=1.0)
+        os.kill(guard.process.pid, signal.SIGSTOP)
+        told = threading.Thread(target=_tell, args=(guard, 2000), daemon=True)
+        told.start()
+        told.join(20.0)
+        waits = told.is_alive()
+        os.kill(guard.process.pid, signal.SIGCONT)
+        guard.dismiss()
+    assert not waits
+
+
+def _tell(guard: Guard, times: int) -> None:
+    nothing = np.zeros(12)
+    for _ in range(times):
+        guard.tell(Order(nothing), Reading(q=nothing, dq=nothing, tau=nothing))
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from multiprocessing.connection import Connection, Pipe
+from select import select
 from typing import Any, final
 
 from wbc.errors import WbcError
@@ -46,8 +47,9 @@ class Guard:
         self._connection.recv()
 
     def tell(self, order: Order, reading: Reading, *, now: bool = False) -> None:
-        """What holds the robot from here; ``now``: hold it."""
-        self._connection.send((order, reading, now))
+        """What holds the robot from here; ``now``: hold it. A guard that does not listen makes nobody wait."""
+        if now or select([], [self._connection], [], 0.0)[1]:
+            self._connection.send((order, reading, now))
 
     def dismiss(self) -> None:
         """The robot needs no guard any more."""
