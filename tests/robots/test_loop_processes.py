@@ -106,7 +106,8 @@ def test_a_guard_that_is_stopped_stops_no_loop():
     go2 = UnitreeGo2()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
         server.bind(("127.0.0.1", 0))
-        guard = Guard(Udp(go2, server.getsockname()), silence=0.05, hold_for=1.0)
+        port = Udp(go2, server.getsockname())
+        guard = Guard(port, silence=0.05, hold_for=1.0)
         os.kill(guard.process.pid, signal.SIGSTOP)
         told = threading.Thread(target=_tell, args=(guard, 2000), daemon=True)
         told.start()
@@ -114,6 +115,7 @@ def test_a_guard_that_is_stopped_stops_no_loop():
         waits = told.is_alive()
         os.kill(guard.process.pid, signal.SIGCONT)
         guard.dismiss()
+        port._socket.close()
     assert not waits
 
 
