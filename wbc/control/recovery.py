@@ -184,7 +184,7 @@ class FallbackSequence:
             elif status is Status.INFEASIBLE:
                 more = [f"{len(unlimited) - 3} more"] if len(unlimited) > 3 else []
                 named = ", ".join([*unlimited[:3], *more])
-                controller.why = f"the rows contradict each other; none is relaxed, since nothing limits the joints {named}"
+                controller.why = f"the rows contradict each other; none is relaxed: nothing limits the joints {named}"
         return self._fail(status, q, v)
 
     def resume(self, command: Command, q: Vec, v: Vec) -> Command:

@@ -110,5 +110,6 @@ class Filled(PlanView):
         """Which constraint gives an unknown the bound it has now."""
         joint = unknown - self.model.nb
         if self.intervals is not None and 0 <= joint < self.model.nj:
-            return self.intervals.owner(joint, self.joint_bound_rows[upper].item(joint), upper=upper)
+            lower_bounds, upper_bounds = self.joint_bound_rows
+            return self.intervals.owner(joint, (upper_bounds if upper else lower_bounds).item(joint), upper=upper)
         return self.problem.rows[self.layout.n_rows + unknown].owner
