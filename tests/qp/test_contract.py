@@ -62,6 +62,19 @@ def test_what_has_no_minimum_is_unbounded(solver: Solver, case: Case):
     assert np.isnan(everything(answer)).all()
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_without_a_cost_any_point_is_an_optimum_on_which_nothing_pushes(solver: Solver, seed: int):
+    if not solver.semidefinite:
+        pytest.skip(f"{solver.name} needs a cost")
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 8))
+    A, C, inside = rng.normal(size=(rng.integers(0, n + 1), n)), rng.normal(size=(3, n)), rng.normal(size=n)
+    qp = QP(np.zeros((n, n)), np.zeros(n), A=A, b=A @ inside, C=C, cu=C @ inside + rng.random(3), lb=inside - 1.0)
+    answer = solver.solve(qp)
+    assert answer.status is Status.SOLVED and answer.certificate.within(solver.tolerance)
+    np.testing.assert_allclose(np.concatenate([answer.y, answer.z, answer.z_box]), 0.0)
+
+
 def test_solvers_print_nothing():
     script = """
 from tests.qp.zoo import random_qp

@@ -82,6 +82,7 @@ class DenseSteps:
         if rank < n or self._curved < n:
             p.metric[:rank] = 1.0
         self._curved, self._proximal = int(rank), _PROXIMAL
+        self._has_cost = bool(rank or qp.g.any())
 
     def step(self, qp: QP, at: Vec) -> Answer:
         """The answer one step from ``at`` (n,)."""
@@ -103,6 +104,7 @@ class DenseSteps:
         box = force[n_in:m]
         x = np.clip(at + self._T.dot(p.x), qp.lb, qp.ub)
         x = np.where(box > 0.0, qp.ub, np.where(box < 0.0, qp.lb, x))
+        force *= self._has_cost  # where there is none, every point of the set is an optimum, and nothing pushes
         return Answer(status, x, force[m:], force[:n_in], box, self._core.iterations)
 
     def name(self, qp: QP, answer: Answer) -> None:
