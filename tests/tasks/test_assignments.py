@@ -14,7 +14,7 @@ from tests.tasks.test_contract import MEMBERS
 from wbc.errors import InvalidInput, WbcError
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
-from wbc.stack.constraint import Constraint
+from wbc.stack.constraint import Barrier, Constraint
 from wbc.stack.contact import Contact
 from wbc.testing import robots
 
@@ -102,3 +102,17 @@ def test_what_cannot_be_assigned_is_named_with_a_way_to_change_it() -> None:
         with pytest.raises(InvalidInput, match=rf"\.{name} is read once and cannot be assigned.*controller\.replace"):
             setattr(member, name, 0.2)
         assert getattr(member, name) is before
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind in MEMBERS if issubclass(kind, Barrier | Contact)], ids=lambda kind: kind.__name__
+)
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf, "fast", None])
+def test_a_gain_that_the_constructor_refuses_is_refused_when_it_is_assigned(kind: Any, value: Any) -> None:
+    robot = HUMANOID if issubclass(kind, Contact) else next(one for one in (ARM, HUMANOID) if kind.samples(one))
+    for sample in kind.samples(robot):
+        for name in ("kp", "kd") if issubclass(kind, Contact) else ("rate",):
+            before = getattr(sample, name)
+            with pytest.raises(InvalidInput, match=rf"\.{name} "):
+                setattr(sample, name, value)
+            assert getattr(sample, name) == before

@@ -143,8 +143,17 @@ class Barrier(Constraint):
 
     def __init__(self, *, rate: float = 10.0, slack: float | None = None, name: str | None = None) -> None:
         super().__init__(name=name)
-        self.rate = checks.number(f"{self.name}.rate", rate, low=0.0, strict=True)
+        self.rate = rate
         self.slack = None if slack is None else checks.number(f"{self.name}.slack", slack, low=0.0, strict=True)
+
+    @property
+    def rate(self) -> float:
+        """γ [1/s]; may be assigned between ticks."""
+        return self._rate
+
+    @rate.setter
+    def rate(self, value: float) -> None:
+        self._rate = checks.number(f"{self.name}.rate", value, low=0.0, strict=True)
 
     @abstractmethod
     def fill(self, state: RobotState, out: BarrierRows) -> None:

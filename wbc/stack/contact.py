@@ -102,8 +102,8 @@ class Contact(Member):
         self._name = None if name is None else checks.text("name", name)
         self.pyramid = Pyramid(friction, friction_model, sides, name=self.name)
         self.friction, self.friction_model, self.sides = self.pyramid.friction, friction_model, self.pyramid.sides
-        self.kp = checks.number(f"{self.name}.kp", kp, low=0.0)
-        self.kd = 2.0 * self.kp**0.5 if kd is None else checks.number(f"{self.name}.kd", kd, low=0.0)
+        self.kp = kp
+        self.kd = 2.0 * self.kp**0.5 if kd is None else kd
         self.force_weight = checks.number(f"{self.name}.force_weight", force_weight, low=0.0)
         self.f_max, self.f_min = f_max, f_min
         self.target = target
@@ -123,6 +123,24 @@ class Contact(Member):
         if _is_position(value) and self.dim != 3:
             raise InvalidInput(f"{self.name}.target is a position; a contact of {self.dim} rows needs a pose")
         self._target = None if value is None else _as_anchor(f"{self.name}.target", value)
+
+    @property
+    def kp(self) -> float:
+        """Gain on what the contact has moved [1/s²]; may be assigned between ticks, as may ``kd``."""
+        return self._kp
+
+    @kp.setter
+    def kp(self, value: float) -> None:
+        self._kp = checks.number(f"{self.name}.kp", value, low=0.0)
+
+    @property
+    def kd(self) -> float:
+        """Gain on the velocity of the contact [1/s]; critical where none was given to the constructor."""
+        return self._kd
+
+    @kd.setter
+    def kd(self, value: float) -> None:
+        self._kd = checks.number(f"{self.name}.kd", value, low=0.0)
 
     @property
     def f_min(self) -> float | None:
