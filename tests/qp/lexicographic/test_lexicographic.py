@@ -92,6 +92,25 @@ def test_rows_said_twice_and_levels_said_twice_change_nothing(seed: int) -> None
     np.testing.assert_allclose(wbc.lexicographic([levels[0], *levels], lb=lb, ub=ub).x, once, atol=1e-5)
 
 
+@given(seed=SEEDS)
+def test_each_level_may_be_in_any_unit(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, levels = int(rng.integers(1, 10)), []
+    for _ in range(rng.integers(1, 5)):
+        m = int(rng.integers(1, n + 3))
+        A, centre, width = rng.normal(size=(m, n)), 2.0 * rng.normal(size=m), rng.integers(0, 3, size=m)
+        levels.append((A, centre - width, centre + width))
+    low, high = -rng.integers(0, 4, size=n), rng.integers(0, 4, size=n)
+    plain = wbc.lexicographic(levels, lb=low, ub=high)
+    units = 2.0 ** rng.integers(-13, 14, size=len(levels))
+    scaled = wbc.lexicographic([(u * A, u * lo, u * hi) for u, (A, lo, hi) in zip(units, levels, strict=True)],
+                               lb=low, ub=high)  # fmt: skip
+    assert plain.status is scaled.status is Status.SOLVED
+    np.testing.assert_array_equal(scaled.x, plain.x)
+    rows = np.repeat(units, [len(lo) for _, lo, _ in levels])
+    np.testing.assert_array_equal(rows * scaled.z, plain.z)
+
+
 def test_the_same_problem_twice_gives_the_same_bits() -> None:
     levels, lb, ub = random_hierarchy(5)
     first, second = (wbc.lexicographic(levels, lb=lb, ub=ub) for _ in range(2))

@@ -111,7 +111,10 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
     A, lo, hi = (np.concatenate([level[i] for level in levels]) for i in range(3))
     ends, n = np.cumsum([0] + [len(level[1]) for level in levels]), len(low)
     equal = lo == hi
-    rows, stages = _row_problem(A, lo, hi, ends)
+    # A level may be in any unit: its solutions are the same. Powers of two change no digit.
+    largest = [float(np.abs(level[0]).max()) for level in levels]
+    unit = np.repeat([2.0 ** np.round(np.log2(a)) if a > 0.0 else 1.0 for a in largest], np.diff(ends))
+    rows, stages = _row_problem(A / unit[:, None], lo / unit, hi / unit, ends)
     rows.lb[:n], rows.ub[:n] = low, high
     ranked = LexicographicSolver(rows, [*stages, []], budget=4 * len(stages) + 4)
     start = perf_counter()
@@ -128,6 +131,7 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
         own = first + np.flatnonzero(equal[first:end])
         stop -= end - first
         z[own] = y[stop : stop + len(own)]
+    z /= unit
     at = A @ x
     # What a level above needed stays as it is: it may push either way in the last problem.
     last = ranked.answered
