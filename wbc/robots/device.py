@@ -46,6 +46,9 @@ def opened(frame: Any) -> Iterator[None]:
         raise BadFrame(f"{checks.shown(frame)} is no frame of this robot: {cause}") from cause
 
 
+_VECTORS = "q", "dq", "tau", "quaternion", "gyro", "acceleration", "feet", "sent"
+
+
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reading:
@@ -75,13 +78,27 @@ class Reading:
     mode_pr: int = 0
 
     def __post_init__(self) -> None:
-        parts = self.q, self.dq, self.tau, self.quaternion, self.gyro, self.acceleration, self.feet, self.sent
+        parts = [self._vector(name) for name in _VECTORS]
+        if type(self.time) is not float:
+            object.__setattr__(self, "time", checks.number("time", self.time))
         if not self.q.shape == self.dq.shape == self.tau.shape == (len(self.q),):
             raise InvalidInput(f"q, dq and tau have the shapes {self.q.shape}, {self.dq.shape} and {self.tau.shape}")
         if not abs(self.q).max(initial=0.0) <= checks.LARGEST:
             checks.array("q", self.q, self.q.shape)
         if (abs(np.concatenate(parts)) > checks.LARGEST).any() or abs(self.time) > checks.LARGEST:
             raise InvalidInput(f"a number of the state is larger than {checks.LARGEST:g}")
+
+    def _vector(self, name: str) -> Vec:
+        """A field as a vector of float64; in a loop it is one already."""
+        value: Any = getattr(self, name)
+        if type(value) is not np.ndarray or value.dtype != np.float64 or value.ndim != 1:
+            try:
+                (size,) = np.shape(value)
+                object.__setattr__(self, name, checks.floats(value).reshape(size))
+            except Exception as cause:  # a conversion may raise whatever it likes
+                raise InvalidInput(f"{name} must be a vector of numbers, not {checks.shown(value)}") from cause
+        vector: Vec = getattr(self, name)
+        return vector
 
 
 @final

@@ -147,7 +147,9 @@ class Loop:
         self._at_end = checks.one_of("at_end", at_end, AT_END)
         self._patience = checks.number("patience", patience, low=0.0, strict=True)
         self._guarded = checks.truth("guard", guard) and port.shared
-        self._hold_for = hold_for if hold_for == np.inf else checks.number("hold_for", hold_for, low=0.0, strict=True)
+        self._hold_for = hold_for
+        if not (isinstance(hold_for, float) and hold_for == np.inf):
+            self._hold_for = checks.number("hold_for", hold_for, low=0.0, strict=True)
         self.guard: Guard | None = None
         self._gravity = robot.state() if port.device.adds_gravity else None
 
