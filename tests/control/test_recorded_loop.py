@@ -206,3 +206,35 @@ def test_a_tick_without_an_answer_has_no_reasons():
     run = recorded(wbc.Controller(robot, stack, level=wbc.AccelerationLevel(), dt=DT), 2)
     for column in ("active.row", "active.multiplier", "residual.Posture", "cost.Posture"):
         assert np.isnan(run[column]).all(), column
+
+
+class Fickle(wbc.Component):
+    """Sound signals, but for those of one tick."""
+
+    def __init__(self, spoilt_tick: int, spoilt: Any) -> None:
+        super().__init__(name="fickle")
+        self.now, self.spoilt_tick, self.spoilt = -1, spoilt_tick, spoilt
+
+    def signals(self) -> dict[str, Any]:
+        self.now += 1
+        if self.now != self.spoilt_tick:
+            return {"x": np.ones(2)}
+        if isinstance(self.spoilt, Exception):
+            raise self.spoilt
+        return {"x": self.spoilt}
+
+
+@pytest.mark.parametrize("tick", [0, 2])
+@pytest.mark.parametrize("spoilt", [ValueError("no"), np.ones(3), np.ones((2, 2)), "text", 1.0, None], ids=str)
+def test_signals_that_fail_cost_neither_the_command_nor_the_other_columns(tick: int, spoilt: Any):
+    """The robot waits for the command; the record says whose signals are missing, and why."""
+    robot = wbc.load("arm")
+    stack = wbc.Stack([Posture(robot.q0 + 0.1)], components=[Fickle(tick, spoilt), Says(1)])
+    driver, recorder = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=DT), wbc.Recorder(8)
+    commands = [recorder.tick(driver, DT * k, robot.q0, np.zeros(robot.nv)) for k in range(4)]
+    assert all(command.status.ok for command in commands)
+    run = recorder.run()
+    assert run.rows == 4 and (run["signal.member.x"] == 1.0).all()
+    assert list(run.meta["silent"]) == ["fickle"]
+    if tick and "signal.fickle.x" in run.columns:
+        np.testing.assert_array_equal(run["signal.fickle.x"], [[1, 1], [1, 1], [np.nan, np.nan], [1, 1]])

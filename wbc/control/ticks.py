@@ -9,6 +9,7 @@ import numpy as np
 from wbc.control.answer import active, distances, shares, units
 from wbc.control.command import Command
 from wbc.control.explain import reproducer
+from wbc.errors import InvalidInput
 from wbc.models.planar import PlanarRobot
 from wbc.qp.problem import QP
 from wbc.stack.contact import Contact
@@ -35,6 +36,7 @@ class Ticks:
     """The rows of one controller, tick by tick.
 
     ``failure`` says when and why the first tick without an answer had none, ``failed`` is its QP; both None before.
+    Signals of a component that fail in the first tick are recorded in none.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -44,6 +46,9 @@ class Ticks:
         self._order, self._dynamics = controller.level.order, controller.level.dynamics
         #: With all contacts: a task on a contact's force is not in the plan while the contact is open.
         self._sizes = {name: len(said.split(", ")) for name, said in units(controller.plans.whole.plan.problem).items()}
+        #: Components whose signals could not be recorded in some tick, and why the first time.
+        self.silent: dict[str, str] = {}
+        self._shapes: dict[str, dict[str, tuple[int, ...]]] = {}
         #: Every row that was active so far, with its side: what the numbers of the column ``active.row`` mean.
         self.active_rows: dict[tuple[str, str, str, str], int] = {}
 
@@ -74,10 +79,24 @@ class Ticks:
             row[f"margin.{name}"] = margin
             if barrier.codes is not None:
                 row[f"about.{name}"] = barrier.codes.copy()
-        for component in controller.components:
-            for name, signal in component.signals().items():
-                row[f"signal.{component.name}.{name}"] = np.array(signal, dtype=np.float64)
-        return row
+        return row | self._signals()
+
+    def _signals(self) -> dict[str, Vec]:
+        """What components say of themselves; nothing of one that fails, since what was decided goes to the robot."""
+        found: dict[str, Vec] = {}
+        for component in self.controller.components:
+            try:
+                said = {name: np.array(signal, dtype=np.float64) for name, signal in component.signals().items()}
+                shapes = {name: signal.shape for name, signal in said.items() if signal.ndim < 2}
+                first = self._shapes.setdefault(component.name, shapes)
+                if len(shapes) < len(said) or not shapes.items() <= first.items():
+                    raise InvalidInput(f"names or sizes are not those of the first tick, vectors or numbers: {said}")
+            except Exception as cause:
+                self._shapes.setdefault(component.name, {})
+                self.silent.setdefault(component.name, f"{type(cause).__name__}: {cause}")
+            else:
+                found |= {f"signal.{component.name}.{name}": signal for name, signal in said.items()}
+        return found
 
     def _shares(self) -> dict[str, Any]:
         """The residual of every task by unit, and what it costs; NaN where it is not in the plan or has no answer."""
@@ -103,7 +122,7 @@ class Ticks:
         """Metadata that only the ticks so far tell: the first failure, and which rows were active."""
         keys = ("owner", "label", "unit", "side")
         rows = [dict(zip(keys, row, strict=True)) for row in self.active_rows]
-        return {"failure": self.failure, "active_rows": rows}
+        return {"failure": self.failure, "active_rows": rows} | ({"silent": self.silent} if self.silent else {})
 
     def watch(self, t: float) -> None:
         """Keep why the tick at ``t`` [s] had no answer, if it is the first one that had none."""
