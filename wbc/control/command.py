@@ -82,6 +82,7 @@ class Command:
         "_split_forces", "_tau", "_v", "_v_before", "fallback_level", "status",
     )  # fmt: skip
 
+    # ``v``, ``a`` and ``tau`` come as arrays that cannot be written: this runs in every tick.
     def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
         self,
         controller: Owner,
@@ -150,24 +151,20 @@ class Command:
     def tau(self) -> Vec:
         """Joint torques (nj,) [N m; N on prismatic joints]; NaN at levels without dynamics."""
         if self._tau is None:
-            self._tau = np.full(self._owner.model.nj, np.nan)
-        self._tau.flags.writeable = False
+            self._tau = _read_only(np.full(self._owner.model.nj, np.nan))
         return self._tau
 
     @property
     def a(self) -> Vec:
         """Acceleration (nv,); NaN at the velocity level."""
         # Not kept where there is none: ``q`` tells by it whether accelerations were decided.
-        a = np.full(self._owner.model.nv, np.nan) if self._a is None else self._a
-        a.flags.writeable = False
-        return a
+        return _read_only(np.full(self._owner.model.nv, np.nan)) if self._a is None else self._a
 
     @property
     def v(self) -> Vec:
         """Velocity (nv,) at the end of the tick: commanded, or v + a dt."""
         if self._v is None:
-            self._v = self._v_before + self._owner.dt * self.a
-        self._v.flags.writeable = False
+            self._v = _read_only(self._v_before + self._owner.dt * self.a)
         return self._v
 
     @property
@@ -176,8 +173,7 @@ class Command:
         if self._q is None:
             dt = self._owner.dt
             mean = self.v if self._a is None else self._v_before + 0.5 * dt * self._a
-            self._q = self._owner.model.integrate(self._q_before, dt * mean)
-        self._q.flags.writeable = False
+            self._q = _read_only(self._owner.model.integrate(self._q_before, dt * mean))
         return self._q
 
     @property
@@ -210,3 +206,8 @@ class Command:
 
     def __repr__(self) -> str:
         return f"Command({self.status}, {self.fallback_level}, {self.certificate})"
+
+
+def _read_only(array: Vec) -> Vec:
+    array.flags.writeable = False
+    return array

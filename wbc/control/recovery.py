@@ -333,12 +333,15 @@ class FallbackSequence:
         if level.order == 1:
             last = v if controller.last is None else controller.last.v
             decided = fallback.velocity(state, None if held is None else held.v, last)
+            decided.flags.writeable = False
             return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, v=decided)
         a = fallback.acceleration(state, None if held is None else held.a)
+        a.flags.writeable = False
         if not level.dynamics:
             return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a)
         carrying = None if self.good is None else self.good.tau
         tau = fallback.torque(state, a, None if held is None else held.tau, carrying)
+        tau.flags.writeable = False
         forces = None if held is None else held.forces
         return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
 
