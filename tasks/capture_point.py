@@ -37,7 +37,7 @@ class CapturePoint(Tracking, KernelLinearTask):
 
     on, dim, units, labels, convert = "acceleration", 2, "m/s²", "xy", staticmethod(vector_target(2))
 
-    fixed = frozenset({"height"})
+    read_once = frozenset({"height"})
 
     def __init__(
         self, *, target: Any, height: float, rate: float = 3.0, weight: Any = 1.0, name: str | None = None

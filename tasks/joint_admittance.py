@@ -41,7 +41,7 @@ class JointAdmittance(Tracking, JointTask, KernelTask):
         >>> guided.torque = [0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0]  # what the sensors of the joints read now
     """
 
-    fixed = frozenset({"damping", "inertia", "stiffness"})
+    read_once = frozenset({"damping", "inertia", "stiffness"})
 
     def __init__(
         self, target: Any, *, inertia: Any, damping: Any, stiffness: Any, torque: Any = 0.0,

@@ -53,7 +53,7 @@ class JointImpedance(Tracking, TorqueTask, KernelLinearTask):
         JointImpedance(weight=1.0)
     """
 
-    fixed = frozenset({"coriolis"})
+    read_once = frozenset({"coriolis"})
 
     def __init__(
         self, target: Any, *, stiffness: Any, damping: Any, coriolis: bool = False, joints: Sequence[str] | None = None,

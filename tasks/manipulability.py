@@ -42,7 +42,7 @@ class ManipulabilityTask(Tracking, Task):
     """
 
     dim = 1
-    fixed = frozenset({"smoothing"})
+    read_once = frozenset({"smoothing"})
 
     def __init__(
         self, frame: str, *, target: Any, rows: Sequence[str] = ("x", "y", "z"), smoothing: float = 1e-3,

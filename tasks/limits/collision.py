@@ -59,7 +59,7 @@ class CollisionAvoidance(Barrier):
 
     units = "m"
 
-    fixed = Barrier.fixed | {"count", "obstacles", "pairs", "reach", "self_collision"}
+    read_once = Barrier.read_once | {"count", "obstacles", "pairs", "reach", "self_collision"}
 
     def __init__(
         self, obstacles: Iterable[Obstacle] = (), *, pairs: Sequence[tuple[str, str]] | None = None,

@@ -33,7 +33,7 @@ class JointJerkLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "jerk"
-    fixed = JointInterval.fixed | {"j_max"}
+    read_once = JointInterval.read_once | {"j_max"}
 
     def __init__(self, j_max: Any, *, name: str | None = None) -> None:
         super().__init__(name=name)

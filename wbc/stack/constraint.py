@@ -35,7 +35,7 @@ class Constraint(Member):
 
     #: Weight of the constraint's slack, above every level; None: it has none and holds exactly. See :class:`Barrier`.
     slack: float | None = None
-    fixed = frozenset({"slack"})
+    read_once = frozenset({"slack"})
 
     def __init__(self, *, name: str | None = None) -> None:
         self._name = None if name is None else checks.text("name", name)

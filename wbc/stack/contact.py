@@ -73,7 +73,7 @@ class Contact(Member):
         InvalidInput: numbers out of range, ``f_min`` above ``f_max``.
     """
 
-    fixed = frozenset({"friction", "friction_model", "sides", "pyramid", "force_weight"})
+    read_once = frozenset({"friction", "friction_model", "sides", "pyramid", "force_weight"})
     dim: int
     frame: str
     _f_min: float | None = None

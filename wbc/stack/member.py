@@ -109,7 +109,7 @@ class Member(metaclass=_Built):
     Raises:
         UnknownSetting: an assignment to an attribute that does not exist, with the names that are near it.
         InvalidInput: an assignment that a plan with this member cannot take, for example of another size, or of a
-            setting that is ``fixed``.
+            setting in ``read_once``.
 
     Example:
         >>> from wbc.tasks import Damping
@@ -133,7 +133,7 @@ class Member(metaclass=_Built):
     #: Attributes that are settings beside the properties.
     _settings: ClassVar[frozenset[str]] = frozenset()
     #: Settings that are read when the member is made or compiled, and never again: they cannot be assigned.
-    fixed: ClassVar[frozenset[str]] = frozenset()
+    read_once: ClassVar[frozenset[str]] = frozenset()
 
     @property
     def name(self) -> str:
@@ -194,7 +194,7 @@ class Member(metaclass=_Built):
             known = {n for n in (*dir(type(self)), *self.__dict__) if not n.startswith("_")}
             settings = [n for n in known if n in self.__dict__ or _is_setting(type(self), n)]
             raise UnknownSetting(name, settings, owner=self.name)
-        if name in self.fixed:
+        if name in self.read_once:
             raise InvalidInput(
                 f"{self.name}.{name} is read once and cannot be assigned; make another {type(self).__name__}, and give "
                 "controller.replace a stack with it"
