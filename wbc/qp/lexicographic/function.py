@@ -112,8 +112,8 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
     ends, n = np.cumsum([0] + [len(level[1]) for level in levels]), len(low)
     equal = lo == hi
     # A level may be in any unit: its solutions are the same. Powers of two change no digit.
-    largest = [float(np.abs(level[0]).max()) for level in levels]
-    unit = np.repeat([2.0 ** np.round(np.log2(a)) if a > 0.0 else 1.0 for a in largest], np.diff(ends))
+    _, exponents = np.frexp([np.abs(A).max() for A, _, _ in levels])
+    unit = np.repeat(np.ldexp(1.0, exponents), np.diff(ends))
     rows, stages = _row_problem(A / unit[:, None], lo / unit, hi / unit, ends)
     rows.lb[:n], rows.ub[:n] = low, high
     ranked = LexicographicSolver(rows, [*stages, []], budget=4 * len(stages) + 4)
