@@ -87,10 +87,12 @@ class Ticks:
         for component in self.controller.components:
             try:
                 said = {name: np.array(signal, dtype=np.float64) for name, signal in component.signals().items()}
-                shapes = {name: signal.shape for name, signal in said.items() if signal.ndim < 2}
-                first = self._shapes.setdefault(component.name, shapes)
-                if len(shapes) < len(said) or not shapes.items() <= first.items():
-                    raise InvalidInput(f"names or sizes are not those of the first tick, vectors or numbers: {said}")
+                shapes = {name: signal.shape for name, signal in said.items()}
+                # A column is a number or a vector, and the first tick fixes its size.
+                columns = {name: shape for name, shape in shapes.items() if len(shape) < 2}
+                columns = self._shapes.setdefault(component.name, columns)
+                if not shapes.items() <= columns.items():
+                    raise InvalidInput(f"the shapes are {shapes}; the columns of the record are {columns}")
             except Exception as cause:
                 self._shapes.setdefault(component.name, {})
                 self.silent.setdefault(component.name, f"{type(cause).__name__}: {cause}")

@@ -55,7 +55,10 @@ class Component(ABC):
         """Called in each tick with the command just decided."""
 
     def signals(self) -> Mapping[str, Vec | float]:
-        """Arrays for the record of each tick, by name; their sizes do not change."""
+        """Numbers and vectors for the record of each tick, by name; their sizes do not change.
+
+        If they cannot be recorded, the tick is recorded without them; ``run.meta["silent"]`` says why.
+        """
         return {}
 
     def __repr__(self) -> str:
