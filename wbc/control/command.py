@@ -151,20 +151,20 @@ class Command:
     def tau(self) -> Vec:
         """Joint torques (nj,) [N m; N on prismatic joints]; NaN at levels without dynamics."""
         if self._tau is None:
-            self._tau = _read_only(np.full(self._owner.model.nj, np.nan))
+            self._tau = read_only(np.full(self._owner.model.nj, np.nan))
         return self._tau
 
     @property
     def a(self) -> Vec:
         """Acceleration (nv,); NaN at the velocity level."""
         # Not kept where there is none: ``q`` tells by it whether accelerations were decided.
-        return _read_only(np.full(self._owner.model.nv, np.nan)) if self._a is None else self._a
+        return read_only(np.full(self._owner.model.nv, np.nan)) if self._a is None else self._a
 
     @property
     def v(self) -> Vec:
         """Velocity (nv,) at the end of the tick: commanded, or v + a dt."""
         if self._v is None:
-            self._v = _read_only(self._v_before + self._owner.dt * self.a)
+            self._v = read_only(self._v_before + self._owner.dt * self.a)
         return self._v
 
     @property
@@ -173,7 +173,7 @@ class Command:
         if self._q is None:
             dt = self._owner.dt
             mean = self.v if self._a is None else self._v_before + 0.5 * dt * self._a
-            self._q = _read_only(self._owner.model.integrate(self._q_before, dt * mean))
+            self._q = read_only(self._owner.model.integrate(self._q_before, dt * mean))
         return self._q
 
     @property
@@ -208,6 +208,7 @@ class Command:
         return f"Command({self.status}, {self.fallback_level}, {self.certificate})"
 
 
-def _read_only(array: Vec) -> Vec:
+def read_only(array: Vec) -> Vec:
+    """The array itself, into which nobody can write any more."""
     array.flags.writeable = False
     return array

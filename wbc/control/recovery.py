@@ -30,7 +30,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc import checks
-from wbc.control.command import Command, Proof
+from wbc.control.command import Command, Proof, read_only
 from wbc.control.fallback import Fallback
 from wbc.control.solving import Solving
 from wbc.errors import InvalidInput, InvalidProblem
@@ -184,7 +184,7 @@ class FallbackSequence:
             elif status is Status.INFEASIBLE:
                 more = [f"{len(unlimited) - 3} more"] if len(unlimited) > 3 else []
                 named = ", ".join([*unlimited[:3], *more])
-                controller.why = f"the rows contradict each other; none is relaxed: nothing limits the joints {named}"
+                controller.why = f"the rows contradict each other; none is relaxed, as no limit bounds {named}"
         return self._fail(status, q, v)
 
     def resume(self, command: Command, q: Vec, v: Vec) -> Command:
@@ -300,12 +300,15 @@ class FallbackSequence:
             np.clip(torques, *plan.torque_range, out=torques)
 
     def _unlimited(self) -> list[str]:
-        """Joints whose commands nothing bounds: the solution of a relaxed or simpler problem needs limits on all."""
+        """Joints without limits on their motion; none where all torques have limits.
+
+        A problem that is relaxed, or simpler, is solved only where limits bound what is commanded.
+        """
         plan = self._controller.plan
-        p, joints = plan.problem, slice(plan.model.nb, plan.model.nv)
-        free = ~(np.isfinite(p.lb[joints]) & np.isfinite(p.ub[joints]))
         if plan.level.dynamics and np.isfinite(plan.torque_bounds).all():
             return []
+        p, joints = plan.problem, slice(plan.model.nb, plan.model.nv)
+        free = ~(np.isfinite(p.lb[joints]) & np.isfinite(p.ub[joints]))
         return [plan.model.joint_names[joint] for joint in np.flatnonzero(free)]
 
     def _in_time(self, start: float) -> bool:
@@ -332,16 +335,13 @@ class FallbackSequence:
         state.update(state.t, q, v)
         if level.order == 1:
             last = v if controller.last is None else controller.last.v
-            decided = fallback.velocity(state, None if held is None else held.v, last)
-            decided.flags.writeable = False
+            decided = read_only(fallback.velocity(state, None if held is None else held.v, last))
             return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, v=decided)
-        a = fallback.acceleration(state, None if held is None else held.a)
-        a.flags.writeable = False
+        a = read_only(fallback.acceleration(state, None if held is None else held.a))
         if not level.dynamics:
             return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a)
         carrying = None if self.good is None else self.good.tau
-        tau = fallback.torque(state, a, None if held is None else held.tau, carrying)
-        tau.flags.writeable = False
+        tau = read_only(fallback.torque(state, a, None if held is None else held.tau, carrying))
         forces = None if held is None else held.forces
         return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
 

@@ -86,7 +86,7 @@ class TargetEnv(gymnasium.Env[Numbers, Numbers]):
         self.plant = checks.instance("plant", plant, Plant, "a plant, as MujocoPlant(robot)")
         check_fit(controller, plant)
         if plant.takes == "position":
-            raise InvalidInput("the plant takes positions, which would follow what is measured; use one without drives")
+            raise InvalidInput("the plant takes positions; drives that start from the state in each tick sag")
         self.targets: list[Any] = []
         lows, highs = [], []
         members = [task for level in controller.stack.levels for task in level]
