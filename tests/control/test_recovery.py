@@ -173,6 +173,39 @@ def test_nothing_is_relaxed_where_a_joint_has_no_limits_and_the_reason_names_it(
     assert control.why in control.explain()
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("neither", [False, True])
+@pytest.mark.parametrize("fault", ["contradiction", "no answer"])
+def test_limits_on_the_motion_of_some_joints_and_the_torque_of_the_others_bound_all(
+    seed: int, neither: bool, fault: str
+):
+    rng = np.random.default_rng(seed)
+    of_torque = rng.random(ARM.nj) < 0.5
+    a_max, tau_max = np.where(of_torque, np.inf, 20.0), np.where(of_torque, 60.0, np.inf)
+    free = int(rng.integers(ARM.nj))
+    if neither:
+        a_max[free] = tau_max[free] = np.inf
+    exact = [Posture(ARM.q0 + 1.0, rate=50.0).exactly()] if fault == "contradiction" else []
+    stack = wbc.Stack(
+        [Posture(ARM.q0 + rng.uniform(-1.0, 1.0, ARM.nj), rate=50.0, name="rest")],
+        subject_to=[*exact, JointAccelerationLimits(a_max), TorqueLimits(tau_max)],
+    )
+    control, script = sabotaged(ARM, wbc.InverseDynamics(), other=False, stack=stack)
+    script.fault = "iterations" if fault == "no answer" else ""
+    command = control.tick(0.0, ARM.q0, STILL)
+    if neither:
+        assert command.fallback_level not in ("relaxed", "closed form")
+        assert [name for name in ARM.joint_names if name in control.why] == (
+            [ARM.joint_names[free]] if fault == "contradiction" else []
+        )
+        return
+    assert command.fallback_level == "relaxed" if fault == "contradiction" else command.fallback_level != "relaxed"
+    assert command.certificate.ok == (fault == "contradiction")
+    assert (np.abs(command.tau) <= tau_max).all() and np.abs(command.tau).max() < 1e3
+    a = np.linalg.solve(control.state.M, command.tau - control.state.h)
+    assert (np.abs(a) <= a_max + 1e-6).all()
+
+
 def test_laws_give_before_joint_limits_do():
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     control = wbc.Controller(ARM, limited(ARM, LEVELS[1], extra=(up,)), level=LEVELS[1])

@@ -173,7 +173,7 @@ class FallbackSequence:
                 controller.answering = weaker.solver
                 return self._certified(weaker.status, weaker.level, q, v, weaker.solver.certificate)
             controller.status = status
-            unlimited = self._unlimited()
+            unlimited = controller.plan.unlimited_joints(*controller.plan.joint_bound_rows)
             if not unlimited:
                 found = self._relaxed(start) if status is Status.INFEASIBLE else None
                 if found is not None:
@@ -269,8 +269,9 @@ class FallbackSequence:
     def _closed_form(self) -> bool:
         """minimise the cost under A x = b, one linear system; then joints and torques are cut to their bounds.
 
-        On legs only where nothing has to be cut and no cone is broken: a robot that pushes itself off with forces that
-        the ground cannot carry falls, and there the last command is better.
+        Only where nothing has to be cut and no cone is broken on legs, and on joints of which only some have limits on
+        motion and only some on torque. A robot that pushes itself off with forces that the ground cannot carry falls,
+        and a cut acceleration does not bound the torques of others: there the last command is better.
         """
         plan = self._controller.plan
         qp, p, n = plan.qp, plan.problem, plan.qp.n
@@ -281,7 +282,8 @@ class FallbackSequence:
             return False
         if not np.abs(qp.A @ x - qp.b).max(initial=0.0) < _PRECISE:
             return False
-        if plan.model.nb:
+        bounds = (plan.joint_bound_rows, plan.torque_range) if plan.level.dynamics else (plan.joint_bound_rows,)
+        if plan.model.nb or not any(np.isfinite(pair).all() for pair in bounds):
             value = qp.C @ x
             outside = np.concatenate([qp.cl - value, value - qp.cu, qp.lb - x, x - qp.ub])
             if not outside.max(initial=0.0) < _PRECISE:
@@ -298,18 +300,6 @@ class FallbackSequence:
         if plan.level.dynamics:
             torques = p.value[p.item(plan.layout.torque_row) :][: plan.model.nj]
             np.clip(torques, *plan.torque_range, out=torques)
-
-    def _unlimited(self) -> list[str]:
-        """Joints without limits on their motion; none where all torques have limits.
-
-        A problem that is relaxed, or simpler, is solved only where limits bound what is commanded.
-        """
-        plan = self._controller.plan
-        if plan.level.dynamics and np.isfinite(plan.torque_bounds).all():
-            return []
-        p, joints = plan.problem, slice(plan.model.nb, plan.model.nv)
-        free = ~(np.isfinite(p.lb[joints]) & np.isfinite(p.ub[joints]))
-        return [plan.model.joint_names[joint] for joint in np.flatnonzero(free)]
 
     def _in_time(self, start: float) -> bool:
         budget = self.recovery.budget

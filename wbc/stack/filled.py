@@ -106,6 +106,17 @@ class Filled(PlanView):
         write(state.q_joints, state.v_joints, lower, upper)
         return lower, upper
 
+    def unlimited_joints(self, lower: Vec, upper: Vec) -> list[str]:
+        """Names of the joints that have neither these bounds on their motion (nj,) nor a limit of torque.
+
+        Where one bounds a and the other τ = M a + h of each joint, both are bounded for all, as every block of M on
+        its diagonal has an inverse. A problem that is relaxed, or simpler, has no such bound for the others.
+        """
+        limited = np.isfinite(lower) & np.isfinite(upper)
+        if self.level.dynamics:
+            limited |= np.isfinite(self.torque_range).all(axis=0)
+        return [self.model.joint_names[joint] for joint in np.flatnonzero(~limited)]
+
     def bound_owner(self, unknown: int, *, upper: bool) -> str:
         """Which constraint gives an unknown the bound it has now."""
         joint = unknown - self.model.nb

@@ -273,20 +273,13 @@ class Stopping:
             self._share = share
             if not solve():  # nor could it in a narrower box
                 self._just_in_time(state, low, high, lower, upper)
-                if not solve() and not self._may_be_relaxed(low, high):
+                if not solve() and plan.unlimited_joints(low, high):  # nor is it relaxed
                     lower[:], upper[:] = low, high
                     solve()
                 return
             if share == 0.0 or self._is_safe_after(plan, state):
                 return
             share = 0.25 * share if share > _LEAST_SHARE else 0.0
-
-    def _may_be_relaxed(self, low: Vec, high: Vec) -> bool:
-        """Whether limits bound every joint, so that a problem without an answer may be relaxed; else it has none.
-
-        A mobile base whose drives have no limits is one that they do not.
-        """
-        return any(bool(np.isfinite(pair).all()) for pair in ((low, high), (self._load.lower, self._load.upper)))
 
     def _just_in_time(self, state: RobotState, low: Vec, high: Vec, lower: Vec, upper: Vec) -> None:
         """Of the bounds ``low`` and ``high`` those decelerations, or more, that stop each joint at the limit ahead."""
