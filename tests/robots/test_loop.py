@@ -228,6 +228,8 @@ def test_numbers_that_are_none_reach_no_motor(part: str, sound: bool, until: int
 class Listening:
     """A guard that listens: when it was told something, by the port's clock, and what."""
 
+    alive = True
+
     def __init__(self, port: Any, *, silence: float, hold_for: float) -> None:
         self.port, self.silence, self.told, self.dismissed = port, silence, [], False
 

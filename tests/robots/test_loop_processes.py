@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.robots import JointMap, MotorBoard, Udp, UnitreeGo2
+from tasks import Posture
+from wbc.robots import JointMap, Loop, MotorBoard, Udp, UnitreeGo2
 from wbc.robots.device import Order, Reading
 from wbc.robots.guard import Guard
 from wbc.robots.port import serve
@@ -113,10 +114,32 @@ def test_a_guard_that_is_stopped_stops_no_loop():
         told.start()
         told.join(20.0)
         waits = told.is_alive()
-        os.kill(guard.process.pid, signal.SIGCONT)
         guard.dismiss()
         port._socket.close()
-    assert not waits
+    assert not waits and not guard.alive
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+def test_a_guard_that_dies_ends_no_run_and_the_next_run_has_another(robot: tuple[MotorBoard, int]):
+    board, number = robot
+    go2, joint_map = device(board.plant.model)
+    stack = wbc.Stack([Posture(board.plant.model.q0, kp=100)])
+    controller = wbc.Controller(board.plant.model, stack, level=wbc.InverseDynamics(), dt=2e-3)
+    port = Udp(go2, ("127.0.0.1", number))
+    loop = Loop(port, controller, joint_map=joint_map, patience=5.0)
+    whole = loop.run(0.1)
+
+    def kill(t: float) -> None:
+        assert loop.guard is not None
+        loop.guard.process.kill()
+        loop.guard.process.wait()
+
+    without, again = loop.run(0.1, before_tick=kill), loop.run(0.1)
+    loop.release()
+    port._socket.close()
+    assert [run.meta["ended"] for run in (whole, without, again)] == ["complete"] * 3
+    assert [run.meta["loop"]["guarded"] for run in (whole, without, again)] == [True, False, True]
 
 
 def _tell(guard: Guard, times: int) -> None:

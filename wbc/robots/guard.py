@@ -22,6 +22,8 @@ from wbc.robots.port import Port
 
 #: How long a guard may take to begin [s].
 _BEGINNING = 60.0
+#: How long one that was dismissed may take to end [s].
+_ENDING = 2.0
 
 
 @final
@@ -46,18 +48,30 @@ class Guard:
             raise WbcError("the guard did not begin; run with guard=False to do without")
         self._connection.recv()
 
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self.process.poll() is None
+
     def tell(self, order: Order, reading: Reading, *, now: bool = False) -> None:
         """What holds the robot from here; ``now``: hold it. A guard that does not listen makes nobody wait."""
-        if now or select([], [self._connection], [], 0.0)[1]:
-            self._connection.send((order, reading, now))
+        self._send((order, reading, now))
 
     def dismiss(self) -> None:
-        """The robot needs no guard any more."""
+        """The robot needs no guard any more: the process ends, or is ended where it does not listen."""
+        self._send(None)
         try:
-            self._connection.send(None)
+            self.process.wait(_ENDING)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+    def _send(self, message: object) -> None:
+        try:
+            if select([], [self._connection], [], 0.0)[1]:
+                self._connection.send(message)
         except OSError:  # it is gone
             pass
-        self.process.wait(_BEGINNING)
 
 
 def watch(connection: Connection) -> None:

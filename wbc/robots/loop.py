@@ -177,7 +177,7 @@ class Loop:
         if before_tick is not None:
             checks.function("before_tick", before_tick, "a function of a number")
         ticks = None if seconds is None else max(1, round(checks.number("seconds", seconds, low=0.0) / self.dt))
-        if self._guarded and self.guard is None:
+        if self._guarded and not (self.guard is not None and self.guard.alive):
             self.guard = Guard(self.port, silence=max(0.05, 5.0 * self.dt), hold_for=self._hold_for)
         self._recorder, self._counts = Recorder(ticks or _ROWS), dict.fromkeys(COUNTS, 0)
         self._rate = Rate(self.dt, clock=self.port.clock, sleep=self.port.sleep)
@@ -372,6 +372,7 @@ class Loop:
     def _run(self, ended: str) -> Run:
         rate = self._rate
         counts = self._counts | {"late": rate.late, "missed": rate.missed, "worst_lateness": rate.worst}
+        counts["guarded"] = self.guard is not None and self.guard.alive
         told = {"device": repr(self.port.device), "rate": 1.0 / self.dt, "ramp": self._ramp, "at_end": self._at_end}
         return self._recorder.run({"scenario": "loop", "ended": ended, "loop": told | counts})
 
