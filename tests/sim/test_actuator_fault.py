@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.errors import InvalidInput, UnknownJoint
+import wbc
+from tasks import Posture
+from wbc.errors import InvalidInput, NotSupported, UnknownJoint
 from wbc.models import Planar4P
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.plant import Delivered, ForwardDynamicsPlant
+from wbc.sim.disturbance import Delay
+from wbc.sim.plant import Delivered, ForwardDynamicsPlant, IntegratorPlant
+from wbc.sim.simulate import simulate
 
 WANTED = Delivered(np.array([5.0, -2.0, 1.0, 3.0]), np.ones(4), np.zeros(4), np.full(4, 2.0))
 
@@ -53,8 +57,32 @@ def test_it_says_what_it_is_and_refuses_what_makes_no_sense():
         ({"effectiveness": 1.2}, "effectiveness is 1.2; it must be between 0 and 1"),
         ({"bias": np.nan}, "bias is nan"),
         ({"start": 2.0, "end": 1.0}, "end is 1; it must be after start, 2"),
+        ({"end": "later"}, "end must be an array of numbers"),
+        ({"ceiling": None}, "ceiling must be an array of numbers"),
+        ({"ceiling": np.nan}, "ceiling is nan"),
+        ({"joint": 1}, "joint is 1; it must be text"),
     ):
         with pytest.raises(InvalidInput, match=said):
-            ActuatorFault(joint="q1", **settings)
+            ActuatorFault(**{"joint": "q1", **settings})
     with pytest.raises(UnknownJoint):
         ActuatorFault(joint="q9").begin(ForwardDynamicsPlant(Planar4P()))
+
+
+@pytest.mark.parametrize("level", ["velocity", "acceleration"])
+def test_a_plant_that_takes_no_torques_has_no_actuator_to_lose(level: str):
+    with pytest.raises(NotSupported, match="no torques that could be lost"):
+        ActuatorFault(joint="q1").begin(IntegratorPlant(Planar4P(), level=level))
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_it_starts_and_ends_in_its_time_however_late_commands_are(order: int):
+    robot, fault, late = Planar4P(), ActuatorFault(joint="q1", effectiveness=1.0, bias=2.0, start=0.01), Delay(0.02)
+    stack = wbc.Stack([Posture(robot.q0, kp=10)])
+
+    def run(*disturbances):
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics())
+        return simulate(controller, ForwardDynamicsPlant(robot), duration=0.015, disturbances=disturbances)
+
+    healthy, failing = run(late), run(*[fault, late][::order])
+    moved = np.abs(failing["plant.v"] - healthy["plant.v"]).max(axis=1)
+    assert not moved[:11].any() and moved[11:].all()

@@ -146,6 +146,8 @@ def test_a_push_on_no_link_names_the_near_ones():
         (lambda: Push("a", (1, 2), 0, 1), r"force must have shape \(3,\)"),
         (lambda: Push("a", (1, 2, np.nan), 0, 1), r"force\[2\] is nan"),
         (lambda: Push("a", (1, 2, 3), -1, 1), "start is -1"),
+        (lambda: Push(None, (1, 2, 3), 0, 1), "frame is None; it must be text"),
+        (lambda: Payload(3, 1.0), "frame is 3; it must be text"),
         (lambda: Push("a", (1, 2, 3), 0, 0), "duration is 0"),
         (lambda: SensorNoise(velocity=-1e-3), "velocity is -0.001"),
         (lambda: SensorNoise(seed=-1), "seed is -1"),

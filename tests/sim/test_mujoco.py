@@ -13,7 +13,7 @@ import wbc
 from tasks import Sinusoid
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.standing import standing_stack
-from wbc.errors import SimulationError, UnknownFrame
+from wbc.errors import InvalidInput, SimulationError, UnknownFrame
 from wbc.models import load
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
@@ -226,6 +226,8 @@ def test_a_payload_adds_the_inertia_of_a_point_mass_until_the_next_reset(command
 def test_frames_that_are_no_links_are_refused_by_name():
     with pytest.raises(UnknownFrame, match="no frame 'trunc'; did you mean 'trunk'"):
         MujocoPlant(QUADRUPED).push("trunc", np.ones(3))
+    with pytest.raises(InvalidInput, match="frame is None; it must be text"):
+        MujocoPlant(QUADRUPED).push(None, np.ones(3))
 
 
 def test_a_state_that_runs_away_is_an_error_not_a_new_beginning(command):

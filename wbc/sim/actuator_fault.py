@@ -42,13 +42,15 @@ class ActuatorFault(Disturbance):
     end: float = np.inf
 
     def __post_init__(self) -> None:
+        checks.text("joint", self.joint)
         checks.number("effectiveness", self.effectiveness, low=0.0, high=1.0)
         checks.number("bias", self.bias)
-        if not self.ceiling >= 0.0:
-            raise InvalidInput(f"ceiling is {self.ceiling:g}; it must be >= 0")
+        ceiling, end = (checks.array(name, getattr(self, name), (), finite=False) for name in ("ceiling", "end"))
+        if ceiling < 0.0:
+            raise InvalidInput(f"ceiling is {ceiling:g}; it must be >= 0")
         checks.number("start", self.start, low=0.0)
-        if not self.end > self.start:
-            raise InvalidInput(f"end is {self.end:g}; it must be after start, {self.start:g}")
+        if end <= self.start:
+            raise InvalidInput(f"end is {end:g}; it must be after start, {self.start:g}")
 
     def missing(self, t: float, tau: float) -> float:
         """τ_f for the command τ at time t [s]."""
@@ -61,6 +63,8 @@ class ActuatorFault(Disturbance):
     def begin(self, plant: Plant) -> Effect:
         if plant.takes == "position":
             raise NotSupported(f"{self}: drives that follow positions make their torques themselves")
+        if plant.takes != "torque":
+            raise NotSupported(f"{self}: {type(plant).__name__} takes {plant.takes}s and no torques that could be lost")
         return _Failing(self, plant)
 
     def __str__(self) -> str:

@@ -4,7 +4,7 @@ A disturbance acts in one of three places of the loop:
 
     before the step     ``push``       forces on the plant
     at the sensors      ``measure``    what the controller is told of (q, v)
-    at the actuators    ``deliver``    what becomes of its command
+    at the actuators    ``deliver``    what becomes of its command; delays come before all others
 """
 
 from __future__ import annotations
@@ -76,6 +76,7 @@ class Push(Disturbance):
     duration: float
 
     def __post_init__(self) -> None:
+        checks.text("frame", self.frame)
         object.__setattr__(self, "force", tuple(checks.array("force", self.force, (3,)).tolist()))
         checks.number("start", self.start, low=0.0)
         checks.number("duration", self.duration, low=0.0, strict=True)
@@ -224,6 +225,7 @@ class Payload(Disturbance):
     start: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.text("frame", self.frame)
         checks.number("mass", self.mass, low=0.0, strict=True)
         checks.number("start", self.start, low=0.0)
 

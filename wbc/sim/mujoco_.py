@@ -227,7 +227,7 @@ class MujocoPlant(Plant):
 
     def _body(self, frame: str) -> int:
         mj = self._mj
-        body = mj.mj_name2id(self.physics, mj.mjtObj.mjOBJ_BODY, frame)
+        body = mj.mj_name2id(self.physics, mj.mjtObj.mjOBJ_BODY, checks.text("frame", frame))
         if body <= 0:
             names = (mj.mj_id2name(self.physics, mj.mjtObj.mjOBJ_BODY, i) for i in range(1, self.physics.nbody))
             raise UnknownFrame(frame, names, "physics knows the robot's links")

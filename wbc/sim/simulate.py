@@ -16,7 +16,7 @@ from wbc.control.setpoint import Setpoint
 from wbc.control.ticks import Ticks, about, outcome
 from wbc.errors import InvalidInput, SimulationError
 from wbc.models.model import RobotModel
-from wbc.sim.disturbance import Disturbance, Effect, SensorNoise
+from wbc.sim.disturbance import Delay, Disturbance, Effect, SensorNoise
 from wbc.sim.joining import guests
 from wbc.sim.plant import Plant
 from wbc.sim.provenance import machine, versions
@@ -97,7 +97,8 @@ def simulate(
         )
     present = guests()
     disturbances = [*disturbances, *(disturbance for guest in present for disturbance in guest.disturbances)]
-    effects = [disturbance.begin(plant) for disturbance in disturbances]
+    # What becomes of a command at the motors becomes of the one that arrived, whichever of the two was listed first.
+    effects = [one.begin(plant) for one in sorted(disturbances, key=lambda one: not isinstance(one, Delay))]
     watched = Ticks(controller)
     columns = _Columns(watched, plant) if recorder else _FewColumns()
     record = Recorder(ticks)
