@@ -44,6 +44,7 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
         (lambda: Position(TOOL, target="here"), "must be an array of numbers, not .here"),
         (lambda: Position(TOOL, target=lambda t: np.zeros(2)), r"must have shape \(3,\), not \(2,\)"),
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(3))), r"\(value, rate, acceleration\)"),
+        (lambda: Position(TOOL, target=lambda t: (0.4, 0.2, 0.5)), r"several numbers as a list or an array, not as a"),
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(2), np.zeros(3))), "target rate must have"),
         (lambda: CenterOfMass(target=None), "CenterOfMass.target is None"),
         (lambda: ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \[1.0, 2.0\]"),

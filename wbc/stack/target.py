@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from numbers import Real
 from typing import Any, final
 
 import numpy as np
@@ -81,8 +82,11 @@ class Target:
         if not isinstance(result, tuple):
             self.rate, self.second, self.has_rates = self._still, self._still, False
             return result
-        if len(result) != 3:
-            raise InvalidInput(f"{self._name}(t) must give a value or (value, rate, acceleration)")
+        if len(result) != 3 or (isinstance(result[0], Real) and self._shape != (1,)):
+            raise InvalidInput(
+                f"{self._name}(t) must give a value or (value, rate, acceleration); give a value of several numbers "
+                "as a list or an array, not as a tuple"
+            )
         value, rate, second = result
         if strict or not type(rate) is type(second) is np.ndarray or not rate.shape == second.shape == self._shape:
             rate = self._vector("rate", rate, strict)
