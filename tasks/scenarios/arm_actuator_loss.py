@@ -83,7 +83,7 @@ class ArmActuatorLoss(Scenario):
             raise InvalidInput(f"parameter 'joints' is {count}; {robot.name} has {robot.nj} joints")
         if p.settings.duration <= FAULT + RECOVERY:
             raise InvalidInput(
-                f"duration is {p.settings.duration:g} s; the fault comes at {FAULT:g} s: give at least 2 s more"
+                f"duration is {p.settings.duration:g} s; it must be more than {FAULT + RECOVERY:g} s, 2 s after the fault"
             )
         wanted = [(joint, answer, FAULT) for joint in robot.joint_names[:count] for answer in ANSWERS]
         wanted += [(joint, "brake", EARLY) for joint in robot.joint_names[1:2]]

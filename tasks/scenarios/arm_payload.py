@@ -58,7 +58,7 @@ class ArmPayload(Scenario):
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
         if p.settings.duration <= PICK + END:
             raise InvalidInput(
-                f"duration is {p.settings.duration:g} s; the load comes at {PICK:g} s: give {END:g} s more"
+                f"duration is {p.settings.duration:g} s; it must be more than {PICK + END:g} s; the load comes at {PICK:g} s"
             )
         p.number("mass", low=0.0, strict=True)
         cases = {

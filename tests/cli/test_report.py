@@ -10,6 +10,8 @@ import pytest
 
 from tests.qp.zoo import random_qp
 from tests.report.conftest import reaching_run
+from wbc.control.recorder import Run
+from wbc.report import save_report
 
 HERE = Path(__file__).parents[1]
 FLIP = f"{HERE / 'sweep' / 'flipping.py'}:flip"
@@ -146,4 +148,7 @@ def test_recorded_runs_become_one_page(wbc, tmp_path: Path):
     assert "called the same" in wbc("compare", "runs/a", "runs/a").err
     assert "nothing to compare" in wbc("compare", "runs/a").err
     assert wbc("compare", "runs/a", "more/a", "--out", "c").code == 0
+    save_report(reaching_run(), tmp_path / "runs" / "c")
+    answer = wbc("compare", "runs/a", "runs/c", "--out", "runs/c")
+    assert answer.code == 2 and "run.npz, which would be lost" in answer.err and Run.load(tmp_path / "runs" / "c").rows
     assert (tmp_path / "c" / "report.md").read_text(encoding="utf-8").startswith("# runs/a · more/a")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wbc.errors import InvalidInput
-from wbc.report.folder import HTML, replaced
+from wbc.report.folder import HTML, RECORDS, replaced
 
 
 def test_a_folder_appears_when_the_block_ends(tmp_path: Path):
@@ -53,6 +53,22 @@ def test_anything_else_is_never_written_over(tmp_path: Path):
     with pytest.raises(InvalidInput, match="is a file"), replaced(tmp_path / "file"):
         pass
     assert (tmp_path / "thesis" / "chapter.tex").exists()
+
+
+@pytest.mark.parametrize("record", RECORDS)
+def test_a_record_is_replaced_by_one_of_its_kind_alone(tmp_path: Path, record: str):
+    target = tmp_path / "report"
+    with replaced(target, record) as pending:
+        (pending / HTML).write_text("old")
+        (pending / record).write_text("hours of work")
+    for other in (None, *(one for one in RECORDS if one != record)):
+        with pytest.raises(InvalidInput, match=f"holds {record}, which would be lost"), replaced(target, other):
+            pass
+    assert (target / record).read_text() == "hours of work"
+    with replaced(target, record) as pending:
+        (pending / HTML).write_text("new")
+        (pending / record).write_text("new")
+    assert (target / record).read_text() == "new"
 
 
 def test_a_place_that_cannot_be_written_is_said_so(tmp_path: Path):

@@ -131,7 +131,7 @@ def scaling(
     import json
 
     from wbc.report.build import require_extras
-    from wbc.report.folder import HTML, replaced, write
+    from wbc.report.folder import DATA, HTML, replaced, write
     from wbc.report.scaling import scaled
     from wbc.report.scaling.page import page
     from wbc.sim.provenance import surroundings
@@ -141,13 +141,13 @@ def scaling(
     chosen = [find(name) for name in names] if names else [*scenarios("growth").values()]
     folder = place(out, "scaling")
     where = surroundings()
-    with replaced(folder) as pending:
+    with replaced(folder, DATA) as pending:
         with working("measuring") as step:
             rows = scaled(chosen, ticks=ticks, repeats=repeats, solver=solver, progress=step)
         settings = {"ticks": ticks, "repeats": repeats, "solver": solver}
         titles = {scenario.name: scenario.summary for scenario in chosen}
         made = page(data := {"surroundings": where, "settings": settings, "titles": titles, "rows": rows})
-        (pending / "data.json").write_text(json.dumps(data, ensure_ascii=False, allow_nan=False), encoding="utf-8")
+        (pending / DATA).write_text(json.dumps(data, ensure_ascii=False, allow_nan=False), encoding="utf-8")
         write(made, pending)
     say(made.summary)
     reported(folder / HTML, show=show)

@@ -54,6 +54,7 @@ def run(
 ) -> None:
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
     from wbc.cli.list_ import described, listed
+    from wbc.control.recorder import ARRAYS_FILE
     from wbc.errors import InvalidInput
     from wbc.qp.solvers import by_name
     from wbc.report.build import require_extras
@@ -76,7 +77,7 @@ def run(
     folder = place(out, chosen.name)
     require_extras()
     interrupted = False
-    with replaced(folder) as pending, notes(told=not as_json), on_stderr():
+    with replaced(folder, ARRAYS_FILE) as pending, notes(told=not as_json), on_stderr():
         with progress(f"running {chosen.name}") as step, _shown(live, port):
             try:
                 result = chosen.run(parameters, Settings(**chosen_settings, solver=solver, progress=step))

@@ -44,8 +44,8 @@ def sweep(
     """Run a scenario many times with drawn parameters, disturbances, solvers, hierarchies; report how it spreads."""
     from wbc import sweep as sweeping
     from wbc.report.build import require_extras
-    from wbc.report.folder import HTML
-    from wbc.sweep.run import RESULTS, in_order, read
+    from wbc.report.folder import HTML, RESULTS
+    from wbc.sweep.run import in_order, read
     from wbc.sweep.summary import figures, reasons
 
     if (resume or repeat is not None) and out is None:

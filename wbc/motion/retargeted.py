@@ -12,7 +12,7 @@ from typing import Any, Self, final
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wbc.control.recorder import Run
+from wbc.control.recorder import ARRAYS_FILE, Run
 from wbc.control.ticks import about_robot
 from wbc.files import Place
 from wbc.models.along import placed, velocities
@@ -152,7 +152,7 @@ class Retargeted:
             NotSupported: a package that reports need is not installed. InvalidInput: something else stands there.
         """
         require_extras()
-        with replaced(Path(folder)) as pending:
+        with replaced(Path(folder), ARRAYS_FILE) as pending:
             self.save(pending / "motion.npz")
             self.to_csv(pending / "motion.csv")
             result = _result(self)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from wbc.control.recorder import ARRAYS_FILE
 from wbc.errors import InvalidInput
 from wbc.files import located
 from wbc.report.document import Report
@@ -16,6 +17,9 @@ from wbc.report.html import html
 from wbc.report.markdown import markdown, picture_path
 
 HTML, MARKDOWN = "report.html", "report.md"
+#: What reports are made of: the record of a run, the data of a comparison, the results of a sweep.
+DATA, RESULTS = "data.json", "results.jsonl"
+RECORDS = (ARRAYS_FILE, DATA, RESULTS)
 
 
 def write(report: Report, folder: Path) -> None:
@@ -29,15 +33,16 @@ def write(report: Report, folder: Path) -> None:
 
 
 @contextmanager
-def replaced(folder: Path) -> Iterator[Path]:
+def replaced(folder: Path, record: str | None = None) -> Iterator[Path]:
     """A new folder beside ``folder`` to write into; it takes the name when the block ends well, and vanishes if not.
 
-    A report that already stands there is replaced. The place is tried at once: enter the block before any long work.
+    A report that already stands there is replaced, and so is its record if that is ``record``, one of ``RECORDS``,
+    which is to be written. The place is tried at once: enter the block before any long work.
 
     Raises:
         InvalidInput: something else stands there, or the place cannot be written.
     """
-    check_free(folder)
+    check_free(folder, record)
     folder = folder.resolve()
     made = [parent for parent in folder.parents if not parent.exists()]
     try:
@@ -62,8 +67,8 @@ def replaced(folder: Path) -> Iterator[Path]:
                 parent.rmdir()
 
 
-def check_free(folder: Path) -> None:
-    """Refuse to write over anything but an empty folder or an older report.
+def check_free(folder: Path, record: str | None = None) -> None:
+    """Refuse to write over anything but an empty folder or an older report, which has no other record than ``record``.
 
     Raises:
         InvalidInput: something else stands there.
@@ -74,3 +79,6 @@ def check_free(folder: Path) -> None:
         raise InvalidInput(f"{folder} is a file; a report is a folder")
     if any(folder.iterdir()) and not (folder / HTML).is_file():
         raise InvalidInput(f"{folder} holds something else than a report; give an empty or a new folder")
+    for name in RECORDS:
+        if name != record and (folder / name).exists():
+            raise InvalidInput(f"{folder} holds {name}, which would be lost; give an empty or a new folder")

@@ -68,13 +68,15 @@ def unfinished(out: Path) -> Path:
     return out.with_name(f"{out.name}.unfinished")
 
 
-def fresh(out: Path, journal: str, what: str) -> Path:
+def fresh(out: Path, journal: str, what: str, record: str) -> Path:
     """The folder to work in for ``out``, which is not made yet, with no such ``journal`` of ``what`` is done in it.
+
+    ``record`` is the file that ends up in ``out``; see :func:`~wbc.report.folder.replaced`.
 
     Raises:
         InvalidInput: something else than a report at ``out``, or unfinished work.
     """
-    check_free(out)
+    check_free(out, record)
     folder = unfinished(out)
     if (folder / journal).exists():
         raise InvalidInput(f"an unfinished {what} is in {folder}; continue it with --resume, or remove it")

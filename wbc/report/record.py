@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.control.recorder import Run
+from wbc.control.recorder import ARRAYS_FILE, Run
 from wbc.errors import InvalidInput, WbcError
 from wbc.files import located
 from wbc.report import measure
@@ -66,7 +66,7 @@ def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel |
     checked(run, robot)
     run = Run(run.columns, {"versions": versions(), "machine": machine(), **run.meta})
     target = located(folder)
-    with replaced(target) as pending:
+    with replaced(target, ARRAYS_FILE) as pending:
         report = run_report(judged(run, robot))
         run.save(pending)
         write(report, pending)

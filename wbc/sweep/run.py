@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from wbc import checks
+from wbc.control.recorder import ARRAYS_FILE
 from wbc.errors import InvalidInput
 from wbc.files import located
 from wbc.report.document import Report
-from wbc.report.folder import replaced
+from wbc.report.folder import RESULTS, replaced
 from wbc.report.folder import write as write_report
 from wbc.report.journal import Journal, fresh, made, taken_up, unfinished
 from wbc.report.record import missing, write_run
@@ -22,7 +23,6 @@ from wbc.sweep.plan import Sweep
 from wbc.sweep.summary import page_of, summary
 from wbc.sweep.trial import done, refusal
 
-RESULTS = "results.jsonl"
 _HEADER = {"scenario", "sweep", "runs", "seed", "date", "machine", "versions", "plan"}
 
 
@@ -54,7 +54,7 @@ def sweep(
     checks.instance("plan", plan, Sweep, "a wbc.sweep.Sweep")
     out = located(out)
     _begins(plan)
-    folder = made(fresh(out, RESULTS, "sweep"))
+    folder = made(fresh(out, RESULTS, "sweep", RESULTS))
     header = {
         "scenario": Path(plan.scenario).name,
         "sweep": str(plan),
@@ -121,7 +121,7 @@ def replay(folder: str | Path, run: int, *, scenario: str | None = None) -> tupl
     if not kept or missing(kept[0].run):
         return result, None
     page = out / page_of(run)
-    with replaced(page.parent) as pending:
+    with replaced(page.parent, ARRAYS_FILE) as pending:
         write_run(kept[0], pending)
     if (out / RESULTS).is_file():
         write_report(summary(lines.header, in_order(lines), out), out)
@@ -186,7 +186,7 @@ def _finished(
         do_all(plan.trials(undone), take, scheduler=scheduler, workers=workers or os.cpu_count() or 1)
     results = in_order(lines)
     report = summary(lines.header, results, out)
-    with replaced(out) as pending:
+    with replaced(out, RESULTS) as pending:
         lines.write(pending / RESULTS, results)
         write_report(report, pending)
     shutil.rmtree(unfinished(out))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,15 @@ def test_the_same_data_give_the_same_bits(compared: Compared, tmp_path: Path):
     redraw(compared.folder, tmp_path / "again")
     for name in ("report.html", "report.md", "data.json"):
         assert (tmp_path / "again" / name).read_bytes() == (compared.folder / name).read_bytes(), name
+
+
+def test_pages_that_are_written_over_leave_the_problems_where_they_are(compared: Compared, tmp_path: Path):
+    def files(folder: Path) -> dict[str, bytes]:
+        return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+    folder = shutil.copytree(compared.folder, tmp_path / "comparison")
+    redraw(folder / "data.json", folder)
+    assert files(folder) == files(compared.folder)
 
 
 def test_data_of_something_else_are_refused(tmp_path: Path):

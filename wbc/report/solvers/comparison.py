@@ -15,7 +15,7 @@ from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name, usable
 from wbc.report.document import Report
-from wbc.report.folder import replaced
+from wbc.report.folder import DATA, replaced
 from wbc.report.folder import write as write_report
 from wbc.report.journal import Journal, fresh, made, taken_up
 from wbc.report.solvers import data as raw
@@ -30,7 +30,6 @@ from wbc.sim.provenance import surroundings, versions
 from wbc.sim.scenario import Progress, Scenario, find, silent
 from wbc.sim.scenario import scenarios as registered_scenarios
 
-DATA = "data.json"
 PROBLEMS = "problems"
 _JOURNAL = "journal.jsonl"
 
@@ -80,7 +79,7 @@ def compare(
         raise InvalidInput("there is no solver to compare")
     choices = {"plant": plant, "hierarchy": hierarchy, "duration": duration}
     place = None if out is None else Path(out)
-    folder = None if place is None else fresh(place, _JOURNAL, "comparison")
+    folder = None if place is None else fresh(place, _JOURNAL, "comparison", DATA)
     sources = _listed(run)
     _refuse_stray(settings, sources)
     collected = _collected(sources, settings, choices, Request(chosen, **options), progress)
@@ -121,13 +120,16 @@ def redraw(source: Path, out: Path) -> Report:
     file = source / DATA if source.is_dir() else source
     data = raw.read(file)
     text = file.read_bytes()
-    with replaced(out) as pending:
+    with replaced(out, DATA) as pending:
         try:
             report = page(data)
             write_report(report, pending)
         except (KeyError, IndexError, TypeError, ValueError, AttributeError) as cause:
             raise InvalidInput(f"{file} does not hold the data of a comparison: {cause!r}") from cause
         (pending / DATA).write_bytes(text)
+        for name in (PROBLEMS, FAILURES):  # of which the page speaks
+            if (file.parent / name).is_dir():
+                shutil.copytree(file.parent / name, pending / name)
     return report
 
 
@@ -237,7 +239,7 @@ def _finished(request: Request, folder: Path, out: Path | None, progress: Progre
     if out is None:
         return data
     progress(1.0, "drawing the report")
-    with replaced(out) as pending:
+    with replaced(out, DATA) as pending:
         raw.write(data, pending / DATA)
         write_report(page(raw.read(pending / DATA)), pending)
         shutil.copytree(folder / PROBLEMS, pending / PROBLEMS)
