@@ -10,7 +10,7 @@ VENV_PYTHON := $(VENV)/bin/python
 INSTALL := $(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --editable
 # The one thing that pip does not bring: Pinocchio's wheel for Linux is linked against libgomp.
 # The solver is compiled once for this processor, and kept.
-COMPILE := $(VENV_PYTHON) -c "import wbc.stack.plan, wbc.stack.follower, wbc.models.near_pairs, wbc.qp.lexicographic.levels, wbc.qp.rows.core, wbc.robots.estimator"
+COMPILE := $(VENV_PYTHON) -m wbc.compile_all
 LOOK := $(VENV_PYTHON) -c "import pinocchio" || \
   { echo "If libgomp.so.1 is what is missing: apt install libgomp1 (Debian, Ubuntu) or dnf install libgomp (Fedora)" >&2; exit 1; }
 
@@ -74,7 +74,7 @@ $(VENV)/ready-to-run: pyproject.toml | $(VENV)/created
 	@echo "about 350 MB to download from PyPI, 1.4 GB on disk, a minute or two."
 	@$(INSTALL) ".[sim,report,robots]"
 	@$(LOOK)
-	@echo "Compiling the solver for this processor, once: about a minute and a half of one core."
+	@echo "Compiling the solver for this processor, once: about a minute."
 	@$(COMPILE)
 	@touch $@
 
@@ -90,7 +90,7 @@ $(VENV)/ready-to-test: pyproject.toml | $(VENV)/created
 	@echo "about 500 MB to download from PyPI, 1.9 GB on disk, a minute or two."
 	@$(INSTALL) ".[all]"
 	@$(LOOK)
-	@echo "Compiling the solver for this processor, once: about a minute and a half of one core."
+	@echo "Compiling the solver for this processor, once: about a minute."
 	@$(COMPILE)
 	@touch $(VENV)/ready-to-run $@
 

@@ -89,6 +89,7 @@ def passed(run: Run, options: Sequence[str]) -> bool:
         environment = {**os.environ, **run.environment}
         if "NUMBA_CPU_NAME" in run.environment:
             environment["NUMBA_CACHE_DIR"] = cache  # kept machine code is for the processor found
+            subprocess.run([sys.executable, "-m", "wbc.compile_all"], cwd=ROOT, env=environment, check=True)
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--deselect", ONCE, *options, *FOLDERS],
             cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
+import wbc
+from tests.test_import_cost import modules_after
+from wbc.compile_all import MODULES
 from wbc.compiled import forget_stale
 
 
@@ -27,7 +31,15 @@ def test_machine_code_is_forgotten_where_a_kernel_that_it_may_have_taken_in_is_n
 
 
 def test_kernels_of_the_library_are_looked_at_when_compiled_code_is_first_asked_for():
-    import wbc
-
     folders = {path.parent for path in Path(wbc.__file__).parent.rglob("*_kernel.py")}
     assert folders and all(folder.name == "compiled" for folder in folders), "else forget_stale does not see them"
+
+
+def test_one_command_compiles_every_kernel_and_none_in_both_of_its_processes():
+    root = Path(wbc.__file__).parent
+    kernels = (path for path in root.rglob("compiled/*.py") if path.name != "__init__.py")
+    every = {".".join(path.relative_to(root.parent).with_suffix("").parts): path for path in kernels}
+    first, second = (every.keys() & modules_after(f"import {', '.join(modules)}") for modules in MODULES)
+    assert first | second == every.keys()
+    at_once = re.compile(r"^@(entry|part|callee)$", re.MULTILINE)
+    assert not [name for name in first & second if at_once.search(every[name].read_text(encoding="utf-8"))]

@@ -13,8 +13,8 @@ ROBOTS = {"example_robot_data", "pinocchio"}
 
 
 def modules_after(statement: str) -> set[str]:
-    """Top-level names of the modules that a fresh interpreter has loaded after one statement."""
-    script = f"import sys\n{statement}\nprint(*sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    """Names of the modules that a fresh interpreter has loaded after one statement."""
+    script = f"import sys\n{statement}\nprint(*sorted(sys.modules))"
     return set(
         subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout.split()
     )
