@@ -36,10 +36,16 @@ Frame Time: 0.01
 4 5 6 0 0 0 0 0 0
 4 5 6 90 0 0 0 90 0
 """
-#: What files of three makers call the parts that are needed.
+#: What files of four makers call the parts that are needed, and the collar bones, which are none of them.
+COLLARS = {"mixamo": "Shoulder", "xsens": "Shoulder", "smpl": "Collar", "acclaim": "Shoulder"}
 NAMES = {
-    "mixamo": dict.fromkeys(["hip"], "UpLeg") | {
-        "knee": "Leg", "ankle": "Foot", "toe": "ToeBase", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand"
+    "mixamo": {
+        "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "toe": "ToeBase", "shoulder": "Arm", "elbow": "ForeArm",
+        "wrist": "Hand",
+    },
+    "xsens": {
+        "hip": "UpperLeg", "knee": "LowerLeg", "ankle": "Foot", "toe": "Toe", "shoulder": "UpperArm",
+        "elbow": "ForeArm", "wrist": "Hand",
     },
     "smpl": {part: part for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")} | {"toe": "foot"},
     "acclaim": {
@@ -92,6 +98,39 @@ def test_what_is_written_is_read(name: str, tmp_path: Path):
             np.testing.assert_allclose(read.positions[part], places, atol=1e-7)
 
 
+@pytest.mark.parametrize("metres", [1.0, 0.01, 0.0254, 0.001])
+@pytest.mark.parametrize("size", [0.7, 1.0, 1.15])  # a child, and a person of two metres
+def test_the_unit_of_a_file_is_told_by_the_size_of_the_body(metres: float, size: float, tmp_path: Path):
+    motion = made("squat")
+    tall = {part: size * p for part, p in motion.positions.items()}
+    units = np.stack([*tall.values()], axis=1) / metres
+    np.savez(tmp_path / "m.npz", names=[*tall], rate=motion.rate, positions=units)
+    for part, places in Motion.read(tmp_path / "m.npz").positions.items():
+        np.testing.assert_allclose(places, tall[part], atol=1e-9)
+
+
+def test_a_mark_at_the_start_and_empty_lines_are_passed_over(tmp_path: Path):
+    motion = made("squat")
+    heads = [f"{part}.{axis}" for part, axis in product(motion.positions, "xyz")]
+    table = np.column_stack([motion.times, *motion.positions.values()])
+    rows = "\n\n".join(",".join(map(repr, row)) for row in table.tolist())
+    (tmp_path / "m.csv").write_text(f"{','.join(['time', *heads])}\n{rows}\n\n", encoding="utf-8-sig")
+    (tmp_path / "m.bvh").write_text(as_bvh(motion), encoding="utf-8-sig")
+    for path in sorted(tmp_path.iterdir()):
+        assert Motion.read(path).frames == motion.frames
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path: Path):
+    motion = made("squat")
+    names = ["left_hip", *motion.positions]
+    places = np.zeros((motion.frames, len(names), 3))
+    np.savez(tmp_path / "m.npz", names=names, rate=60.0, positions=places)
+    (tmp_path / "m.csv").write_text("time,left_hip.x,left_hip.y,left_hip.z,left_hip.x\n0,1,2,3,4\n1,1,2,3,4\n")
+    for path in sorted(tmp_path.iterdir()):
+        with pytest.raises(InvalidInput, match=r"two columns called 'left_hip"):
+            Motion.read(path)
+
+
 def test_rotations_and_contacts_are_kept(tmp_path: Path):
     plain = made("squat")
     turned = np.tile(np.eye(3), (plain.frames, 1, 1))
@@ -104,7 +143,7 @@ def test_rotations_and_contacts_are_kept(tmp_path: Path):
 
 @pytest.mark.parametrize("maker", NAMES)
 def test_the_names_of_other_makers_are_known(maker: str):
-    given = [f"{side}{part}" for side in ("Left", "Right") for part in NAMES[maker].values()]
+    given = [f"{side}{part}" for side in ("Left", "Right") for part in (COLLARS[maker], *NAMES[maker].values())]
     found = known_parts("clip", ["Hips", "LeftHandThumb1", *given])
     for part, called in NAMES[maker].items():
         assert found[f"left_{part}"] == f"Left{called}", part

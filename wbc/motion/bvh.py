@@ -44,7 +44,7 @@ def read_bvh(path: Path) -> Read:
         InvalidInput: no such file, or a place at which it is no BVH file.
     """
     try:
-        text = " ".join(path.read_text(encoding="utf-8").split()) + " "
+        text = " ".join(path.read_text(encoding="utf-8-sig").split()) + " "
     except (OSError, ValueError) as cause:
         raise InvalidInput(f"{path} cannot be read: {cause}") from None
     joints, at = _hierarchy(path, text)

@@ -22,8 +22,9 @@ from wbc.tolerances import MET
 from wbc.types import Flags, Mat, Vec
 
 SIDES = ("left", "right")
-#: Parts of a body that retargeting knows, and what files call them, without case, blanks and prefixes. A file that has
-#: an ankle and a foot calls the toes foot, so a name is taken once, in this order.
+#: Parts of a body that retargeting knows, and what files call them, without case, blanks and prefixes; the first name
+#: that a file has is meant. A file that has an ankle and a foot calls the toes foot, so a name is taken once, in this
+#: order; one that has an arm and a shoulder calls the collar bone shoulder.
 PARTS: Mapping[str, tuple[str, ...]] = {
     "pelvis": ("pelvis", "hips", "hip", "root"),
     "spine": ("spine", "spine1", "lowerback", "abdomen", "torso", "chest"),
@@ -49,7 +50,8 @@ BONES = (
     ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), ("spine", "head"),
     *((f"{s}_{one}", f"{s}_{other}") for s in SIDES for chain in _CHAINS for one, other in pairwise(chain)),
 )  # fmt: skip
-#: Metres in the units in which files give lengths, tried in this order, and what the body is then tall [m].
+#: Metres in the units in which files give lengths, and how tall a body is in the right one [m]. Of two that are
+#: possible (64 is 0.64 m or 1.63 m) the one is right that is nearer to the middle, by ratio.
 _UNITS = (1.0, 0.01, 0.0254, 0.001)
 _TALL = (0.6, 2.6)
 #: The numbers that a motion has of a part in each frame, and their shapes.
@@ -125,9 +127,10 @@ class Motion:
         called = known_parts(name, [*positions])
         heights = [checks.array(f"{name}: {one}", positions[one], (None, 3))[:, 2] for one in called.values()]
         tall = float(np.median(np.ptp(heights, axis=0)))
-        metres = next((unit for unit in _UNITS if _TALL[0] <= unit * tall <= _TALL[1]), None)
-        if metres is None:
+        possible = [unit for unit in _UNITS if _TALL[0] <= unit * tall <= _TALL[1]]
+        if not possible:
             raise InvalidInput(f"{name}: the body is {tall:g} tall, which is no person's size in m, cm, inches or mm")
+        metres = min(possible, key=lambda unit: abs(float(np.log(unit * tall) - np.log(_TALL).mean())))
         given["positions"] = {one: metres * p for one, p in positions.items()}
         kept: Any = {key: {part: of[one] for part, one in called.items() if one in of} for key, of in given.items()}
         return cls(rate, **kept, name=name)
@@ -168,6 +171,7 @@ def _arrays(place: Path) -> Read:
     if arrays["names"].ndim != 1 or arrays["names"].dtype.kind != "U" or arrays["rate"].size != 1:
         raise InvalidInput(f"{place}: names must be text (F,), and rate one number")
     names = arrays["names"].tolist()
+    _once(place, names)
     found: dict[str, dict[str, Vec]] = {}
     for key, shape in _SHAPES.items():
         values = arrays.get(key, np.zeros((0, len(names), *shape)))
@@ -181,10 +185,11 @@ def _arrays(place: Path) -> Read:
 
 def _table(place: Path) -> Read:
     try:
-        heads, *rows = csv.reader(place.read_text(encoding="utf-8").splitlines())
+        heads, *rows = filter(None, csv.reader(place.read_text(encoding="utf-8-sig").splitlines()))
         table = np.array(rows, dtype=np.float64).reshape(-1, len(heads))
     except (OSError, ValueError, csv.Error) as cause:
         raise InvalidInput(f"{place} is no table of numbers with a heading: {cause}") from None
+    _once(place, heads)
     columns, parts = dict(zip(heads, table.T, strict=True)), [one[:-2] for one in heads if one.endswith(".x")]
     try:
         steps = np.diff(columns["time"])
@@ -194,6 +199,11 @@ def _table(place: Path) -> Read:
     if not steps.size or not steps.min() > 0.0 or np.abs(steps - steps.mean()).max() > 0.1 * steps.mean():
         raise InvalidInput(f"{place}: times must rise in even steps")
     return 1.0 / float(steps.mean()), {"positions": positions}
+
+
+def _once(place: Path, names: list[str]) -> None:
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InvalidInput(f"{place} has two columns called {twice[0]!r}")
 
 
 def known_parts(name: str, given: list[str]) -> dict[str, str]:
@@ -211,7 +221,7 @@ def known_parts(name: str, given: list[str]) -> dict[str, str]:
     plain = {"".join(c for c in one.rpartition(":")[2].lower() if c.isalnum()): one for one in reversed(given)}
     found: dict[str, str] = {}
     for part, names in PARTS.items():
-        free = [plain[one] for one in (part.replace("_", ""), *names) if plain.get(one) not in (None, *found.values())]
+        free = [plain[one] for one in names if plain.get(one) not in (None, *found.values())]
         if free:
             found[part] = free[0]
         elif part in NEEDED:

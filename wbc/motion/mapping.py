@@ -77,7 +77,7 @@ class Table(NamedTuple):
         """
         place = located(path)
         try:
-            said = tomllib.loads(place.read_text(encoding="utf-8"))
+            said = tomllib.loads(place.read_text(encoding="utf-8-sig"))
         except (OSError, ValueError, RecursionError) as cause:
             raise InvalidInput(f"{place} cannot be read: {cause}") from None
         frames, scale = said.pop("frames", None), said.pop("scale", None)
