@@ -33,6 +33,7 @@ def test_what_is_not_known_is_one_sentence(wbc):
         (["soak", "tasks:Posture"], "not a wbc.sim.scenario.Scenario"),
         (["soak", "arm-velocity", "--kind", "salt"], "valid, fuzz, starts"),
         (["soak", "arm-velocity", "--solver", "dapq"], "did you mean 'daqp'"),
+        (["soak", "arm-velocity", "--seed", "-1"], "seed is -1; it must be a whole number"),
     ):
         answer = wbc(*words)
         assert answer.code == 2 and answer.out == "" and said in answer.err

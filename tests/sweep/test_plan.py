@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,12 @@ def test_ranges_and_choices_make_sense():
     for bad in (lambda: Range(2, 1), lambda: Range(0, np.inf), lambda: Choice(()), lambda: plan().trial(20)):
         with pytest.raises(InvalidInput):
             bad()
+    for kind, name in ((RandomNoise, "velocity"), (RandomDelay, "seconds"), (partial(RandomPayload, "tool"), "mass")):
+        assert kind(Range(0.0, 1.0))
+        with pytest.raises(InvalidInput, match=f"the least {name} is -1"):
+            kind(Range(-1.0, 1.0))
+        with pytest.raises(InvalidInput, match=f"{name} is 1.0; it must be a wbc.sweep.Range"):
+            kind(1.0)
     assert read_range("x", "3") == Range(3, 3) and at_frame("--push", "torso=1:2") == ("torso", Range(1, 2))
     for text in ("torso", "=1:2", "torso=a"):
         with pytest.raises(InvalidInput):

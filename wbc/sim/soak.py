@@ -22,7 +22,7 @@ import numpy as np
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.controller import Controller
-from wbc.errors import InvalidInput, WbcError
+from wbc.errors import WbcError
 from wbc.sim.scenario import Progress, Scenario, silent
 from wbc.sim.spoiling import RUBBISH, SpoiltComponent, SpoiltTarget, spoilt
 from wbc.stack.constraint import JointInterval
@@ -72,11 +72,11 @@ def soak(
     """Let the controller of a scenario run for ``ticks`` ticks.
 
     Raises:
-        InvalidInput: another ``kind``, or no ticks.
+        InvalidInput: another ``kind``, no ticks, or a negative seed.
     """
     checks.instance("scenario", scenario, Scenario, "a Scenario, such as wbc.sim.scenario.find(name) gives")
-    if kind not in KINDS or ticks < 1:
-        raise InvalidInput(f"a soak is of kind {', '.join(KINDS)} and has ticks, not {kind!r} and {ticks}")
+    checks.one_of("kind", kind, KINDS)
+    ticks, seed = int(checks.number("ticks", ticks, low=1)), checks.seed("seed", seed)
     control = scenario.first_setup(scenario.complete_parameters(solver=solver)).controller(solver)
     run = _Run(scenario, control, np.random.default_rng([seed, KINDS.index(kind)]), Findings(kind))
     start, digest, memory = perf_counter(), hashlib.sha256(), 0

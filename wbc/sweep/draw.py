@@ -97,6 +97,10 @@ class DrawnDisturbance(ABC):
         """In one line."""
 
 
+def _check_size(name: str, sizes: Range) -> None:
+    checks.number(f"the least {name}", checks.instance(name, sizes, Range, "a wbc.sweep.Range").low, low=0.0)
+
+
 #: A push lasts so long [s] and begins in this part of the run.
 PUSH_TIME, PUSH_FROM, PUSH_UNTIL = 0.2, 0.1, 0.8
 
@@ -128,6 +132,9 @@ class RandomPayload(DrawnDisturbance):
     frame: str
     mass: Range
 
+    def __post_init__(self) -> None:
+        _check_size("mass", self.mass)
+
     def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
         del duration
         return Payload(self.frame, mass=max(float(self.mass.draw(rng)), 1e-9))
@@ -143,6 +150,9 @@ class RandomNoise(DrawnDisturbance):
 
     velocity: Range
 
+    def __post_init__(self) -> None:
+        _check_size("velocity", self.velocity)
+
     def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
         del duration
         return SensorNoise(velocity=float(self.velocity.draw(rng)), seed=int(rng.integers(2**31)))
@@ -157,6 +167,9 @@ class RandomDelay(DrawnDisturbance):
     """Commands that arrive late by a time from ``seconds`` [s]."""
 
     seconds: Range
+
+    def __post_init__(self) -> None:
+        _check_size("seconds", self.seconds)
 
     def draw(self, rng: np.random.Generator, duration: float) -> Disturbance:
         del duration
