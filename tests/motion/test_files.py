@@ -141,6 +141,20 @@ def test_rotations_and_contacts_are_kept(tmp_path: Path):
     np.testing.assert_array_equal(read.contacts["left_wrist"], motion.contacts["left_wrist"])
 
 
+def test_motions_that_make_no_sense_are_refused():
+    motion = made("squat")
+    for about, wrong in {
+        "positions": (60.0, None),
+        "rotations": (60.0, motion.positions, None),
+        "contacts": (60.0, motion.positions, {}, 1),
+    }.items():
+        with pytest.raises(InvalidInput, match=f"{about} is"):
+            Motion(*wrong)
+    for moments in ([0.0, 1.0, motion.frames], [-1.0, 0.0, 1.0], [[0.0]], [0.0, np.nan, 1.0]):
+        with pytest.raises(InvalidInput, match="moments"):
+            motion.at(moments)
+
+
 @pytest.mark.parametrize("maker", NAMES)
 def test_the_names_of_other_makers_are_known(maker: str):
     given = [f"{side}{part}" for side in ("Left", "Right") for part in (COLLARS[maker], *NAMES[maker].values())]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import wbc
 from tests.scenarios.test_standing import needs_examples
 from wbc.errors import InvalidInput, UnknownName
 from wbc.models.along import velocities
+from wbc.models.catalogue import OWN_ROBOTS
 from wbc.models.feet import Foot
 from wbc.motion import Motion, Retargeted, Table, made
 from wbc.motion.targets import targets
@@ -82,6 +85,72 @@ def test_soles_that_stand_are_beside_each_other(name: str, seed: int):
     for k in (both[0], both[len(both) // 2], both[-1]):
         left, right = (outline(asked, foot, part, k) for part, foot in feet.items())
         assert np.linalg.norm(left[:, None] - right[None], axis=2).min() > 0.018
+
+
+#: Axes of frames on the humanoid, as programs for drawing leave them; those of a sole keep its z.
+AXES = {
+    "pelvis": (0.0, 0.0, 3.0), "torso": (0.3, 1.2, -2.0), "head": (3.0, 0.0, 0.0), "left_sole": (0.0, 0.0, np.pi / 2),
+    "right_sole": (0.0, 0.0, np.pi),
+}  # fmt: skip
+TURNED = (
+    '<link name="{0}_cad"/><joint name="{0}_axes" type="fixed"><parent link="{0}"/><child link="{0}_cad"/>'
+    '<origin xyz="0 0 0" rpy="{1} {2} {3}"/></joint>'
+)
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.4])
+@pytest.mark.parametrize("name", ["squat", "turn"])
+def test_the_axes_of_a_robots_frames_do_not_matter(name: str, heading: float, tmp_path: Path):
+    plain = retargeted(name)
+    text = (OWN_ROBOTS / "humanoid.urdf").read_text(encoding="utf-8")
+    turned = "".join(TURNED.format(frame, *angles) for frame, angles in AXES.items())
+    (tmp_path / "cad.urdf").write_text(text.replace("</robot>", f"{turned}</robot>"), encoding="utf-8")
+    left, right = (plain.robot.feet[sole] for sole in ("left_sole", "right_sole"))
+    assert left.half_size is not None
+    feet = [
+        replace(left, frame="left_sole_cad", half_size=left.half_size[::-1]),
+        replace(right, frame="right_sole_cad"),
+    ]
+    q0 = np.array(plain.robot.q0)
+    q0[3:7] = 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)
+    robot = wbc.load(tmp_path / "cad.urdf", base="floating", feet=feet, q0=q0)
+    followers = {
+        part: one._replace(frame=f"{one.frame}_cad") if one.frame in AXES else one
+        for part, one in plain.table.followers.items()
+    }
+    found = wbc.retarget(made(name), robot, Table(followers))
+    np.testing.assert_allclose(found.q, plain.q, atol=1e-9)
+
+
+def test_a_table_of_ones_own_is_checked_as_a_file_is():
+    motion, robot = made("squat"), retargeted("squat").robot
+    table = Table.of(robot)
+    pelvis = table.followers["pelvis"]
+
+    def other(part: str, **changed) -> Table:
+        return table._replace(followers={**table.followers, part: pelvis._replace(**changed)})
+
+    for about, wrong in {
+        "names no frame for pelvis, chest": table._replace(followers={}),
+        "scale is 0": table._replace(scale=0.0),
+        "scale is nan": table._replace(scale=np.nan),
+        "pelvis.offset": other("pelvis", offset=(0.0, 0.0)),
+        "pelvis.position is -1": other("pelvis", position=-1.0),
+        "tail": other("tail"),
+        "only pelvis, chest, head and feet have an orientation": other("left_wrist", orientation=1.0),
+    }.items():
+        with pytest.raises(InvalidInput, match=about):
+            wbc.retarget(motion, robot, wrong)
+
+
+def test_contacts_and_rotations_of_parts_that_no_body_has_are_refused():
+    motion, robot = made("squat"), retargeted("squat").robot
+    for part, told in {
+        "left_foot": {"contacts": {"left_foot": np.ones(motion.frames)}},  # its ankle and its toes are parts
+        "hips": {"rotations": {"hips": np.tile(np.eye(3), (motion.frames, 1, 1))}},
+    }.items():
+        with pytest.raises(UnknownName, match=part):
+            wbc.retarget(Motion(motion.rate, motion.positions, **told), robot)
 
 
 def test_the_size_of_the_person_does_not_matter():

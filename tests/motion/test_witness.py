@@ -101,6 +101,23 @@ def test_flags_of_contacts_that_do_not_fit_the_motion_are_refused():
             witness.judge(found.q, found.rate, holds)
 
 
+def test_motions_that_cannot_be_judged_are_refused():
+    found = retargeted("squat")
+    witness = wbc.motion.Witness(found.robot, found.contacts)
+    few = {part: held[:2] for part, held in found.holds.items()}
+    for about, (q, rate, holds) in {
+        "2 frames": (found.q[:2], found.rate, few),
+        "rate is 0": (found.q, 0.0, found.holds),
+        "holds is": (found.q, found.rate, None),
+    }.items():
+        with pytest.raises(InvalidInput, match=about):
+            witness.judge(q, rate, holds)
+    with pytest.raises(InvalidInput, match="floating"):
+        wbc.motion.Witness(wbc.load("humanoid", base="fixed"), {})
+    with pytest.raises(InvalidInput, match=r"contacts\[left_foot\]"):
+        wbc.motion.Witness(found.robot, {"left_foot": "left_sole"})
+
+
 def test_a_verdict_reads_as_a_sentence():
     assert str(Verdict()) == "certified"
     assert str(Verdict((Fault("slip", "left_sole", 30.0), Fault("no force", "", 12.0)))) == (

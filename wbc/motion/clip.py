@@ -65,7 +65,8 @@ class Motion:
 
     ``rotations`` {part: (N, 3, 3)} are those of the parts that have one; of a person's each is in axes of its own that
     do not move in the part: only how they turn is read. ``contacts`` {part: (N,)} says when a part holds, for the parts
-    of which the file says it; of the others it is found in the motion (:mod:`wbc.motion.targets`).
+    of which the file says it; of the others it is found in the motion (:mod:`wbc.motion.targets`). A foot holds as its
+    ankle does.
 
     Raises:
         InvalidInput: fewer than three frames, arrays of other shapes, numbers that are not finite, a rate that is not
@@ -86,6 +87,8 @@ class Motion:
 
     def __post_init__(self) -> None:
         checks.number("rate", self.rate, low=0.0, strict=True)
+        for key in _SHAPES:
+            checks.instance(key, getattr(self, key), Mapping, "arrays by the names of parts")
         sizes = {len(checks.array(f"{self.name}: {part}", p, (None, 3))) for part, p in self.positions.items()} or {0}
         if len(sizes) != 1 or min(sizes) < 3:
             said = " and ".join(map(str, sorted(sizes)))
@@ -139,12 +142,18 @@ class Motion:
         """The same motion at other moments (M,), in frames from 0 to N − 1: what is between frames by cubic splines,
         contacts as in the nearest frame.
 
+        Raises:
+            InvalidInput: moments of another shape, or out of the motion.
+
         Example:
             >>> import numpy as np
             >>> from wbc.motion import made
             >>> made("squat").at(np.linspace(0.0, 239.0, 479)).frames  # at half the pace
             479
         """
+        moments = checks.array("moments", moments, (None,))
+        if moments.size and not 0.0 <= moments.min() <= moments.max() <= self.frames - 1:
+            raise InvalidInput(f"moments must be between 0 and {self.frames - 1}, the frames of {self.name}")
         frames, nearest = np.arange(self.frames), np.rint(moments).astype(np.intp)
         turns = {part: RotationSpline(frames, Rotation.from_matrix(r)) for part, r in self.rotations.items()}
         return replace(

@@ -61,7 +61,7 @@ class Table(NamedTuple):
             given = next((path for name, path in known.items() if robot.name.lower().startswith(name)), None)
             if given is None:
                 raise UnknownName(robot.name, known, "robots with a mapping; give the path of one for others")
-        made = given if isinstance(given, Table) else cls.read(given)
+        made = cls._checked(given.name, *given) if isinstance(given, Table) else cls.read(given)
         for part, follower in made.followers.items():
             if follower.frame not in robot.frame_names:
                 hint = f"the mapping {made.name} says that it follows {part}"
@@ -83,22 +83,30 @@ class Table(NamedTuple):
         frames, scale = said.pop("frames", None), said.pop("scale", None)
         if not isinstance(frames, dict) or said:
             raise InvalidInput(f"{place} needs a table [frames], perhaps a number 'scale', and nothing else")
+        return cls._checked(str(place), frames, scale, place.stem)
+
+    @classmethod
+    def _checked(cls, where: str, followers: Any, scale: Any, name: str) -> Self:
+        frames = checks.instance(f"{where}: followers", followers, Mapping, "frames by the parts of a body")
         if unknown := [part for part in frames if part not in PARTS]:
-            raise InvalidInput(f"{place}: {UnknownName(unknown[0], PARTS)}")
-        found = {part: _follower(f"{place}: {part}", *PARTS[part], value) for part, value in frames.items()}
+            raise InvalidInput(f"{where}: {UnknownName(unknown[0], PARTS)}")
+        found = {part: _follower(f"{where}: {part}", *PARTS[part], value) for part, value in frames.items()}
         if lacking := [part for part in PARTS if part not in frames and part != "head"]:
-            raise InvalidInput(f"{place} names no frame for {', '.join(lacking)}")
-        scale = None if scale is None else checks.number(f"{place}: scale", scale, low=0.0, strict=True)
-        return cls(found, scale, place.stem)
+            raise InvalidInput(f"{where} names no frame for {', '.join(lacking)}")
+        scale = None if scale is None else checks.number(f"{where}: scale", scale, low=0.0, strict=True)
+        return cls(found, scale, name)
 
 
 def _follower(name: str, position: float, orientation: float, value: Any) -> Follower:
-    said = {"frame": value} if isinstance(value, str) else value
+    said = {"frame": value} if isinstance(value, str) else value._asdict() if isinstance(value, Follower) else value
     if not isinstance(said, dict) or "frame" not in said or set(said) - set(Follower._fields):
         raise InvalidInput(f"{name} is {checks.shown(value)}; it must be a frame or {{{', '.join(Follower._fields)}}}")
+    asked = checks.number(f"{name}.orientation", said.get("orientation", orientation), low=0.0)
+    if asked > 0.0 and not orientation > 0.0:
+        raise InvalidInput(f"{name}.orientation is {asked:g}; only pelvis, chest, head and feet have an orientation")
     return Follower(
         checks.text(f"{name}.frame", said["frame"]),
         checks.number(f"{name}.position", said.get("position", position), low=0.0),
-        checks.number(f"{name}.orientation", said.get("orientation", orientation), low=0.0),
+        asked,
         tuple(checks.array(f"{name}.offset", said.get("offset", (0.0, 0.0, 0.0)), (3,)).tolist()),
     )

@@ -83,7 +83,7 @@ class Retargeting:
         self, robot: PinocchioModel, table: Table, targets: Motion, *, acceleration: float, collisions: bool
     ) -> None:
         self._robot, self._targets, self._period = robot, targets, 1.0 / targets.rate
-        self._acceleration = acceleration
+        self._acceleration, self._pelvis = acceleration, table.followers["pelvis"].frame
         objectives: list[Any] = []
         for part, one in table.followers.items():
             places, turns = targets.positions[part], one.orientation if part in targets.rotations else 0.0
@@ -113,8 +113,11 @@ class Retargeting:
     def frames(self, progress: Callable[[float], None]) -> Mat:
         """Configurations (N, nq) of all frames, from the reference configuration at the pelvis of the first."""
         count, asked = self._targets.frames, self._targets
-        found, q = np.empty((count, self._robot.nq)), np.array(self._robot.q0)
-        q[:7] = pinocchio.SE3ToXYZQUAT(pinocchio.SE3(asked.rotations["pelvis"][0], asked.positions["pelvis"][0]))
+        found, q, state = np.empty((count, self._robot.nq)), np.array(self._robot.q0), self._robot.state()
+        state.update(0.0, q, self._still)
+        goal = pinocchio.SE3(asked.rotations["pelvis"][0], asked.positions["pelvis"][0])
+        base = goal * state.pose(self._pelvis).inverse() * pinocchio.XYZQUATToSE3(q[:7])
+        q[:7] = pinocchio.SE3ToXYZQUAT(base)
         for k in range(count):
             found[k] = q = self.frame(k, q)
             progress((k + 1) / count)
@@ -194,7 +197,8 @@ def retarget(
         progress: called with the share that is done, and a word.
 
     Raises:
-        InvalidInput: a motion, mapping or robot that makes no sense. UnknownName: no mapping for this robot.
+        InvalidInput: a motion, mapping or robot that makes no sense. UnknownName: no mapping for this robot,
+            rotations or contacts of a part that no body has.
 
     Example:
         >>> import wbc

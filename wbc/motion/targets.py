@@ -26,10 +26,10 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import grey_closing, grey_opening
 from scipy.spatial.transform import Rotation
 
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, UnknownName
 from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.motion.clip import NEEDED, SIDES, Motion
+from wbc.motion.clip import NEEDED, PARTS, SIDES, Motion
 from wbc.motion.mapping import Table
 from wbc.report.measure import spans
 from wbc.stack.contact import Anchor, Contact
@@ -68,7 +68,7 @@ def targets(person: Motion, robot: PinocchioModel, table: Table) -> tuple[Motion
     Raises:
         InvalidInput: a robot without floating base, or whose feet are not those of the mapping; a part is missing.
     """
-    at, body = _reference(robot, table), posed(person)
+    (at, axes), body = _reference(robot, table), posed(person)
     p, rate = body.positions, body.rate
     places, turned = {}, dict(body.rotations)
 
@@ -93,10 +93,11 @@ def targets(person: Motion, robot: PinocchioModel, table: Table) -> tuple[Motion
         foot = f"{side}_foot"
         ankle = scale * (p[f"{side}_ankle"] - [0.0, 0.0, heights[side]]) + above
         raised = ankle + turned[foot] @ (at[foot] - at[f"{side}_ankle"])
-        low = robot.feet[table.followers[foot].frame].lowest_in_world(raised, turned[foot])[:, :, 2].min(axis=1)
+        sole, own = robot.feet[table.followers[foot].frame], turned[foot] @ axes[foot]
+        low = sole.lowest_in_world(raised, own)[:, :, 2].min(axis=1)
         places[foot] = raised + np.maximum(0.0, -low)[:, None] * [0.0, 0.0, 1.0]
         stands[foot] = _stands(places[foot], turned[foot], body.contacts[foot], at[foot][2])
-    _part(stands, {foot: robot.feet[table.followers[foot].frame] for foot in stands})
+    _part(stands, {foot: (robot.feet[table.followers[foot].frame], axes[foot]) for foot in stands})
     for side in SIDES:
         foot, wrist = f"{side}_foot", f"{side}_wrist"
         places[foot], turned[foot] = _anchored(places[foot], turned[foot], stands[foot], rate)
@@ -110,7 +111,8 @@ def targets(person: Motion, robot: PinocchioModel, table: Table) -> tuple[Motion
         places |= {f"{side}_shoulder": shoulder, f"{side}_elbow": elbow, wrist: hand}
     for part, follower in table.followers.items():
         places[part] = places[part] + turned.get(part, turned["chest"]) @ np.array(follower.offset)
-    return Motion(rate, places, turned, body.contacts, person.name), scale
+    frames = {part: turned[part] @ axes[part] for part in table.followers if part in turned}
+    return Motion(rate, places, frames, body.contacts, person.name), scale
 
 
 def anchor(contact: Contact, targets: Motion, part: str, k: int) -> Anchor:
@@ -119,8 +121,9 @@ def anchor(contact: Contact, targets: Motion, part: str, k: int) -> Anchor:
     return Anchor(R, targets.positions[part][k] + R @ getattr(contact, "origin", np.zeros(3)))
 
 
-def _reference(robot: PinocchioModel, table: Table) -> dict[str, Vec]:
-    """Places (3,) of a robot's frames by part, upright with straight arms and legs; and of its ankles."""
+def _reference(robot: PinocchioModel, table: Table) -> tuple[dict[str, Vec], dict[str, Mat]]:
+    """Places (3,) of a robot's frames by part, upright with straight arms and legs, x ahead, and of its ankles; and the
+    axes (3, 3) of the frames there. Those of feet are level: z is up."""
     feet = {side: table.followers[f"{side}_foot"].frame for side in SIDES}
     if robot.nq - robot.nj != 7 or not all(foot in robot.feet for foot in feet.values()):
         asked, known = " and ".join(feet.values()), ", ".join(robot.feet) or "none"
@@ -128,12 +131,22 @@ def _reference(robot: PinocchioModel, table: Table) -> dict[str, Vec]:
     state = robot.state()
     state.update(0.0, robot.on_ground(robot.q0), np.zeros(robot.nv))
     found = {part: state.frame(one.frame).position.copy() for part, one in table.followers.items()}
+    axes = {part: state.frame(one.frame).rotation.copy() for part, one in table.followers.items()}
     found.setdefault("head", found["chest"])
     for side, foot in feet.items():
         # The ankle is where the leg's joints end: the frame of the joint that carries the foot.
         joint = robot.pinocchio.frames[robot.frames[foot]].parentJoint
         found[f"{side}_ankle"] = state.data.oMi[joint].translation.copy()
-    return found
+    left = found["left_hip"] - found["right_hip"]
+    ahead = _yaw(np.arctan2(left[0], left[1]))
+    axes = {part: ahead @ R for part, R in axes.items()}
+    for foot in (f"{side}_foot" for side in SIDES):
+        axes[foot] = _yaw(np.arctan2(*axes[foot][1::-1, 0]))
+    return {part: ahead @ p for part, p in found.items()}, axes
+
+
+def _yaw(angle: float) -> Mat:
+    return np.asarray(Rotation.from_euler("z", angle).as_matrix())
 
 
 def _stands(places: Mat, turned: Vec, held: Flags, level: float | None) -> list[_Stand]:
@@ -148,11 +161,11 @@ def _stands(places: Mat, turned: Vec, held: Flags, level: float | None) -> list[
     return found
 
 
-def _part(stands: Mapping[str, list[_Stand]], feet: Mapping[str, Foot]) -> None:
+def _part(stands: Mapping[str, list[_Stand]], feet: Mapping[str, tuple[Foot, Mat]]) -> None:
     """Soles that stand at a time are apart: the later one is moved aside, as little as that needs."""
     soles = {
         name: coal.Box(2.0 * foot.half_size[0], 2.0 * foot.half_size[1], 1.0)
-        for name, foot in feet.items()
+        for name, (foot, _) in feet.items()
         if foot.half_size
     }
     made = sorted(((one.start, name, one) for name in soles for one in stands[name]), key=lambda each: each[:2])
@@ -160,8 +173,9 @@ def _part(stands: Mapping[str, list[_Stand]], feet: Mapping[str, Foot]) -> None:
         for _, other, early in made[:i]:
             if name != other and early.stop > start:
                 found, poses = coal.DistanceResult(), []
-                for foot, (_, _, goal, turn) in ((feet[other], early), (feet[name], late)):
-                    poses.append(coal.Transform3s(turn.as_matrix(), goal + turn.apply(foot.origin)))
+                for (foot, axes), (_, _, goal, turn) in ((feet[other], early), (feet[name], late)):
+                    R = turn.as_matrix() @ axes
+                    poses.append(coal.Transform3s(R, goal + R @ np.array(foot.origin)))
                 coal.distance(soles[other], poses[0], soles[name], poses[1], coal.DistanceRequest(), found)
                 late.goal[:2] += max(0.0, _APART - found.min_distance) * found.normal[:2]
 
@@ -205,6 +219,9 @@ def posed(motion: Motion) -> Motion:
     lacking = [part for part in NEEDED if part not in p]
     if lacking:
         raise InvalidInput(f"{motion.name} has no {', '.join(lacking)}; there are: {', '.join(p)}")
+    for part in (*motion.rotations, *motion.contacts):
+        if part not in p and part not in PARTS:
+            raise UnknownName(part, [*PARTS], f"{motion.name} has rotations or contacts of it")
     hips, shoulders = (0.5 * (p[f"left_{part}"] + p[f"right_{part}"]) for part in ("hip", "shoulder"))
     turned = {
         "pelvis": _axes(p["left_hip"] - p["right_hip"], p.get("spine", shoulders) - hips),

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.models.along import placed, velocities
 from wbc.models.feet import Foot
 from wbc.models.pinocchio_ import PinocchioModel
@@ -153,11 +154,18 @@ class Witness:
     """Judges motions of a robot with the ``contacts`` {part: contact} that may hold, and the friction they have.
 
     ``collisions``: whether shapes of the robot inside one another are looked for.
+
+    Raises:
+        InvalidInput: a robot without a floating base, or contacts that are none.
     """
 
     def __init__(self, robot: PinocchioModel, contacts: Mapping[str, Contact], *, collisions: bool = True) -> None:
         checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(...)")
         checks.instance("contacts", contacts, Mapping, "contacts by the names of parts")
+        for part, contact in contacts.items():
+            checks.instance(f"contacts[{part}]", contact, Contact, "a contact")
+        if robot.nq - robot.nj != 7:
+            raise InvalidInput(f"{robot.name} needs a floating base: load it with base='floating'")
         self._robot, self._contacts, self._state = robot, dict(contacts), robot.state()
         self._apart = CollisionAvoidance(margin=0.0, reach=0.02) if collisions and robot.collisions else None
 
@@ -167,9 +175,15 @@ class Witness:
         """A verdict for each frame of configurations q (N, nq) at ``rate`` [1/s]; ``holds`` {part: (N,)}.
 
         Raises:
-            InvalidInput: q or a part's flags of another size, or not finite; no flags for a contact.
+            InvalidInput: q or a part's flags of another size, or not finite; no flags for a contact; fewer than three
+                frames, a rate that is not positive.
         """
         q = checks.array("q", q, (None, self._robot.nq))
+        if len(q) < 3:
+            raise InvalidInput(f"q has {len(q)} frames; accelerations need three at least")
+        checks.number("rate", rate, low=0.0, strict=True)
+        checks.instance("holds", holds, Mapping, "flags by the names of parts")
+        checks.function("progress", progress, "a function of a share")
         holds = {part: checks.array(f"holds[{part}]", holds.get(part), (len(q),)) > 0.5 for part in self._contacts}
         found: list[list[Fault]] = [[] for _ in q]
         v, a, steps = velocities(self._robot, q, rate)
