@@ -149,6 +149,15 @@ def test_the_rows_of_one_constraint_in_conflict_stand_in_one_line(standing: Scen
     ]  # fmt: skip
 
 
+def test_the_verdict_says_whose_signals_are_missing_and_why(standing: ScenarioResult):
+    def told() -> list[Table]:
+        return [i for i in verdict.section(standing).items if isinstance(i, Table) and i.columns[0] == "not recorded"]
+
+    assert told() == []
+    standing.run.meta["silent"] = {"observer": "ValueError: <no> state"}
+    assert [list(table.rows) for table in told()] == [[("observer", "ValueError: <no> state")]]
+
+
 def test_the_verdict_tells_what_led_to_the_first_failure(standing: ScenarioResult):
     slipped = Check("slip", 3.0, "<", 1.0, "mm", Place(0.45, "left_foot", "slip"))
     standing.run.meta["disturbances"] = ["push of (0, 60, 0) N at 'pelvis' from 0.3 s for 0.2 s"]

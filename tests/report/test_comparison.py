@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,17 @@ def test_what_differs_is_said_and_nothing_else(results: dict[str, ScenarioResult
     assert not {row[0] for row in same.rows} & set(rows) and "Frame[left_hand], largest [m]" in {
         row[0] for row in same.rows
     }
+
+
+def test_signals_that_are_missing_in_one_run_are_seen_and_no_setting(results: dict[str, ScenarioResult]):
+    usual = results["usual"]
+    run = Run(usual.run.columns, usual.run.meta | {"silent": {"observer": "ValueError: no state", "heat": "no"}})
+    beside = {"whole": usual, "silent": replace(usual, run=run)}
+    assert isinstance(was_set({name: result.run for name, result in beside.items()})[0], Text)
+    table = came_out(beside)[0]
+    assert isinstance(table, Table) and [list(row) for row in table.rows] == [
+        ["not all recorded", None, "observer, heat"]
+    ]
 
 
 def test_a_run_beside_itself_differs_in_nothing(results: dict[str, ScenarioResult]):

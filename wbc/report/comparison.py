@@ -227,6 +227,8 @@ def _figures(result: ScenarioResult) -> dict[str, Cell]:
             }
     slips = {name: measure.slip(run, name) for name in run.meta.get("contacts", {})}
     found |= {f"slip of {name} [m]": slip for name, slip in slips.items() if slip is not None}
+    silent = run.meta.get("silent")
+    found |= {"not all recorded": ", ".join(silent)} if isinstance(silent, Mapping) and silent else {}
     found |= {f"{kind} exceeded by [{unit}]": worst for kind, (worst, unit) in result.violations.items()}
     numbers = {
         settings.figure_name(key): value

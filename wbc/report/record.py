@@ -34,7 +34,7 @@ JUDGED = "judged"
 #: Where the runs beside a run lie, in a folder each; metadata of the run has their names, and its own.
 BESIDE, CALLED = "beside", "called"
 #: Metadata that is no setting: what came of the run.
-RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "statuses", "ended", "fallen")
+RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "statuses", "ended", "fallen", "silent")
 
 
 def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel | None = None) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import groupby
 
 import numpy as np
@@ -33,6 +34,12 @@ def section(result: ScenarioResult) -> Section:
     if failure:
         caption = "The text of Controller.explain(), the rows of one constraint together."
         items.append(Table(("first tick without a certified solution", ""), _explained(str(failure["why"])), caption))
+    silent = result.run.meta.get("silent")
+    if isinstance(silent, Mapping) and silent:
+        caption = (
+            "Signals of these components are missing in the record, in some ticks or in all. The commands were sent."
+        )
+        items.append(Table(("not recorded", "why, in the first of these ticks"), [*silent.items()], caption))
     if result.violations:
         rows_broken = [(kind, worst, unit) for kind, (worst, unit) in result.violations.items()]
         caption = "Largest violation of each limit"
