@@ -34,6 +34,7 @@ class AxisAlignment(Tracking, KernelTask):
     """
 
     dim, units, labels, convert = 2, "rad", ("across b1", "across b2"), staticmethod(direction_target)
+    read_once = frozenset({"axis"})
     target_dim = 3
 
     def __init__(

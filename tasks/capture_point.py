@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
@@ -38,13 +40,14 @@ class CapturePoint(Tracking, KernelLinearTask):
     on, dim, units, labels, convert = "acceleration", 2, "m/s²", "xy", staticmethod(vector_target(2))
 
     read_once = frozenset({"height"})
+    checked: ClassVar[Mapping[str, Any]] = {"rate": partial(checks.number, low=0.0)}
 
     def __init__(
         self, *, target: Any, height: float, rate: float = 3.0, weight: Any = 1.0, name: str | None = None
     ) -> None:
         super().__init__(weight=weight, name=name)
         self.height = checks.number(f"{self.name}.height", height, low=0.0, strict=True)
-        self.rate = checks.number(f"{self.name}.rate", rate, low=0.0)
+        self.rate = rate
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:

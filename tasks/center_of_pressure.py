@@ -34,6 +34,7 @@ class CenterOfPressure(Tracking, KernelLinearTask):
     """
 
     on, dim, units, labels, convert = "force", 2, "N m", "xy", staticmethod(vector_target(2))
+    read_once = frozenset({"contact"})
 
     def __init__(self, contact: str, *, target: Any = (0.0, 0.0), weight: Any = 1.0, name: str | None = None) -> None:
         self.contact = self.subject = contact

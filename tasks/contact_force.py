@@ -34,6 +34,7 @@ class ContactForce(Tracking, KernelLinearTask):
 
     on = "force"
     labels = ("fx", "fy", "fz", "mx", "my", "mz")
+    read_once = frozenset({"contact"})
 
     def __init__(self, contact: str, *, target: Any, weight: Any = 1.0, name: str | None = None) -> None:
         self.contact = self.subject = contact

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self, final
 
 from wbc import checks
 from wbc.models.model import RobotModel
@@ -14,6 +15,10 @@ from wbc.types import Vec
 
 from .relative import check_frames
 from .trajectories import Sinusoid
+
+
+def _place(name: str, value: Any) -> str | Vec:
+    return value if isinstance(value, str) else checks.array(name, value, (3,))
 
 
 @final
@@ -37,6 +42,7 @@ class Distance(Tracking, KernelTask):
     """
 
     dim, units = 1, "m"
+    checked: ClassVar[Mapping[str, Any]] = {"to": _place}
 
     def __init__(
         self, frame: str, *, to: Any, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None,
@@ -45,7 +51,7 @@ class Distance(Tracking, KernelTask):
         self.frame = frame
         self.subject = f"{frame} to {to}" if isinstance(to, str) else frame
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
-        self.to: str | Vec = to if isinstance(to, str) else checks.array(f"{self.name}.to", to, (3,))
+        self.to: str | Vec = to
         self.target = target
 
     @staticmethod

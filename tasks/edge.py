@@ -44,7 +44,7 @@ class Edge(KernelContact):
     """
 
     dim = 5
-    read_once = KernelContact.read_once | {"direction", "half_length", "normal", "origin"}
+    read_once = frozenset({"direction", "half_length", "normal", "origin"})
 
     def __init__(
         self, frame: str, *, half_length: float, friction: float, origin: Any = (0.0, 0.0, 0.0),

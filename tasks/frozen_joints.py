@@ -37,6 +37,7 @@ class FrozenJoints(KernelTask):
     """
 
     _kd = 20.0
+    read_once = frozenset({"joints", "positions"})
 
     def __init__(
         self, joints: Sequence[str] | Mapping[str, float], *, kp: Any = None, kd: Any = None, rate: Any = None,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, ClassVar, Self, final
 
 from wbc import checks
 from wbc.models.model import RobotModel
@@ -36,6 +38,8 @@ class Gaze(Tracking, KernelTask):
     """
 
     dim, units, labels, convert = 2, "rad", ("across b1", "across b2"), staticmethod(vector_target(3))
+    read_once = frozenset({"axis"})
+    checked: ClassVar[Mapping[str, Any]] = {"nearest": partial(checks.number, low=0.0, strict=True)}
     target_dim = 3
 
     def __init__(
@@ -45,7 +49,7 @@ class Gaze(Tracking, KernelTask):
         self.frame = self.subject = frame
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.axis = unit_axis(f"{self.name}.axis", axis)
-        self.nearest = checks.number(f"{self.name}.nearest", nearest, low=0.0, strict=True)
+        self.nearest = nearest
         self._view = view_axes(self.axis)
         self.target = target
 

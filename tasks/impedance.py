@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 from scipy.linalg import lapack
@@ -40,14 +42,16 @@ class Impedance(Tracking, LinearTask):
 
     on, dim, units = "acceleration", 6, ("m/s²",) * 3 + ("rad/s²",) * 3
     labels, convert = ("x", "y", "z", "roll", "pitch", "yaw"), staticmethod(pose_target)
+    checked: ClassVar[Mapping[str, Any]] = {
+        "stiffness": partial(checks.gains, size=6), "damping": partial(checks.gains, size=6),
+    }  # fmt: skip
 
     def __init__(
         self, frame: str, *, target: Any, stiffness: Any, damping: Any, weight: Any = 1.0, name: str | None = None
     ) -> None:
         self.frame = self.subject = frame
         super().__init__(weight=weight, name=name)
-        self.stiffness = checks.gains(f"{self.name}.stiffness", stiffness, self.dim)
-        self.damping = checks.gains(f"{self.name}.damping", damping, self.dim)
+        self.stiffness, self.damping = stiffness, damping
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:

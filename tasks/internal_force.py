@@ -42,6 +42,7 @@ class InternalForce(Tracking, LinearTask):
 
     on = "force"
     units = "N"
+    read_once = frozenset({"contact", "contacts"})
 
     def __init__(
         self, contacts: Sequence[Contact], *, target: Any = 0.0, weight: Any = 1.0, name: str | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Self, final
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class JointCoupling(KernelTask):
     """
 
     dim = 1
+    read_once = frozenset({"joint", "ratios"})
+    checked: ClassVar[Mapping[str, Any]] = {"offset": checks.number}
 
     def __init__(
         self, joint: str, *, to: Mapping[str, float], offset: float = 0.0, kp: Any = 100.0, kd: Any = None,
@@ -45,7 +47,7 @@ class JointCoupling(KernelTask):
         if not isinstance(to, Mapping):
             raise InvalidInput(f"{self.name}.to is {checks.shown(to)}; it must be {{joint: ratio}}")
         self.ratios = {other: checks.number(f"{self.name}.to[{other!r}]", ratio) for other, ratio in to.items()}
-        self.offset = checks.number(f"{self.name}.offset", offset)
+        self.offset = offset
         if not self.ratios or joint in self.ratios or 0.0 in self.ratios.values():
             raise InvalidInput(f"{self.name}.to is {dict(to)}; it must give other joints a ratio that is not zero")
 

@@ -45,6 +45,7 @@ class LoopClosure(KernelContact):
     """
 
     bilateral = True
+    read_once = frozenset({"carrier"})
 
     def __init__(
         self, frame: str, *, to: str, rows: Sequence[str] = ("x", "y", "z"), target: Any = None, kp: float = 100.0,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from wbc.models.model import RobotModel
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
 
-from .wheels import Wheel
+from .wheels import Wheel, height
 
 
 @final
@@ -35,6 +37,10 @@ class OmniWheel(KernelTask):
     """
 
     units = "m"
+    read_once = frozenset({"wheel"})
+    checked: ClassVar[Mapping[str, Any]] = {
+        "roller": partial(checks.number, low=-1.57, high=1.57), "ground": height,
+    }  # fmt: skip
 
     def __init__(
         self, frame: str, *, radius: float, axle: Any = (0.0, 1.0, 0.0), roller: float = 0.0,
@@ -44,8 +50,8 @@ class OmniWheel(KernelTask):
         self.labels = ("drive",) if ground is None else ("drive", "height")
         self.dim, self._name = len(self.labels), name
         self.wheel = Wheel(self.name, frame, radius, axle)
-        self.roller = checks.number(f"{self.name}.roller", roller, low=-1.57, high=1.57)
-        self.ground = None if ground is None else checks.number(f"{self.name}.ground", ground)
+        self.roller = roller
+        self.ground = ground
         kp = checks.number(f"{self.name}.kp", kp, low=0.0)
         super().__init__(kp=[0.0, kp][: self.dim], kd=kd, weight=weight, name=name)
 

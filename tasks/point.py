@@ -38,7 +38,7 @@ class Point(KernelContact):
     """
 
     dim = 3
-    read_once = KernelContact.read_once | {"radius"}
+    read_once = frozenset({"axes", "radius"})
 
     def __init__(
         self, frame: str, *, friction: float, radius: float = 0.0, axes: Any = None, friction_model: str = "inner",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Self, final
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self, final
 
 from wbc import checks
 from wbc.errors import InvalidInput
@@ -41,6 +41,8 @@ class ProjectedGradient(JointTask):
     """
 
     _kd = 10.0
+    read_once = frozenset({"criterion"})
+    checked: ClassVar[Mapping[str, Any]] = {"gain": checks.number}
 
     def __init__(
         self, criterion: Criterion, *, joints: Sequence[str] | None = None, gain: float = 1.0, kd: Any = 10.0,
@@ -50,7 +52,7 @@ class ProjectedGradient(JointTask):
             raise InvalidInput(f"ProjectedGradient.criterion must be a Criterion, not {criterion!r}")
         self.criterion, self.subject = criterion, criterion.name
         super().__init__(joints=joints, kp=0.0, kd=kd, weight=weight, name=name)
-        self.gain = checks.number(f"{self.name}.gain", gain)
+        self.gain = gain
 
     def prepare(self, model: RobotModel) -> None:
         super().prepare(model)

@@ -35,6 +35,7 @@ class RelativeFrame(Tracking, KernelTask):
 
     dim, units, convert = 6, ("m", "m", "m", "rad", "rad", "rad"), staticmethod(pose_target)
     labels = ("x", "y", "z", "roll", "pitch", "yaw")
+    read_once = frozenset({"frame_of_reference"})
 
     def __init__(
         self, frame: str, *, reference: str, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None,

@@ -33,6 +33,7 @@ class RelativeOrientation(Tracking, KernelTask):
     """
 
     dim, units, labels, convert = 3, "rad", ("roll", "pitch", "yaw"), staticmethod(rotation_target)
+    read_once = frozenset({"frame_of_reference"})
 
     def __init__(
         self, frame: str, *, reference: str, target: Any = ((1, 0, 0), (0, 1, 0), (0, 0, 1)), kp: Any = 100.0,

@@ -31,6 +31,7 @@ class RelativePosition(Tracking, KernelTask):
     """
 
     dim, units, labels, convert = 3, "m", "xyz", staticmethod(vector_target(3))
+    read_once = frozenset({"frame_of_reference"})
 
     def __init__(
         self, frame: str, *, reference: str, target: Any, kp: Any = 100.0, kd: Any = None, rate: Any = None,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from wbc.models.model import RobotModel
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
 
-from .wheels import Wheel
+from .wheels import Wheel, height
 
 
 @final
@@ -37,6 +38,8 @@ class Rolling(KernelTask):
     """
 
     units = "m"
+    read_once = frozenset({"wheel"})
+    checked: ClassVar[Mapping[str, Any]] = {"ground": height}
 
     def __init__(
         self, frame: str, *, radius: float, axle: Any = (0.0, 1.0, 0.0), ground: float | None = None,
@@ -46,7 +49,7 @@ class Rolling(KernelTask):
         self.labels = ("along", "across") if ground is None else ("along", "across", "height")
         self.dim, self._name = len(self.labels), name
         self.wheel = Wheel(self.name, frame, radius, axle)
-        self.ground = None if ground is None else checks.number(f"{self.name}.ground", ground)
+        self.ground = ground
         kp = checks.number(f"{self.name}.kp", kp, low=0.0)
         super().__init__(kp=[0.0, 0.0, kp][: self.dim], kd=kd, weight=weight, name=name)
 

@@ -41,7 +41,7 @@ class Sole(KernelContact):
     """
 
     dim = 6
-    read_once = KernelContact.read_once | {"half_size", "origin"}
+    read_once = frozenset({"half_size", "origin"})
 
     def __init__(
         self, frame: str, *, half_size: Any, friction: float, origin: Any = (0.0, 0.0, 0.0),

@@ -9,6 +9,15 @@ from wbc import checks
 from .directions import unit_axis
 
 
+def height(name: str, value: Any) -> float | None:
+    """The height of the ground [m]; None: it has none.
+
+    Raises:
+        InvalidInput: not a finite number.
+    """
+    return None if value is None else checks.number(name, value)
+
+
 @final
 class Wheel:
     """A disc of ``radius`` [m] about the origin of ``frame``, which turns with it about ``axle`` (3,).

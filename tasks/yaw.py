@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self, final
 
 from wbc import checks
 from wbc.models.model import RobotModel
@@ -36,6 +37,7 @@ class Yaw(Tracking, KernelTask):
     """
 
     dim, units, labels = 1, "rad", ("yaw",)
+    checked: ClassVar[Mapping[str, Any]] = {"axis": unit_axis}
 
     def __init__(
         self, frame: str, *, target: Any, axis: Any = (1.0, 0.0, 0.0), kp: Any = 100.0, kd: Any = None,
@@ -43,7 +45,7 @@ class Yaw(Tracking, KernelTask):
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
-        self.axis = unit_axis(f"{self.name}.axis", axis)
+        self.axis = axis
         self.target = target
 
     @staticmethod

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self, final
 
 from wbc import checks
 from wbc.errors import NotSupported
@@ -35,10 +36,11 @@ class ZeroMomentPoint(Tracking, KernelLinearTask):
     """
 
     on, dim, units, labels, convert = "acceleration", 2, "m", "xy", staticmethod(vector_target(2))
+    checked: ClassVar[Mapping[str, Any]] = {"ground": checks.number}
 
     def __init__(self, *, target: Any, ground: float = 0.0, weight: Any = 1.0, name: str | None = None) -> None:
         super().__init__(weight=weight, name=name)
-        self.ground = checks.number(f"{self.name}.ground", ground)
+        self.ground = ground
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:

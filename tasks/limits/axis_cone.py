@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
@@ -32,6 +34,9 @@ class AxisConeLimit(KernelBarrier):
     """
 
     dim, units = 1, "1"
+    checked: ClassVar[Mapping[str, Any]] = {
+        "axis": unit, "direction": unit, "angle": partial(checks.number, low=0.0, high=np.pi, strict=True),
+    }  # fmt: skip
 
     def __init__(
         self, frame: str, *, axis: Any, direction: Any, angle: float, rate: float = 10.0,
@@ -39,8 +44,8 @@ class AxisConeLimit(KernelBarrier):
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
         super().__init__(rate=rate, slack=slack, name=name)
-        self.axis, self.direction = unit(f"{self.name}.axis", axis), unit(f"{self.name}.direction", direction)
-        self.angle = checks.number(f"{self.name}.angle", angle, low=0.0, high=np.pi, strict=True)
+        self.axis, self.direction = axis, direction
+        self.angle = angle
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)

@@ -59,7 +59,7 @@ class CollisionAvoidance(Barrier):
 
     units = "m"
 
-    read_once = Barrier.read_once | {"count", "obstacles", "pairs", "reach", "self_collision"}
+    read_once = frozenset({"count", "obstacles", "pairs", "reach", "self_collision"})
 
     def __init__(
         self, obstacles: Iterable[Obstacle] = (), *, pairs: Sequence[tuple[str, str]] | None = None,
@@ -67,14 +67,26 @@ class CollisionAvoidance(Barrier):
         rate: float = 15.0, slack: float | None = 1e6, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(rate=rate, slack=slack, name=name)
-        self.margin = checks.number(f"{self.name}.margin", margin, low=0.0)
         self.reach = checks.number(f"{self.name}.reach", reach, low=0.0, strict=True)
-        if self.reach <= self.margin:
-            raise InvalidInput(f"{self.name}.reach is {reach:g} m; it must be more than the margin of {margin:g} m")
+        self.margin = margin
         self.obstacles = tuple(checks.items(f"{self.name}.obstacles", obstacles, "obstacles"))
         self.pairs, self.self_collision = pairs, self_collision
         self.count = None if count is None else int(checks.number(f"{self.name}.count", count, low=1))
         self._distances: Distances | None = None
+
+    @property
+    def margin(self) -> float:
+        """Distance kept [m]."""
+        return self._margin
+
+    @margin.setter
+    def margin(self, value: float) -> None:
+        margin = checks.number(f"{self.name}.margin", value, low=0.0)
+        if self.reach <= margin:
+            raise InvalidInput(
+                f"{self.name}.reach is {self.reach:g} m; it must be more than the margin of {margin:g} m"
+            )
+        self._margin = margin
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy measures by itself: which pair has which row is memory."""

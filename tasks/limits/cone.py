@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 
@@ -31,6 +33,10 @@ class ConeLimit(KernelBarrier):
     """
 
     dim, units = 1, "m"
+    checked: ClassVar[Mapping[str, Any]] = {
+        "apex": partial(checks.array, shape=(3,)), "axis": unit,
+        "angle": partial(checks.number, low=0.0, high=0.5 * np.pi, strict=True),
+    }  # fmt: skip
 
     def __init__(
         self, frame: str, *, apex: Any, axis: Any, angle: float, rate: float = 10.0, slack: float | None = 1e6,
@@ -38,9 +44,9 @@ class ConeLimit(KernelBarrier):
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
         super().__init__(rate=rate, slack=slack, name=name)
-        self.apex = checks.array(f"{self.name}.apex", apex, (3,))
-        self.axis = unit(f"{self.name}.axis", axis)
-        self.angle = checks.number(f"{self.name}.angle", angle, low=0.0, high=0.5 * np.pi, strict=True)
+        self.apex = apex
+        self.axis = axis
+        self.angle = angle
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)

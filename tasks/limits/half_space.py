@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self, final
 
 from wbc import checks
 from wbc.models.model import RobotModel
@@ -28,6 +29,7 @@ class HalfSpaceLimit(KernelBarrier):
     """
 
     dim, units = 1, "m"
+    checked: ClassVar[Mapping[str, Any]] = {"normal": unit, "offset": checks.number}
 
     def __init__(
         self, frame: str, *, normal: Any, offset: float, rate: float = 10.0, slack: float | None = 1e6,
@@ -35,8 +37,8 @@ class HalfSpaceLimit(KernelBarrier):
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
         super().__init__(rate=rate, slack=slack, name=name)
-        self.normal = unit(f"{self.name}.normal", normal)
-        self.offset = checks.number(f"{self.name}.offset", offset)
+        self.normal = normal
+        self.offset = offset
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)

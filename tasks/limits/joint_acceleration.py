@@ -29,7 +29,7 @@ class JointAccelerationLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "acceleration"
-    read_once = JointInterval.read_once | {"a_max"}
+    read_once = frozenset({"a_max"})
 
     def __init__(self, a_max: Any, *, name: str | None = None) -> None:
         super().__init__(name=name)

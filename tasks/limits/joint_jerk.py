@@ -33,7 +33,7 @@ class JointJerkLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "jerk"
-    read_once = JointInterval.read_once | {"j_max"}
+    read_once = frozenset({"j_max"})
 
     def __init__(self, j_max: Any, *, name: str | None = None) -> None:
         super().__init__(name=name)

@@ -37,7 +37,7 @@ class JointPositionLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "position"
-    read_once = JointInterval.read_once | {"braking", "lower", "upper"}
+    read_once = frozenset({"braking", "lower", "upper"})
 
     def __init__(
         self, *, lower: Any = None, upper: Any = None, braking: float | None = None, name: str | None = None

@@ -27,7 +27,7 @@ class JointVelocityLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "velocity"
-    read_once = JointInterval.read_once | {"v_max"}
+    read_once = frozenset({"v_max"})
 
     def __init__(self, v_max: Any = None, *, name: str | None = None) -> None:
         super().__init__(name=name)

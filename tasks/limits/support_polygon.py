@@ -36,7 +36,7 @@ class SupportPolygon(KernelBarrier):
 
     units = "m"
 
-    read_once = KernelBarrier.read_once | {"margin"}
+    read_once = frozenset({"margin"})
 
     def __init__(
         self, points: Any, *, margin: float = 0.0, rate: float = 10.0, slack: float | None = 1e6,

@@ -27,7 +27,7 @@ class TorqueLimits(JointInterval):
     """
 
     quantity: ClassVar[Quantity] = "torque"
-    read_once = JointInterval.read_once | {"tau_max"}
+    read_once = frozenset({"tau_max"})
 
     def __init__(self, tau_max: Any = None, *, name: str | None = None) -> None:
         super().__init__(name=name)

@@ -37,7 +37,7 @@ class TorqueSpeedLimits(TorqueBySpeed):
         (-40.0, 10.0)
     """
 
-    read_once = TorqueBySpeed.read_once | {"corner_speed", "no_load_speed", "tau_max"}
+    read_once = frozenset({"corner_speed", "no_load_speed", "tau_max"})
 
     def __init__(
         self, no_load_speed: Any, tau_max: Any = None, *, corner_speed: Any = None, name: str | None = None

@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointVelocityLimits, Point, Posture, feet
+from tasks import (
+    AxisConeLimit,
+    CollisionAvoidance,
+    ConeLimit,
+    HalfSpaceLimit,
+    JointVelocityLimits,
+    Point,
+    Posture,
+    Yaw,
+    feet,
+)
 from tests.tasks.test_contract import MEMBERS
 from wbc.errors import InvalidInput, WbcError
 from wbc.models.model import RobotModel
@@ -116,3 +126,32 @@ def test_a_gain_that_the_constructor_refuses_is_refused_when_it_is_assigned(kind
             with pytest.raises(InvalidInput, match=rf"\.{name} "):
                 setattr(sample, name, value)
             assert getattr(sample, name) == before
+
+
+@pytest.mark.parametrize("kind", MEMBERS, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("value", [np.full(17, np.nan), np.nan, "no frame", None, object()], ids=str)
+def test_nonsense_is_refused_where_it_is_assigned(kind: Any, value: Any) -> None:
+    for sample in next(samples for robot in robots() if (samples := kind.samples(robot))):
+        for name in settings_of(sample):
+            before = getattr(sample, name)
+            if isinstance(getattr(kind, name, None), property) or value is before:
+                continue
+            with pytest.raises(InvalidInput, match=rf"\.{name}"):
+                setattr(sample, name, value)
+            assert getattr(sample, name) is before
+
+
+@pytest.mark.parametrize("kind", [HalfSpaceLimit, ConeLimit, AxisConeLimit, Yaw], ids=lambda kind: kind.__name__)
+def test_an_assigned_direction_has_length_one_as_one_of_the_constructor(kind: Any) -> None:
+    (sample, *_) = kind.samples(ARM)
+    for name in {"normal", "axis", "direction"} & {*settings_of(sample)}:
+        before = getattr(sample, name)
+        setattr(sample, name, (3.0 * before).tolist())
+        np.testing.assert_allclose(getattr(sample, name), before, atol=1e-15)
+
+
+def test_a_margin_that_is_assigned_stays_within_the_reach() -> None:
+    constraint = CollisionAvoidance(margin=0.02, reach=0.1)
+    with pytest.raises(InvalidInput, match=r"reach is 0\.1 m; it must be more than the margin of 0\.2 m"):
+        constraint.margin = 0.2
+    assert constraint.margin == 0.02

@@ -36,6 +36,7 @@ class JointTask(Task):
 
     on_joints = True
     unknown_row = UnknownJoint
+    read_once = frozenset({"joints"})
     joints: tuple[str, ...] | None = None
     convert_rate: Convert | None = None
     #: The joints named; None for all.
@@ -140,6 +141,7 @@ class TorqueTask(LinearTask):
     """
 
     on, unknown_row = "torque", UnknownJoint
+    read_once = frozenset({"joints"})
     joints: tuple[str, ...] | None = None
     #: Of each row, its joint.
     _index: Index

@@ -132,8 +132,20 @@ class Member(metaclass=_Built):
     _role: ClassVar[_Role] = _Role.BUILDING
     #: Attributes that are settings beside the properties.
     _settings: ClassVar[frozenset[str]] = frozenset()
-    #: Settings that are read when the member is made or compiled, and never again: they cannot be assigned.
-    read_once: ClassVar[frozenset[str]] = frozenset()
+    #: Settings that are read when the member is made or compiled, and never again: they cannot be assigned. Those of
+    #: the classes above belong to it.
+    read_once: ClassVar[frozenset[str]] = frozenset({"frame", "subject"})
+    #: What makes a setting of what is given, in the constructor and where it is assigned: a function of the setting's
+    #: full name and the value, such as :func:`wbc.checks.number`.
+    checked: ClassVar[Mapping[str, Callable[[str, Any], Any]]] = {}
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        super().__init_subclass__(**arguments)
+        cls.read_once = frozenset().union(*(base.__dict__.get("read_once", ()) for base in cls.__mro__))
+        cls.checked = {
+            name: check
+            for base in reversed(cls.__mro__) for name, check in base.__dict__.get("checked", {}).items()
+        }  # fmt: skip
 
     @property
     def name(self) -> str:
@@ -175,7 +187,9 @@ class Member(metaclass=_Built):
 
         def __setattr__(self, name: str, value: Any) -> None:
             role = self._role
-            if name[0] == "_" or role is _Role.BUILDING or role is _Role.OPEN:
+            if role is _Role.BUILDING and name in self.checked:
+                object.__setattr__(self, name, self.checked[name](f"{self.name}.{name}", value))
+            elif name[0] == "_" or role is _Role.BUILDING or role is _Role.OPEN:
                 object.__setattr__(self, name, value)
             elif role is _Role.CLOSED:
                 if _is_setting(type(self), name):
@@ -194,7 +208,12 @@ class Member(metaclass=_Built):
             known = {n for n in (*dir(type(self)), *self.__dict__) if not n.startswith("_")}
             settings = [n for n in known if n in self.__dict__ or _is_setting(type(self), n)]
             raise UnknownSetting(name, settings, owner=self.name)
-        if name in self.read_once:
+        check = self.checked.get(name)
+        if check is not None:
+            value = check(f"{self.name}.{name}", value)
+        # A number and None, or an array and the name of a frame, are other rows.
+        is_other_rows = check is not None and (isinstance(value, str) or type(value) is not type(getattr(self, name)))
+        if name in self.read_once or is_other_rows:
             raise InvalidInput(
                 f"{self.name}.{name} is read once and cannot be assigned; make another {type(self).__name__}, and give "
                 "controller.replace a stack with it"
