@@ -13,9 +13,22 @@ from hypothesis import strategies as st
 
 import tasks
 import wbc
-from tasks import Damping, Frame, HalfSpaceLimit, Position, Posture, TorqueLimits
+from tasks import (
+    Damping,
+    Frame,
+    FrameVelocityLimits,
+    HalfSpaceLimit,
+    JointAccelerationLimits,
+    JointLimits,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Position,
+    Posture,
+    TorqueLimits,
+)
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
+from wbc.stack.member import bound
 from wbc.stack.task import Task
 from wbc.types import Mat, Vec
 
@@ -54,7 +67,8 @@ def test_any_task_with_an_error_is_met_or_told_by_name(kind: Any) -> None:
     for task in kind.samples(ARM):
         found = wbc.reach(ARM, [task], start=start, attempts=1, steps=3)
         assert found.ok == (not found.reason) and found.reason.startswith("" if found.ok else f"{task.name} stays ")
-        assert found.ok == bool(np.abs(found.errors[task.name]).max() <= 1e-5)
+        asked = bound(task, ARM).weights() > 0.0
+        assert found.ok == bool(np.abs(found.errors[task.name][asked]).max(initial=0.0) <= 1e-5)
 
 
 def test_the_limit_that_stands_in_the_way_is_named() -> None:
@@ -72,6 +86,65 @@ def test_the_limit_that_stands_in_the_way_is_named() -> None:
     assert wbc.reach(ARM, [Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[], attempts=2).ok
     blocked = wbc.reach(ARM, [Position("tool", target=[0.4, 0.2, 0.5])], subject_to=[wall], attempts=2)
     assert not blocked.ok and f"without {wall.name}" in blocked.reason
+
+
+#: Constraints of a controller that are about motions, or come near their limits slowly: [0.4, 0.2, 0.5] meets them all.
+CONSTRAINTS = {
+    "slow": JointLimits(v_max=0.05, a_max=0.5, j_max=10.0),
+    "careful": JointPositionLimits(braking=1e-3),
+    "velocities": JointVelocityLimits(0.01),
+    "accelerations": JointAccelerationLimits(1.0),
+    "a frame's velocity": FrameVelocityLimits("tool", linear=0.01),
+    "a wall at the point": HalfSpaceLimit("tool", normal=[0.0, 0.0, -1.0], offset=-0.5, rate=0.5),
+    "a ball around it": Position("tool", target=[0.4, 0.2, 0.6], name="ball").within(0.1, rate=0.5),
+    "exactly there": Position("tool", target=[0.4, 0.2, 0.5], rate=0.5, name="there").exactly(),
+}
+
+
+@pytest.mark.parametrize("which", CONSTRAINTS)
+def test_how_fast_a_constraint_lets_a_robot_move_does_not_matter(which: str) -> None:
+    task = Position("tool", target=[0.4, 0.2, 0.5])
+    found = wbc.reach(ARM, [task], subject_to=[CONSTRAINTS[which]], attempts=1)
+    assert found.ok and found.steps <= 5
+
+
+def test_a_task_that_is_a_constraint_is_met_or_named() -> None:
+    robot = wbc.load("humanoid")
+    foot, hand = (pose(robot, frame, robot.q0)[:3, 3] for frame in ("left_sole", "left_hand"))
+    ahead, up = np.array([0.05, 0.0, 0.0]), np.array([0.0, 0.0, 0.1])
+    place = Position("left_hand", target=hand + ahead)
+    step = Position("left_sole", target=foot + up, name="step").exactly()
+    found = wbc.reach(robot, [place], subject_to=[step, JointPositionLimits()])
+    assert found.ok and np.abs(pose(robot, "left_sole", found.q)[:3, 3] - foot - up).max() <= 1e-5
+    short = wbc.reach(robot, [place], subject_to=[step, JointPositionLimits()], steps=1, attempts=1)
+    assert not short.ok and "step" in short.reason and np.abs(short.errors[step.name]).max() > 1e-5
+
+
+def test_rows_without_weight_ask_for_nothing() -> None:
+    far = np.eye(4)
+    far[:3, 3] = 0.4, 0.2, 4.0
+    found = wbc.reach(ARM, [Frame("tool", target=far, weight=[1.0, 1.0, 0.0, 0.0, 0.0, 0.0])])
+    assert found.ok and np.abs(pose(ARM, "tool", found.q)[:2, 3] - [0.4, 0.2]).max() <= 1e-5
+    idle = Position("tool", target=[0.4, 0.2, 4.0])
+    idle.active = False
+    assert wbc.reach(ARM, [idle]).steps == 0
+
+
+class Rooted(Task):
+    """The root of what the first joint is short of 1 rad: beyond it there is none."""
+
+    dim, units = 1, ("rad½",)
+
+    def fill(self, state: Any, out: Any) -> None:
+        with np.errstate(invalid="ignore"):
+            out.e[0] = 0.5 + np.sqrt(1.0 - state.q[0])
+        out.J[:] = 0.0
+        out.J[0, 0] = 1.0
+
+
+def test_a_task_that_has_no_error_at_all_somewhere_is_not_met_there() -> None:
+    found = wbc.reach(ARM, [Rooted()], subject_to=[], attempts=2)
+    assert not found.ok and found.q[0] <= 1.0
 
 
 def test_tasks_of_lower_levels_choose_among_the_answers() -> None:
@@ -113,6 +186,12 @@ def test_arguments_that_make_no_sense_are_refused_by_name() -> None:
     ):
         with pytest.raises(InvalidInput, match=name):
             wbc.reach(ARM, [task], **settings_)  # type: ignore[arg-type]
+    robot = wbc.load("humanoid")
+    for norm in (0.0, 5.0):
+        start = np.array(robot.q0)
+        start[3:7] *= norm
+        with pytest.raises(InvalidInput, match=rf"start: the base's quaternion q\[3:7\] has norm {norm:g}"):
+            wbc.reach(robot, [Position("left_hand", target=[0.3, 0.3, 1.0])], start=start)
     with pytest.raises(NotSupported, match="TorqueLimits"):
         wbc.reach(ARM, [task], subject_to=[TorqueLimits()])
     assert wbc.reach(ARM, [[task], [Damping()]]).ok

@@ -13,13 +13,14 @@ from wbc import checks
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import JointInterval, Quantity
+from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Quantity
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.hierarchy import Strict, Weighted
+from wbc.stack.member import bound
 from wbc.stack.stack import Stack
-from wbc.stack.task import Objective, Task
+from wbc.stack.task import Exactly, Objective, Task
 from wbc.tolerances import MET
-from wbc.types import Vec
+from wbc.types import Status, Vec
 
 #: A step is a tick of this length [s] in which tasks have to remove all of their error.
 _DT = 1e-2
@@ -72,7 +73,8 @@ def reach(
 
     Gauss-Newton steps, min ½ Σ w ‖J δ − e‖² under the constraints, each joint moved by 0.5 rad (m) at most, until the
     errors are within ``tolerance``. Where the steps end elsewhere, it starts again from joint positions drawn within
-    the limits. Gains of tasks do not matter; targets should not move.
+    the limits. Gains and rates of tasks and constraints do not matter, nor do limits on velocities, accelerations and
+    jerks, which a configuration has not. Rows of weight 0 ask for nothing. Targets should not move.
 
     Args:
         robot: from :func:`wbc.load`.
@@ -82,7 +84,7 @@ def reach(
         attempts: starts at most.
         seed: of the draws.
         steps: of each attempt, at most.
-        tolerance: largest error of a task [its unit].
+        tolerance: largest error of a task, also of one that is a constraint (``exactly``) [its unit].
 
     Raises:
         InvalidInput: an argument that makes no sense; a task that has no error, such as a regularisation.
@@ -110,8 +112,9 @@ def reach(
     limits: list[Any] = [_Limits("position limits", "position", robot.limits.q_min, robot.limits.q_max)]
     if subject_to is not None:
         limits = checks.items("subject_to", subject_to, "limits and constraints")
+        limits = [one for limit in limits for one in _of_a_configuration(limit, robot)]
     search = _Search(robot, levels, limits, tolerance, damped=len(levels) > 1)
-    first = np.array(robot.q0) if start is None else checks.array("start", start, (robot.nq,))
+    first = search.checked(robot.q0 if start is None else start)
     rng = np.random.default_rng(seed)
     best, used = None, 0
     for attempt in range(attempts):
@@ -134,6 +137,30 @@ def reach(
         free = [limit.name for limit in limits if search.without(limit).descend(best.q, steps).missed <= 1.0]
         reason += f"; it can be met without {' or without '.join(free)}" if free else ""
     return Reached(best.q, not reason, best.errors, reason, attempt + 1, used)
+
+
+def _of_a_configuration(limit: Any, robot: RobotModel) -> list[Any]:
+    """What a constraint asks of a configuration, all of it in one step."""
+    if isinstance(limit, Constraints):
+        parts = limit.constraints(VelocityLevel().bounds)
+        return [one for part in parts for one in _of_a_configuration(part, robot)]
+    if isinstance(limit, JointInterval) and limit.quantity == "position":
+        return [_Limits(limit.name, "position", *bound(limit, robot).bounds(robot))]
+    if isinstance(limit, JointInterval) and limit.quantity != "torque":
+        return []
+    if isinstance(limit, LinearConstraint) and limit.on == "velocity":
+        return []
+    return [_quick(limit)]
+
+
+def _quick(member: Any) -> Any:
+    """The task or constraint that asks for all of its error in one step."""
+    member = copy(member)
+    if isinstance(member, Task | Barrier):
+        member.rate = 1.0 / _DT
+    elif isinstance(member, Exactly):
+        member.task = _quick(member.task)
+    return member
 
 
 @final
@@ -161,22 +188,29 @@ class _Search:
     ) -> None:  # fmt: skip
         self._robot, self._levels, self._limits, self._tolerance = robot, levels, limits, tolerance
         self._damped, level = damped, VelocityLevel() if damped else VelocityLevel(lm_damping=0.0)
-        quick = [[self._quick(task) for task in level] for level in levels]
+        quick = [[_quick(task) for task in level] for level in levels]
         most = np.full(robot.nj, _STEP / _DT)
         steps = _Limits("length of a step", "velocity", -most, most)
         self._controller = Controller(
             robot, Stack(quick, subject_to=[*limits, steps]), level=level,
             hierarchy=Strict() if len(levels) > 1 else Weighted(), dt=_DT,
         )  # fmt: skip
-        self._must = [task for task in self._controller.plan.stack.levels[0] if isinstance(task, Task)]
+        layout = self._controller.plan.layout
+        first = [task for task in self._controller.plan.stack.levels[0] if isinstance(task, Task)]
+        #: Names, tasks and rows of what must be met.
+        self._must = [(task.name, task, np.flatnonzero(task.weights())) for task in first]
+        self._must += [(block.name, block.says, np.arange(block.dim)) for block in layout.exact]
 
-    @staticmethod
-    def _quick(task: Objective) -> Objective:
-        """The task that asks for all of its error in one step."""
-        task = copy(task)
-        if isinstance(task, Task):
-            task.rate = 1.0 / _DT
-        return task
+    def checked(self, start: Any) -> Vec:
+        """A copy (nq,) of a configuration to start from.
+
+        Raises:
+            InvalidInput: it is none.
+        """
+        q = checks.array("start", start, (self._robot.nq,))
+        if why := self._controller.implausible(0.0, q, np.zeros(self._robot.nv)):
+            raise InvalidInput(f"start: {why}")
+        return q
 
     def without(self, limit: Any) -> _Search:
         """The same search without one of the limits."""
@@ -191,7 +225,7 @@ class _Search:
         last = 0
         for k in range(steps + 1):
             command = controller.tick(_DT * k, q, still)
-            found = self._judged(q)
+            found = self._judged(q) if command.status is not Status.FAILED else self._failed(q)
             if best is None or found.missed <= 1.0 or found.missed < best.missed:
                 best, last = found, k
             met = found.missed <= 1.0 and len(self._levels) == 1
@@ -202,19 +236,22 @@ class _Search:
         assert best is not None, "there is a step"
         return replace(best, steps=k)
 
+    def _failed(self, q: Vec) -> _Found:
+        """A configuration that a member cannot be evaluated in."""
+        return _Found(q, self._controller.plan.errors(), np.inf, self._controller.why)
+
     def _judged(self, q: Vec) -> _Found:
         """What the configuration filled last misses."""
         plan, positions = self._controller.plan, q[self._robot.nq - self._robot.nj :]
         errors = plan.errors()
         missed, says = 0.0, ""
-        for task in self._must:
-            i = int(np.abs(errors[task.name]).argmax())
-            off = float(abs(errors[task.name][i]))
-            if off / self._tolerance > missed:
-                missed, says = (
-                    off / self._tolerance,
-                    f"{task.name} stays {off:.3g} {task.unit(i)} off in {task.label(i)}",
-                )
+        for name, task, rows in self._must:
+            for i, off in zip(rows.tolist(), np.abs(errors[name][rows]).tolist(), strict=True):
+                if off / self._tolerance > missed:
+                    missed, says = (
+                        off / self._tolerance,
+                        f"{name} stays {off:.3g} {task.unit(i)} off in {task.label(i)}",
+                    )
         for name, (_, margins) in plan.margins().items():
             short = -float(margins.min(initial=0.0))
             if short / MET > max(missed, 1.0):
