@@ -75,6 +75,14 @@ def test_a_limit_that_was_passed_is_seen_at_the_top_though_nobody_demands_it(sha
     assert tile.mood == mood and tile.value == f"{round(100 * share)} %"
 
 
+@pytest.mark.parametrize("torque", [1e35, np.inf])
+def test_a_figure_beyond_all_measure_is_as_short_as_any(torque: float):
+    run = standing_run()
+    run.columns["tau"][7, 0] = torque
+    (tile,) = (tile for tile in highlights(result_of(run, None)) if tile.what == "peak torque")
+    assert tile.mood == "doubtful" and len(tile.value) < 12
+
+
 @pytest.mark.parametrize("rows", [1, 2])
 def test_the_shortest_runs_can_be_drawn(rows: int):
     result = result_of(standing_run(rows), load("humanoid"))

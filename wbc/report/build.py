@@ -12,7 +12,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import NotSupported
 from wbc.report import measure
-from wbc.report.document import Clock, Report, Scene, Tile, formatted
+from wbc.report.document import Clock, Report, Scene, Tile, formatted, rounded
 from wbc.report.happened import events
 from wbc.report.replay import replay, together
 from wbc.report.sections import SECTIONS
@@ -133,5 +133,5 @@ def _real_time(run: Run) -> Tile:
 
 def _peak(what: str, share: Any) -> Tile:
     """The largest share of a limit; beyond it, whether or not the scenario demands that it be kept, it is coloured."""
-    percent = round(100.0 * float(np.max(share, initial=0.0)))
-    return Tile(what, f"{percent} %", "doubtful" if percent > 100 else "")
+    percent = 100.0 * float(np.max(share, initial=0.0))
+    return Tile(what, f"{rounded(percent)} %", "doubtful" if np.round(percent) > 100.0 else "")

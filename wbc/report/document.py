@@ -291,6 +291,17 @@ def formatted(cell: Cell) -> str:
     return number(float(cell))
 
 
+def rounded(value: float) -> str:
+    """A number without its fraction; three digits of one that is longer than a column.
+
+    Example:
+        >>> from wbc.report.document import rounded
+        >>> [rounded(x) for x in (99.6, 12345.6, 4.5e31, float("inf"))]
+        ['100', '12346', '4.5e+31', 'inf']
+    """
+    return f"{value:.0f}" if abs(value) < 1e9 else f"{value:.3g}"
+
+
 def percent(share: float) -> str:
     """A share as text: 0.123 is "12.3 %".
 
@@ -306,7 +317,7 @@ def percent(share: float) -> str:
         return "< 0.01 %"
     if 99.0 < value < 100.0:
         return f"{np.floor(1e3 * value) / 1e3:g} %"  # nearly all is not all
-    return f"{value:.0f} %" if abs(value) >= 100.0 else f"{value:.3g} %"
+    return f"{rounded(value)} %" if abs(value) >= 100.0 else f"{value:.3g} %"
 
 
 def _is_number(cell: Cell) -> bool:

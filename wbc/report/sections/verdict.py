@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from wbc.report.document import Bar, Event, Item, Link, Section, Table, number, percent
+from wbc.report.document import Bar, Event, Item, Link, Section, Table, number, percent, rounded
 from wbc.report.happened import story
 from wbc.report.sections.settings import figure_name
 from wbc.sim.scenario import Check, ScenarioResult, failed_first
@@ -82,5 +82,5 @@ def margin(check: Check) -> Bar:
     if bound == 0.0 or not np.isfinite(value) or not np.isfinite(bound):
         return Bar(0.0, BOUND if check.relation == "=" and check.ok else float(not check.ok), "", BOUND, check.ok)
     share = 1.0 + (value - bound) / abs(bound)
-    text = percent(share) if share < 10.0 else f"{share:.0f} times"
+    text = percent(share) if share < 10.0 else f"{rounded(share)} times"
     return Bar(0.0, min(max(BOUND * share, 0.0), 1.0), text if bound > 0.0 else "", BOUND, check.ok)
