@@ -6,6 +6,7 @@ import json
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -226,3 +227,14 @@ def test_a_controller_in_the_place_of_the_number_of_rows_is_told_where_it_belong
     controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.VelocityLevel())
     with pytest.raises(InvalidInput, match=r"takes a number of rows, and its tick\(controller"):
         Recorder(controller)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("dt", "x"), ("dt", -1.0), ("joint_names", 3), ("joint_names", [1]), ("statuses", "SOLVED"), ("tasks", [1]),
+     ("tasks", {"hand": 1}), ("contacts", {"foot": []}), ("limits", 1.0), ("active_rows", [1]), ("silent", "all")],
+)  # fmt: skip
+def test_metadata_of_another_kind_are_refused_where_they_are_read(tmp_path: Path, name: str, value: Any):
+    Run({"t": [0.0]}, {"dt": 0.1, "joint_names": None, name: value}).save(tmp_path)
+    with pytest.raises(InvalidInput, match=rf"meta\.json: {name}"):
+        Run.load(tmp_path)

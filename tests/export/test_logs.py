@@ -100,3 +100,11 @@ def test_a_run_without_ticks_is_refused(tmp_path: Path):
         pytest.importorskip(name)
         with pytest.raises(InvalidInput, match="no ticks"):
             write(Run({"t": []}, {"dt": 0.01}), tmp_path / "no")
+
+
+def test_a_run_without_a_period_cannot_be_drawn(tmp_path: Path):
+    pytest.importorskip("mcap")
+    run = reaching_run()
+    del run.meta["dt"]
+    with pytest.raises(InvalidInput, match=r"meta\['dt'\] of the run must be a number, not None"):
+        to_mcap(run, tmp_path / "no.mcap", robot=load("arm"))

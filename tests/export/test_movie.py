@@ -93,7 +93,10 @@ def test_each_picture_is_the_tick_nearest_to_its_time():
 @pytest.mark.parametrize(
     ("words", "about"),
     [({"fps": 0.0}, "fps"), ({"speed": -1.0}, "speed"), ({"start": 2.0}, "from"), ({"end": -0.5}, "to"),
-     ({"size": (8, 8)}, "size"), ({"fps": 240.0, "speed": 1e-4}, "too many")],
+     ({"size": (8, 8)}, "size"), ({"size": 640}, "size"),
+     ({"camera": Camera(0.0, 0.0, -3.0)}, "distance of the camera"),
+     ({"camera": (0.0, 0.0)}, "camera"), ({"camera": Camera(np.nan)}, "azimuth"),
+     ({"fps": 240.0, "speed": 1e-4}, "too many")],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_by_name(tmp_path: Path, words: dict, about: str):
     with pytest.raises(InvalidInput, match=about):

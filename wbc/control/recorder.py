@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
+from wbc.control.metadata import check_metadata
 from wbc.control.packing import packed, packs, unpacked
 from wbc.control.table import table
 from wbc.errors import InvalidInput, NotSupported, UnknownName
@@ -223,6 +224,7 @@ class Run(Mapping[str, Column]):
         meta = read_json(str(source / META_FILE), (source / META_FILE).read_bytes())
         if not isinstance(meta, dict):
             raise InvalidInput(f"{source / META_FILE} must hold an object, not a {type(meta).__name__}")
+        check_metadata(str(source / META_FILE), meta)
         return cls(columns, meta)
 
 

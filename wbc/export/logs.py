@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc import checks
 from wbc.control.table import table
 from wbc.errors import InvalidInput
 from wbc.report.marks import Mark, marks
@@ -56,7 +57,7 @@ def log(run: Run, robot: RobotModel | None) -> Log:
     """The run, and the scene around ``robot`` if somebody is to be drawn.
 
     Raises:
-        InvalidInput: a run without ticks.
+        InvalidInput: a run without ticks, or of no period.
     """
     if not run.rows:
         raise InvalidInput("the run has no ticks")
@@ -81,7 +82,8 @@ def log(run: Run, robot: RobotModel | None) -> Log:
     solid = [] if robot is None else thinned(parts(robot), BUDGET)
     if robot is None or not solid:
         return Log(times, series, status, [], None, {}, [])
-    step = max(1, round(1.0 / (PICTURES_PER_SECOND * float(run.meta["dt"]))))
+    dt = checks.number("meta['dt'] of the run", run.meta.get("dt"), low=0.0, strict=True)
+    step = max(1, round(1.0 / (PICTURES_PER_SECOND * dt)))
     rows = np.unique(np.append(np.arange(0, run.rows, step), run.rows - 1))
     moving = motion(run, robot, rows, sorted({part.link for part in solid}))
     poses = {link: np.column_stack([p, quaternions(rotation)]) for link, (p, rotation) in moving.links.items()}

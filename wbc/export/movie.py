@@ -87,16 +87,16 @@ def movie(
     missing = [name for name in ("PIL", WRITERS.get(kind, "PIL")) if find_spec(name) is None]
     if missing:
         raise NotSupported(f"{kind} needs {missing[0]}; pip install 'wbc-qp[export,video]'")
-    width, height = (int(checks.number("size", pixels, low=16, high=MOST_PIXELS)) // 2 * 2 for pixels in size)
+    pair = checks.pair("size", size, "width, height")
+    width, height = (int(checks.number("size", pixels, low=16, high=MOST_PIXELS)) // 2 * 2 for pixels in pair)
+    looks = Camera.before(robot) if camera is None else _sound(camera)
     rows = _rows(run, fps, start, end, speed)
     solid = thinned(parts(robot), BUDGET)
     if not solid:
         raise InvalidInput(f"{robot.name} has no shape to draw")
     moving = motion(run, robot, rows, sorted({part.link for part in solid}))
     with written(target) as aside:
-        pictures = _Pictures(
-            run, robot, moving, solid, size=(width, height), camera=camera or Camera.before(robot), speed=speed
-        )
+        pictures = _Pictures(run, robot, moving, solid, size=(width, height), camera=looks, speed=speed)
         try:
             frames = pictures.all(progress)
             if kind == ".mp4":
@@ -106,6 +106,15 @@ def movie(
         finally:
             pictures.stage.close()
     return target
+
+
+def _sound(camera: Camera) -> Camera:
+    azimuth, elevation, distance = checks.instance("camera", camera, Camera, "a wbc.export.Camera")
+    checks.number("azimuth of the camera", azimuth)
+    checks.number("elevation of the camera", elevation)
+    if distance is not None:
+        checks.number("distance of the camera", distance, low=0.0, strict=True)
+    return camera
 
 
 @final
