@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -155,3 +156,47 @@ def test_a_margin_that_is_assigned_stays_within_the_reach() -> None:
     with pytest.raises(InvalidInput, match=r"reach is 0\.1 m; it must be more than the margin of 0\.2 m"):
         constraint.margin = 0.2
     assert constraint.margin == 0.02
+
+
+def height(name: str, value: Any) -> float:
+    if not isinstance(value, float):
+        raise InvalidInput(f"{name} is no height")
+    return value + 1.0
+
+
+class Ceiling(Barrier):
+    """A member of a user's own."""
+
+    dim, units = 1, "m"
+    checked: ClassVar[Mapping[str, Any]] = {"z_max": height}
+    read_once = frozenset({"axis"})
+
+    def __init__(self, frame: str, z_max: Any) -> None:
+        self.frame = self.subject = frame
+        super().__init__()
+        self.axis, self.colour, self.z_max = 2, "red", z_max
+
+    def fill(self, state: Any, out: Any) -> None:
+        frame = state.frame(self.frame)
+        out.h[:], out.J[:] = self.z_max - frame.position[2], -frame.jacobian()[2]
+        out.drift[:] = -frame.drift()[2]
+
+
+class Lower(Ceiling):
+    """A subclass that declares nothing itself."""
+
+
+@pytest.mark.parametrize("kind", [Ceiling, Lower])
+def test_a_member_of_ones_own_declares_what_is_checked_and_what_is_read_once(kind: Any) -> None:
+    with pytest.raises(InvalidInput, match=r"\.z_max is no height"):
+        kind("tool", "high")
+    limit = kind("tool", 2.0)
+    control = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)], subject_to=[limit]), level=LEVEL)
+    with pytest.raises(InvalidInput, match=r"\.z_max is no height"):
+        limit.z_max = "high"
+    before = problem(control, 0.0).cl.copy()
+    limit.z_max, limit.colour = 3.0, "blue"
+    assert limit.z_max == 4.0 and not np.allclose(problem(control, control.dt).cl, before)
+    for name in ("axis", "frame", "subject", "slack"):
+        with pytest.raises(InvalidInput, match=rf"\.{name} is read once"):
+            setattr(limit, name, "elsewhere")
