@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from hypothesis import given
 
 import wbc
-from tasks.scenarios import SCENARIOS
+from tasks.scenarios import SCENARIOS, arm_collision
 from tasks.scenarios.arm_actuator_loss import out_of_reach
 from tasks.scenarios.arm_collision import jacobian, moved_links
 from tasks.scenarios.arm_payload import heaviest
@@ -17,6 +19,7 @@ from tests.scenarios.test_faults import run
 from tests.scenarios.test_standing import failed, needs_examples
 from wbc.errors import InvalidInput, UnknownFrame, UnknownRobot
 from wbc.models.model import RobotState
+from wbc.report.document import Table
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Push
 from wbc.sim.scenario import Parameters
@@ -74,6 +77,16 @@ def test_what_happens_to_an_arm_leaves_it_time_to_show(name: str) -> None:
         assert isinstance(disturbance, ActuatorFault | Push)
         end = disturbance.start + (disturbance.duration if isinstance(disturbance, Push) else 0.0)
         assert 1.0 <= disturbance.start and end + 0.5 < p.settings.duration
+
+
+@pytest.mark.parametrize("after", [0.004, np.inf])
+def test_the_table_of_pushes_says_after_how_many_milliseconds_each_was_answered(after: float) -> None:
+    said = SimpleNamespace(t=arm_collision.START + after) if np.isfinite(after) else None
+    hit = arm_collision.Hit(cast("Any", None), "tool", "x", cast("Any", said), "tool", np.full(3, 2.0), 5.0, 5.0)
+    (table,) = (item for item in arm_collision._every([hit]).items if isinstance(item, Table))
+    row = dict(zip(table.columns, table.rows[0], strict=True))
+    assert row["after [ms]"] == (pytest.approx(4.0) if np.isfinite(after) else None)
+    assert row["force estimated [N]"] == pytest.approx(2.0 * 3.0**0.5)
 
 
 @given(states(ARM))

@@ -34,6 +34,14 @@ def test_fifty_ticks_are_certified_and_have_a_report():
     assert "Distances" in [section.title for section in run_report(result).sections]
 
 
+@pytest.mark.parametrize("t", np.linspace(0.05, 0.95, 7) * PERIOD)
+def test_the_rates_of_the_path_are_those_of_its_places(t: float):
+    h = 1e-4
+    (before, *_), (at, rate, second), (after, *_) = (path(t + shift) for shift in (-h, 0.0, h))
+    np.testing.assert_allclose(rate, (after - before) / (2.0 * h), atol=1e-7)
+    np.testing.assert_allclose(second, (after - 2.0 * at + before) / h**2, atol=1e-5)
+
+
 def test_the_post_stands_in_the_way_and_the_ball_swings_across_it():
     post, ball = obstacles()
     way = np.array([path(t)[0] for t in np.linspace(0.0, PERIOD, 200)])

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import Damping
+from tasks import Damping, MomentumObserver
 from tasks.components.diagnosis import ACTUATOR, Diagnosis
 from tasks.components.load import Load
-from tasks.scenarios.diagnosis_statistics import Case, DiagnosisStatistics
+from tasks.scenarios.diagnosis_statistics import Case, DiagnosisStatistics, Draw
 from wbc.sim.disturbance import Payload
 from wbc.sim.plant import ForwardDynamicsPlant
 from wbc.sim.scenario import Parameters, Settings, Trial
@@ -72,6 +72,20 @@ FLAWS: dict[str, tuple[str, int, list[Diagnosis], str]] = {
     "pushes blamed on motors": ("push", 3, [said("total", OTHER)], "pushes blamed on a motor in the end"),
     "nothing": ("push", 0, [], ""),
 }
+
+
+def test_whatever_may_happen_to_an_arm_has_an_answer() -> None:
+    waving = SimpleNamespace(
+        robot=ARM,
+        observer=lambda: MomentumObserver(gain=50.0),
+        noise_of_a_tick=None,
+        setup=lambda duration, **given: given,
+    )
+    nothing = cast("Any", None)
+    given = cast("Any", Draw(cast("Any", waving), "push", 0.5, JOINT, nothing, np.zeros(ARM.nj), 0).setup())
+    observer, reaction = given["components"]
+    assert reaction.observer is observer
+    assert {when.kind for when in reaction.table} == {*ACTUATOR, "payload"}
 
 
 @pytest.mark.parametrize("flaw", FLAWS)

@@ -12,6 +12,7 @@ import pytest
 from tasks.scenarios import SCENARIOS
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
+from wbc.report.document import Table
 from wbc.sim.scenario import Parameters, Settings, Trial
 from wbc.stack.task import Task
 
@@ -79,7 +80,10 @@ def test_each_demand_fails_on_a_record_that_is_spoilt_in_what_it_is_about(name: 
         spoilt: list[Any] = [Trial(t.name, t.setup, t.controller, run) for t, run in zip(trials, runs, strict=True)]
         return {check.text for check in scenario.judge(iter(spoilt), p).verdict if not check.ok}
 
-    whole = scenario.judge(iter(trials), p).verdict
+    result = scenario.judge(iter(trials), p)
+    whole, items = result.verdict, [item for section in result.sections for item in section.items]
+    tables = [item for item in items if isinstance(item, Table)]
+    assert all(len(row) == len(table.columns) and isinstance(row, tuple) for table in tables for row in table.rows)
     assert all(isinstance(check.text, str) and isinstance(check.unit, str) for check in whole)
     texts = {check.text for check in whole}
     assert len(texts) == len(whole)

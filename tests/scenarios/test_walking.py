@@ -14,13 +14,25 @@ from hypothesis import strategies as st
 import wbc
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.judge import stance_slid
 from tasks.scenarios.quadruped_trot import LANDING, SWING, swinging, swings, timeline
 from tasks.scenarios.walking import Gait, walk
 from tests.scenarios.test_standing import failed, needs_examples, run
 from wbc.errors import InvalidInput, UnknownRobot
+from wbc.report import measure
 from wbc.sim.scenario import Parameters, ScenarioResult, Settings, Trial
 
 HUMANOID = wbc.load("humanoid")
+
+
+def test_a_foot_slides_from_where_it_stood_once_the_robot_has_settled() -> None:
+    t = np.arange(0.0, 2.0, 0.1)
+    path = np.column_stack([0.01 * t, np.zeros(len(t))])  # 10 mm/s all the time
+    run = wbc.Run({"t": t, "plant.slip.foot": path})
+    slid = stance_slid(run, "foot", [(-np.inf, 1.0), (1.5, np.inf)])
+    stands = ((t > measure.SETTLED - 0.05) & (t < 0.95)) | (t > 1.45)
+    start = np.where(t < 1.2, t[np.argmax(t > measure.SETTLED - 0.05)], 1.5)
+    np.testing.assert_allclose(slid, np.where(stands, 0.01 * (t - start), 0.0), atol=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import wbc
 from tasks import Damping, JointLimits, Position, Posture
@@ -84,6 +87,44 @@ def test_the_levels_below_keep_the_freedom_that_rows_leave_and_are_slowed_in_it(
     free = slow < 1e-6  # what has no lever on the hand is as fast as ever
     assert free.any() and slow[~free].max() > 100.0
     assert np.linalg.norm(p.x - np.linalg.pinv(J) @ at) > 1e-3
+
+
+@pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)
+@pytest.mark.parametrize("factor", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("gain", [5.0, 400.0])
+def test_the_damping_is_that_of_the_residual_and_its_lever(level: Any, factor: float, gain: float):
+    """d = max(0, Σ s² l / (s + l/100) − b), s = λ √w ‖e_r‖, l = √w ‖Jⱼ‖; λ is at least what a tick's step needs."""
+    elbow = ARM.frame_names[len(ARM.frame_names) // 2]
+    far = Position("tool", target=FAR, weight=2.0, name="far", rate=gain)
+    away = Position(elbow, target=AWAY, weight=0.5, name="away", rate=0.5 * gain)
+    levels = [[far, away, Posture(ARM.q0 + 0.1, weight=1e-6)]]
+    controller = running(level(lm_damping=factor), wbc.Weighted(), levels, seconds=0.06, limits=[JointLimits()])
+    p, damping, errors = controller.plan.problem, controller.plan.damping.in_metric, controller.plan.errors()
+    asked = np.zeros(ARM.nj)
+    for task, rate, rows in zip((far, away), (gain, 0.5 * gain), p.levels[0], strict=False):
+        left = np.abs(p.value[p.item(rows.rows.start) : p.item(rows.rows.stop)])
+        per, step = (rate, DT) if level is VelocityLevel else (float(task.gains()[0][0]), 4.0 * DT**2)
+        size = np.sqrt(np.sum(rows.weights * np.minimum(left / per, np.abs(errors[task.name])) ** 2))
+        s = max(factor, step * per) * size
+        lever = np.sqrt(rows.weights @ p.G[rows.rows, : ARM.nv] ** 2)
+        asked += s**2 * lever / (s + 0.01 * lever)
+    expected = np.maximum(asked - damping.base, 0.0)
+    controller.tick(0.06, controller.last.q, controller.last.v)  # type: ignore[union-attr]
+    np.testing.assert_allclose(damping.applied, expected, rtol=1e-9, atol=1e-12 * asked.max())
+    assert (damping.applied > 0.0).any()
+
+
+@given(
+    arrays(float, ARM.nj, elements=st.sampled_from([0.0, 1e-3, 2.0])),
+    arrays(float, ARM.nj, elements=st.sampled_from([0.0, 0.5])),
+)
+def test_a_task_that_asks_for_nothing_is_not_stalled(applied: Vec, v: Vec):
+    controller = Controller(ARM, Stack([Position("tool", target=FAR)]), level=VelocityLevel(), dt=DT)
+    damping, p = controller.plan.damping.in_metric, controller.plan.problem
+    (task,) = p.levels[0]
+    damping.applied[:], damping.rate[:] = applied, 0.0
+    p.G[task.rows, p.n] = 0.0
+    np.testing.assert_array_equal(damping.stalled(v), np.zeros(ARM.nj))
 
 
 @pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)

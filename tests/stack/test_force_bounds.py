@@ -73,6 +73,18 @@ def test_what_a_component_allows_goes_before_the_least_force():
     assert normals(controller, contacts)[1] >= 30.0 - 1e-5
 
 
+@pytest.mark.parametrize("what", ["normal_limits", "normal_floors"])
+def test_bounds_on_the_force_of_a_contact_that_the_stack_does_not_have_are_named(what: str):
+    lifting = Saying()
+    controller, contacts = standing("quadruped", components=[lifting])
+    normals(controller, contacts)
+    lifting.now = wbc.Overrides(**{what: {"rear_left_fot": 5.0}})
+    command = controller.tick(0.001, controller.model.q0, np.zeros(controller.model.nv))
+    assert not command.status.ok and np.isfinite(command.tau).all()
+    assert f"{what} speaks of a contact" in controller.why and "'rear_left_fot'" in controller.why
+    assert "did you mean 'rear_left_foot'" in controller.why
+
+
 @pytest.mark.parametrize("hierarchy", HIERARCHIES)
 def test_a_wanted_normal_force_leaves_the_rest_of_the_wrench_free(hierarchy: str):
     free = normals(*standing("humanoid"))

@@ -218,6 +218,22 @@ def test_linear_constraints_hold_on_torques_and_velocities(arm: PinocchioModel) 
     assert command.v.sum() == pytest.approx(0.0, abs=1e-10)
 
 
+@pytest.mark.parametrize("name", ["arm", "quadruped", "humanoid"])
+@pytest.mark.parametrize("seed", range(3))
+def test_each_bound_of_a_joint_names_the_limit_that_gives_it(name: str, seed: int) -> None:
+    robot = wbc.load(name)
+    slow = np.random.default_rng(seed).random(robot.nj) < 0.5  # at rest these may gain 0.1 / dt, the others 5 rad/s²
+    limits = [
+        JointVelocityLimits(np.where(slow, 0.1, 50.0), name="speeds"),
+        JointAccelerationLimits(np.where(slow, 1e4, 5.0), name="starts"),
+    ]
+    plan = wbc.InverseDynamics().compile(robot, wbc.Stack([Posture(robot.q0)], subject_to=limits), dt=1e-3)
+    for joint in range(robot.nj):
+        for upper in (False, True):
+            owner = plan.bound_owner(robot.nb + joint, upper=upper)
+            assert owner == ("speeds" if slow[joint] else "starts"), robot.joint_names[joint]
+
+
 def test_acceleration_limits_at_the_velocity_level_bound_the_change_of_velocity(arm: PinocchioModel) -> None:
     stack = wbc.Stack([Posture(arm.q0 + 1.0, rate=100.0)], subject_to=[JointAccelerationLimits(5.0)])
     v = np.full(arm.nv, 0.1)

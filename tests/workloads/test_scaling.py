@@ -8,6 +8,7 @@ import pytest
 from tasks.workloads.chains import chain, many_legs
 from tasks.workloads.scaling import AXES
 from wbc.control.controller import Controller
+from wbc.models.model import RobotModel
 from wbc.sim.scenario import Setup, scenarios
 
 ENDS = [(name, size) for name, axis in AXES.items() for size in (axis.sizes[0], axis.sizes[-2], axis.sizes[-1])]
@@ -53,6 +54,14 @@ def test_robots_of_one_size_are_one_robot_and_have_the_rank_they_need():
     state.update(0.0, legs.random_configuration(rng), np.zeros(legs.nv))
     feet = np.vstack([state.frame(f"foot{i}").jacobian()[:3] for i in range(8)])
     assert np.linalg.matrix_rank(feet) == 24
+
+
+@pytest.mark.parametrize("robot", [chain(12), many_legs(4)], ids=lambda robot: robot.name)
+def test_the_mass_of_a_link_lies_within_its_length(robot: RobotModel):
+    model = robot.pinocchio
+    lengths = [np.linalg.norm(placement.translation) for placement in list(model.jointPlacements)[2:]]
+    for inertia in list(model.inertias)[1:]:
+        assert 0.0 < np.linalg.norm(inertia.lever) < max(lengths)
 
 
 def test_states_are_the_same_whatever_is_commanded_and_move_as_they_say():

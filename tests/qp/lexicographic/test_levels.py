@@ -95,6 +95,20 @@ def test_the_working_set_that_the_core_finds_is_the_one_of_the_level() -> None:
     assert sum(count == 1 for count in asked) >= 0.85 * len(asked)
 
 
+@pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda hierarchy: type(hierarchy).__name__)
+def test_each_row_of_the_stages_has_the_name_of_its_task(hierarchy: Any) -> None:
+    """Tasks on joints, which have no rows in the problem of the stack, among them."""
+    robot = wbc.load("arm")
+    joints = Posture(robot.q0 + 0.3, name="joints")
+    stack = wbc.Stack([[joints], [Position("tool", target=[0.4, 0.1, 0.5], name="hand")], [Posture(robot.q0)]])
+    controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), hierarchy=hierarchy)
+    staged = controller.answering.staged
+    assert len(staged.problem.rows) == staged.problem.n_rows + staged.problem.n
+    for place, name in zip(staged.rows, ("joints", "hand"), strict=False):
+        owners = {row.owner.removesuffix(": share") for row in staged.problem.rows[place]}
+        assert owners == {name}, owners
+
+
 @pytest.mark.parametrize("weight", [1.0, 1e-3])
 def test_a_posture_that_is_not_at_its_optimum_is_not_certified(weight: float) -> None:
     """A task on joints in the last level has no rows: it is bounded by what is left in the metric."""
