@@ -104,7 +104,9 @@ def number(
         raise error(f"{name} is {result:g}; it must be between -{LARGEST:g} and {LARGEST:g}")
     if result < low or result > high or (strict and result <= low):
         sign = ">" if strict else ">="
-        allowed = f"{sign} {low:g}" if high == np.inf else f"between {low:g} and {high:g}"
+        allowed = (
+            f"{sign} {low:g}" if high == np.inf else f"between {low:g} and {high:g}" + f", {low:g} excluded" * strict
+        )
         raise error(f"{name} is {result:g}; it must be {allowed}")
     return result
 

@@ -92,7 +92,8 @@ def test_each_picture_is_the_tick_nearest_to_its_time():
 
 @pytest.mark.parametrize(
     ("words", "about"),
-    [({"fps": 0.0}, "fps"), ({"speed": -1.0}, "speed"), ({"start": 2.0}, "from"), ({"end": -0.5}, "to"),
+    [({"fps": 0.0}, "between 0 and 240, 0 excluded"),
+     ({"speed": -1.0}, "speed"), ({"start": 2.0}, "from"), ({"end": -0.5}, "to"),
      ({"size": (8, 8)}, "size"), ({"size": 640}, "size"),
      ({"camera": Camera(0.0, 0.0, -3.0)}, "distance of the camera"),
      ({"camera": (0.0, 0.0)}, "camera"), ({"camera": Camera(np.nan)}, "azimuth"),

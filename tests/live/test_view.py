@@ -48,9 +48,8 @@ def test_knobs_set_what_a_user_would_set():
 def test_a_target_is_moved_from_where_it_is_or_goes():
     place = pinocchio.SE3(np.eye(3), np.array([0.4, 0.0, 0.5]))
     frame = Frame("tool", target=place)
-    moving = Position("elbow_link", target=Sinusoid([0.1, 0.0, 0.4], amplitude=0.1, frequency=1.0))
     robot = wbc.load("arm")
-    moving.frame = moving.subject = robot.frame_names[2]
+    moving = Position(robot.frame_names[2], target=Sinusoid([0.1, 0.0, 0.4], amplitude=0.1, frequency=1.0))
     controller = made(frame, moving)
     found, number = knobs(controller)
     before = moving.target(0.3)

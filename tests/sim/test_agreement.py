@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tasks import Point
 from wbc.errors import InvalidInput, ModelError, SimulationError, UnknownFrame
 from wbc.models import load
 from wbc.models.catalogue import example_robots
@@ -151,7 +152,5 @@ def test_arguments_are_checked_by_name(standing):
         PhysicsSettings(integrator="rk4")
     with pytest.raises(InvalidInput, match="friction is -1"):
         MujocoPlant(load("quadruped"), contacts=standing(load("quadruped")), friction=-1.0)
-    joint = standing(load("quadruped"))
-    joint[0].frame = "front_left_knee"
     with pytest.raises(UnknownFrame, match=r"no frame 'front_left_knee'.*a contact must be on a link"):
-        MujocoPlant(load("quadruped"), contacts=joint)
+        MujocoPlant(load("quadruped"), contacts=[Point("front_left_knee", friction=0.8)])
