@@ -48,7 +48,7 @@ ARROWS = {
     "motion": LOOP | {"control", "report", "sim", "tasks"},
     "cli": LOOP | {"control", "sim", "report", "export", "live", "motion", "robots", "sweep", "testing"},
     "__main__": {"cli"},
-    "compile_all": set(),
+    "compile_all": {"compiled"},
 }
 
 #: What a task, limit or component may import: it never sees a QP. Scenarios and workloads may import anything.

@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
+from importlib import import_module
 
-#: Modules that compile when they are imported: for each process those that need no large kernel of the other.
+from wbc.compiled import callee
+
+#: Modules of kernels, or that import them: for each process those that need no large kernel of the other.
 MODULES = (
     ("wbc.qp.lexicographic.levels", "wbc.qp.rows.core", "wbc.stack.plan"),
     ("wbc.robots.estimator", "wbc.models.near_pairs", "wbc.stack.follower",
@@ -17,11 +21,20 @@ MODULES = (
 )  # fmt: skip
 
 
-def main() -> int:
-    """Exit code 1 where a process failed."""
-    programs = [subprocess.Popen([sys.executable, "-c", f"import {', '.join(modules)}"]) for modules in MODULES]
-    return int(any([program.wait() != 0 for program in programs]))
+def compiled(modules: Sequence[str]) -> list[int]:
+    """Compile what these modules have, or read it from disk; where the kernels stand that others call by address."""
+    values = [value for name in modules for value in vars(import_module(name)).values()]
+    return [value.place for value in values if isinstance(value, callee)]
+
+
+def main(modules: Sequence[str] = ()) -> int:
+    """Compile these modules; without any all, each group in a process of its own. Exit code 1 where one failed."""
+    if modules:
+        compiled(modules)
+        return 0
+    groups = [subprocess.Popen([sys.executable, "-m", "wbc.compile_all", *group]) for group in MODULES]
+    return int(any([group.wait() != 0 for group in groups]))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
