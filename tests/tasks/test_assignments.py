@@ -130,7 +130,9 @@ def test_a_gain_that_the_constructor_refuses_is_refused_when_it_is_assigned(kind
 
 
 @pytest.mark.parametrize("kind", MEMBERS, ids=lambda kind: kind.__name__)
-@pytest.mark.parametrize("value", [np.full(17, np.nan), np.nan, "no frame", None, object()], ids=str)
+@pytest.mark.parametrize(
+    "value", [np.full(17, np.nan), np.nan, "no frame", None, object()], ids=["array", "nan", "text", "none", "object"]
+)
 def test_nonsense_is_refused_where_it_is_assigned(kind: Any, value: Any) -> None:
     for sample in next(samples for robot in robots() if (samples := kind.samples(robot))):
         for name in settings_of(sample):
