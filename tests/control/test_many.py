@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointVelocityLimits, Posture
+from tasks import JointVelocityLimits, Position, Posture
 from wbc import AccelerationLevel, Controller, Stack
 from wbc.errors import InvalidInput
 
@@ -34,6 +34,25 @@ def test_answers_are_those_of_one_tick_after_the_other(workers):
     assert np.isnan(batch.tau).all()  # accelerations decide no torques
     assert batch.certified.all() and set(batch.status) == {wbc.Status.SOLVED}
     assert batch.ticks_per_second > 0.0
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel, AccelerationLevel, wbc.InverseDynamics])
+@pytest.mark.parametrize("workers", [1, 3])
+def test_without_damping_by_the_residual_each_answer_is_that_of_its_state_alone(level, workers):
+    def hand():
+        stack = Stack([Position("tool", target=[0.4, 0.2, 0.5]), Posture(ARM.q0, weight=1e-3)])
+        return Controller(ARM, stack, level=level(lm_damping=0.0), dt=2e-3)
+
+    asked = states(12)
+    expected = [hand().tick(*state).a for state in asked]
+    np.testing.assert_allclose(wbc.run_many(hand(), asked, workers=workers).a, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_controllers_of_robots_with_other_joints_are_refused():
+    other = wbc.load("humanoid")
+    second = Controller(other, Stack([Posture(other.q0)]), level=AccelerationLevel())
+    with pytest.raises(InvalidInput, match="other joints"):
+        wbc.run_many([controller(), second], [states(1)[0], (0.0, other.q0, np.zeros(other.nv))])
 
 
 def test_each_state_may_have_a_controller_of_its_own():

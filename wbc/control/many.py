@@ -48,12 +48,14 @@ def run_many(
     """One tick of a controller for each state (t, q, v), in any order and on ``workers`` processes.
 
     ``plans``: one controller for all states, or one for each, as where stacks differ. The states are independent. A
-    controller carries its warm start and the memory of its components to the next state that it gets; if its components
-    have no memory, results agree with those of ``tick``. Workers are forks of this process: each has controllers of its
+    controller carries its warm start, the memory of its components and the residual by which its level damps joints to
+    the next state that it gets. With a level of ``lm_damping=0.0``, and components without memory, results agree with
+    those of ``tick`` in each state alone. Workers are forks of this process: each has controllers of its
     own, and those given are left as they are. ``workers`` = 1 runs here, on the controllers given.
 
     Raises:
-        InvalidInput: another number of controllers than of states, ``workers`` below 1, states that ``tick`` refuses.
+        InvalidInput: another number of controllers than of states, controllers of robots with other joints, ``workers``
+            below 1, states that ``tick`` refuses.
 
     Example:
         >>> import numpy as np, wbc
@@ -74,6 +76,8 @@ def run_many(
         raise InvalidInput(f"there are {len(controllers)} controllers for {len(states)} states; give one, or one each")
     if not states:
         raise InvalidInput("states is empty; give at least one (t, q, v)")
+    if len({(one.model.nv, one.model.joint_names) for one in controllers}) > 1:
+        raise InvalidInput("plans are of robots with other joints; run those of each robot by themselves")
     workers = min(workers, len(states))
     started = perf_counter()
     if workers == 1:
