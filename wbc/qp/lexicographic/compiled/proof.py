@@ -42,7 +42,7 @@ from wbc.qp.rows.compiled.linear import add, dot
 from wbc.qp.rows.compiled.work import SOLVED, Work, place_of, views
 from wbc.tolerances import NEAR
 
-#: What each product of the gradient loses, as a share of the whole.
+#: What each product of the gradient loses, of rows and of pushes alike, as a share of their sum.
 _ROUNDING = 8.0 * 2.0**-52
 
 
@@ -99,7 +99,7 @@ def certify(at: int) -> int:
     nu = s.sizes[0]
     d, decided = n - free, w.sizes[DECIDED] - rank
     # the gradient, and what the pushes leave of it
-    off, square, size, gap = 0.0, 0.0, 0.0, 0.0
+    off, square, size, pushes, gap = 0.0, 0.0, 0.0, 0.0, 0.0
     for c in range(n):
         w.at[c] = (s.value[nu + c] - s.centre[c]) / w.root[c]
         w.step[c] = w.at[c] if w.sizes[LAST] else 0.0
@@ -125,6 +125,7 @@ def certify(at: int) -> int:
         if force != 0.0 and near < inf:
             gradient_of_item(w, item)
             add(force, w.g, n, w.step)
+            pushes += abs(force) * sqrt(dot(w.g, w.g, n))
             if near > NEAR:
                 gap += abs(force) * near
     for c in range(n):
@@ -172,7 +173,7 @@ def certify(at: int) -> int:
         primal = max(primal, s.value[place] - s.upper[place], s.lower[place] - s.value[place])
     w.proof[0] = primal
     w.proof[1] = sqrt(off) + sqrt(rho)
-    w.proof[2] = max(sqrt(slope) - _ROUNDING * n * sqrt(size * square), 0.0)
+    w.proof[2] = max(sqrt(slope) - _ROUNDING * n * (sqrt(size * square) + pushes), 0.0)
     w.proof[3] = gap
     w.proof[4] = gap + w.proof[2] * (1.0 + sqrt(far))
     return SOLVED
