@@ -298,17 +298,18 @@ def test_one_level_is_a_weighted_sum_under_every_hierarchy() -> None:
 
 
 # ---- long runs
-@pytest.mark.deep
-def test_ten_thousand_ticks_of_conflict_without_one_failure() -> None:
-    controller = wbc.Controller(HUMANOID, standing(1.0), level=wbc.InverseDynamics(), hierarchy=wbc.Strict())
+@pytest.mark.slow
+@pytest.mark.parametrize("reach", [0.8, 1.0, 1.3])
+def test_thousands_of_ticks_of_conflict_without_one_failure(reach: float) -> None:
+    controller = wbc.Controller(HUMANOID, standing(reach), level=wbc.InverseDynamics(), hierarchy=wbc.Strict())
     q, v = HUMANOID.q0, np.zeros(HUMANOID.nv)
     conflicts = 0
-    for k in range(10_000):
+    for k in range(3_000):
         command = controller.tick(1e-3 * k, q, v)
         assert command.status.ok, f"tick {k}: {command.status}\n{controller.explain()}"
         conflicts += any(outcome.how != "met" for outcome in command.levels[:-1])
         q, v = command.q, command.v
-    assert conflicts > 5_000
+    assert conflicts > 1_500
 
 
 @pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=["strict", "scaled"])

@@ -310,9 +310,9 @@ def solve_level(at: int) -> int:
     if guess_set(at):
         return SOLVED
     code, heavy = FAILED, _HEAVY
-    for _ in range(_FINDS):
-        for item in range(m):
-            w.side[item] = w.held[item]
+    for k in range(_FINDS):
+        for item in range(m):  # from the same set the core finds the same
+            w.side[item] = w.held[item] if k == 0 else 0.0
         code = find(at, heavy)
         if code == INFEASIBLE and not w.sizes[INSIDE]:
             return code
