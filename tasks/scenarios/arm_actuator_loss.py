@@ -82,7 +82,11 @@ class ArmActuatorLoss(Scenario):
         if not 1 <= count <= robot.nj:
             raise InvalidInput(f"parameter 'joints' is {count}; {robot.name} has {robot.nj} joints")
         if p.settings.duration <= FAULT + RECOVERY:
-            raise InvalidInput(f"duration is {p.settings.duration:g} s; it must be more than {FAULT + RECOVERY:g} s")
+            least = FAULT + RECOVERY
+            raise InvalidInput(
+                f"duration is {p.settings.duration:g} s; it must be more than {least:g} s: "
+                f"the fault comes at {FAULT:g} s"
+            )
         wanted = [(joint, answer, FAULT) for joint in robot.joint_names[:count] for answer in ANSWERS]
         wanted += [(joint, "brake", EARLY) for joint in robot.joint_names[1:2]]
         return {f"{joint} at {start:g} s, {answer}": {"joint": joint, "answer": answer, "start": start}

@@ -57,7 +57,10 @@ class ArmPayload(Scenario):
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
         if p.settings.duration <= PICK + END:
-            raise InvalidInput(f"duration is {p.settings.duration:g} s; it must be more than {PICK + END:g} s")
+            raise InvalidInput(
+                f"duration is {p.settings.duration:g} s; it must be more than {PICK + END:g} s: "
+                f"the load comes at {PICK:g} s"
+            )
         p.number("mass", low=0.0, strict=True)
         cases = {
             ADAPTING: {"adapts": True, "noisy": False, "dt": 1e-3},

@@ -44,7 +44,11 @@ class ArmReach(Scenario):
 
     def build(self, p: Parameters) -> Setup:
         if p.settings.duration <= STEP_TIME + 1.0:
-            raise InvalidInput(f"duration is {p.settings.duration:g} s; it must be more than {STEP_TIME + 1.0:g} s")
+            least = STEP_TIME + 1.0
+            raise InvalidInput(
+                f"duration is {p.settings.duration:g} s; it must be more than {least:g} s: "
+                f"the step comes at {STEP_TIME:g} s"
+            )
         robot = wbc.load(p["robot"], base="fixed")
         frame, level = p["frame"] or tool(robot), _level(p["level"], p.settings.plant)
         plant = arm_plant(robot, p.settings.plant, level="velocity" if level.order == 1 else "acceleration")
