@@ -10,11 +10,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.methods.problems import scaled_tasks
-from tests.methods.torque_problems import again, problems
+from tests.methods.torque_problems import CALM, again, problems
 from wbc.methods import NullSpaceSaturation, WeightedTorque
 from wbc.methods.weighted_torque import Torque
-
-CALM = {"n": st.integers(2, 6), "condition": 1e2, "deficient": False, "consistent": True}
 
 
 @given(problems(**CALM, limited=True, damped=False), st.sampled_from([1e-3, 1e3]), st.integers(0, 2**32 - 1))

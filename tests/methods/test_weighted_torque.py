@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import linprog, lsq_linear
 
 from tests.methods.problems import drawn
-from tests.methods.torque_problems import again, problems
+from tests.methods.torque_problems import CALM, again, problems
 from tests.seeds import generator
 from wbc.errors import NoClosedForm
 from wbc.methods import WeightedTorque
@@ -29,7 +29,6 @@ ROBOT = PlanarPR(m1=1, m2=1, l2=0.5, d2=0.25, I2=0.1)
 #: Two joints, one task row: the planar PR robot at rest, q = (0, π/2), pushed by the environment with (−1, 1) N.
 M, J = ROBOT.M([0, np.pi / 2]), ROBOT.J([0, np.pi / 2])[:1]
 PUSH = ROBOT.J([0, np.pi / 2]).T @ [-1.0, 1.0]
-CALM = {"n": st.integers(2, 6), "condition": 1e2, "deficient": False, "consistent": True}
 #: One of everything at moderate condition: independent rows, no limits.
 calm = problems(**CALM, equalities=False, damped=False)
 gauss = problems(**CALM, equalities=False, damped=False, weights=["inverse_inertia"])

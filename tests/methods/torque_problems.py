@@ -12,6 +12,8 @@ from wbc.methods.weighted_torque import WEIGHTS, WeightedTorque
 from wbc.testing.strategies import jacobians, magnitudes, spd
 
 SEEDS = st.integers(0, 2**32 - 1)
+#: Settings of :func:`problems` at moderate condition, with independent rows that can be met.
+CALM: dict[str, Any] = {"n": st.integers(2, 6), "condition": 1e2, "deficient": False, "consistent": True}
 
 
 @st.composite

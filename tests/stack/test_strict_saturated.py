@@ -128,6 +128,15 @@ def test_a_saturated_humanoid_keeps_its_ranks_as_exactly_as_the_cascade(humanoid
     assert told >= 24 and not beyond, beyond
 
 
+def test_rounding_of_hard_pushes_leaves_no_level_at_its_optimum_without_a_certificate(
+    quadruped: PinocchioModel,
+) -> None:
+    """Seed 1131: limits push with thousands, and the optimum of a level is a thousand from its centre."""
+    for seed in range(1120, 1140):
+        for _ in _levels_of_a_run(quadruped, seed, ticks=1, every=2):
+            pass  # it asserts that each tick is certified
+
+
 def test_soles_that_slide_or_tip_hardly_ever_leave_strict_levels_without_an_answer(humanoid: PinocchioModel) -> None:
     """Corners without force are where five rows of friction meet; rounding must not lead in circles."""
     rng, robot, without = generator("soles that slide or tip"), humanoid, 0
