@@ -59,6 +59,15 @@ def test_every_run_is_there_once_with_what_came_of_it(folder: Path):
     assert [row[gain] for row in rows.values()] == [10.0, 9.0, None]
 
 
+@pytest.mark.parametrize("text", ["{", "[]", "3", '{"dt": "fast"}', '{"limits": [1]}', "[" * 100_000, '{"dt": -1.0}'])
+def test_a_spoilt_run_costs_the_page_only_that_run(folder: Path, text: str):
+    (folder / "scenarios" / "failed" / "meta.json").write_text(text)
+    failed, passed, other = table(folder).rows
+    assert failed[2] == Marked("unreadable", "bad") and "meta.json" in str(failed[3])
+    assert passed[2] == Marked("passed", "good") and isinstance(other[1], Address)
+    assert "unreadable" in save_index(folder).read_text(encoding="utf-8")
+
+
 def test_only_settings_that_differ_are_columns(folder: Path):
     columns = table(folder / "scenarios").columns
     assert columns == ("", "run", "verdict", "not met", "gain")

@@ -9,6 +9,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from wbc import checks
+from wbc.control.metadata import check_metadata
 from wbc.control.recorder import ARRAYS_FILE, META_FILE
 from wbc.errors import InvalidInput
 from wbc.files import Place, located, written
@@ -29,6 +31,8 @@ HIGH, MOMENT, MOMENTS = 96, 2, 5
 #: Settings that are in no column: of the machine, or names of rows. Lists and longer texts are in none either.
 UNSHOWN, LONGEST = ("machine", "versions", "limits", "tasks", "distances", "residuals", "contacts", "plant"), 60
 TITLE = "Runs in "
+#: The verdict on a run whose metadata cannot be read.
+UNREADABLE = "unreadable"
 #: What stands first of the settings.
 FIRST, PARAMETER = ("scenario", "robot"), "parameters."
 
@@ -36,7 +40,8 @@ FIRST, PARAMETER = ("scenario", "robot"), "parameters."
 def save_index(folder: Place) -> Path:
     """Write ``index.html`` into ``folder``: a table of the runs in it, and below it, that a click in a heading sorts.
 
-    Only ``meta.json`` of each run is read, and the picture of its report. Links are relative: the folder can be moved.
+    Only ``meta.json`` of each run is read, and the picture of its report. A run whose ``meta.json`` cannot be read has
+    a row that says so. Links are relative: the folder can be moved.
 
     Raises:
         InvalidInput: no folder, no run in it, or an ``index.html`` that is not such a page.
@@ -46,7 +51,9 @@ def save_index(folder: Place) -> Path:
         >>> import tempfile
         >>> from pathlib import Path
         >>> from wbc.report import save_index
-        >>> from wbc.control.recorder import Run
+        >>> from wbc import checks
+from wbc.control.metadata import check_metadata
+from wbc.control.recorder import Run
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     for gain in (1.0, 4.0):
         ...         run = Run({"t": [0.0, 0.1]}, {"scenario": "reach", "parameters": {"gain": gain}})
@@ -113,7 +120,7 @@ def index(folder: Path) -> Report:
 
 
 #: Verdicts, and how they are coloured.
-MOODS: Mapping[str, str] = {"passed": "good", "failed": "bad", "not judged": ""}
+MOODS: Mapping[str, str] = {"passed": "good", "failed": "bad", "not judged": "", UNREADABLE: "bad"}
 
 
 def _folders(folder: Path, deep: int) -> Iterator[Path]:
@@ -130,15 +137,22 @@ def _folders(folder: Path, deep: int) -> Iterator[Path]:
 
 
 def _meta(place: Path) -> Mapping[str, Any] | None:
-    """The metadata of a run; None where there is no run."""
-    if not ((place / META_FILE).is_file() and (place / ARRAYS_FILE).is_file()):
+    """The metadata of a run, or under ``UNREADABLE`` why they cannot be read; None where there is no run."""
+    file = place / META_FILE
+    if not (file.is_file() and (place / ARRAYS_FILE).is_file()):
         return None
-    meta = read_json(str(place / META_FILE), (place / META_FILE).read_bytes())
-    return meta if isinstance(meta, Mapping) else {}
+    try:
+        meta = checks.instance(str(file), read_json(str(file), file.read_bytes()), Mapping, "an object")
+        check_metadata(str(file), meta)
+    except InvalidInput as cause:
+        return {UNREADABLE: str(cause).replace(str(file), META_FILE)}
+    except OSError as cause:
+        return {UNREADABLE: f"{META_FILE}: {cause.strerror}"}
+    return meta
 
 
 def _settings(meta: Mapping[str, Any]) -> dict[str, Cell]:
-    kept = {key: value for key, value in meta.items() if key not in (*RESULTS, *UNSHOWN)}
+    kept = {key: value for key, value in meta.items() if key not in (UNREADABLE, *RESULTS, *UNSHOWN)}
     return {
         key: value for key, value in settings.flat(kept)
         if isinstance(value, bool | int | float) or (isinstance(value, str) and len(value) <= LONGEST)
@@ -152,7 +166,9 @@ def _twice(key: str, runs: Sequence[Mapping[str, Cell]]) -> bool:
 
 
 def _fate(meta: Mapping[str, Any]) -> tuple[Cell, Cell]:
-    """The verdict, and the demands that were not met."""
+    """The verdict, and the demands that were not met, or why the run cannot be read."""
+    if UNREADABLE in meta:
+        return Marked(UNREADABLE, MOODS[UNREADABLE]), meta[UNREADABLE]
     judged = meta.get(JUDGED)
     if not isinstance(judged, Mapping):
         return "not judged", None
