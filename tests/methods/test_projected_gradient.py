@@ -472,3 +472,16 @@ def test_wrong_arguments_are_named(arguments: dict[str, object], sentence: str):
 def test_the_qp_over_velocities_needs_the_gradient():
     with pytest.raises(NotSupported, match="from_gradient"):
         ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).qp_over_velocity(1.0)
+
+
+@pytest.mark.parametrize("form", ["step", "velocity"])
+@pytest.mark.parametrize("exponent", [-250, -100, -30, -13, 13])
+def test_the_unit_of_the_gradient_scales_the_step_and_changes_nothing_else(form: str, exponent: int) -> None:
+    """A criterion in another unit: the step is in that unit too, and the velocities are the same."""
+    rng, factor = generator("units of the gradient"), 10.0**exponent
+    for _ in range(6):
+        v_task, v_null = rng.uniform(-0.9, 0.9, 3), rng.uniform(0.1, 1.0, 3) * rng.choice([-1.0, 1.0], 3)
+        usual = ProjectedGradientStep(v_task, v_null, v_min=-1.0, v_max=1.0).solve(form=form)
+        scaled = ProjectedGradientStep(v_task, factor * v_null, v_min=-1.0, v_max=1.0).solve(form=form)
+        assert scaled.alpha * factor == pytest.approx(usual.alpha, rel=1e-7)
+        assert scaled.v == pytest.approx(usual.v, abs=1e-7) and scaled.active == usual.active

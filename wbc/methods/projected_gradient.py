@@ -262,9 +262,15 @@ class ProjectedGradientStep(Method):
         qp = self.qp() if form == "step" else self.qp_with_velocity()
         centre = np.append(self.v_task if form == "velocity" else [], 0.0)
         size = np.where(self._size > 0.0, self._size, 1.0) if form == "velocity" else np.zeros(0)
-        along = np.append(np.zeros(qp.n - 1), direction)
-        found = nearest(qp, centre, np.diag(np.append(size, self._unit())), solver, along=along)
-        return np.nan if found is None else float(np.clip(found.x[-1], 0.0, self.alpha_max))
+        # Unknowns in units of the ranges: rows are not compared with a bound on α that has the gradient's unit.
+        scale, last = np.append(size, self._unit()), np.eye(qp.n)[-1]
+        with np.errstate(over="ignore"):  # a bound too far away to be a number is none
+            lb, ub = qp.lb / scale, qp.ub / scale
+        measured = QP(
+            np.eye(qp.n), np.zeros(qp.n), A=qp.A * scale, b=qp.b, C=qp.C * scale, cl=qp.cl, cu=qp.cu, lb=lb, ub=ub
+        )
+        found = nearest(measured, centre / scale, np.eye(qp.n), solver, along=direction * last)
+        return np.nan if found is None else float(np.clip(found.x[-1] * scale[-1], 0.0, self.alpha_max))
 
     def difference(self, result: Step, reference: Step) -> Mapping[str, float]:
         """Steps relative to the step that takes a joint across its range, velocities to what the joints move at."""
