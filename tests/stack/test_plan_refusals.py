@@ -17,7 +17,7 @@ from tasks import (
 )
 from tests.stack.conftest import moving, standing
 from tests.stack.test_plan import SharedLoad, controller
-from wbc.errors import InvalidInput, NotSupported, UnknownFrame, UnknownName
+from wbc.errors import InvalidInput, MemberFailed, NotSupported, UnknownFrame, UnknownName
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
@@ -172,3 +172,27 @@ def test_unknown_frames_and_contacts_are_refused_with_near_names(arm: PinocchioM
     with pytest.raises(UnknownName, match="front_left_foot"):
         robot = wbc.load("quadruped")
         controller(robot, standing(robot, extra=(ContactForce("front_left_fot", target=[0, 0, 1]),)))
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()])
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyError, ValueError, RecursionError, MemoryError, OverflowError])
+def test_a_target_that_raises_while_a_controller_is_made_is_named(
+    arm: PinocchioModel, level: wbc.VelocityLevel | wbc.AccelerationLevel, error: type[Exception]
+) -> None:
+    """Whichever of the calls that making a controller takes is the first to raise."""
+    for make, value in ((Posture, arm.q0), (lambda f: Position("tool", target=f), np.array([0.4, 0.2, 0.5]))):
+        raised = 0
+        for sound in range(6):
+            calls = iter(range(sound))
+
+            def target(t: float, calls: Any = calls, value: Any = value) -> Any:
+                if next(calls, None) is None:
+                    raise error("users' code")
+                return value
+
+            try:
+                wbc.Controller(arm, wbc.Stack([make(target)]), level=level)
+            except MemberFailed as refusal:
+                raised += 1
+                assert "users' code" in str(refusal) and ("Posture" in str(refusal) or "Position" in str(refusal))
+        assert raised >= 3

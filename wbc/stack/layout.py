@@ -14,7 +14,7 @@ from wbc.stack.block import Block, MotionBlock, RowBlock, says_of
 from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly
 from wbc.stack.contact import AXES, WRENCH, Contact
 from wbc.stack.level import Level
-from wbc.stack.member import EFFORTS
+from wbc.stack.member import EFFORTS, explained
 from wbc.stack.stack import Stack
 from wbc.stack.task import Exactly, LinearTask, Task, force_of
 from wbc.types import Index
@@ -45,7 +45,7 @@ class Layout:
         self.model, self.level = model, level
         self._per = "/s" if level.order == 1 else "/s²"
         for member in () if prepared else (*stack.tasks, *stack.subject_to, *stack.contacts):
-            member.prepare(model)
+            explained(f"{member.name}.prepare", member.prepare, model)
         constraints = [one for constraint in stack.subject_to for one in self._each(constraint)]
         for member in (*stack.tasks, *constraints):
             self._refuse(member)

@@ -19,7 +19,7 @@ from weakref import WeakSet
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, MemberFailed, UnknownAttribute, UnknownName
+from wbc.errors import InvalidInput, MemberFailed, UnknownAttribute, UnknownName, WbcError
 from wbc.models.model import RobotModel
 from wbc.stack.target import Target
 
@@ -402,15 +402,15 @@ def bound(member: M, model: RobotModel) -> M:
     return cast(M, own)
 
 
-def explained(name: str, fill: Callable[..., None], *arguments: Any) -> None:
-    """Call a member's fill for the first time: what goes wrong there is said by its name.
+def explained(where: str, call: Callable[..., None], *arguments: Any) -> None:
+    """Call a method of a member while a plan is made: what goes wrong there, or in its target, is said by its name.
 
     Raises:
-        InvalidInput: wrong shapes or indices inside the member's fill.
+        MemberFailed: it raised; what the library itself refuses is raised as it is.
     """
     try:
-        fill(*arguments)
-    except (IndexError, ValueError, TypeError, AttributeError) as cause:
-        if isinstance(cause, InvalidInput):
-            raise
-        raise InvalidInput(f"{name}.fill: {cause}") from cause
+        call(*arguments)
+    except (WbcError, Warning):
+        raise
+    except Exception as cause:
+        raise MemberFailed(where, cause) from cause

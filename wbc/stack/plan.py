@@ -200,16 +200,16 @@ class Plan(Filled):
         trial = self.model.state(drifts=state.drifts)
         trial.update(state.t, state.q, state.v)
         for block in self.layout.motions:
-            explained(block.name, block.fill, trial)
+            explained(f"{block.name}.fill", block.fill, trial)
             block.check(self.level.order)
         self.motion.freeze()
         self.bind(trial)()
         self._run(FILL)  # rows about torques are made of these
         for row in self.layout.others:
-            explained(row.name, row.fill, trial)
+            explained(f"{row.name}.fill", row.fill, trial)
             row.check(self.level.order)
         if self._by_speed:
-            explained(self._by_speed[0].name, self._narrow_torques, trial)
+            explained(f"{self._by_speed[0].name}.fill", self._narrow_torques, trial)
         self.fill(state)
 
     # ---- weights: read again when a task was assigned to
