@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -308,3 +311,28 @@ def test_a_robot_with_other_masses_differs_in_its_dynamics_alone():
     for wrong, said in ((0.0, "> 0"), ([1.0, 2.0], "shape")):
         with pytest.raises(InvalidInput, match=said):
             robot.with_masses(wrong)
+
+
+def test_a_folder_is_searched_past_what_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder and a scene of somebody else beside the robot's own file, which may be of either kind."""
+    secret, locked = tmp_path / "secret", tmp_path / "locked.xml"
+    secret.mkdir()
+    for file in (secret / "file", locked):
+        file.write_text("<mujoco/>")
+    stat, open_ = os.stat, Path.open
+
+    def denied(path: Any) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    def guarded_stat(path: Any, *arguments: Any, **more: Any) -> Any:
+        return denied(path) if str(path).startswith(f"{secret}{os.sep}") else stat(path, *arguments, **more)
+
+    def guarded_open(path: Path, *arguments: Any, **more: Any) -> Any:
+        return denied(path) if path == locked else open_(path, *arguments, **more)
+
+    monkeypatch.setattr(os, "stat", guarded_stat)
+    monkeypatch.setattr(Path, "open", guarded_open)
+    with pytest.raises(ModelError):
+        load(tmp_path)
+    written(tmp_path, hinge("one", SANE))
+    assert load(tmp_path).joint_names == ("one",)

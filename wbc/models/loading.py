@@ -162,7 +162,7 @@ def _robot_file(path: Path) -> Path:
     """The path itself, or the one URDF or MJCF in a folder and not far below it."""
     if not path.is_dir():
         return path
-    near = [file for depth in range(_DEPTH) for file in sorted(path.glob("*/" * depth + "*")) if file.is_file()]
+    near = [file for depth in range(_DEPTH) for file in sorted(path.glob("*/" * depth + "*")) if os.path.isfile(file)]
     found = [file for file in near if file.suffix == ".urdf"]
     found = found or [file for file in near if file.suffix == ".xml" and _is_mjcf(file)]
     if len(found) > 1:
@@ -172,8 +172,11 @@ def _robot_file(path: Path) -> Path:
 
 
 def _is_mjcf(file: Path) -> bool:
-    with file.open("rb") as content:
-        return b"<mujoco" in content.read(_HEAD)
+    try:
+        with file.open("rb") as content:
+            return b"<mujoco" in content.read(_HEAD)
+    except OSError:  # what cannot be read is no robot file
+        return False
 
 
 def _listed(name: str, given: Any, kind: Any, what: str) -> list[Any]:
