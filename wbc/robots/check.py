@@ -196,21 +196,17 @@ class _Check:
 
     def _implausible(self) -> bool:
         limits, q = self.robot.limits, self.rest
-        outside = np.maximum(q - limits.q_max, limits.q_min - q)
-        if (outside <= 0.3).all():
-            return False
-        radians = q * np.pi / 180.0
-        if (np.maximum(radians - limits.q_max, limits.q_min - radians) <= 0.3).all() and np.abs(q).max() > 6.3:
-            which = [k for k in range(len(q)) if outside[k] > 0.3]
-            names = tuple(self.robot.joint_names[k] for k in which)
+        outside, as_degrees = (np.maximum(one - limits.q_max, limits.q_min - one) > 0.3 for one in (q, np.radians(q)))
+        is_wrong = bool(outside.any() and not as_degrees.any() and np.abs(q).max() > 6.3)
+        if is_wrong:
+            names = tuple(self.robot.joint_names[k] for k in np.flatnonzero(outside))
             who = names[0] if len(names) == 1 else "every joint"
             self.result.add("unit", f"{who} comes in degrees and is taken for radians", names)
-            return True
-        return False
+        return is_wrong
 
     def _moved(self, motor: int | None, seconds: float) -> _Moved:
         """What comes back while a motor swings; it ends early where that motor runs away."""
-        joint_map, rows = self.joint_map, []
+        joint_map, rows, whole = self.joint_map, [], True
         for k in range(round(seconds / self.period)):
             t, position = k * self.period, self.still.copy()
             if motor is not None:
@@ -227,12 +223,9 @@ class _Check:
             q, tau = self._state()
             velocity = joint_map.velocity_from_device(rate)
             rows.append((q, velocity, tau, *(joint_map.torque_from_device(part) for part in (wanted, felt))))
-            if motor is not None and (np.abs(reading.q - self.still) > 4.0 * self.amplitude).any():
-                return self._record(rows, whole=False)
-        return self._record(rows, whole=True)
-
-    @staticmethod
-    def _record(rows: list[tuple[Vec, ...]], *, whole: bool) -> _Moved:
+            whole = motor is None or bool((np.abs(reading.q - self.still) <= 4.0 * self.amplitude).all())
+            if not whole:
+                break
         q, v, tau, wanted, felt = (np.array(column) for column in zip(*rows, strict=True))
         return _Moved(q, v, tau, wanted, felt, whole)
 
@@ -339,15 +332,12 @@ class _Check:
 
     def _decided(self, best: Mistake, least: float, mistakes: list[Mistake], seen: Response) -> Mistake:
         """Of the mistakes that explain nearly as much as the best one, the one that joints moved by hand show."""
-        costs = {id(one): self.expected.cost(one.applied(seen)) for one in mistakes}
-        rivals = sorted(
-            (one for one in mistakes if costs[id(one)] < least + CONVINCING), key=lambda one: costs[id(one)]
-        )
+        costs = np.array([self.expected.cost(one.applied(seen)) for one in mistakes])
+        rivals = [mistakes[k] for k in np.argsort(costs, kind="stable") if costs[k] < least + CONVINCING]
         for _ in range(4):
-            apart = [one for one in rivals if one.differs(best)]
-            if not apart:
+            joint = next((name for one in rivals if (name := best.parts(one, self.robot.joint_names))), "")
+            if not joint:
                 break
-            joint = best.parts(apart[0], self.robot.joint_names)
             shown, way = self._feel(joint)
             rivals = [one for one in rivals if one.shows(joint, shown, way, self.robot.joint_names)]
             if not rivals:

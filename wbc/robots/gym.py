@@ -103,10 +103,9 @@ class TargetEnv(gymnasium.Env[Numbers, Numbers]):
             raise InvalidInput("targets must have at least one task, and each low must be below its high")
         self._first = [np.array(task.target) for task in self.targets]
         self._ends = np.cumsum([len(low) for low in lows])[:-1]
-        for name, one in (("reward", reward), ("observe", observe)):
-            if one is not None and not callable(one):
-                raise InvalidInput(f"{name} is {checks.shown(one)}; it must be a function of the environment")
-        self._reward, self._observe = reward, observe
+        self._reward = checks.function("reward", reward, "a function of the environment")
+        nothing = observe is None
+        self._observe = None if nothing else checks.function("observe", observe, "a function of the environment")
         self._ticks = whole("ticks", ticks)
         self._duration = checks.number("duration", duration, low=0.0, strict=True)
         self._noise = checks.number("noise", noise, low=0.0)

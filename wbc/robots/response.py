@@ -21,9 +21,9 @@ with f = r for a gear, and f = 1 for a unit, which torques do not have.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 from typing import Any, final
 
 import numpy as np
@@ -71,14 +71,10 @@ class Mistake:
         i = names.index(read)
         return names[int(self.order[i])] == moved and bool(self.scale[i] * way > 0.0)
 
-    def differs(self, other: Mistake) -> bool:
-        """Whether a joint that is moved by hand can show the one or the other."""
-        return bool((self.order != other.order).any() or (np.sign(self.scale) != np.sign(other.scale)).any())
-
     def parts(self, other: Mistake, names: Sequence[str]) -> str:
-        """A joint whose motion by hand distinguishes this mistake from another."""
+        """A joint whose motion by hand distinguishes this mistake from another; "" where none does."""
         apart = (self.order != other.order) | (np.sign(self.scale) != np.sign(other.scale))
-        return names[int(self.order[int(apart.argmax())])]
+        return names[int(self.order[int(apart.argmax())])] if apart.any() else ""
 
     def applied(self, seen: Response) -> Response:
         """What the robot's own joints did, if this is the mistake."""
@@ -123,7 +119,6 @@ class Expected:
         for added, most in ((seen.A, _ROTOR), (seen.V, _FRICTION), (seen.A, _ROTOR), (seen.V, _FRICTION)):
             size = np.clip((added * off).sum(axis=1) / ((added**2).sum(axis=1) + 1e-12), 0.0, most)
             off = off - size[:, None] * added
-            del size
         dynamic = off / (_DYNAMIC + _SHARE * (np.abs(G) @ np.abs(seen.Q) + np.abs(M) @ np.abs(seen.A)))
         return dynamic, (seen.tau - gravity) / (_STATIC + _SHARE * np.abs(gravity))
 
@@ -171,11 +166,15 @@ class Candidates:
 
     def turned(self) -> list[Mistake]:
         """One joint, or all, count the other way round."""
-        each = [self._made("sign", f"the sign of {self.names[i]} is wrong", [i], scale={i: -1}) for i in range(self.n)]
-        every = self._made(
-            "sign", "the signs of all joints are wrong", range(self.n), scale=dict.fromkeys(range(self.n), -1)
-        )
-        return [*each, every]
+        each = [(f"the sign of {name} is", [i]) for i, name in enumerate(self.names)]
+        return [
+            self._made("sign", f"{whose} wrong", joints, scale=dict.fromkeys(joints, -1))
+            for whose, joints in [*each, ("the signs of all joints are", [*range(self.n)])]
+        ]
+
+    def _sets(self) -> list[tuple[str, list[int]]]:
+        """Each joint, and all, with what they are called."""
+        return [*((name, [i]) for i, name in enumerate(self.names)), ("every joint", [*range(self.n)])]
 
     def limbs(self) -> list[Mistake]:
         """Limbs for each other, and joints of a limb, or of all of its kind, in another order."""
@@ -192,20 +191,14 @@ class Candidates:
                     f"{self._name(alike[k])} with {self._name(alike[o])}" for k, o in enumerate(order) if o > k
                 )
                 found.append(self._made("order", f"limbs are exchanged: {text}", [*moved], order=moved))
-            for order in _orders(size):
-                groups = [[limb] for limb in alike] + ([alike] if len(alike) > 1 else [])
-                for group in groups:
-                    moved = {limb[k]: limb[o] for limb in group for k, o in enumerate(order) if k != o}
-                    whose = "each limb" if group is alike else f"the limb of {self._name(group[0])}"
-                    first = group[0]
-                    text = ", ".join(
-                        f"{self.names[first[k]]} is {self.names[first[o]]}" for k, o in enumerate(order) if k != o
-                    )
-                    found.append(
-                        self._made(
-                            "order", f"the joints of {whose} are in another order: {text}", [*moved], order=moved
-                        )
-                    )
+            groups = [[limb] for limb in alike] + ([alike] if len(alike) > 1 else [])
+            for order, group in product(_orders(size), groups):
+                apart = [(k, o) for k, o in enumerate(order) if k != o]
+                moved = {limb[k]: limb[o] for limb in group for k, o in apart}
+                whose = "each limb" if group is alike else f"the limb of {self._name(group[0])}"
+                text = ", ".join(f"{self.names[group[0][k]]} is {self.names[group[0][o]]}" for k, o in apart)
+                sentence = f"the joints of {whose} are in another order: {text}"
+                found.append(self._made("order", sentence, [*moved], order=moved))
         return found
 
     def _name(self, limb: list[int]) -> str:
@@ -218,56 +211,56 @@ class Candidates:
         sizes = [[float(np.hypot(one[i, i], one[i, n + i])) for one in (wanted, seen.T)] for i in range(n)]
         ratios = np.sqrt([max(model, 1e-9) / max(own, 1e-9) for model, own in sizes])
         found = []
-        everyone = range(n)
-        for joints, ratio in [*(([i], ratio) for i, ratio in enumerate(ratios)), (everyone, float(np.median(ratios)))]:
-            if not 0.8 < ratio < 1.25:
-                best = _least(
-                    lambda r, joints=joints: expected.cost(self._geared(joints, r).applied(seen)),  # type: ignore[misc]
-                    float(ratio), lambda r, step: r * np.exp(step),
-                )  # fmt: skip
-                if not 0.85 < best < 1.18:
-                    found.append(self._geared(joints, best))
-        return found
+        for (who, joints), ratio in zip(self._sets(), [*ratios, np.median(ratios)], strict=True):
 
-    def _geared(self, joints: Sequence[int], ratio: float) -> Mistake:
-        who = self.names[joints[0]] if len(joints) == 1 else "every joint"
-        text = f"the gear of {who} is wrong: what is read is {ratio:.3g} times what it moves"
-        return self._made("gear", text, joints, scale=dict.fromkeys(joints, ratio))
+            def geared(r: float, who: str = who, joints: list[int] = joints) -> Mistake:
+                text = f"the gear of {who} is wrong: what is read is {r:.3g} times what it moves"
+                return self._made("gear", text, joints, scale=dict.fromkeys(joints, r))
+
+            if not 0.8 < ratio < 1.25:
+                best = _least(geared, seen, expected, [ratio], lambda r, step: r * np.exp(step))
+                if not 0.85 < best < 1.18:
+                    found.append(geared(best))
+        return found
 
     def units(self) -> list[Mistake]:
         """One joint, or all, are read in another unit."""
-        found = []
-        for joints in [*([i] for i in range(self.n)), [*range(self.n)]]:
-            who = self.names[joints[0]] if len(joints) == 1 else "every joint"
-            for factor, text in (
-                (180.0 / np.pi, "degrees and is taken for radians"),
-                (np.pi / 180.0, "radians and is taken for degrees"),
-            ):
-                found.append(self._made("unit", f"{who} comes in {text}", joints, scale=dict.fromkeys(joints, factor)))
-        return found
+        mistaken = (
+            (180.0 / np.pi, "degrees and is taken for radians"),
+            (np.pi / 180.0, "radians and is taken for degrees"),
+        )
+        return [
+            self._made("unit", f"{who} comes in {text}", joints, scale=dict.fromkeys(joints, factor))
+            for (who, joints), (factor, text) in product(self._sets(), mistaken)
+        ]
 
     def shifted(self, seen: Response, expected: Expected, joints: Sequence[int]) -> list[Mistake]:
         """One joint that is off by a constant; its size is what fits best."""
         found = []
         for i in joints:
 
-            def cost(offset: float, i: int = i) -> float:
-                return expected.cost(self._made("offset", "", [i], offset={i: offset}).applied(seen))
+            def off(by: float, i: int = i) -> Mistake:
+                return self._made("offset", f"{self.names[i]} is off by {by:.2f} rad", [i], offset={i: by})
 
-            start = float(min(np.linspace(-np.pi, np.pi, 64), key=cost))
-            best = _least(cost, start, lambda offset, step: offset + step)
+            best = _least(off, seen, expected, np.linspace(-np.pi, np.pi, 64), lambda by, step: by + step)
             if abs(best) > 0.08:
-                text = f"{self.names[i]} is off by {best:.2f} rad"
-                found.append(self._made("offset", text, [i], offset={i: best}))
+                found.append(off(best))
         return found
 
 
-def _least(cost: Callable[[float], float], start: float, stepped: Callable[[float, float], Any]) -> float:
-    """Where ``cost`` is least near ``start``, by smaller and smaller steps."""
-    best = start
-    for size in (0.2, 0.05, 0.02, 0.007):
+def _least(
+    mistake: Callable[[float], Mistake], seen: Response, expected: Expected, starts: Iterable[float],
+    stepped: Callable[[float, float], Any],
+) -> float:  # fmt: skip
+    """The size with which a mistake costs least, by smaller and smaller steps from the best of ``starts``."""
+
+    def cost(size: float) -> float:
+        return expected.cost(mistake(size).applied(seen))
+
+    best = float(min(starts, key=cost))
+    for step in (0.2, 0.05, 0.02, 0.007):
         for _ in range(3):
-            best = float(min((stepped(best, size * k) for k in (-2, -1, 0, 1, 2)), key=cost))
+            best = float(min((stepped(best, step * k) for k in (-2, -1, 0, 1, 2)), key=cost))
     return best
 
 
