@@ -15,6 +15,7 @@ import pytest
 import wbc
 from tasks import (
     JointAccelerationLimits,
+    JointJerkLimits,
     JointLimits,
     JointPositionLimits,
     JointVelocityLimits,
@@ -268,3 +269,27 @@ def test_what_components_say_that_motors_carry_is_counted_in_the_way_to_rest(see
         a = pinocchio.aba(robot.pinocchio, data, q, v, command.tau - bias)
         q, v = q + dt * v + 0.5 * dt**2 * a, v + dt * a
         assert np.maximum(q - high, low - q).max() <= 1e-6, k
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_braking_relaxes_limits_on_jerk_and_none_on_acceleration(seed: int) -> None:
+    """States beside the position limits, some too fast for the limit on acceleration, as a new stack may find them."""
+    rng, robot = np.random.default_rng(seed), wbc.load("arm")
+    low, high = robot.limits.q_min, robot.limits.q_max
+    for _ in range(15):
+        a_max, dt = float(10.0 ** rng.uniform(0.5, 1.3)), float(10.0 ** rng.uniform(-3.3, -2.0))
+        limits = [
+            JointPositionLimits(), JointVelocityLimits(), TorqueLimits(), JointAccelerationLimits(a_max),
+            JointJerkLimits(a_max * float(10.0 ** rng.uniform(0.5, 3.0))),
+        ]  # fmt: skip
+        tasks = [Posture(robot.q0 + rng.normal(size=robot.nj), kp=float(10.0 ** rng.uniform(0.0, 3.0)))]
+        stack = wbc.Stack(tasks, subject_to=limits)
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=dt)
+        up, room = rng.random(robot.nj) < 0.5, 10.0 ** rng.uniform(-4.0, -1.0, robot.nj)
+        q = np.where(up, high - room, low + room)
+        v = np.where(up, 1.0, -1.0) * rng.uniform(0.0, 0.5, robot.nj)
+        for k in range(6):
+            command = controller.tick(k * dt, q, v)
+            assert command.status.ok
+            assert (np.abs(command.v - v) <= dt * a_max + 1e-9).all()
+            q, v = command.q, command.v

@@ -260,7 +260,7 @@ class Stopping:
         low, high = lower.copy(), upper.copy()
         wanted = plan.problem.value[plan.layout.motion_items].copy()
         self.is_safe(state.t, state.q, state.v)
-        brake = self._along_the_way(state)
+        brake = np.clip(self._along_the_way(state), *self._intervals.bounds("acceleration"))
         if self._intervals.remembers and not self._intervals.recovering:  # limits on jerk are relaxed
             low, high = np.minimum(low, brake), np.maximum(high, brake)
         brake = np.clip(brake, low, high)
