@@ -40,6 +40,8 @@ class Rows(NamedTuple):
     """What a task that may be done in part asks for, its drift included; None for any other."""
     diagonal: bool = False
     """Whether it is part of the diagonal cost, too."""
+    moved: Mat | None = None
+    """Of a share: J, by which its task moves. Beside a share a J of 1e-8 of what is asked would be rounding."""
 
 
 @dataclass(frozen=True)
@@ -289,8 +291,8 @@ def judge_scaled(p: Physical) -> Verdict:
             # In the unit of the task beside one: any share is right of a task that asks for next to nothing.
             most = float(np.abs(task.asked).max(initial=0.0))
             unit = max(most / (1.0 + most), FEASIBLE)
-            row = unit * np.eye(n + k)[[at]]
-            shares.append(Rows(f"share of {task.name}", row, np.zeros(1), np.array([length / unit**2])))
+            row, J = unit * np.eye(n + k)[[at]], np.hstack([task.A, np.zeros((len(task.b), k))])
+            shares.append(Rows(f"share of {task.name}", row, np.zeros(1), np.array([length / unit**2]), moved=J))
             at += 1
         if directions:
             stages += [directions, shares]
@@ -323,9 +325,9 @@ def _judge_levels(p: Physical, levels: list[list[Rows]]) -> Verdict:
             return verdict
         if verdict.word == "undecided":
             found = verdict
-        E = np.concatenate([c.E, *(task.A for task in level)])
-        e = np.concatenate([c.e, *(task.A @ x for task in level)])
-        c = Constraints(E, e, c.C, c.cl, c.cu)
+        kept = [task.A for task in level] + [task.moved for task in level if task.moved is not None]
+        E = np.concatenate([c.E, *kept])
+        c = Constraints(E, np.concatenate([c.e, *(A @ x for A in kept)]), c.C, c.cl, c.cu)
     return found
 
 
