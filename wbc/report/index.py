@@ -40,27 +40,25 @@ FIRST, PARAMETER = ("scenario", "robot"), "parameters."
 def save_index(folder: Place) -> Path:
     """Write ``index.html`` into ``folder``: a table of the runs in it, and below it, that a click in a heading sorts.
 
-        Only ``meta.json`` of each run is read, and the picture of its report. A run whose ``meta.json`` cannot be read has
-        a row that says so. Links are relative: the folder can be moved.
+    Only ``meta.json`` of each run is read, and the picture of its report. A run whose ``meta.json`` cannot be read
+    has a row that says so. Links are relative: the folder can be moved.
 
-        Raises:
-            InvalidInput: no folder, no run in it, or an ``index.html`` that is not such a page.
-            NotSupported: a package that reports need is not installed.
+    Raises:
+        InvalidInput: no folder, no run in it, or an ``index.html`` that is not such a page.
+        NotSupported: a package that reports need is not installed.
 
-        Example:
-            >>> import tempfile
-            >>> from pathlib import Path
-            >>> from wbc.report import save_index
-            >>> from wbc import checks
-    from wbc.control.metadata import check_metadata
-    from wbc.control.recorder import Run
-            >>> with tempfile.TemporaryDirectory() as folder:
-            ...     for gain in (1.0, 4.0):
-            ...         run = Run({"t": [0.0, 0.1]}, {"scenario": "reach", "parameters": {"gain": gain}})
-            ...         _ = run.save(Path(folder) / f"gain {gain:g}")
-            ...     page = save_index(folder)
-            ...     page.name, ">gain</th>" in page.read_text(encoding="utf-8")
-            ('index.html', True)
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> from wbc.report import save_index
+        >>> from wbc.control.recorder import Run
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     for gain in (1.0, 4.0):
+        ...         run = Run({"t": [0.0, 0.1]}, {"scenario": "reach", "parameters": {"gain": gain}})
+        ...         _ = run.save(Path(folder) / f"gain {gain:g}")
+        ...     page = save_index(folder)
+        ...     page.name, ">gain</th>" in page.read_text(encoding="utf-8")
+        ('index.html', True)
     """
     require_extras()
     target = located(folder)
