@@ -47,10 +47,11 @@ from wbc.qp.rows.compiled.work import ROWS as IN_ROWS
 from wbc.tolerances import CANCELS, NEAR, SAME
 
 #: Working sets that are guessed; exchanges that may fail to lower the number of wrong items.
-_GUESSES, _CHANCES = 4, 1
-#: How often the core is asked; what a row of the level weighs there beside the distance: as much as it can without
-#: leaving rows that count as dependent; and how much less where that is too much.
-_FINDS, _HEAVY, _LESS = 4, 1.0 / DEPENDENT, 1e-4
+_GUESSES, _CHANCES = 2, 1
+#: How often the core is asked, and what a row of the level weighs there beside the distance: more where its working set
+#: is not that of the least, up to where rows beside it count as dependent; less where rows as heavy hide the bounds
+#: behind rounding, which takes the core up to a hundred times as many steps.
+_FINDS, _HEAVY, _MORE, _LESS = 4, 1e6, 1e2, 1e-4
 #: Steps of a descent for each item.
 _MOST = 5
 
@@ -316,7 +317,7 @@ def solve_level(at: int) -> int:
         code = find(at, heavy)
         if code == INFEASIBLE and not w.sizes[INSIDE]:
             return code
-        if code != SOLVED:  # rows as heavy as this hide the bounds behind rounding
+        if code != SOLVED:
             heavy *= _LESS
             continue
         go(at, w.at)
@@ -327,6 +328,7 @@ def solve_level(at: int) -> int:
             w.held[item] = w.side[item]
         if guess_set(at):
             return SOLVED
+        heavy = min(heavy * _MORE, 1.0 / DEPENDENT)
     if not w.sizes[INSIDE]:
         return code
     for item in range(m):
