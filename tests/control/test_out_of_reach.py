@@ -10,7 +10,19 @@ import pytest
 from scipy.optimize import least_squares
 
 import wbc
-from tasks import Damping, Frame, JointLimits, Orientation, Position, Posture
+from tasks import (
+    CenterOfMass,
+    Damping,
+    Frame,
+    JointLimits,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Orientation,
+    Position,
+    Posture,
+    TorqueLimits,
+)
+from tests.stack.conftest import feet
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.types import Vec
 
@@ -122,6 +134,31 @@ def test_a_level_that_cannot_be_met_comes_to_rest_whatever_ranks_below_it(level:
     controller = Controller(ARM, stack, level=level(), hierarchy=hierarchy, dt=DT)
     _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0)
     assert np.abs(seen[-50:]).max() < 1e-2
+
+
+@pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda h: type(h).__name__)
+@pytest.mark.parametrize("frame, away", [
+    ("right_shoulder_roll", (0.1, 0.1, 0.1)), ("right_hand", (0.4, 0.0, 0.6)), ("neck_yaw", (0.5, -1.0, 1.5)),
+])  # fmt: skip
+def test_a_robot_on_legs_comes_to_rest_with_a_frame_out_of_reach(hierarchy: Any, frame: str, away: Any):
+    """All joints that keep the balance meanwhile, too: the other arm has no lever on the frame."""
+    robot = wbc.load("humanoid")
+    state = robot.state()
+    target = state.frame(frame).position + np.array(away)
+    pelvis = robot.frame_names[0]
+    stack = Stack(
+        [
+            [CenterOfMass(target=state.com), Orientation(pelvis, target=np.eye(3))],
+            [Position(frame, target=target)],
+            [Posture(robot.q0, kp=50)],
+        ],
+        contacts=feet(robot), subject_to=[TorqueLimits(), JointPositionLimits(), JointVelocityLimits()],
+    )  # fmt: skip
+    controller = Controller(robot, stack, level=InverseDynamics(), hierarchy=hierarchy, dt=DT)
+    _, _, seen = moved(controller, np.array(robot.q0), np.zeros(robot.nv), 3.0, certified=False)
+    last = np.array(seen[-100:])
+    assert np.abs(last).max() < 0.3
+    assert np.abs(np.diff(last, 2, axis=0)).max() < 10.0 * DT  # accelerations do not jump either
 
 
 def test_a_reset_forgets_the_damping_and_explain_says_it():

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import wbc
-from tasks import Damping, JointLimits, Position, Posture
+from tasks import CenterOfMass, Damping, JointLimits, Position, Posture
 from tests.families.oracle import Constraints, least_squares
+from tests.stack.conftest import feet
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.types import Vec
 
@@ -112,6 +113,44 @@ def test_the_damping_is_that_of_the_residual_and_its_lever(level: Any, factor: f
     controller.tick(0.06, controller.last.q, controller.last.v)  # type: ignore[union-attr]
     np.testing.assert_allclose(damping.applied, expected, rtol=1e-9, atol=1e-12 * asked.max())
     assert (damping.applied > 0.0).any()
+
+
+@pytest.mark.parametrize("level", [VelocityLevel, InverseDynamics], ids=lambda level: level.name)
+def test_what_is_held_meanwhile_has_its_lever_too(level: Any):
+    """lⱼ = √w (‖Jⱼ‖ + Σ ‖Hⱼ‖ max‖J‖ / max‖H‖) over levels above and exact tasks, max over all columns."""
+    robot = wbc.load("humanoid")
+    state = robot.state()
+    hand, head = "right_hand", "head"
+    far = Position(hand, target=state.frame(hand).position + np.array([0.0, 0.0, 2.0]), weight=2.0)
+    stack = Stack(
+        [[CenterOfMass(target=state.com, weight=3.0)], [far], [Posture(robot.q0)]],
+        contacts=feet(robot), subject_to=[Position(head, target=state.frame(head).position).exactly()],
+    )  # fmt: skip
+    controller = Controller(robot, stack, level=level(), hierarchy=wbc.Strict(), dt=DT)
+    q, v = np.array(robot.q0), np.zeros(robot.nv)
+    for k in range(20):
+        q, v = (command := controller.tick(k * DT, q, v)).q, command.v
+    p, damping, nb, nv = controller.plan.problem, controller.plan.damping.of_levels[1], robot.nb, robot.nv
+    rows = p.levels[1][0].rows
+    assert rows is not None
+
+    def columns(rows: slice, weight: float) -> Vec:
+        return np.sqrt(weight) * np.linalg.norm(p.G[rows, :nv], axis=0)
+
+    kp, _, rate = (float(gain[0]) for gain in far.gains())
+    per, step = (rate, DT) if level is VelocityLevel else (kp, 4.0 * DT**2)
+    left = np.abs(p.value[p.item(rows.start) : p.item(rows.stop)])
+    e = np.minimum(left / per, np.abs(controller.plan.errors()[far.name]))
+    s = max(0.05, step * per) * np.sqrt(2.0) * np.linalg.norm(e)
+    own, lever = columns(rows, 2.0), columns(rows, 2.0)[nb:]
+    layout = controller.plan.layout
+    for block in (*layout.kinematic[:1], *layout.exact):
+        held = columns(block.rows, 1.0)
+        lever = lever + held[nb:] * own.max() / held.max()
+    assert (lever > 0.0).all() and (own[nb:] == 0.0).any()
+    expected = np.maximum(s**2 * lever / (s + 0.01 * lever) - damping.base, 0.0)
+    controller.tick(20 * DT, q, v)
+    np.testing.assert_allclose(damping.applied, expected, rtol=1e-9)
 
 
 @given(

@@ -28,19 +28,24 @@ class ResidualDamping:
 
     A task linearised where its target is out of reach, J v = rate e, asks for any joint speed along the directions in
     which J is nearly singular: the second order of ½ w ‖e‖² is missing there, of size w ‖e‖ ‖Jⱼ‖ for joint j (Jⱼ its
-    column of J: for joints that turn, ‖∂J/∂qᵢ‖ is at most that). So with e_r = residual / gain, the part of the error
-    (never more than the error itself) that the answer of the tick before left, the cost gets
+    column of J: for joints that turn, ‖∂J/∂qᵢ‖ is at most that). What is held meanwhile (levels above, exact tasks)
+    pushes back, and its second order is missing, too: a hand out of reach moves all joints that keep the balance. Its
+    multipliers are not known yet; they make its largest column as large as that of the task. So with
+    e_r = residual / gain, the part of the error (never more than the error itself) that the answer of the tick before
+    left, the cost gets
 
-        Velocity level:      ½ dⱼ vⱼ²                 dⱼ = max(0, Σ s² lⱼ / (s + lⱼ/100) − bⱼ) over the tasks
-        Acceleration level:  ½ dⱼ (aⱼ + kd vⱼ)²       s = λ √w‖e_r‖, lⱼ = √w‖Jⱼ‖
+        Velocity level:      ½ dⱼ vⱼ²              dⱼ = max(0, Σ s² lⱼ / (s + lⱼ/100) − bⱼ) over the tasks
+        Acceleration level:  ½ dⱼ (aⱼ + kd vⱼ)²    s = λ √w‖e_r‖, lⱼ = √w (‖Jⱼ‖ + Σ ‖Hⱼ‖ max‖J‖ / max‖H‖)
 
-    which is s lⱼ but for small s: a residual that is small beside lⱼ, as tasks that contradict each other a little
-    leave, hardly counts. bⱼ is the weight that the joint has from tasks on the joints and the regularisation. It moves
-    no point of rest: there v = 0 whatever d is. Where the tasks are met, e_r = 0 and d = 0. λ is ``lm_damping`` of the
-    level, or rate dt (4 kp dt²) where that is more: the steps of a tick need as much.
+    over the rows H of each that is held, max the longest column. That is s lⱼ but for small s: a residual that is small
+    beside lⱼ, as tasks that contradict each other a little leave, hardly counts. bⱼ is the weight that the joint has
+    from tasks on the joints and the regularisation. It moves no point of rest: there v = 0 whatever d is. Where the
+    tasks are met, e_r = 0 and d = 0. λ is ``lm_damping`` of the level, or rate dt (4 kp dt²) where that is more: the
+    steps of a tick need as much.
 
     Source: Sugihara, IEEE T-RO 27(5), 2011 (damping by the residual); Dennis, Schnabel, Numerical Methods for
-    Unconstrained Optimization, ch. 10 (why the second order counts where the residual is large).
+    Unconstrained Optimization, ch. 10 (why the second order counts where the residual is large); Nocedal, Wright,
+    Numerical Optimization, 18.1 (with constraints it is that of the Lagrangian).
     """
 
     def __init__(
@@ -52,6 +57,9 @@ class ResidualDamping:
         self.names, starts = [block.name for block in blocks], np.cumsum([0, *(block.dim for block in blocks)])
         rows, own = int(starts[-1]), slice(*([blocks[0].motion.start, blocks[-1].motion.stop] if blocks else [0, 0]))
         of_tasks = slice(layout.motion_row + own.start, layout.motion_row + own.stop)
+        weighed = sum(block.dim for block in layout.kinematic)
+        held = [*layout.kinematic[: tasks.start], *layout.exact]
+        motions = problem.G[layout.motion_row :]
         self._rows, self._left = problem.G[of_tasks], problem.value[problem.item(of_tasks.start) :][:rows]
         self._weights = problem.weights[of_tasks.start - problem.soft.start :][:rows]
         gain = motion.rate if motion.order == 1 else motion.kp
@@ -65,9 +73,12 @@ class ResidualDamping:
         #: a = −rate v is what is wanted of each joint (nj,).
         self.rate = np.zeros(nj)
         self._memory = Memory(
-            np.array([len(blocks), rows, nj, problem.n + 1, nb], dtype=np.int64), starts.astype(np.int64),
+            np.array([len(blocks), rows, nj, problem.n + 1, nb, len(held), weighed, len(motions)], dtype=np.int64),
+            starts.astype(np.int64),
             self._numbers, self._rows, self._left, self._weights, gain[own], motion.kd[own], motion.e[own], self.base,
             self.applied, np.zeros((len(blocks), nj)), self.rate, np.zeros(rows), *np.zeros((3, nj)),
+            np.array([(block.motion.start, block.motion.stop) for block in held], dtype=np.int64), motions,
+            problem.weights[layout.motion_row - problem.soft.start :][:weighed], np.zeros((2, nv)),
         )  # fmt: skip
         #: What a level that is damped by itself costs beside its tasks: weight of each joint, and what it wants there.
         self.weights, self.wanted = np.zeros(nj), np.zeros(nj)

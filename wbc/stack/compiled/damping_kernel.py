@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from wbc.compiled import carray, floats, integers, kernel, part
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 #: What :func:`observe` found: nothing to do, or another damping.
 UNCHANGED, CHANGED = 0, 1
@@ -23,12 +23,28 @@ def _asked(factor: float, square: float, lever: Vec, out: Vec) -> None:
         out[j] = s * s * lever[j] / (s + _WELL * lever[j]) if lever[j] > 0.0 else 0.0
 
 
+@kernel
+def _squares(G: Mat, weights: Vec, start: int, stop: int, out: Vec) -> float:
+    """Σ w J² over these rows for each of the first columns, as many as ``out`` has; the largest of them.
+
+    Rows behind those that have a weight are constraints, of weight 1.
+    """
+    largest = 0.0
+    for c in range(len(out)):
+        out[c] = 0.0
+        for i in range(start, stop):
+            out[c] += (weights[i] if i < len(weights) else 1.0) * G[i, c] ** 2
+        largest = max(largest, out[c])
+    return largest
+
+
 @part
 def observe(at: int) -> int:
     """Read what the last answer left of each task; the damping that it needs: none where a number is not finite."""
-    m = carray(integers(at), 17)
-    sizes = carray(integers(m[0]), 5)
+    m = carray(integers(at), 21)
+    sizes = carray(integers(m[0]), 8)
     tasks, rows, nj, width, column = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
+    held, weighed, all_rows = sizes[5], sizes[6], sizes[7]
     first = carray(integers(m[1]), tasks + 1)
     numbers = carray(floats(m[2]), 4)  # λ | step | residual that needs no damping | 1 where one is damped
     G, left_of = carray(floats(m[3]), (rows, width)), carray(floats(m[4]), rows)
@@ -36,6 +52,8 @@ def observe(at: int) -> int:
     e, base, applied = carray(floats(m[8]), rows), carray(floats(m[9]), nj), carray(floats(m[10]), nj)
     asked, rate, residual = carray(floats(m[11]), (tasks, nj)), carray(floats(m[12]), nj), carray(floats(m[13]), rows)
     lever, needed, most = carray(floats(m[14]), nj), carray(floats(m[15]), nj), carray(floats(m[16]), nj)
+    rows_of, G_held = carray(integers(m[17]), (held, 2)), carray(floats(m[18]), (all_rows, width))
+    weights_held, square_of = carray(floats(m[19]), weighed), carray(floats(m[20]), (2, column + nj))
     was_on, largest = False, 0.0
     for j in range(nj):
         was_on = was_on or applied[j] != 0.0
@@ -49,19 +67,19 @@ def observe(at: int) -> int:
     finite = True
     for t in range(tasks):
         square, possible, fastest, damps = 0.0, 0.0, 0.0, 0.0
-        for j in range(nj):
-            lever[j] = 0.0
         for i in range(first[t], first[t + 1]):
             left = residual[i] / gain[i] if gain[i] > 0.0 else 0.0
             possible += weights[i] * left * left
             left = min(left, abs(e[i]))
             square += weights[i] * left * left
             fastest, damps = max(fastest, gain[i]), damps + kd[i]
-            row, weight = G[i][column:], weights[i]
-            for j in range(nj):
-                lever[j] += weight * row[j] ** 2
+        longest = _squares(G, weights, first[t], first[t + 1], square_of[0])
         for j in range(nj):
-            lever[j] = sqrt(lever[j])
+            lever[j] = sqrt(square_of[0, column + j])
+        for k in range(held):
+            long = _squares(G_held, weights_held, rows_of[k, 0], rows_of[k, 1], square_of[1])
+            for j in range(nj if long > 0.0 else 0):
+                lever[j] += sqrt(square_of[1, column + j] * longest / long)
         factor, damps = max(numbers[1] * fastest, numbers[0]), damps / (first[t + 1] - first[t])
         _asked(factor, possible, lever, asked[t])
         for j in range(nj):

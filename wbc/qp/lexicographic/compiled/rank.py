@@ -159,15 +159,15 @@ def hold(at: int, k: int) -> None:
     one, own, first, here = s.sizes[0] + w.sizes[N], w.sizes[OWN], w.sizes[FIRST], r.sizes[SPACE]
     left, count = 0.0, 0
     for i in range(own):
-        residual = s.value[one + 1 + first + i]
-        left = max(left, abs(residual))
-        r.left[first + i] = residual
+        r.left[first + i] = s.value[one + 1 + first + i]
+        left = max(left, abs(r.left[first + i]))
         whole = gradient_of_own(here, i)
         w.rho[i] = max(in_space(here, w.C[i]), _BARELY * whole)
     if left <= MET:
         r.found[k, 0] = IS_MET
     elif w.sizes[ROWS] == own:
         r.unmet[k] = 1.0
+    residual = left
     if w.sizes[ROWS] > own:
         left = 0.0
     if left > _SLIGHT:
@@ -187,7 +187,7 @@ def hold(at: int, k: int) -> None:
         w.size[i] = w.rho[i]
         s.G[first + i, one] -= r.left[first + i]
         s.value[one + 1 + first + i] = 0.0
-    narrow(here, own, HARDLY if left > _SLIGHT else DEPENDENT)
+    narrow(here, own, HARDLY if residual > _SLIGHT else DEPENDENT)
     begin_here(here)
 
 
