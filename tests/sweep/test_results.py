@@ -25,6 +25,8 @@ from wbc.sweep.trial import done
 
 FLIP = f"{Path(__file__).with_name('flipping.py')}:flip"
 REACH = f"{Path(__file__).parents[1] / 'report' / 'solvers' / 'reaching.py'}:reach"
+#: Parts of a result that its report only prints, whatever they are.
+TOLD = ("solver", "hierarchy", "disturbances", "ended", "seconds", "ticks", "solved", "late")
 HEADER = {
     "scenario": "flipping.py:flip", "sweep": "bias = 0:1", "runs": 60, "seed": 0, "date": "today", "machine": {},
     "versions": {}, "plan": "",
@@ -69,6 +71,26 @@ def test_results_are_read_back_and_no_run_counts_twice(tmp_path: Path):
         (tmp_path / "x").write_text(text)
         with pytest.raises(InvalidInput):
             read(tmp_path / "x")
+
+
+def test_a_result_of_another_kind_is_refused_by_name_and_what_a_run_gives_is_not(tmp_path: Path):
+    result = done(Sweep(FLIP, runs=2, vary={"bias": Range(0, 1)}).trial(0))
+    spoilt = [{**result, key: value} for key in result for value in ("text", [1], {"a": "b"}, 3) if key not in TOLD]
+    spoilt += [{**result, "demands": [{**demand, key: ["x"]}]} for demand in result["demands"] for key in demand]
+    refused = 0
+    for line in [result, *spoilt]:
+        Journal.begin(tmp_path / "r", "run", HEADER)
+        with (tmp_path / "r").open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        try:
+            results = in_order(read(tmp_path / "r"))
+        except InvalidInput as cause:
+            assert line is not result and str(tmp_path / "r") in str(cause)
+            refused += 1
+            continue
+        markdown(summary(HEADER, results))
+        figures(HEADER, results)
+    assert refused > len(spoilt) / 2
 
 
 @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))

@@ -21,7 +21,7 @@ from wbc.sim.scenario import Progress, ScenarioResult, silent
 from wbc.sweep.cluster import do_all
 from wbc.sweep.plan import Sweep
 from wbc.sweep.summary import page_of, summary
-from wbc.sweep.trial import done, refusal
+from wbc.sweep.trial import check_result, done, refusal
 
 _HEADER = {"scenario", "sweep", "runs", "seed", "date", "machine", "versions", "plan"}
 
@@ -137,6 +137,8 @@ def read(path: Path) -> Journal:
     lines = Journal(path, "run")
     if not _HEADER <= set(lines.header):
         raise InvalidInput(f"{path} does not hold the results of a sweep: its first line is not their header")
+    for key, result in lines.findings.items():
+        check_result(f"{path}: run {key}", result)
     return lines
 
 
