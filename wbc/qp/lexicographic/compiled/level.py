@@ -32,7 +32,6 @@ from wbc.qp.lexicographic.compiled.space import (
     DEPENDENT,
     FIRST,
     FREE,
-    HARDLY,
     HELD,
     INSIDE,
     ITEMS,
@@ -92,7 +91,7 @@ def read_level(at: int) -> None:
 
 
 @part
-def hold_items(at: int, d: int) -> int:
+def hold_items(at: int, d: int, dependent: float) -> int:
     """The held items as B P = [R 0], and t such that they are at their bounds; how many there are."""
     w = space(at)
     count = 0
@@ -107,7 +106,7 @@ def hold_items(at: int, d: int) -> int:
                 w.B[count, c] = w.R[item, c] / reach
             w.v[count], w.size[count], w.holds[count] = reach, 1.0, item
             count += 1
-    rank = triangular(at, w.B, count, 0, d, w.size, w.order, HARDLY)
+    rank = triangular(at, w.B, count, 0, d, w.size, w.order, dependent)
     for i in range(rank, count):
         w.side[int(w.holds[w.order[i]])] = 0.0
     for i in range(rank):
@@ -210,13 +209,16 @@ def settle(at: int, rank: int, d: int) -> None:
 
 
 @part
-def hold(at: int) -> None:
-    """The least with the items of ``side`` held, less those that depend on others; what they push with."""
+def hold(at: int, dependent: float) -> None:
+    """The least with the items of ``side`` held; what they push with.
+
+    Less those that depend on others: of whose length no more than the share ``dependent`` is left.
+    """
     w = space(at)
     s = views(w.sizes[CORE])
     k, d = w.sizes[ROWS], w.sizes[N] - w.sizes[FREE]
     w.sizes[STEPS] += 1
-    rank = hold_items(at, d)
+    rank = hold_items(at, d, dependent)
     for c in range(d):
         w.step[c] = w.centre[c]
     for c in range(rank):

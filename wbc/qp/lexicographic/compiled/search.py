@@ -18,6 +18,7 @@ from wbc.qp.lexicographic.compiled.space import (
     FINDER,
     FINDS,
     FREE,
+    HARDLY,
     INSIDE,
     ITEMS,
     LAST,
@@ -78,7 +79,7 @@ def guess_set(at: int) -> bool:
     for _ in range(_GUESSES):
         for item in range(m):
             w.idle[item] = 0.0
-        hold(at)
+        hold(at, HARDLY)
         go(at, w.z)
         wrong, last = 0, -1
         for item in range(m):
@@ -277,7 +278,7 @@ def descend(at: int) -> bool:
         for item in range(m):
             if w.side[item] != 0.0:
                 w.idle[item] = 1.0  # those that depend on others, too: nothing moves them either
-        hold(at)
+        hold(at, DEPENDENT)
         if not nearest(at) < inf:
             return False
         if gains(at):
