@@ -278,7 +278,7 @@ def descend(at: int) -> bool:
         for item in range(m):
             if w.side[item] != 0.0:
                 w.idle[item] = 1.0  # those that depend on others, too: nothing moves them either
-        hold(at, DEPENDENT)
+        hold(at, DEPENDENT)  # a long step would move items that are let go earlier beyond their bounds
         if not nearest(at) < inf:
             return False
         if gains(at):
