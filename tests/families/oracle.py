@@ -60,6 +60,13 @@ class Constraints:
         parts = [np.abs(self.E @ x - self.e), value - self.cu, self.cl - value]
         return float(np.concatenate(parts).max(initial=0.0))
 
+    def as_met_by(self, x: Vec) -> Constraints:
+        """The same, each as far off as x has it: rounding of a force is worth much where little moves the optimum."""
+        value = self.C @ x
+        lower, upper = np.minimum(self.cl, value), np.maximum(self.cu, value)
+        fixed = self.cl == self.cu
+        return Constraints(self.E, self.E @ x, self.C, np.where(fixed, value, lower), np.where(fixed, value, upper))
+
     def wider(self, columns: int) -> Constraints:
         """The same with unknowns in [0, 1] appended."""
         n = self.C.shape[1]
@@ -370,4 +377,5 @@ def judge(control: wbc.Controller, command: wbc.Command, *, optimum: bool = True
     excess = problem.constraints.excess(problem.x)
     if excess > FEASIBLE:
         return Verdict("wrong", f"a constraint is violated by {excess:.2g}")
+    problem = problem._replace(constraints=problem.constraints.as_met_by(problem.x))
     return JUDGES[type(control.hierarchy).__name__](problem) if optimum else Verdict("certified")

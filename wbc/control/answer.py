@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import nan, sqrt
+from math import nan
 from typing import NamedTuple, final
 
 import numpy as np
@@ -97,7 +97,7 @@ def distances(problem: RowProblem, bounds: Mapping[str, float]) -> dict[str, flo
     """A bound on |Sᵢ (x̂ − x̃)| for the rows Sᵢ of each task [unit of the rows]; NaN where nothing is proved.
 
     A task that may be done in part, J x + drift = s t, is decided as a direction and then as a share: the bounds on
-    both are added. The bound on a share is one on √(Σ wᵢ tᵢ²) s, so that over √wᵢ it is in the unit of tᵢ.
+    both are added. The bound on a share is one on ‖t‖∞ s, in the task's unit.
 
     Args:
         problem: the rows of the plan that was solved.
@@ -120,10 +120,7 @@ def _distance(task: RowTask, bounds: Mapping[str, float]) -> float:
     if task.name in bounds:
         return bounds[task.name]
     direction, share = f"direction of {task.name}", f"share of {task.name}"
-    if direction not in bounds or share not in bounds:
-        return nan
-    lightest = min((float(weight) for weight in task.weights if weight > 0.0), default=nan)
-    return bounds[direction] + bounds[share] / sqrt(lightest)
+    return bounds[direction] + bounds[share] if direction in bounds and share in bounds else nan
 
 
 def _tasks(problem: RowProblem) -> list[RowTask]:

@@ -234,7 +234,7 @@ class FallbackSequence:
     def _relaxed(self, start: float) -> Certificate | None:
         """Solve with the rows of the first class relaxed, then of the first two, and so on."""
         plan = self._controller.plan
-        qp, p = plan.qp, plan.problem
+        qp = plan.qp
         share = _SHARE / float(np.abs(qp.H.diagonal()).max())
         items: list[int] = []
         classes = dict(_classes(plan, qp))
@@ -251,8 +251,12 @@ class FallbackSequence:
                     return None
                 if solved:
                     if plan.stopping is not None:
+                        bounds = plan.joint_bound_rows
+                        asked = np.array(bounds)
                         plan.stopping.keep(plan, self._controller.state, solve)
-                    self._controller.why = _said_relaxed(plan, qp, sorted(items), found[-1].x[p.n :])
+                        for bound, was in zip(bounds, asked, strict=True):
+                            bound[:] = was  # what contradicts itself is the tick's problem
+                    self._controller.why = _said_relaxed(plan, sorted(items), found[-1].x[: plan.problem.n])
                     return found[-1].certificate
         return None
 
@@ -355,9 +359,12 @@ class FallbackSequence:
         self.log.append(Event(controller.state.t, controller.serial, command.status, command.fallback_level, why))
 
 
-def _said_relaxed(plan: Plan, qp: QP, items: list[int], slack: Vec) -> str:
+def _said_relaxed(plan: Plan, items: list[int], x: Vec) -> str:
     """What was relaxed most, at most three rows, of which constraint and by how much."""
-    said, m = [], len(qp.lower)
+    qp = plan.qp
+    said, m, value = [], len(qp.lower), np.concatenate([qp.matrix @ x, x])[items]
+    lower, upper = (np.concatenate(pair)[items] for pair in ((qp.lower, qp.lb), (qp.upper, qp.ub)))
+    slack = value - np.clip(value, lower, upper)
     for k in np.argsort(-np.abs(slack), kind="stable")[:3]:
         row, unknown = qp.rows[items[k]], items[k] - m
         owner = row.owner if unknown < 0 else plan.bound_owner(unknown, upper=slack[k] > 0.0)

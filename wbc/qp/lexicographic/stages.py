@@ -11,7 +11,7 @@ A task that may be done in part gets one unknown σ in [0, ‖t‖∞], what is 
 rows of a large and of a small task are alike, and two kinds of rows:
 
     direction   J x + drift − (1 − σ / ‖t‖∞) t = 0      the rest is done along t, in full or in part
-    share       ‖t‖_w / ‖t‖∞ σ = 0                      nothing is given up
+    share       σ = 0, of weight (‖t‖_w / ‖t‖∞)²        nothing is given up
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class StagedProblem:
             [[-1, task.dim, self._shares[id(task)], *map(_address, (task.wanted, task.drift, task.weights)), -1]
              for task in scaled], dtype=np.int64,
         ).reshape(-1, 7)  # fmt: skip
-        pulls: list[tuple[int, int, int]] = []
+        pulls, share = list[tuple[int, int, int]](), np.ones(len(divided))
         for stage, place in zip(stages, self.rows, strict=True):
             row = place.start
             for part in stage:
@@ -100,7 +100,7 @@ class StagedProblem:
                 of = divided[self._shares[id(task)] - source.n] if part.kind != "whole" else None
                 if part.kind == "share":
                     assert of is not None
-                    of[-1] = at.start
+                    of[-1], weight[at.start] = at.start, _address(share[self._shares[id(task)] - source.n :])
                     continue
                 if of is not None:
                     of[0] = at.start
@@ -116,7 +116,7 @@ class StagedProblem:
         self._memory = Memory(*LAYOUT.arrays(
             np.array(sizes, dtype=np.int64), G=source.G, value=source.value, lower=source.lower, upper=source.upper,
             metric=source.metric, centre=source.centre, scale=source.scale, row=row_of, weight=weight,
-            pulls=np.array(pulls, dtype=np.int64).reshape(-1, 3), parts=divided, links=self.links,
+            pulls=np.array(pulls, dtype=np.int64).reshape(-1, 3), parts=divided, share=share, links=self.links,
         ))  # fmt: skip
         self.address = self._memory.address
         self._asked = [part.task for stage in stages for part in stage]  # whose memory is read

@@ -11,9 +11,10 @@ point of the least is as good, and the levels below choose among them. What held
     Rᵀ λ = −W_Bᵀ (W z + a) [ − (z − c)_B ]
 
 A held item holds the level back where its push is more than rounding can make of it. The bound on the rounding goes
-through the same substitution as the push: it begins as the share that rounding has of a row in this space, times what
-the gradient is made of, and grows where R is nearly singular. A smaller push says nothing: where levels below want to
-move the item, they may, and this level loses no more than rounding.
+through the same substitution as the push: it begins as the rounding of the level's rows times their residuals, and the
+share that rounding has of a row in this space times what the gradient is made of, and grows where R is nearly singular.
+A smaller push says nothing: where levels below want to move the item, they may, and this level loses no more than
+rounding.
 
 Which items are held says :mod:`~wbc.qp.lexicographic.compiled.search`.
 
@@ -237,15 +238,17 @@ def hold(at: int, dependent: float) -> None:
             far += (w.t[c] - w.step[c]) ** 2
     else:
         reduce(at, rank, d)
-    worst, square = 0.0, 0.0
+    worst, square, rounding = 0.0, 0.0, 0.0
     for i in range(k):
         worst = max(worst, abs(w.missing[i]))
+        rounding += w.noise[1 + w.order[i]] * abs(w.missing[i])
         square += w.missing[i] * w.missing[i]
     pull = sqrt(size * square) + sqrt(far)
     made_of = pull + sqrt(size) * (sqrt(dot(w.a, w.a, k)) + sqrt(size * dot(w.t, w.t, d)))
+    rounding += w.noise[0] * made_of
     counts = w.sizes[LAST] != 0 or worst > SHARP
     for i in range(rank - 1, -1, -1):
-        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, w.noise[0] * made_of
+        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, rounding
         for row in range(k):
             force -= w.A[row, i] * w.missing[row]
         for j in range(i + 1, rank):

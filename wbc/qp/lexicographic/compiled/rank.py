@@ -29,10 +29,10 @@ from wbc.qp.lexicographic.compiled.space import (
     N,
     begin_here,
     gradient_of_own,
-    in_space,
     item_in_space,
     narrow,
     open_space,
+    own_in_space,
     space,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduce_base
@@ -162,7 +162,7 @@ def hold(at: int, k: int) -> None:
         r.left[first + i] = s.value[one + 1 + first + i]
         left = max(left, abs(r.left[first + i]))
         whole = gradient_of_own(here, i)
-        w.rho[i] = max(in_space(here, w.C[i]), _BARELY * whole)
+        w.rho[i] = max(own_in_space(here, i, whole), _BARELY * whole)
     if left <= MET:
         r.found[k, 0] = IS_MET
     elif w.sizes[ROWS] == own:
@@ -181,8 +181,7 @@ def hold(at: int, k: int) -> None:
                 count += 1
         narrow(here, count, DEPENDENT)
         for i in range(own):
-            gradient_of_own(here, i)
-            in_space(here, w.C[i])
+            own_in_space(here, i, gradient_of_own(here, i))
     for i in range(own):
         w.size[i] = w.rho[i]
         s.G[first + i, one] -= r.left[first + i]

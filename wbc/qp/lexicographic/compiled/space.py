@@ -280,6 +280,18 @@ def item_in_space(at: int, item: int) -> float:
     return float(w.span[item])
 
 
+@part
+def own_in_space(at: int, i: int, whole: float) -> float:
+    """Row i of the level, whose gradient of length ``whole`` is in ``g``, into row i of C, as :func:`item_in_space`."""
+    w = space(at)
+    length = in_space(at, w.C[i])
+    if length <= max(DEPENDENT * whole, left_by_rounding(w, whole)):
+        length = 0.0
+        for c in range(w.sizes[N] - w.sizes[FREE]):
+            w.C[i, c] = 0.0
+    return length
+
+
 @kernel
 def go(at: int, z: Vec) -> None:
     """y = y₀ + √D⁻¹ V₊ z, u, and every row."""

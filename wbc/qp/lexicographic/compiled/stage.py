@@ -28,6 +28,7 @@ class Stages(NamedTuple):
     weight: Annotated[Index, "rows"]  # address of the weight of each row, 0 where it is 1
     pulls: Annotated[Index, "sizes[4], 3"]  # rows about one unknown: row, unknown, address of what is wanted there
     parts: Annotated[Index, "sizes[5], 7"]  # see below
+    share: Annotated[Vec, "sizes[5]"]  # what the share of each part weighs
     links: Annotated[Index, "4"]  # see below
     sizes: Annotated[Index, "6"]  # unknowns of the source, those in y, its rows, rows here, pulls and parts
 
@@ -63,7 +64,8 @@ def divide(s: Stages, i: int) -> None:
         for j in range(dim):
             p.G[part[_ROW] + j, unknown] = (wanted[j] + drift[j]) / largest
     if part[_SHARE] >= 0:
-        p.G[part[_SHARE], unknown] = max(sqrt(square), MET) / largest
+        p.G[part[_SHARE], unknown] = 1.0
+        s.share[i] = (max(sqrt(square), MET) / largest) ** 2
 
 
 @kernel
