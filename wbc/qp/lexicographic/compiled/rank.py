@@ -57,6 +57,7 @@ class Ranking(NamedTuple):
     share: Annotated[Vec, "count"]  # what the damping counts for
     unit: Annotated[Vec, "count"]  # what the weights of its rows are divided by
     root: Annotated[Vec, "rows"]  # roots of the weights of the rows, over the unit
+    size: Annotated[Vec, "rows"]  # one unit and what each row asks for: what counts is a share of it
     sides: Annotated[Mat, "count, m"]  # working sets
     left: Annotated[Vec, "rows"]  # what was left of a row when its level was held
     unmet: Annotated[Vec, "count"]  # 1 where that counts
@@ -138,7 +139,7 @@ def prove(at: int, k: int) -> None:
     for row in range(r.level[k, 0], r.level[k, 1]):
         square += (r.root[row] * s.value[first + row]) ** 2
         if r.root[row] > 0.0:
-            far = max(far, off / r.root[row] / (1.0 + abs(s.G[row, s.sizes[0] + w.sizes[N]])))
+            far = max(far, off / r.root[row] / r.size[row])
     for c in range(w.sizes[N] if w.sizes[LAST] else 0):  # tasks on joints are in the metric
         if s.unit[0] * s.metric[c] > ALONE * s.numbers[1]:
             scale = s.scale[s.sizes[0] + c]

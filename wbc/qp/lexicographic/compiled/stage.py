@@ -54,10 +54,11 @@ def divide(s: Stages, i: int) -> None:
     dim, unknown = part[_DIM], part[_UNKNOWN]
     wanted, drift = carray(floats(part[_WANTED]), dim), carray(floats(part[_DRIFT]), dim)
     weights = carray(floats(part[_WEIGHTS]), dim)
-    largest, square = 0.0, 0.0
+    largest, square, heaviest = 0.0, 0.0, 0.0
     for j in range(dim):
         asked = wanted[j] + drift[j]
         largest, square = max(largest, abs(asked)), square + weights[j] * asked * asked
+        heaviest = max(heaviest, weights[j])
     largest = max(largest, MET)  # a smaller task is met by any part of it; its share has a place among the others
     if part[_ROW] >= 0:
         p.lower[unknown], p.upper[unknown] = 0.0, largest
@@ -65,7 +66,7 @@ def divide(s: Stages, i: int) -> None:
             p.G[part[_ROW] + j, unknown] = (wanted[j] + drift[j]) / largest
     if part[_SHARE] >= 0:
         p.G[part[_SHARE], unknown] = 1.0
-        s.share[i] = (max(sqrt(square), MET) / largest) ** 2
+        s.share[i] = (max(sqrt(square), MET) / largest) ** 2 if heaviest > 0.0 else 0.0
 
 
 @kernel
@@ -81,6 +82,7 @@ def weigh(s: Stages) -> int:
         for row in range(r.level[k, 0], r.level[k, 1]):
             r.root[row] = carray(floats(s.weight[row]), 1)[0] if s.weight[row] else 1.0
             largest = max(largest, r.root[row])
+            r.size[row] = 1.0 + abs(p.G[row, len(p.scale)])
             if k == last:
                 p.given[row - r.level[k, 0]] = r.root[row]
         r.unit[k] = p.unit[0] if k == last else largest if largest > 0.0 else 1.0
@@ -90,6 +92,9 @@ def weigh(s: Stages) -> int:
         for i in range(len(weights)):
             if weights[i] != 0.0:
                 damped = k
+    for part in s.parts:
+        if part[_SHARE] >= 0:
+            r.size[part[_SHARE]] += p.upper[part[_UNKNOWN]]
     return int(damped)
 
 
@@ -154,7 +159,7 @@ def conclude(at: int) -> None:
             r.left[row] = left
             square += r.unit[k] * (r.root[row] * left) ** 2
             worst = worst if abs(left) <= worst else abs(left)
-            far = max(far, abs(left) / (1.0 + abs(p.G[row, n])))
+            far = max(far, abs(left) / r.size[row])
         for c in range(len(p.metric) if k == last else 0):
             square += r.unit[k] * p.metric[c] * (p.value[n - len(p.metric) + c] - p.centre[c]) ** 2
         r.found[k, 1] = sqrt(square)
