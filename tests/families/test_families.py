@@ -102,3 +102,20 @@ def test_a_mobile_base_that_nothing_limits_makes_no_tick_of_a_weak_arm_infeasibl
     for control, decided, _ in odd_robots.ticked(6000034, tmp_path, 3):
         assert decided.status.ok
         assert odd_robots.judged(control, decided).word != "wrong"
+
+
+def test_a_row_of_which_rounding_alone_is_left_takes_no_room_from_the_levels_below() -> None:
+    """A quadruped on two edges: how far it turns follows from where it turns to. Its share of the centre of mass was
+    0.158 for 0.140 of a linear program, and the share of a task of weight 1e-6 counted as met."""
+    control, q, v, _ = legs.draw(1131004101)
+    command = control.tick(0.0, q, v)
+    assert command.status.ok and judge(control, command).word != "wrong"
+    assert control.levels[3].residual == pytest.approx(8.08e-4, rel=2e-3)
+
+
+@pytest.mark.parametrize("tick", [5, 10])
+def test_a_push_that_is_rounding_of_a_level_holds_no_joint_for_it(tick: int, tmp_path: Path) -> None:
+    """Manipulability above a position: its gradient has 6e-16 where there is none, and held a joint at its bound."""
+    for k, (control, command, _) in enumerate(odd_robots.ticked(1131003642, tmp_path, tick + 1)):
+        if k == tick:
+            assert command.status.ok and odd_robots.judged(control, command).word != "wrong"

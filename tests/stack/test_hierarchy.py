@@ -267,6 +267,28 @@ def test_within_reach_the_three_hierarchies_do_the_same_task() -> None:
         assert np.linalg.norm(residual(controller, "Position[tool]")) < 1e-3
 
 
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(lm_damping=0.0), wbc.InverseDynamics(lm_damping=0.0)])
+@given(seed=SEEDS, exponents=st.tuples(*[st.floats(-14.0, 6.0)] * 2))
+def test_the_weight_of_a_task_that_is_alone_at_its_level_changes_nothing(level, seed: int, exponents) -> None:
+    """Neither the command nor what is said of each level: a light task that is done in part is not met."""
+    found = []
+    for first, second in ((1.0, 1.0), tuple(10.0**exponent for exponent in exponents)):
+        rng = np.random.default_rng(seed)
+        limits = [JointVelocityLimits(float(rng.uniform(0.1, 1.0)))]
+        levels = [
+            [Position("tool", target=rng.normal(size=3), kp=float(10.0 ** rng.uniform(0, 2)), weight=first)],
+            [Position(ARM.frame_names[-3], target=rng.normal(size=3), name="second", weight=second)],
+            [Posture(ARM.q0)],
+        ]
+        stack = wbc.Stack(levels, subject_to=limits)
+        command, controller = tick(ARM, stack, hierarchy=wbc.Scaled(), level=level)
+        assert command.status.ok
+        found.append((command.v, [outcome.how for outcome in controller.levels]))
+    (v, how), (lighter, of_lighter) = found
+    np.testing.assert_allclose(lighter, v, atol=1e-6 * (1.0 + np.abs(v).max()))
+    assert of_lighter == how
+
+
 # ---- settings
 @pytest.mark.parametrize("seed", [301000947, *range(6)])
 def test_levels_remember_no_bound_of_the_tick_before(seed: int) -> None:
