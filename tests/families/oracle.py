@@ -217,7 +217,9 @@ def _refined(F: Mat, f: Vec, E: Mat, e: Vec, A: Mat, a: Vec, x: Vec, unit: Vec) 
     scale = np.abs(W).max(initial=0.0) * np.abs(W @ y - f).max(initial=0.0) + 1e-12
     # multipliers of dependent rows are not unique: a wrong sign may be exchanged against others
     left = held.T @ force + gradient
-    if np.abs(left).max(initial=0.0) > 1e-8 * scale:
+    # What holds can be met but for rounding, if no row was taken for rounding that is none.
+    missed = np.abs(held[: len(E)] @ y - right[: len(E)]) - 1e-11 * (np.abs(held) @ np.abs(y) + np.abs(right))[: len(E)]
+    if np.abs(left).max(initial=0.0) > 1e-8 * scale or (missed > 0.0).any():
         return y * unit, False
     if len(A) and force[len(E) :].min() < -1e-8 * scale:
         from scipy.optimize import nnls
