@@ -92,9 +92,9 @@ def weigh(s: Stages) -> int:
         for i in range(len(weights)):
             if weights[i] != 0.0:
                 damped = k
-    for part in s.parts:
-        if part[_SHARE] >= 0:
-            r.size[part[_SHARE]] += p.upper[part[_UNKNOWN]]
+    for task in s.parts:
+        if task[_SHARE] >= 0:
+            r.size[task[_SHARE]] += p.upper[task[_UNKNOWN]]
     return int(damped)
 
 
