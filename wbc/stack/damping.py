@@ -30,8 +30,8 @@ class ResidualDamping:
     which J is nearly singular: the second order of ½ w ‖e‖² is missing there, of size w ‖e‖ ‖Jⱼ‖ for joint j (Jⱼ its
     column of J: for joints that turn, ‖∂J/∂qᵢ‖ is at most that). What is held meanwhile (levels above, exact tasks)
     pushes back, and its second order is missing, too: a hand out of reach moves all joints that keep the balance. Its
-    multipliers are not known yet; they make its largest column as large as that of the task. Contacts are held, too, but
-    do not count: with them feet crept to rest, and up to a sixth of those ticks were not certified. So with
+    multipliers are not known yet; they make its largest column as large as that of the task. Contacts are held, too,
+    but do not count: with them feet crept to rest, and up to a sixth of those ticks were not certified. So with
     e_r = residual / gain, the part of the error (never more than the error itself) that the answer of the tick before
     left, the cost gets
 
