@@ -10,6 +10,7 @@ import pytest
 
 import wbc
 from tasks import CenterOfMass, ContactForce, Frame, JointVelocityLimits, Position, Posture, Sole, TorqueLimits
+from tests.families.legs import draw
 from wbc.control.answer import distances, units
 
 ARM, HUMANOID = wbc.load("arm"), wbc.load("humanoid")
@@ -77,6 +78,25 @@ def test_direction_and_share_of_a_scaled_task_bound_its_rows(weight: float):
     moved = missed + less * np.abs(task.wanted).max()
     assert distances(problem, bounds)["Position[tool]"] == pytest.approx(moved)
     assert math.isnan(distances(problem, {"share of Position[tool]": 1.0})["Position[tool]"])
+
+
+@pytest.mark.parametrize("case", [1131003468, 1131003473, 1131003546])
+def test_the_bound_on_a_share_counts_beside_what_its_task_asks_for(case: int):
+    """Weights from 1e-6 to 1e6 on legs: a level of shares is as far as the largest bound over 1 + ‖t‖∞."""
+    controller, q, v, _ = draw(case)
+    controller.tick(0.0, q, v)
+    asked = {
+        f"share of {task.name}": float(np.abs(task.wanted + task.drift).max())
+        for level in controller.plan.problem.levels for task in level if task.kinematic
+    }  # fmt: skip
+    found = 0
+    for outcome in controller.levels:
+        bounds = outcome.certificate.bounds
+        if outcome.how == "optimal" and bounds and set(bounds) <= set(asked) and max(bounds.values()) > 0.0:
+            relative = max(bound / (1.0 + asked[name]) for name, bound in bounds.items())
+            assert outcome.certificate.distance == pytest.approx(relative)
+            found += 1
+    assert found
 
 
 def test_explain_gives_each_unit_its_own_number():

@@ -61,7 +61,7 @@ class Constraints:
         return float(np.concatenate(parts).max(initial=0.0))
 
     def as_met_by(self, x: Vec) -> Constraints:
-        """The same, each as far off as x has it: rounding of a force is worth much where little moves the optimum."""
+        """The same, each as far off as x has it: large multipliers make a little rounding there change the optimum."""
         value = self.C @ x
         lower, upper = np.minimum(self.cl, value), np.maximum(self.cu, value)
         fixed = self.cl == self.cu
@@ -217,7 +217,7 @@ def _refined(F: Mat, f: Vec, E: Mat, e: Vec, A: Mat, a: Vec, x: Vec, unit: Vec) 
     scale = np.abs(W).max(initial=0.0) * np.abs(W @ y - f).max(initial=0.0) + 1e-12
     # multipliers of dependent rows are not unique: a wrong sign may be exchanged against others
     left = held.T @ force + gradient
-    # What holds can be met but for rounding, if no row was taken for rounding that is none.
+    # E y = e has a solution. One that misses it by more than rounding has dropped a row that counts.
     missed = np.abs(held[: len(E)] @ y - right[: len(E)]) - 1e-11 * (np.abs(held) @ np.abs(y) + np.abs(right))[: len(E)]
     if np.abs(left).max(initial=0.0) > 1e-8 * scale or (missed > 0.0).any():
         return y * unit, False

@@ -105,8 +105,8 @@ def test_a_mobile_base_that_nothing_limits_makes_no_tick_of_a_weak_arm_infeasibl
 
 
 def test_a_row_of_which_rounding_alone_is_left_takes_no_room_from_the_levels_below() -> None:
-    """A quadruped on two edges: how far it turns follows from where it turns to. Its share of the centre of mass was
-    0.158 for 0.140 of a linear program, and the share of a task of weight 1e-6 counted as met."""
+    """A quadruped on two edges, whose turn is determined by its direction alone. The row of its share took room all the
+    same, and the centre of mass, of weight 1e-6, gave up 0.155 of what it asks for 0.140 of a linear program."""
     control, q, v, _ = legs.draw(1131004101)
     command = control.tick(0.0, q, v)
     assert command.status.ok and judge(control, command).word != "wrong"

@@ -255,7 +255,7 @@ class FallbackSequence:
                         asked = np.array(bounds)
                         plan.stopping.keep(plan, self._controller.state, solve)
                         for bound, was in zip(bounds, asked, strict=True):
-                            bound[:] = was  # what contradicts itself is the tick's problem
+                            bound[:] = was  # the reports name the limits of the tick, not those for braking
                     self._controller.why = _said_relaxed(plan, sorted(items), found[-1].x[: plan.problem.n])
                     return found[-1].certificate
         return None

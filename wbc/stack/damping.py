@@ -31,9 +31,9 @@ class ResidualDamping:
     column of J: for joints that turn, ‖∂J/∂qᵢ‖ is at most that). What is held meanwhile (levels above, exact tasks)
     pushes back, and its second order is missing, too: a hand out of reach moves all joints that keep the balance. Its
     multipliers are not known yet; they make its largest column as large as that of the task. Contacts are held, too,
-    but do not count: with them feet crept to rest, and up to a sixth of those ticks were not certified. So with
-    e_r = residual / gain, the part of the error (never more than the error itself) that the answer of the tick before
-    left, the cost gets
+    but do not count: when they did, a quadruped crept to rest, and up to a sixth of its ticks were not certified.
+    So with e_r = residual / gain, the part of the error (never more than the error itself) that the answer of the tick
+    before left, the cost gets
 
         Velocity level:      ½ dⱼ vⱼ²              dⱼ = max(0, Σ s² lⱼ / (s + lⱼ/100) − bⱼ) over the tasks
         Acceleration level:  ½ dⱼ (aⱼ + kd vⱼ)²    s = λ √w‖e_r‖, lⱼ = √w (‖Jⱼ‖ + Σ ‖Hⱼ‖ max‖J‖ / max‖H‖)

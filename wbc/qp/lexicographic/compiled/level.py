@@ -30,7 +30,6 @@ from wbc.compiled import part
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
-    DEPENDENT,
     FIRST,
     FREE,
     HELD,
@@ -44,6 +43,7 @@ from wbc.qp.lexicographic.compiled.space import (
     gradient_of_own,
     in_space,
     item_in_space,
+    known_in_space,
     left_by_rounding,
     reflect,
     reflector,
@@ -67,8 +67,8 @@ def read_level(at: int) -> None:
     n, first, own = w.sizes[N], w.sizes[FIRST], w.sizes[OWN]
     for i in range(w.sizes[ROWS]):
         whole = gradient_of_own(at, i)
-        length, rounding = in_space(at, w.W[i]), left_by_rounding(w, whole)
-        weight = w.weigh[i] if length > max(DEPENDENT * whole, rounding) else 0.0
+        rounding = left_by_rounding(w, whole)
+        weight = w.weigh[i] if known_in_space(at, whole, rounding, w.W[i]) > 0.0 else 0.0
         for c in range(n - w.sizes[FREE]):
             w.W[i, c] *= weight
         w.noise[1 + i] = rounding * weight

@@ -30,9 +30,10 @@ from wbc.qp.lexicographic.compiled.space import (
     begin_here,
     gradient_of_own,
     item_in_space,
+    known_in_space,
+    left_by_rounding,
     narrow,
     open_space,
-    own_in_space,
     space,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduce_base
@@ -163,7 +164,8 @@ def hold(at: int, k: int) -> None:
         r.left[first + i] = s.value[one + 1 + first + i]
         left = max(left, abs(r.left[first + i]))
         whole = gradient_of_own(here, i)
-        w.rho[i] = max(own_in_space(here, i, whole), _BARELY * whole)
+        length = known_in_space(here, whole, left_by_rounding(w, whole), w.C[i])
+        w.rho[i] = max(length, _BARELY * whole)
     if left <= MET:
         r.found[k, 0] = IS_MET
     elif w.sizes[ROWS] == own:
@@ -182,7 +184,8 @@ def hold(at: int, k: int) -> None:
                 count += 1
         narrow(here, count, DEPENDENT)
         for i in range(own):
-            own_in_space(here, i, gradient_of_own(here, i))
+            whole = gradient_of_own(here, i)
+            known_in_space(here, whole, left_by_rounding(w, whole), w.C[i])
     for i in range(own):
         w.size[i] = w.rho[i]
         s.G[first + i, one] -= r.left[first + i]

@@ -266,30 +266,26 @@ def left_by_rounding(w: Space, whole: float) -> float:
     return sqrt(square)
 
 
+@kernel
+def known_in_space(at: int, whole: float, rounding: float, out: Vec) -> float:
+    """out = V₊ᵀ g, of a row of length ``whole``; its length. Both are zero where there is no more than rounding."""
+    w = space(at)
+    length = in_space(at, out)
+    if length <= max(DEPENDENT * whole, rounding):
+        length = 0.0
+        for c in range(w.sizes[N] - w.sizes[FREE]):
+            out[c] = 0.0
+    return length
+
+
 @part
 def item_in_space(at: int, item: int) -> float:
     """Write row ``item`` of R, if it is not there; its length, zero where it is no more than rounding."""
     w = space(at)
     if w.span[item] < 0.0:
         gradient_of_item(w, item)
-        w.span[item] = in_space(at, w.R[item])
-        if w.span[item] <= max(DEPENDENT * w.whole[item], left_by_rounding(w, w.whole[item])):
-            w.span[item] = 0.0
-            for c in range(w.sizes[N] - w.sizes[FREE]):
-                w.R[item, c] = 0.0
+        w.span[item] = known_in_space(at, w.whole[item], left_by_rounding(w, w.whole[item]), w.R[item])
     return float(w.span[item])
-
-
-@part
-def own_in_space(at: int, i: int, whole: float) -> float:
-    """Row i of the level, whose gradient of length ``whole`` is in ``g``, into row i of C, as :func:`item_in_space`."""
-    w = space(at)
-    length = in_space(at, w.C[i])
-    if length <= max(DEPENDENT * whole, left_by_rounding(w, whole)):
-        length = 0.0
-        for c in range(w.sizes[N] - w.sizes[FREE]):
-            w.C[i, c] = 0.0
-    return length
 
 
 @kernel
