@@ -80,7 +80,7 @@ def test_direction_and_share_of_a_scaled_task_bound_its_rows(weight: float):
     assert math.isnan(distances(problem, {"share of Position[tool]": 1.0})["Position[tool]"])
 
 
-@pytest.mark.parametrize("case", [1131003468, 1131003473, 1131003546])
+@pytest.mark.parametrize("case", [1131003473, 1131003546])
 def test_the_bound_on_a_share_counts_beside_what_its_task_asks_for(case: int):
     """Weights from 1e-6 to 1e6 on legs: a level of shares is as far as the largest bound over 1 + ‖t‖∞."""
     controller, q, v, _ = draw(case)
