@@ -228,7 +228,7 @@ def _impossible(runs: dict[str, Retargeted]) -> doc.Section:
 def _distances(runs: dict[str, Retargeted]) -> doc.Section:
     far = [{part: 1e3 * d for part, d in found.distances().items() if "knee" not in part} for found in runs.values()]
     curves = [
-        doc.Curve(name or "farthest", np.max([*d.values()], axis=0), run=k if name else None, x=found.times)
+        doc.Curve(name or "farthest", np.array([*d.values()]).max(axis=0), run=k if name else None, x=found.times)
         for k, ((name, found), d) in enumerate(zip(runs.items(), far, strict=True))
     ]
     title, times = "Largest distance of a part from the scaled person", next(iter(runs.values())).times
