@@ -176,6 +176,20 @@ def test_ctrl_c_keeps_what_was_recorded_with_its_report(wbc, tmp_path):
     assert (tmp_path / "report" / "report.html").is_file()
 
 
+def test_ctrl_c_while_the_report_is_drawn_keeps_the_run(wbc, waving, tmp_path, monkeypatch: pytest.MonkeyPatch):
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as drawing:
+        drawing.setattr("wbc.report.folder.html", interrupted)
+        answer = wbc("run", waving, "--out", "report")
+    assert answer.code == 130 and "`wbc report run report` draws its report" in answer.err
+    assert not (tmp_path / "report" / "report.html").exists() and Run.load(tmp_path / "report").rows == 40
+    again = wbc("report", "run", "report")
+    assert again.code == 0 and "wave" in (tmp_path / "report" / "report.html").read_text()
+    assert "it waves" in (tmp_path / "report" / "report.md").read_text()
+
+
 def test_a_folder_that_cannot_be_written_is_refused_before_the_run(wbc, waving):
     answer = wbc("run", waving, "--out", "/proc/nowhere/report")
     assert answer.code == 2 and "/proc/nowhere/report cannot be written" in answer.err

@@ -54,11 +54,11 @@ def run(
 ) -> None:
     """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
     from wbc.cli.list_ import described, listed
-    from wbc.control.recorder import ARRAYS_FILE
+    from wbc.control.recorder import ARRAYS_FILE, META_FILE
     from wbc.errors import InvalidInput
     from wbc.qp.solvers import by_name
     from wbc.report.build import require_extras
-    from wbc.report.folder import replaced
+    from wbc.report.folder import HTML, replaced
     from wbc.report.record import write_run
     from wbc.sim.scenario import Settings, find, is_file, scenarios, scenarios_of
     from wbc.sim.simulate import Interrupted
@@ -76,15 +76,23 @@ def run(
     by_name(solver)
     folder = place(out, chosen.name)
     require_extras()
-    interrupted = False
+    interrupted = undrawn = False
     with replaced(folder, ARRAYS_FILE) as pending, notes(told=not as_json), on_stderr():
         with progress(f"running {chosen.name}") as step, _shown(live, port):
             try:
                 result = chosen.run(parameters, Settings(**chosen_settings, solver=solver, progress=step))
             except Interrupted as stop:
                 result, interrupted = _unfinished(stop, chosen.name), True
-        with progress("drawing the report") as step:
-            report = write_run(result, pending, progress=step)
+        try:
+            with progress("drawing the report") as step:
+                report = write_run(result, pending, progress=step)
+        except KeyboardInterrupt:
+            if not (pending / META_FILE).is_file():
+                raise
+            (pending / HTML).unlink(missing_ok=True)  # half of it, perhaps
+            undrawn = True
+    if undrawn:
+        raise KeyboardInterrupt(f"the run is in {folder}, and `wbc report run {folder}` draws its report")
     if as_json:
         print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))
     else:

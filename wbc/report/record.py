@@ -101,16 +101,18 @@ def report_again(
 def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = silent) -> Report:
     """Write the record of a run, what its scenario says of it, and its report into an existing folder.
 
-    The runs beside it have folders of their own there, and the scenario's own sections a file.
+    The runs beside it have folders of their own there, and the scenario's own sections a file. The record comes first:
+    :func:`report_again` can draw the report where this was interrupted.
     """
+    run = result.run
     keep_sections(result.sections, folder)
-    report, run = run_report(result, progress=progress), result.run
     run.meta |= judgement(result)
     if result.beside:
         run.meta |= {CALLED: result.called, BESIDE: {name: str(k) for k, name in enumerate(result.beside, 1)}}
-    run.save(folder)
     for k, (name, other) in enumerate(result.beside.items(), 1):
         Run(other.columns, {**other.meta, CALLED: name}).save(folder / BESIDE / str(k))
+    run.save(folder)
+    report = run_report(result, progress=progress)
     write(report, folder)
     return report
 
