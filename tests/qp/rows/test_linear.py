@@ -17,11 +17,13 @@ PLAIN = FORMS["plain"]
 sizes = st.integers(0, 9)
 
 
-@given(first=sizes, size=sizes, n=sizes, seed=st.integers(0, 10**6), sign=st.sampled_from([1.0, -1.0]))
-def test_sums_of_rows_are_numpys(first: int, size: int, n: int, seed: int, sign: float) -> None:
-    """Whichever of the shares are zero."""
+@given(
+    first=sizes, size=sizes, column=sizes, n=sizes, seed=st.integers(0, 10**6), sign=st.sampled_from([1.0, -1.0])
+)  # fmt: skip
+def test_sums_of_rows_are_numpys(first: int, size: int, column: int, n: int, seed: int, sign: float) -> None:
+    """Whichever of the shares are zero, and from whichever column on."""
     rng, last = np.random.default_rng(seed), first + size
-    A, row = rng.normal(size=(last + 2, n + 2)), rng.normal(size=n + 2)
+    A, row = rng.normal(size=(last + 2, column + n + 2)), rng.normal(size=column + n + 2)
     for shares in (rng.normal(size=last + 2), np.zeros(last + 2), *np.eye(last + 2)):
         out, wanted = row.copy(), row.copy()
         PLAIN.add_rows(sign, shares, A, first, last, n, out)
@@ -29,8 +31,8 @@ def test_sums_of_rows_are_numpys(first: int, size: int, n: int, seed: int, sign:
         np.testing.assert_allclose(out, wanted, rtol=0, atol=1e-12)
     out = rng.normal(size=last + 2)
     wanted = out.copy()
-    PLAIN.times(A, row, first, last, n, out)
-    wanted[first:last] = A[first:last, :n] @ row[:n]
+    PLAIN.times(A, column, row, first, last, n, out)
+    wanted[first:last] = A[first:last, column : column + n] @ row[:n]
     np.testing.assert_allclose(out, wanted, rtol=0, atol=1e-12)
 
 

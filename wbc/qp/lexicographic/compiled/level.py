@@ -46,6 +46,7 @@ from wbc.qp.lexicographic.compiled.space import (
     known_in_space,
     left_by_rounding,
     reflect,
+    reflect_rows,
     reflector,
     space,
     triangular,
@@ -173,7 +174,7 @@ def settle(at: int, rank: int, d: int) -> None:
     for i in range(k):
         w.missing[i] = 0.0
     for i in range(k if k <= rest else 0):
-        times(w.A[:, rank:], w.A[i, rank:], 0, i + 1, rest, w.K[i])
+        times(w.A, rank, w.A[i, rank:], 0, i + 1, rest, w.K[i])
         w.K[i, i] += 1.0
     factor(w.K, 0, k if k <= rest else 0, 0.0)
     for i in range(rest if k > rest else 0):
@@ -229,9 +230,9 @@ def hold(at: int, dependent: float) -> None:
         size += dot(w.W[i], w.W[i], d)
         for c in range(d):
             w.A[i, c] = w.W[i, c]
-        for c in range(rank):
-            reflect(w.A[i], w.P[c], w.beta[c], c, d)
         w.order[i] = i
+    for c in range(rank):
+        reflect_rows(w, w.A, 0, k, c, 0, d)
     if w.sizes[LAST]:
         settle(at, rank, d)
         for c in range(d):

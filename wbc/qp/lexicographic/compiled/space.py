@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from wbc.compiled import Layout, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import drop_rounding, evaluate, reduced
-from wbc.qp.rows.compiled.linear import dot
+from wbc.qp.rows.compiled.linear import add, dot, times
 from wbc.qp.rows.compiled.work import Work, place_of, views
 from wbc.tolerances import NOISE, ROUNDING, SAME
 from wbc.types import Index, Mat, Vec
@@ -66,6 +66,7 @@ class Space(NamedTuple):
     missing: Annotated[Vec, "k"]  # residual of the answer, weighed, in the order of elimination
     rho: Annotated[Vec, "l"]  # work
     v: Annotated[Vec, "l"]  # work
+    share: Annotated[Vec, "l"]  # of a reflection, in each row
     size: Annotated[Vec, "l"]  # lengths that rows are measured by
     order: Annotated[Index, "l"]  # rows in the order of elimination
     K: Annotated[Mat, "k, k"]
@@ -106,32 +107,36 @@ space = LAYOUT.views
 @kernel
 def reflector(row: Vec, first: int, last: int, v: Vec) -> float:
     """β and v of I − β v vᵀ, which turns row[first:last] into its length on ``first``; the row becomes that."""
-    square = 0.0
-    for c in range(first, last):
-        square += row[c] * row[c]
+    x, y, n = row[first:], v[first:], last - first
+    square = dot(x, x, n)
     if square == 0.0:
-        for c in range(first, last):
-            v[c] = 0.0
+        for c in range(n):
+            y[c] = 0.0
         return 0.0
-    alpha = -copysign(sqrt(square), row[first])
-    beta = 1.0 / (square - alpha * row[first])
-    for c in range(first, last):
-        v[c] = row[c]
-        row[c] = 0.0
-    v[first] -= alpha
-    row[first] = alpha
+    alpha = -copysign(sqrt(square), x[0])
+    beta = 1.0 / (square - alpha * x[0])
+    for c in range(n):
+        y[c] = x[c]
+        x[c] = 0.0
+    y[0] -= alpha
+    x[0] = alpha
     return float(beta)
 
 
 @small_kernel
 def reflect(row: Vec, v: Vec, beta: float, first: int, last: int) -> None:
     """row := row (I − β v vᵀ)."""
-    share = 0.0
-    for c in range(first, last):
-        share += row[c] * v[c]
-    share *= beta
-    for c in range(first, last):
-        row[c] -= share * v[c]
+    x, y, n = row[first:], v[first:], last - first
+    add(-beta * dot(x, y, n), y, n, x)
+
+
+@kernel
+def reflect_rows(w: Space, A: Mat, begin: int, end: int, k: int, column: int, last: int) -> None:
+    """Reflection k, about columns k to ``last`` as counted from ``column``, of rows ``begin`` to ``end`` of A."""
+    n, v, first = last - k, w.P[k][k:], column + k
+    times(A, first, v, begin, end, n, w.share)
+    for i in range(begin, end):
+        add(-w.beta[k] * w.share[i], v, n, A[i][first:])
 
 
 @kernel
@@ -148,10 +153,8 @@ def triangular(at: int, A: Mat, m: int, first: int, last: int, size: Vec, order:
     while first + rank < last and rank < m:
         best, most = -1, tolerance
         for i in range(rank, m):
-            square = 0.0
-            for c in range(first + rank, last):
-                square += A[i, c] * A[i, c]
-            left = sqrt(square) / size[i] if size[i] > 0.0 else 0.0
+            rest = A[i][first + rank :]
+            left = sqrt(dot(rest, rest, last - first - rank)) / size[i] if size[i] > 0.0 else 0.0
             if left > most * (1.0 + SAME):
                 best, most = i, left
         if best < 0:
@@ -164,8 +167,7 @@ def triangular(at: int, A: Mat, m: int, first: int, last: int, size: Vec, order:
         k = first + rank
         w.beta[k] = reflector(A[rank], k, last, w.P[k])
         w.pivot[rank] = most
-        for i in range(rank + 1, m):
-            reflect(A[i], w.P[k], w.beta[k], k, last)
+        reflect_rows(w, A, rank + 1, m, k, 0, last)
         rank += 1
     return rank
 
@@ -319,10 +321,8 @@ def narrow(at: int, m: int, tolerance: float) -> int:
     for k in range(rank):
         w.doubt[free + k] = 1.0 if w.pivot[k] <= w.noise[0] else 0.0
         w.blur[free + k] = NOISE / w.pivot[k]
-    for i in range(n):
-        row = w.V[i, free:]
-        for k in range(rank):
-            reflect(row, w.P[k], w.beta[k], k, n - free)
+    for k in range(rank):
+        reflect_rows(w, w.V, 0, n, k, free, n - free)
     w.sizes[FREE] = free + rank
     for item in range(w.sizes[ITEMS]):
         w.span[item] = -1.0

@@ -167,7 +167,7 @@ def factor_rows(at: int, m: int, tolerance: float) -> int:
     first = first_row(s)
     for i in range(first, m):
         half(s, s.E[i], s.F[i])
-        times(s.F, s.F[i], first, i + 1, s.sizes[1], s.K[i])
+        times(s.F, 0, s.F[i], first, i + 1, s.sizes[1], s.K[i])
         s.K[i, i] += compliance(s, i)
         s.length[i] = s.K[i, i]
     return int(factor(s.K, first, m, tolerance))
@@ -210,7 +210,7 @@ def step(at: int, is_first: bool) -> None:
     s = views(at)
     nu, ny, m, first = s.sizes[0], s.sizes[1], s.sizes[6], first_row(s)
     y = s.value[nu:]
-    times(s.E, y, 0, m, ny, s.a)
+    times(s.E, 0, y, 0, m, ny, s.a)
     for i in range(m):
         s.a[i] += s.E[i, ny]
         s.rho[i] = -(s.a[i] + compliance(s, i) * s.lam[i])
@@ -220,7 +220,7 @@ def step(at: int, is_first: bool) -> None:
             s.r[c] = -s.metric[c] * (y[c] - s.centre[c])
         add_rows(1.0, s.a, s.E, 0, m, ny, s.r)
         half(s, s.r, s.t)
-        times(s.F, s.t, first, m, ny, s.a)
+        times(s.F, 0, s.t, first, m, ny, s.a)
         for i in range(first, m):
             s.rho[i] -= s.a[i]
     else:
@@ -244,4 +244,4 @@ def evaluate(at: int) -> None:
     y, x1, rows = s.value[nu:], s.value, s.value[nu + ny + 1 :]
     for j in range(nu):
         x1[j] = -(dot(s.X[j], y, ny) + s.X[j, ny])
-    times(s.G, x1, 0, len(s.G), nu + ny + 1, rows)
+    times(s.G, 0, x1, 0, len(s.G), nu + ny + 1, rows)

@@ -55,7 +55,7 @@ def direction(at: int, item: int) -> float:
         s.K[m, i] = s.rho[i] = 0.0
     room = s.length[m]
     for _ in range(3):
-        times(s.F, s.t, first, m, ny, s.a)
+        times(s.F, 0, s.t, first, m, ny, s.a)
         for i in range(first, m):
             s.a[i] -= compliance(s, i) * s.rho[i]
         forward(s.K, first, m, s.a)

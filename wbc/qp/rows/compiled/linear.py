@@ -29,11 +29,11 @@ def add(share: float, a: Vec, n: int, out: Vec) -> None:
 
 
 @small_kernel
-def times(F: Mat, row: Vec, first: int, last: int, n: int, out: Vec) -> None:
-    """out[j] = row · F[j] for first ≤ j < last, the first n entries, four at a time."""
+def times(F: Mat, column: int, row: Vec, first: int, last: int, n: int, out: Vec) -> None:
+    """out[j] = row · F[j] for first ≤ j < last, n entries of F[j] from ``column`` on, four at a time."""
     j = first
     while j + 3 < last:
-        p, q, r, s = F[j], F[j + 1], F[j + 2], F[j + 3]
+        p, q, r, s = F[j][column:], F[j + 1][column:], F[j + 2][column:], F[j + 3][column:]
         a = b = c = d = 0.0
         for k in range(n):
             v = row[k]
@@ -44,7 +44,7 @@ def times(F: Mat, row: Vec, first: int, last: int, n: int, out: Vec) -> None:
         out[j], out[j + 1], out[j + 2], out[j + 3] = a, b, c, d
         j += 4
     while j < last:
-        out[j] = dot(row, F[j], n)
+        out[j] = dot(row, F[j][column:], n)
         j += 1
 
 
